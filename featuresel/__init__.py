@@ -1,0 +1,1 @@
+"""Which routine finds a feature, how well and over which range."""

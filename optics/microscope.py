@@ -1,0 +1,54 @@
+"""Numbers of one optical setting: scale, blur, Airy radius, depth of field, cutoff."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Microscope:
+    """One setting of the microscope: objective, zoom and camera."""
+
+    aperture: float  # numerical aperture, object side [1]
+    wavelength_um: float  # mean of the illumination, in vacuum
+    medium_index: float  # of the object-space medium, 1 in air [1]
+    magnification: float  # object to sensor [1]
+    pitch_um: float  # distance of pixel centres on the sensor
+    width_px: int
+    height_px: int
+    fill_factor: float = 1.0  # light-sensitive share of a pixel's area [1]
+
+    def __post_init__(self) -> None:
+        names = ("aperture", "wavelength_um", "medium_index", "magnification")
+        for name in (*names, "pitch_um", "width_px", "height_px", "fill_factor"):
+            value = getattr(self, name)
+            if not (value > 0 and math.isfinite(value)):  # also refuses nan
+                raise ValueError(f"{name} must be positive and finite, got {value}")
+        if not self.aperture < self.medium_index:
+            raise ValueError(
+                f"aperture must be below medium_index {self.medium_index}, "
+                f"got {self.aperture}"
+            )
+        if self.fill_factor > 1:
+            raise ValueError(f"fill_factor must be at most 1, got {self.fill_factor}")
+
+    @property
+    def px_per_um(self) -> float:
+        """Return pixels per um in object space."""
+        return self.magnification / self.pitch_um
+
+    @property
+    def um_per_px(self) -> float:
+        """Return the pixel pitch in object space, um."""
+        return self.pitch_um / self.magnification
+
+    @property
+    def field_um(self) -> tuple[float, float]:
+        """Return (width, height) of the field of view, um."""
+        return (self.width_px * self.um_per_px, self.height_px * self.um_per_px)
+
+    @property
+    def cutoff_per_um(self) -> float:
+        """Return the incoherent cutoff 2 A / wavelength, cycles/um in object space."""
+        return 2 * self.aperture / self.wavelength_um

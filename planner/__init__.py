@@ -1,0 +1,1 @@
+"""The compiler: task, workcell and drawings in, an augmented plan out."""

@@ -1,0 +1,1 @@
+"""Verdicts: will the parts fit, is the error budget met."""

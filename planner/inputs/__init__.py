@@ -1,0 +1,1 @@
+"""Files in, typed values out: YAML with positions, task, workcell, drawings."""

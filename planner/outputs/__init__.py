@@ -1,0 +1,1 @@
+"""Values out as files: the plan folder and its pictures."""
