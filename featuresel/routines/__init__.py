@@ -1,9 +1,9 @@
 """The two-phase contract of an image routine, and the registry that finds one.
 
 `prepare` runs in the compiler and gets the renderer as an argument; `measure` runs in
-both the compiler and the executor, with numpy and cv2 only. Everything here is in pixels of
-the *region*, the part of the frame cut out for the look: columns go right, rows down,
-pixel centres are integers. Angles are counter-clockwise as displayed.
+both the compiler and the executor, with numpy and cv2 only. Everything here is in
+pixels of the *region*, the part of the frame cut out for the look: columns go right,
+rows down, pixel centres are integers. Angles are counter-clockwise as displayed.
 """
 
 from __future__ import annotations

@@ -41,7 +41,9 @@ def measure_chain(
     """
     if not stages:
         raise ValueError("a chain needs at least one routine")
-    guess, theta_rad = start, None
+    guess = start
+    theta_rad: float | None = None
+    found: Measurement | Failure
     for name, artifact in stages:
         found = load(name).measure(image, artifact, guess)
         if isinstance(found, Failure):
@@ -52,4 +54,5 @@ def measure_chain(
             row=found.row,
             theta_rad=start.theta_rad if theta_rad is None else theta_rad,
         )
+    assert isinstance(found, Measurement)  # noqa: S101 - a type narrowing, not a check
     return replace(found, theta_rad=theta_rad)

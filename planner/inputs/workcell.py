@@ -6,6 +6,7 @@ degrees, arc seconds and the stated coverage once.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -54,7 +55,7 @@ class Optics:
         rows = self.apertures
         if magnification <= rows[0][0]:
             return rows[0][1]
-        for (m0, a0), (m1, a1) in zip(rows, rows[1:], strict=False):
+        for (m0, a0), (m1, a1) in itertools.pairwise(rows):
             if magnification <= m1:
                 return a0 + (a1 - a0) * (magnification - m0) / (m1 - m0)
         return rows[-1][1]
