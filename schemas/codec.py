@@ -1,0 +1,150 @@
+"""JSON for frozen dataclasses: field order is key order, unions carry a `kind`.
+
+Understands what the plan's types use: float, int, str, bool, None, tuples, mappings
+with string keys, dataclasses, optionals, literals, and unions of dataclasses told apart
+by a `kind` field with a literal type.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+import types
+import typing
+from collections.abc import Mapping
+from typing import Any, TypeVar, Union, get_args, get_origin
+
+T = TypeVar("T")
+
+DIGITS = 6  # significant digits on emission: see docs/conventions.md
+
+
+class CodecError(ValueError):
+    """The data do not fit the type; the message starts with the path."""
+
+
+def to_data(value: Any) -> Any:
+    """Return plain JSON data for `value`; numbers are rounded to DIGITS digits."""
+    if isinstance(value, float):
+        return quantise(value)
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return {
+            f.name: to_data(getattr(value, f.name)) for f in dataclasses.fields(value)
+        }
+    if isinstance(value, Mapping):
+        return {str(k): to_data(value[k]) for k in sorted(value)}
+    if isinstance(value, (tuple, list)):
+        return [to_data(v) for v in value]
+    if value is None or isinstance(value, (bool, int, str)):
+        return value
+    raise TypeError(f"no JSON form for {type(value).__name__}")
+
+
+def quantise(value: float) -> float:
+    """Return `value` rounded to DIGITS significant digits; refuse nan and infinity."""
+    if not math.isfinite(value):
+        raise ValueError(f"a plan holds finite numbers only, got {value}")
+    rounded = float(f"{value:.{DIGITS}g}")
+    return rounded if rounded else 0.0  # never -0.0
+
+
+def from_data(cls: type[T], data: Any, path: str = "") -> T:
+    """Return the value of type `cls` that `data` describe.
+
+    Unknown keys are ignored, so that a newer minor version can be read.
+
+    Raises
+    ------
+    CodecError
+        If a key is missing or a value has the wrong type; the message names the path.
+    """
+    result: T = _decode(cls, data, path or cls.__name__)
+    return result
+
+
+def _decode(kind: Any, data: Any, path: str) -> Any:
+    """Return `data` as the type `kind`."""
+    origin = get_origin(kind)
+    if origin in (Union, types.UnionType):
+        return _decode_union(get_args(kind), data, path)
+    if origin is typing.Literal:
+        return _checked(data in get_args(kind), data, path, f"one of {get_args(kind)}")
+    if origin is tuple:
+        return _decode_tuple(get_args(kind), data, path)
+    if origin is not None and issubclass(origin, Mapping):
+        _checked(isinstance(data, dict), data, path, "an object")
+        item = get_args(kind)[1]
+        return {k: _decode(item, v, f"{path}.{k}") for k, v in data.items()}
+    if dataclasses.is_dataclass(kind):
+        return _decode_dataclass(kind, data, path)
+    return _decode_scalar(kind, data, path)
+
+
+def _decode_scalar(kind: Any, data: Any, path: str) -> Any:
+    """Return a float, int, str, bool or None; an int may stand for a float."""
+    if kind is float:
+        ok = isinstance(data, (int, float)) and not isinstance(data, bool)
+        return float(_checked(ok and math.isfinite(data), data, path, "a number"))
+    if kind is int:
+        ok = isinstance(data, int) and not isinstance(data, bool)
+        return _checked(ok, data, path, "a whole number")
+    if kind is type(None):
+        return _checked(data is None, data, path, "null")
+    return _checked(isinstance(data, kind), data, path, kind.__name__)
+
+
+def _decode_tuple(args: tuple[Any, ...], data: Any, path: str) -> Any:
+    """Return a tuple, homogeneous (`...`) or of fixed length."""
+    _checked(isinstance(data, list), data, path, "a list")
+    if len(args) == 2 and args[1] is Ellipsis:
+        return tuple(_decode(args[0], v, f"{path}[{i}]") for i, v in enumerate(data))
+    _checked(len(data) == len(args), data, path, f"{len(args)} items")
+    return tuple(
+        _decode(a, v, f"{path}[{i}]")
+        for i, (a, v) in enumerate(zip(args, data, strict=True))
+    )
+
+
+def _decode_union(args: tuple[Any, ...], data: Any, path: str) -> Any:
+    """Return an optional's value, or the dataclass whose `kind` the data name."""
+    if data is None and type(None) in args:
+        return None
+    rest = [a for a in args if a is not type(None)]
+    if len(rest) == 1:
+        return _decode(rest[0], data, path)
+    _checked(isinstance(data, dict) and "kind" in data, data, path, "an object + kind")
+    for candidate in rest:
+        if data["kind"] in get_args(_hints(candidate)["kind"]):
+            return _decode(candidate, data, path)
+    raise CodecError(f"{path}.kind: unknown kind {data['kind']!r}")
+
+
+def _decode_dataclass(kind: Any, data: Any, path: str) -> Any:
+    """Return a dataclass from an object; defaults fill what is missing."""
+    _checked(isinstance(data, dict), data, path, "an object")
+    hints, values = _hints(kind), {}
+    for field in dataclasses.fields(kind):
+        if field.name in data:
+            values[field.name] = _decode(
+                hints[field.name], data[field.name], f"{path}.{field.name}"
+            )
+        elif field.default is dataclasses.MISSING:
+            raise CodecError(f"{path}: key {field.name!r} is missing")
+    try:
+        return kind(**values)
+    except ValueError as error:
+        raise CodecError(f"{path}: {error}") from error
+
+
+@functools.cache
+def _hints(kind: Any) -> dict[str, Any]:
+    """Return the resolved annotations of a dataclass."""
+    return typing.get_type_hints(kind)
+
+
+def _checked(ok: bool, data: Any, path: str, wanted: str) -> Any:  # noqa: FBT001 - a predicate
+    """Return `data` if `ok`; say what was wanted and found if not."""
+    if not ok:
+        raise CodecError(f"{path}: {wanted} is needed, got {str(data)[:60]!r}")
+    return data

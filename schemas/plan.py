@@ -1,0 +1,460 @@
+"""The augmented plan: frozen types shared by compiler, diff and executor.
+
+Lengths are um in the world (camera) frame and angles rad unless a name says otherwise;
+`docs/conventions.md` defines frames and signs. `plan.json` is `to_data` of `Plan`.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from schemas.codec import CodecError, from_data, to_data
+from schemas.pose import Pose
+
+FORMAT_VERSION = "1.0"
+
+AxesName = Literal["stage", "robot"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AxisMove:
+    """Absolute targets of one axis group, moved together; None leaves an axis."""
+
+    axes: AxesName
+    x_um: float | None = None
+    y_um: float | None = None
+    z_um: float | None = None
+    theta_rad: float | None = None
+    speed_um_per_s: float | None = None  # None: the axes' own speed
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Region:
+    """The part of the frame a routine sees, px; (0, 0) is the frame's top left."""
+
+    row: int
+    column: int
+    rows: int
+    columns: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class View:
+    """How the microscope is set for a look."""
+
+    magnification: float
+    focus_um: float  # world height of the plane in focus
+    light: float  # level of the light [1]
+    field_um: tuple[float, float]  # width, height
+    um_per_px: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LayerRecord:
+    """One body the camera sees."""
+
+    name: str
+    z_um: float
+    reflectance: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Shade:
+    """How much of a target's edges a higher body covers or shades, 0..1 each."""
+
+    target: str
+    by: str
+    hidden: float
+    shaded: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SceneRecord:
+    """What is in view, and the reference image of it."""
+
+    layers: tuple[LayerRecord, ...]
+    shades: tuple[Shade, ...]
+    image: str  # path in the plan folder
+    image_sha256: str  # of the decoded pixels
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EffectRow:
+    """One effect, how it is treated, and what leaving the rest out costs."""
+
+    effect: str
+    level: str
+    predicted_error: float | None
+    limit: float | None
+    unit: str
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RoutineUse:
+    """One routine of a chain, with what `measure` needs."""
+
+    id: str
+    version: str
+    parameters: Mapping[str, float]
+    arrays: str | None  # npz in the plan folder
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reference:
+    """Where the target should be if everything were nominal."""
+
+    column: float  # px of the region
+    row: float
+    pose: Pose  # world
+    z_um: float  # world height of the target's face
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Gates:
+    """What a measurement must meet to be accepted."""
+
+    min_score: float
+    max_shift_um: float  # from the expected place
+    max_turn_rad: float | None  # from the expected angle; None: any angle
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Measure:
+    """How a look measures its target."""
+
+    chain: tuple[RoutineUse, ...]  # coarse to fine
+    fallback: tuple[RoutineUse, ...]  # used when the chain fails aloud; may be empty
+    region: Region
+    reference: Reference
+    bias_um: tuple[float, float]  # mean error, in the target's frame; subtract it
+    jacobian_px_per_um: tuple[tuple[float, ...], ...]  # rows u, v; columns x, y, theta
+    sigma_xy_um: float  # per axis, from the trials
+    sigma_theta_rad: float | None  # None: the angle is not measured
+    limit_xy_um: float | None  # Cramer-Rao bound per axis; None: not computed
+    gates: Gates
+    capture_um: float  # how far the target may be from the nominal place
+    symmetry: int
+    symmetry_broken_by: str  # "" if nothing does, or nothing needs to
+    usable_focus_um: tuple[float, float]  # focus error that still meets the tolerance
+    usable_magnification: tuple[float, float]  # ratio to nominal that still does
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Score:
+    """What the trials said of one chain."""
+
+    chain: tuple[str, ...]
+    trials: int
+    success: int
+    success_lower: float  # one-sided 95 %, Clopper-Pearson
+    silent: int  # answered, but wrong
+    silent_upper: float  # one-sided 95 %, Clopper-Pearson
+    bias_um: tuple[float, float] | None  # None: no success to measure it on
+    sigma_um: float | None  # per axis
+    worst_um: float | None
+    sigma_theta_rad: float | None
+    cost: float  # deterministic, in 640 x 480 box filters
+    reason: str  # why it was chosen, kept as fallback, or rejected
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Evidence:
+    """The trials behind a look's choice; `scores` hold every chain tried."""
+
+    tolerance_um: float  # what the look had to meet
+    chosen: Score
+    others: tuple[Score, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Look:
+    """One measurement of one target through the microscope."""
+
+    id: str
+    target: str  # part, part.feature, part.post, tool.grip
+    view: View
+    scene: SceneRecord
+    effects: tuple[EffectRow, ...]
+    measure: Measure
+    evidence: Evidence
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HeightSearch:
+    """Focus sweep over a face: where its image is sharpest is its height."""
+
+    look: str  # id of the look whose view and region it uses
+    expected_um: float
+    within_um: float
+    focus_um: tuple[float, ...]  # stops
+    ring_radius_um: float  # the score is taken on edges about this radius; 0: all
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LocateAction:
+    """Measure `target` and remember where it is."""
+
+    kind: Literal["locate"] = "locate"
+    target: str
+    look: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AlignAction:
+    """Move `axes` until `target` is at `to`, looking after every move."""
+
+    kind: Literal["align"] = "align"
+    target: str
+    to: str
+    look: str
+    axes: AxesName
+    path: tuple[
+        str, ...
+    ]  # order of the first approach: ("xy",), ("x", "y"), ("y", "x")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GraspAction:
+    """Close the jaws of `tool` on `target`."""
+
+    kind: Literal["grasp"] = "grasp"
+    target: str
+    tool: str
+    opening_um: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MoveAction:
+    """Nothing beyond the step's moves."""
+
+    kind: Literal["move"] = "move"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class InsertAction:
+    """Put `target` onto `onto` by `moves`; no sensor tells whether it seated."""
+
+    kind: Literal["insert"] = "insert"
+    target: str
+    onto: str
+    moves: tuple[AxisMove, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReleaseAction:
+    """Open the jaws of `tool`."""
+
+    kind: Literal["release"] = "release"
+    target: str
+    tool: str
+    opening_um: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VerifyAction:
+    """Decide whether `target` sits on `on`; every part of it can fail."""
+
+    kind: Literal["verify"] = "verify"
+    target: str
+    on: str
+    look: str  # sees the target
+    seat_look: str  # sees what it should sit on
+    within_um: float
+    height: HeightSearch | None
+    empty: str | None  # tool that must hold nothing
+
+
+Action = (
+    LocateAction
+    | AlignAction
+    | GraspAction
+    | MoveAction
+    | InsertAction
+    | ReleaseAction
+    | VerifyAction
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Control:
+    """How a step servoes."""
+
+    method: Literal["servo", "look_then_move"]
+    gain: float
+    gain_limit: float  # stable below this for the stated latency
+    tolerance_xy_um: float
+    tolerance_theta_rad: float | None
+    max_step_um: float  # a larger correction after the first approach is a fault
+    max_cycles: int
+    expected_cycles: float
+    expected_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OnFailure:
+    """What the executor does when a step fails with `code`."""
+
+    code: str
+    do: Literal["retry", "fallback", "stop"]
+    times: int = 1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Conditions:
+    """What sensors can test before and after, and the safe way out."""
+
+    before: tuple[str, ...]
+    after: tuple[str, ...]
+    retreat: tuple[AxisMove, ...]
+    on_failure: tuple[OnFailure, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BudgetRow:
+    """One error term of a mechanical action, one sigma per axis."""
+
+    term: str
+    sigma_um: float | None  # None: not modelled
+    source: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Budget:
+    """The error terms of one step and what they leave of its success."""
+
+    rows: tuple[BudgetRow, ...]
+    limit_um: float | None  # capture radius, or the step's tolerance
+    success_probability: float
+    advice: str  # the cheapest change that would pass; "" if it passes
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Step:
+    """One step, ready to run: moves, then looks and action."""
+
+    id: str
+    verb: str
+    key: str  # sha256 over the content and the previous step's key
+    physical: bool
+    irreversible: bool
+    moves: tuple[AxisMove, ...]
+    looks: tuple[Look, ...]
+    action: Action
+    control: Control | None
+    conditions: Conditions
+    budget: Budget
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Belief:
+    """Where something is thought to be before step 1, in its carrier's frame.
+
+    The stage's frame is the world at stage reading 0; the robot's is its grip.
+    """
+
+    name: str  # part or tool
+    carrier: AxesName
+    pose: Pose
+    sigma_xy_um: float
+    sigma_theta_rad: float  # pi: any
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FeaturePlace:
+    """Where a named feature sits in its owner's frame."""
+
+    name: str  # "gear.bore"
+    owner: str  # "gear"
+    x_um: float
+    y_um: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Requirements:
+    """What the station must offer; preflight compares."""
+
+    width_px: int
+    height_px: int
+    pitch_um: float
+    bits: int
+    magnification: tuple[float, float]
+    focus_um: tuple[float, float]
+    opening_um: tuple[float, float]
+    travel: Mapping[str, tuple[float, float]]  # "stage.x_um" -> least, most
+    theta_axis_um: tuple[float, float]  # world point the stage turns about at reading 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reason:
+    """Why a plan is infeasible."""
+
+    code: str
+    step: str
+    message: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Provenance:
+    """What the plan was made from; hashes are of the normalised inputs."""
+
+    microplan: str
+    task_sha256: str
+    workcell_sha256: str
+    drawings_sha256: Mapping[str, str]
+    seed: int
+    preset: str
+    max_image_error: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Plan:
+    """The augmented plan."""
+
+    format_version: str
+    name: str
+    status: Literal["feasible", "infeasible"]
+    reasons: tuple[Reason, ...]
+    provenance: Provenance
+    requirements: Requirements
+    beliefs: tuple[Belief, ...]
+    features: tuple[FeaturePlace, ...]
+    stage_start: AxisMove
+    robot_start: AxisMove | None
+    opening_start_um: float | None
+    success_probability: float
+    success_goal: float | None
+    steps: tuple[Step, ...]
+
+
+def dump_plan(plan: Plan) -> str:
+    """Return the plan as JSON: two-space indent, LF, a final newline."""
+    return json.dumps(to_data(plan), indent=2, ensure_ascii=False) + "\n"
+
+
+def parse_plan(text: str) -> Plan:
+    """Return the plan that `text` holds.
+
+    Raises
+    ------
+    CodecError
+        If it is not JSON, of a newer major version, or does not fit the types.
+    """
+    try:
+        data = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise CodecError(f"not JSON: {error}") from error
+    check_version(data)
+    return from_data(Plan, data)
+
+
+def check_version(data: Any) -> None:
+    """Raise CodecError unless `data` are of a version this reader understands."""
+    version = data.get("format_version") if isinstance(data, dict) else None
+    major = str(version).partition(".")[0]
+    ours = FORMAT_VERSION.partition(".")[0]
+    if version is None or major != ours:
+        raise CodecError(f"format_version {version!r} is not readable, need {ours}.x")
