@@ -143,7 +143,7 @@ class Outline:
     @property
     def bounds_um(self) -> tuple[float, float, float, float]:
         """Return (x_min, y_min, x_max, y_max), exact for arcs."""
-        boxes = [_edge_bounds(edge) for ring in self.rings for edge in ring.edges]
+        boxes = [edge_bounds(edge) for ring in self.rings for edge in ring.edges]
         return (
             min(box[0] for box in boxes),
             min(box[1] for box in boxes),
@@ -244,7 +244,7 @@ def _place_edge(edge: Edge, x_um: float, y_um: float, theta_rad: float) -> Edge:
     )
 
 
-def _edge_bounds(edge: Edge) -> tuple[float, float, float, float]:
+def edge_bounds(edge: Edge) -> tuple[float, float, float, float]:
     """Return the box around one edge; an arc adds the axis points it passes."""
     points = [edge.start, edge.end]
     if isinstance(edge, Arc):

@@ -1,0 +1,78 @@
+"""How much band and how much margin an image needs for a given error."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from optics.microscope import Microscope
+from optics.otf import diffraction, find_model
+
+FloatArray = npt.NDArray[np.float64]
+
+BAND_ERROR = 5e-4  # of unit contrast, what cutting the band may cost by `band_error`
+# The edge spread of an Airy pattern nears its end as (wavelength / A) / (pi**3 d):
+# at 40 wavelength / A it is 8e-4 away from it, for an endless straight edge.
+MARGIN = 40.0
+
+
+def margin_um(microscope: Microscope, z_um: float) -> float:
+    """Return how far light spreads sideways from a layer `z_um` out of focus, um.
+
+    The radius of the marginal ray's blur circle, and `MARGIN` wavelengths over A.
+    """
+    tail = MARGIN * microscope.wavelength_um / microscope.aperture
+    return microscope.blur_diameter_um(z_um) / 2 + tail
+
+
+def margin_error() -> float:
+    """Return what the margin costs where an endless edge leaves the tile [1]."""
+    return 1 / (np.pi**3 * MARGIN)
+
+
+def band_error(model: str, microscope: Microscope, z_um: float) -> FloatArray:
+    """Return what cutting the band costs, at the cuts of `CUTS`.
+
+    Parameters
+    ----------
+    model : str
+        A key of `optics.otf.MODELS`.
+    microscope : Microscope
+        The optical setting.
+    z_um : float
+        Defocus of the layer.
+
+    Returns
+    -------
+    (len(CUTS),) float64 array
+        Predicted image error of unit contrast, falling. Three times the integral of
+        the transfer over pi x beyond the cut: one edge costs the integral, and a
+        corner or a narrow slot joins two or three. The transfer is replaced by its
+        envelope, |jinc q| <= 1.6 q**-1.5.
+    """
+    rung = find_model(model)
+    rim = abs(microscope.rim_w20_um(z_um)) / microscope.wavelength_um
+    # the product's and the geometric envelope fall with x alone, and earlier
+    q = 8 * np.pi * rim * CUTS * np.maximum(1 - CUTS, 0)
+    if not rung.diffracts:
+        q = 8 * np.pi * rim * CUTS
+    envelope = 1 / np.maximum(1.0, q**1.5 / 1.6)
+    if rung.diffracts:
+        envelope = envelope * diffraction(CUTS)
+    a = CUTS * microscope.cutoff_per_um * microscope.um_per_px
+    a = a * np.sqrt(microscope.fill_factor)
+    pixel = np.maximum(np.abs(np.sinc(a)), np.sinc(a / np.sqrt(2)) ** 2)
+    terms = envelope * pixel
+    steps = (terms[1:] + terms[:-1]) / 2 * np.diff(np.log(CUTS))
+    beyond = np.concatenate([np.cumsum(steps[::-1])[::-1], [0.0]])
+    total: FloatArray = 3 / np.pi * beyond
+    return total
+
+
+CUTS: FloatArray = np.geomspace(1e-6, 1.0, 1200)  # shares of the cutoff
+
+
+def band_cut(model: str, microscope: Microscope, z_um: float) -> float:
+    """Return the smallest share of the cutoff that keeps `BAND_ERROR`, 0..1."""
+    error = band_error(model, microscope, z_um)
+    return float(CUTS[np.flatnonzero(error <= BAND_ERROR)[0]])
