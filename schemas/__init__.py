@@ -1,1 +1,24 @@
 """The file formats: JSON Schemas, and the frozen types of plan and world."""
+
+from __future__ import annotations
+
+import json
+from importlib import resources
+from typing import Any
+
+NAMES = ("task", "workcell", "plan")
+
+
+def load(name: str) -> dict[str, Any]:
+    """Return the JSON Schema (draft 2020-12) of the format called `name`.
+
+    Raises
+    ------
+    ValueError
+        If there is no format of that name.
+    """
+    if name not in NAMES:
+        raise ValueError(f"name must be one of {', '.join(NAMES)}, got {name!r}")
+    file = resources.files("schemas") / f"{name}.schema.json"
+    schema: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
+    return schema

@@ -27,11 +27,14 @@ class Feature:
     kind: FeatureKind
     layer: str
     center_um: tuple[float, float]
-    radius_um: float  # circle: its radius; teeth: outer radius; outline: extent
+    # circle: its radius; teeth: outer radius; notch: of its middle, about the circle's
+    # centre, which is `center_um`; outline: of the circle about `center_um` around it
+    radius_um: float
     count: int  # teeth: how many; else 1
     root_um: float  # teeth: root radius; else 0
     phase_rad: float  # teeth: angle of a tooth's middle; notch: angle of its middle
     width_um: float  # notch: its width; else 0
+    depth_um: float = 0.0  # notch: how far it departs from the circle; else 0
     hole: bool  # circle: whether it bounds a hole
     avoid: bool
     where: Span

@@ -1,0 +1,203 @@
+"""Parts from their drawings: outlines, posts and features in the part's frame."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from optics.outline import Outline, Point, place
+from planner.diagnostics import Report, Span
+from planner.inputs import features
+from planner.inputs.drawing import Drawing, open_drawing, read_outline
+from planner.inputs.features import NotFoundError
+from planner.inputs.files import named_file
+from planner.inputs.schema import Checked, with_defaults
+from planner.inputs.source import Key
+from planner.inputs.task import Feature, Part, Post
+
+
+def read_parts(task: Checked, report: Report) -> dict[str, Part]:
+    """Return the parts that can be read, by name; what cannot is reported."""
+    parts: dict[str, Part] = {}
+    names = task.source.mapping("parts")
+    for name in sorted(names):
+        if not task.good("parts", name, "drawing"):
+            continue
+        where = ("parts", name)
+        drawing = open_named(task, *where, "drawing", report=report)
+        if drawing is None:
+            continue
+        layers = names[name]["drawing"]["layers"]
+        outline = read_outline(drawing, layers, report)
+        if outline is not None and task.good(*where):
+            raw = with_defaults(names[name], "task", "part")
+            part = _part(task, name, raw, drawing, outline, report)
+            if part is not None:
+                parts[name] = part
+    return parts
+
+
+def open_named(checked: Checked, *where: Key, report: Report) -> Drawing | None:
+    """Return the opened drawing of the `drawing` mapping at `where`."""
+    source = checked.source
+    found = named_file(source, *where, "file", report=report)
+    if found is None:
+        return None
+    return open_drawing(
+        found[0], found[1], source.get(*where, "units"),
+        source.value(*where, "file"), source.value(*where, "layers"), report,
+    )  # fmt: skip
+
+
+def _part(
+    task: Checked, name: str, raw: Mapping[str, Any], drawing: Drawing,
+    outline: Outline, report: Report,
+) -> Part | None:  # fmt: skip
+    """Return the part with its origin applied, None after an error."""
+    source = task.source
+    shift = _origin(task, name, raw, outline, report)
+    if shift is None:
+        return None
+    outline = place(outline, -shift[0], -shift[1])
+    found: dict[str, Feature] = {}
+    for key in sorted(raw["features"]):
+        at = source.key("parts", name, "features", key)
+        feature = _feature(key, raw["features"][key], outline, at, report)
+        if feature is not None:
+            found[key] = feature
+    posts: dict[str, Post] = {}
+    for key in sorted(raw["posts"]):
+        where = ("parts", name, "posts", key)
+        at, layer = source.key(*where), source.value(*where, "layer")
+        shape = read_outline(drawing, [raw["posts"][key]["layer"]], report, layer)
+        if shape is not None:
+            shape = place(shape, -shift[0], -shift[1])
+            posts[key] = _post(key, raw["posts"][key], shape, at)
+    if "outline" not in found and "outline" not in posts:
+        center = (0.0, 0.0) if "origin" in raw else None
+        at = source.key("parts", name)
+        found["outline"] = _outline_feature("outline", {}, outline, center, at)
+    if len(found) < len(raw["features"]) or len(posts) < len(raw["posts"]):
+        return None
+    return Part(
+        name=name,
+        outline=outline,
+        thickness_um=float(raw["thickness_um"]),
+        reflectance=float(raw["reflectance"]),
+        material=raw["material"],
+        profile_tolerance_um=float(raw["profile_tolerance_um"]),
+        taper_um_per_100um=float(raw["taper_um_per_100um"]),
+        features=found,
+        posts=posts,
+        chord_um=0.0,  # curves that would need a polygon are refused
+        where=source.key("parts", name),
+    )
+
+
+def _origin(
+    task: Checked, name: str, raw: Mapping[str, Any], outline: Outline, report: Report
+) -> Point | None:
+    """Return the drawing's point that is the part's origin."""
+    origin = raw.get("origin")
+    if origin is None:
+        return (0.0, 0.0)
+    if origin not in raw["features"]:
+        return None  # reported with the other references
+    at = task.source.key("parts", name, "features", origin)
+    quiet = Report()  # the same feature is read, and reported, in the part's frame
+    feature = _feature(origin, raw["features"][origin], outline, at, quiet)
+    report.found.extend(quiet.found)
+    return None if feature is None else feature.center_um
+
+
+def _feature(
+    name: str, raw: Mapping[str, Any], outline: Outline, at: Span, report: Report
+) -> Feature | None:
+    """Return a declared feature as the drawing has it."""
+    layer = raw.get("layer")
+    rings = outline.rings if layer is None else features.on_layer(outline, layer)
+    try:
+        if not rings:
+            raise NotFoundError("the part's outline has no ring there")
+        return _READERS[raw["kind"]](name, raw, Outline(rings=rings), at)
+    except NotFoundError as error:
+        message = f"no {raw['kind']} on layer '{layer}' for {name}: {error}"
+        report.error("MP221", at, message, "name another layer, or mend the drawing")
+        return None
+    except _CountError as error:
+        report.error("MP222", at, f"{name}: {error}", "mend the count or the drawing")
+        return None
+
+
+class _CountError(ValueError):
+    """The drawing has another number of teeth than the task."""
+
+
+def _circle(name: str, raw: Mapping[str, Any], shape: Outline, at: Span) -> Feature:
+    found = features.circle(shape.rings)
+    return _make(
+        name, raw, at, found.center_um, radius_um=found.radius_um, hole=found.hole
+    )
+
+
+def _teeth(name: str, raw: Mapping[str, Any], shape: Outline, at: Span) -> Feature:
+    found = features.teeth(shape.rings)
+    if found.count != raw["count"]:
+        raise _CountError(f"{raw['count']} teeth stated, {found.count} drawn")
+    return _make(
+        name, raw, at, found.center_um, radius_um=found.outer_um, count=found.count,
+        root_um=found.root_um, phase_rad=found.phase_rad,
+    )  # fmt: skip
+
+
+def _notch(name: str, raw: Mapping[str, Any], shape: Outline, at: Span) -> Feature:
+    found = features.notch(shape.rings)
+    return _make(
+        name, raw, at, found.center_um, radius_um=found.radius_um,
+        phase_rad=found.angle_rad, width_um=found.width_um, depth_um=found.depth_um,
+    )  # fmt: skip
+
+
+def _whole(name: str, raw: Mapping[str, Any], shape: Outline, at: Span) -> Feature:
+    return _outline_feature(name, raw, shape, None, at)
+
+
+_READERS = {"circle": _circle, "teeth": _teeth, "notch": _notch, "outline": _whole}
+
+
+def _outline_feature(
+    name: str, raw: Mapping[str, Any], shape: Outline, center: Point | None, at: Span
+) -> Feature:
+    """Return the outline itself as a feature."""
+    about, radius_um = features.extent(shape, center)
+    raw = {"kind": "outline", **raw}
+    return _make(name, raw, at, about, radius_um=radius_um)
+
+
+def _make(
+    name: str, raw: Mapping[str, Any], at: Span, center_um: Point, *,
+    radius_um: float, count: int = 1, root_um: float = 0.0, phase_rad: float = 0.0,
+    width_um: float = 0.0, depth_um: float = 0.0, hole: bool = False,
+) -> Feature:  # fmt: skip
+    """Return the feature with the values its kind does not have at their neutral."""
+    return Feature(
+        name=name, kind=raw["kind"], layer=raw.get("layer", ""), center_um=center_um,
+        radius_um=radius_um, count=count, root_um=root_um, phase_rad=phase_rad,
+        width_um=width_um, depth_um=depth_um, hole=hole,
+        avoid=raw.get("avoid", False), where=at,
+    )  # fmt: skip
+
+
+def _post(name: str, raw: Mapping[str, Any], shape: Outline, at: Span) -> Post:
+    """Return the post; its circle is that of its outer ring if it has one."""
+    try:
+        found = features.circle(shape.rings[:1])
+        center, radius_um = found.center_um, found.radius_um
+    except NotFoundError:
+        center, radius_um = features.extent(shape)
+    return Post(
+        name=name, outline=shape, height_um=float(raw["height_um"]),
+        reflectance=float(raw["reflectance"]),
+        profile_tolerance_um=float(raw["profile_tolerance_um"]),
+        center_um=center, radius_um=radius_um, where=at,
+    )  # fmt: skip

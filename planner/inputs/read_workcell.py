@@ -1,0 +1,290 @@
+"""Workcell file in, `Workcell` out: units converted, contradictions reported."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from optics.outline import Outline
+from planner.diagnostics import Report, Span
+from planner.inputs.drawing import read_outline
+from planner.inputs.normalise import plain, plain_outline
+from planner.inputs.parts import open_named
+from planner.inputs.schema import Checked, with_defaults
+from planner.inputs.source import Source
+from planner.inputs.workcell import (
+    Axes,
+    Camera,
+    Focus,
+    Interval,
+    Light,
+    Optics,
+    Robot,
+    Servo,
+    Stage,
+    Tool,
+    Workcell,
+    Zoom,
+)
+
+# a stated repeatability over one standard deviation; a uniform range of half-width r
+# has the standard deviation r / sqrt(3)
+COVERAGE = {"1sigma": 1.0, "3sigma": 3.0, "range": math.sqrt(3.0)}
+
+RAD_PER_ARCSEC = math.pi / 180 / 3600
+FIT_UM = 0.01  # how far a finger's drawn tip and inner face may lie off
+
+Fingers = Mapping[str, tuple[Outline, Outline]]
+
+
+def read_fingers(cell: Checked, report: Report) -> dict[str, tuple[Outline, Outline]]:
+    """Return (left, right) of every tool whose drawing can be read."""
+    tools = cell.source.mapping("tools")
+    found: dict[str, tuple[Outline, Outline]] = {}
+    for name in sorted(tools):
+        if not cell.good("tools", name, "drawing"):
+            continue
+        at = cell.source.value("tools", name, "drawing", "layers")
+        layers = tools[name]["drawing"]["layers"]
+        if len(layers) != 2:
+            message = (
+                f"{name} has {len(layers)} layers, its left and right finger are 2"
+            )
+            report.error("MP223", at, message, "layers: [FINGER_L, FINGER_R]")
+            continue
+        drawing = open_named(cell, "tools", name, "drawing", report=report)
+        if drawing is None:
+            continue
+        left = read_outline(drawing, layers[:1], report)
+        right = read_outline(drawing, layers[1:], report)
+        if left is None or right is None:
+            continue
+        found[name] = (left, right)
+        if cell.good("tools", name):
+            _check_fingers(name, tools[name], left, right, at, report)
+    return found
+
+
+def check_workcell(cell: Checked, report: Report) -> None:
+    """Report values that contradict each other."""
+    _check_intervals(cell, report)
+    source = cell.source
+    if cell.good("camera", "sensor_um") and cell.good("camera", "pixels"):
+        (width, height), (columns, rows) = (
+            source.data["camera"]["sensor_um"], source.data["camera"]["pixels"],
+        )  # fmt: skip
+        if not math.isclose(width / columns, height / rows, rel_tol=1e-6):
+            message = (
+                f"pixels are {width / columns:.6g} um wide and {height / rows:.6g} high"
+            )
+            hint = "sensor_um and pixels must give square pixels"
+            report.error("MP116", source.value("camera", "sensor_um"), message, hint)
+    if cell.good("optics"):
+        _check_aperture(source, report)
+
+
+def build_workcell(cell: Checked, fingers: Fingers) -> Workcell:
+    """Return the workcell; `cell` and every finger are free of errors."""
+    data = with_defaults(cell.source.data, "workcell")
+    source = cell.source
+    normalised = plain(data)
+    del normalised["microplan_workcell"]
+    tools = {}
+    for name, raw in data["tools"].items():
+        left, right = fingers[name]
+        tools[name] = _tool(name, raw, left, right, source.key("tools", name))
+        del normalised["tools"][name]["drawing"]
+        normalised["tools"][name]["left"] = plain_outline(left)
+        normalised["tools"][name]["right"] = plain_outline(right)
+    return Workcell(
+        name=data["name"],
+        optics=_optics(data["optics"]),
+        camera=_camera(data["camera"]),
+        light=Light(
+            kind=data["light"]["kind"],
+            level=_pair(data["light"]["level"]),
+            gradient=float(data["light"]["gradient"]),
+        ),
+        stage=_stage(data["axes"]["stage"]),
+        robot=Robot(
+            axes=_axes(data["axes"]["robot"]),
+            theta_axis_to_tip_um=float(data["axes"]["robot"]["theta_axis_to_tip_um"]),
+        ),
+        tools=tools,
+        servo=Servo(
+            rate_hz=float(data["servo"]["rate_hz"]), gain=float(data["servo"]["gain"])
+        ),
+        where=places(source),
+        normalised=normalised,
+    )
+
+
+def places(source: Source) -> dict[str, Span]:
+    """Return where every named value stands, by dotted name; a section by its key."""
+    found = {}
+    for where, span in source.values.items():
+        if where and all(isinstance(key, str) for key in where):
+            key = source.key(*where)
+            section = (key.line, key.column) != (span.line, span.column) and (
+                span.line > key.line
+            )
+            found[".".join(map(str, where))] = key if section else span
+    return found
+
+
+def _check_fingers(
+    name: str, raw: Mapping[str, Any], left: Outline, right: Outline, at: Span,
+    report: Report,
+) -> None:  # fmt: skip
+    """Report fingers that are not drawn closed, in the grip's frame."""
+    tip, length = raw["grip_from_tip_um"], raw["length_um"]
+    for side, box in (("left", left.bounds_um), ("right", right.bounds_um)):
+        face = box[2] if side == "left" else box[0]
+        wrong = ""
+        if abs(face) > FIT_UM:
+            wrong = f"inner face at x = {face:.6g} um, must be 0"
+        elif abs(box[1] + tip) > FIT_UM:
+            wrong = f"tip at y = {box[1]:.6g} um, grip_from_tip_um asks for {-tip:.6g}"
+        elif abs(box[3] - box[1] - length) > 0.01 * length:
+            wrong = f"{box[3] - box[1]:.6g} um long, length_um says {length:.6g}"
+        if wrong:
+            hint = "draw the jaws closed, the grip at the origin, fingers to +y"
+            report.error("MP223", at, f"{name}, {side} finger: {wrong}", hint)
+
+
+def _check_intervals(cell: Checked, report: Report) -> None:
+    """Report intervals that run backwards."""
+    source = cell.source
+    pairs: list[tuple[str, ...]] = [("camera", "exposure_ms"), ("light", "level")]
+    for axes in ("robot", "stage"):
+        keys = ("x_um", "y_um", "z_um", "theta_deg")
+        pairs += [("axes", axes, "limits", key) for key in keys]
+    pairs += [("tools", name, "opening_um") for name in source.mapping("tools")]
+    for where in pairs:
+        if cell.good(*where):
+            low, high = source.get(*where)
+            report_backwards(source, where, low, high, report)
+    for section, first, last in (
+        (("optics", "magnification"), "min", "max"),
+        (("optics", "focus"), "min_um", "max_um"),
+    ):
+        if cell.good(*section):
+            low, high = source.get(*section, first), source.get(*section, last)
+            report_backwards(source, section, low, high, report)
+
+
+def report_backwards(
+    source: Source, where: tuple[str, ...], low: float, high: float, report: Report
+) -> None:
+    """Report an interval whose end lies below its start."""
+    if low > high:
+        message = f"{'.'.join(where)} runs backwards, from {low} to {high}"
+        report.error("MP113", source.value(*where), message, "swap them")
+
+
+def _check_aperture(source: Source, report: Report) -> None:
+    """Report apertures that no lens in the medium can have, or out of order."""
+    index = source.data["optics"].get("medium_index", 1.0)
+    table = source.data["optics"]["numerical_aperture"]
+    at = source.value("optics", "numerical_aperture")
+    values = [r["value"] for r in table] if isinstance(table, list) else [table]
+    if max(values) >= index:
+        message = f"numerical_aperture {max(values)} is not below medium_index {index}"
+        report.error("MP116", at, message, "an aperture is the index times a sine")
+    if isinstance(table, list):
+        rows = [row["magnification"] for row in table]
+        if any(a >= b for a, b in itertools.pairwise(rows)):
+            message = f"magnifications {rows} do not ascend"
+            report.error("MP116", at, message, "sort the table by magnification")
+
+
+def _optics(raw: Mapping[str, Any]) -> Optics:
+    low, high = raw["magnification"]["min"], raw["magnification"]["max"]
+    table = raw["numerical_aperture"]
+    rows = (
+        table if isinstance(table, list) else [{"magnification": low, "value": table}]
+    )
+    return Optics(
+        magnification=(float(low), float(high)),
+        apertures=tuple((float(r["magnification"]), float(r["value"])) for r in rows),
+        wavelength_um=float(raw["wavelength_um"]),
+        medium_index=float(raw["medium_index"]),
+        coherence=float(raw["coherence"]),
+        zoom=Zoom(**{key: float(value) for key, value in raw["zoom"].items()}),
+        focus=Focus(**{key: float(value) for key, value in raw["focus"].items()}),
+        distortion=float(raw["distortion"]),
+        distortion_sigma=float(raw["distortion_sigma"]),
+    )
+
+
+def _camera(raw: Mapping[str, Any]) -> Camera:
+    return Camera(
+        pitch_um=raw["sensor_um"][0] / raw["pixels"][0],
+        width_px=int(raw["pixels"][0]),
+        height_px=int(raw["pixels"][1]),
+        fill_factor=float(raw["fill_factor"]),
+        rate_hz=float(raw["rate_hz"]),
+        latency_frames=int(raw["latency_frames"]),
+        bits=int(raw["bits"]),
+        full_well_e=float(raw["full_well_e"]),
+        read_noise_e=float(raw["read_noise_e"]),
+        exposure_ms=_pair(raw["exposure_ms"]),
+    )
+
+
+def _stage(raw: Mapping[str, Any]) -> Stage:
+    return Stage(
+        axes=_axes(raw),
+        datum_z_um=float(raw["datum_z_um"]),
+        reflectance=float(raw["reflectance"]),
+        theta_axis_um=_pair(raw["theta_axis_um"]),
+        drift_um_per_min=float(raw["drift_um_per_min"]),
+        axis_tilt_sigma_rad=raw["axis_tilt_sigma_mrad"] / 1000,
+    )
+
+
+def _axes(raw: Mapping[str, Any]) -> Axes:
+    """Return the axes with spreads brought to one standard deviation."""
+    over = COVERAGE[raw["coverage"]]
+    speed, limits = raw["speed"], raw["limits"]
+    low, high = limits["theta_deg"]
+    return Axes(
+        repeatability_xy_um=raw["repeatability_xy_um"] / over,
+        repeatability_z_um=raw["repeatability_z_um"] / over,
+        repeatability_theta_rad=(
+            raw["repeatability_theta_arcsec"] * RAD_PER_ARCSEC / over
+        ),
+        limits={
+            **{key: _pair(limits[key]) for key in ("x_um", "y_um", "z_um")},
+            "theta_rad": (math.radians(low), math.radians(high)),
+        },
+        speed_xy_um_per_s=float(speed["xy_um_per_s"]),
+        speed_z_um_per_s=float(speed["z_um_per_s"]),
+        speed_theta_rad_per_s=math.radians(speed["theta_deg_per_s"]),
+        settle_s=float(speed["settle_s"]),
+        coverage=raw["coverage"],
+    )
+
+
+def _tool(
+    name: str, raw: Mapping[str, Any], left: Outline, right: Outline, at: Span
+) -> Tool:
+    return Tool(
+        name=name,
+        left=left,
+        right=right,
+        thickness_um=float(raw["thickness_um"]),
+        finger_width_um=float(raw["finger_width_um"]),
+        length_um=float(raw["length_um"]),
+        opening_um=_pair(raw["opening_um"]),
+        grip_from_tip_um=float(raw["grip_from_tip_um"]),
+        reflectance=float(raw["reflectance"]),
+        stick_probability=float(raw["stick_probability"]),
+        where=at,
+    )
+
+
+def _pair(values: list[float]) -> Interval:
+    return (float(values[0]), float(values[1]))

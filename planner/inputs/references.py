@@ -1,0 +1,164 @@
+"""Names used in a task: every one must lead to a thing of the right kind."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from planner.diagnostics import Report
+from planner.inputs.schema import Checked, did_you_mean
+from planner.inputs.source import Key
+
+# what a key of a step may name
+_STEP_KINDS = {
+    "locate": {"target": "part feature post tool"},
+    "align": {
+        "target": "part feature post tool grip", "to": "part feature post tool grip",
+    },
+    "grasp": {"target": "part", "with": "tool"},
+    "insert": {"target": "part feature", "onto": "post feature"},
+    "release": {"target": "part"},
+    "verify": {"target": "part feature", "on": "part post feature", "empty": "tool"},
+}  # fmt: skip
+_MATE_KINDS = {"hole": "feature", "shaft": "post", "seated_on": "part"}
+
+
+@dataclass(frozen=True, slots=True)
+class Names:
+    """Every name of a task and what it stands for; also those of faulty things."""
+
+    kinds: Mapping[str, str]  # "gear.bore" -> "feature"
+    whole: bool  # False if the workcell could not be read, so that tools are unknown
+
+
+def check_references(task: Checked, cell: Checked | None, report: Report) -> None:
+    """Report names that lead nowhere, to the wrong kind, or are given twice."""
+    names = _names(task, cell)
+    _check_clashes(task, cell, report)
+    for where, kinds in _uses(task):
+        if task.good(*where):
+            _check_use(task, names, where, kinds, report)
+    _check_starts(task, names, report)
+    _check_ids(task, report)
+
+
+def _names(task: Checked, cell: Checked | None) -> Names:
+    kinds: dict[str, str] = {}
+    for part, raw in task.source.mapping("parts").items():
+        kinds[part] = "part"
+        kinds[f"{part}.outline"] = "feature"
+        kinds.update({f"{part}.{n}": "feature" for n in _mapping(raw, "features")})
+        kinds.update({f"{part}.{n}": "post" for n in _mapping(raw, "posts")})
+    for tool in cell.source.mapping("tools") if cell else ():
+        kinds[tool] = "tool"
+        kinds[f"{tool}.grip"] = "grip"
+    return Names(kinds, whole=cell is not None)
+
+
+def _mapping(data: Any, key: str) -> Mapping[str, Any]:
+    """Return the mapping under `key`, empty if there is none."""
+    found = data.get(key) if isinstance(data, dict) else None
+    return found if isinstance(found, dict) else {}
+
+
+def _check_clashes(task: Checked, cell: Checked | None, report: Report) -> None:
+    """Report a name that stands for two things."""
+    tools = cell.source.mapping("tools") if cell else {}
+    for part, raw in task.source.mapping("parts").items():
+        if part in tools or part in ("stage", "robot"):
+            what = "a tool" if part in tools else "an axis group"
+            at = task.source.key("parts", part)
+            report.error("MP117", at, f"'{part}' is also the name of {what}")
+        for name in _mapping(raw, "posts"):
+            if name in _mapping(raw, "features"):
+                at = task.source.key("parts", part, "posts", name)
+                report.error("MP117", at, f"'{name}' is also a feature of {part}")
+
+
+def _uses(task: Checked) -> Iterator[tuple[tuple[Key, ...], str]]:
+    """Yield every place that holds a name, and which kinds it may name."""
+    for key in task.source.mapping("goal", "mate"):
+        if key in _MATE_KINDS:
+            yield ("goal", "mate", key), _MATE_KINDS[key]
+    for index, step in enumerate(task.source.items("steps")):
+        verb = step.get("do") if isinstance(step, dict) else None
+        reads = _STEP_KINDS.get(verb, {}) if isinstance(verb, str) else {}
+        for key, kinds in reads.items():
+            if key in step:
+                yield ("steps", index, key), kinds
+    for part in task.source.mapping("parts"):
+        if isinstance(task.source.get("parts", part, "origin"), str):
+            yield ("parts", part, "origin"), "own feature"
+
+
+def _check_use(
+    task: Checked, names: Names, where: tuple[Key, ...], kinds: str, report: Report
+) -> None:
+    """Report a name that leads nowhere or to the wrong kind of thing."""
+    name = task.source.get(*where)
+    at = task.source.value(*where)
+    full = name
+    if kinds == "own feature":
+        full, kinds = f"{where[1]}.{name}", "feature"
+        near = [
+            k.partition(".")[2] for k in names.kinds if k.startswith(f"{where[1]}.")
+        ]
+        declared = task.source.mapping("parts", where[1], "features")
+        if name == "outline" and name not in declared:
+            full = ""  # the frame of the whole outline is the drawing's own
+    else:
+        near = [known for known, kind in names.kinds.items() if kind in kinds.split()]
+    kind = names.kinds.get(full)
+    if kind in kinds.split():
+        return
+    if kind is None and not names.whole and kinds != "feature":
+        return  # it may be a tool of the workcell that could not be read
+    known = ", ".join(sorted(near)) or "none"
+    hint = did_you_mean(name, near) or f"known: {known}"
+    if kind is None:
+        report.error("MP110", at, f"nothing is called '{name}'", hint)
+    else:
+        wanted = " or ".join(kinds.split())
+        message = f"'{name}' is a {kind}, a {wanted} is needed here"
+        report.error("MP112", at, message, f"known: {known}")
+
+
+def _check_starts(task: Checked, names: Names, report: Report) -> None:
+    """Report starts of unknown things, and things in use that start nowhere."""
+    starts = task.source.mapping("start")
+    for name, raw in starts.items():
+        if name == "stage" or not task.good("start", name):
+            continue
+        at, kind = task.source.key("start", name), names.kinds.get(name)
+        wanted = "part" if raw["on"] == "stage" else "tool"
+        if kind is None and (wanted == "part" or names.whole):
+            near = [known for known, k in names.kinds.items() if k == wanted]
+            hint = did_you_mean(name, near) or f"known: {', '.join(sorted(near))}"
+            report.error("MP110", at, f"no {wanted} is called '{name}'", hint)
+        elif kind not in (None, wanted):
+            message = f"'{name}' is a {kind}, on the {raw['on']} stands a {wanted}"
+            report.error("MP112", at, message)
+    told = set(starts)
+    for where, _ in _uses(task):
+        name = task.source.get(*where)
+        if where[0] == "parts" or not isinstance(name, str) or not task.good(*where):
+            continue
+        owner = name.partition(".")[0]
+        if owner not in told and names.kinds.get(owner) in ("part", "tool"):
+            told.add(owner)  # once is enough
+            message = f"'{owner}' is used here and has no entry in start"
+            report.error("MP115", task.source.value(*where), message, f"add {owner}")
+
+
+def _check_ids(task: Checked, report: Report) -> None:
+    """Report step ids that are given twice."""
+    seen: dict[str, int] = {}
+    for index, step in enumerate(task.source.items("steps")):
+        if not task.good("steps", index, "id"):
+            continue
+        at = task.source.value("steps", index, "id")
+        if step["id"] in seen:
+            message = f"step '{step['id']}' is already in line {seen[step['id']]}"
+            report.error("MP111", at, message, "give each step its own id")
+        seen.setdefault(step["id"], at.line)

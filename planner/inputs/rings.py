@@ -1,0 +1,257 @@
+"""Chain loose edges into closed rings, and put rings into one canonical form."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+from optics.outline import JOIN_UM, Arc, Edge, Point, Ring, Segment
+from planner.inputs.dxf_edges import Piece
+
+GAP_UM = 0.01  # wider gaps are not closed; real drawings' gaps are below 10 nm
+SAME_UM = 1e-5  # centres and radii closer than this belong to one circle
+
+
+@dataclass(frozen=True, slots=True)
+class OpenEnd:
+    """A loose end: where it is and which entity it belongs to."""
+
+    x_um: float
+    y_um: float
+    handle: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Chained:
+    """What chaining found; rings are usable if `open` and `branches` are empty."""
+
+    rings: tuple[Ring, ...]
+    open: tuple[OpenEnd, ...]
+    branches: tuple[OpenEnd, ...]  # ends at points where more than two edges meet
+    gaps_um: tuple[float, ...]  # those bridged by a straight edge
+    doubled: tuple[str, ...]  # handles of edges drawn a second time
+
+
+@dataclass(frozen=True, slots=True)
+class _End:
+    piece: int
+    last: bool
+    point: Point
+
+
+def chain(pieces: Sequence[Piece]) -> Chained:
+    """Return the rings that `pieces` form; nothing is guessed where they branch."""
+    kept, doubled = _without_doubles(pieces)
+    loose = [piece for piece in kept if not piece.closed]
+    mates, branches, lonely = _pair(_ends(loose))
+    rings: list[Ring] = []
+    gaps: list[float] = []
+    for piece in (p for p in kept if p.closed):
+        edges = _bridged(piece.edges, gaps)
+        rings.append(canonical(Ring(edges=edges, layer=piece.layer)))
+    if not (branches or lonely):
+        for path in _walk(loose, mates):
+            edges = _bridged([edge for edge, _ in path], gaps)
+            layer = max(sorted({n for _, n in path}), key=lambda n: _share(path, n))
+            rings.append(canonical(Ring(edges=edges, layer=layer)))
+    return Chained(
+        rings=tuple(rings),
+        open=tuple(_open(loose, end) for end in lonely),
+        branches=tuple(_open(loose, end) for end in branches),
+        gaps_um=tuple(gaps),
+        doubled=doubled,
+    )
+
+
+def canonical(ring: Ring) -> Ring:
+    """Return the same ring counter-clockwise, pieces of one line or arc merged.
+
+    The first edge is the one with the lowest starting point, so that neither the order
+    nor the direction in which a ring was drawn matters.
+    """
+    if ring.signed_area_um2 < 0:
+        ring = ring.reversed()
+    edges = _merged(ring.edges)
+    if len(edges) == 1 and isinstance(arc := edges[0], Arc):
+        edges = [replace(arc, start_rad=0.0, sweep_rad=math.tau)]
+    first = min(range(len(edges)), key=lambda i: _rounded(edges[i].start))
+    return Ring(edges=tuple(edges[first:] + edges[:first]), layer=ring.layer)
+
+
+def same_circle(a: Arc, b: Arc, within_um: float = SAME_UM) -> bool:
+    """Return whether two arcs lie on one circle."""
+    return (
+        math.dist(a.center, b.center) <= within_um
+        and abs(a.radius_um - b.radius_um) <= within_um
+    )
+
+
+def edges_key(edges: Sequence[Edge]) -> frozenset[object]:
+    """Return what two drawings of the same edges have in common, to 1 nm."""
+    return frozenset(_edge_key(edge) for edge in edges)
+
+
+def _without_doubles(
+    pieces: Sequence[Piece],
+) -> tuple[list[Piece], tuple[str, ...]]:
+    """Return the pieces drawn once, and the handles of repetitions."""
+    kept: dict[object, Piece] = {}
+    doubled = []
+    for piece in pieces:
+        key = edges_key(piece.edges)
+        if key in kept:
+            doubled.append(piece.handle)
+        else:
+            kept[key] = piece
+    return list(kept.values()), tuple(doubled)
+
+
+def _edge_key(edge: Edge) -> object:
+    """Return what two drawings of one edge have in common."""
+    ends = frozenset((_rounded(edge.start), _rounded(edge.end)))
+    if isinstance(edge, Segment):
+        return ends
+    middle = edge.center if edge.is_circle else edge.at(0.5)
+    return (ends if not edge.is_circle else edge.is_circle, _rounded(middle),
+            round(edge.radius_um, 3))  # fmt: skip
+
+
+def _rounded(point: Point) -> Point:
+    return (round(point[0], 3) + 0.0, round(point[1], 3) + 0.0)  # 1 nm, no -0.0
+
+
+def _ends(loose: Sequence[Piece]) -> list[_End]:
+    ends = []
+    for index, piece in enumerate(loose):
+        ends.append(_End(index, False, piece.edges[0].start))  # noqa: FBT003
+        ends.append(_End(index, True, piece.edges[-1].end))  # noqa: FBT003
+    return ends
+
+
+def _pair(ends: list[_End]) -> tuple[dict[_End, _End], list[_End], list[_End]]:
+    """Return who joins whom, ends where more than two meet, and ends left alone.
+
+    Coinciding ends go first; only what is then left over may bridge a gap, nearest
+    first.
+    """
+    near = sorted(_near(ends))
+    meeting: dict[_End, int] = {}
+    for gap, i, j in near:
+        if gap <= JOIN_UM:
+            meeting[ends[i]] = meeting.get(ends[i], 0) + 1
+            meeting[ends[j]] = meeting.get(ends[j], 0) + 1
+    branches = [end for end in ends if meeting.get(end, 0) > 1]
+    mates: dict[_End, _End] = {}
+    for _, i, j in near:
+        a, b = ends[i], ends[j]
+        if a not in mates and b not in mates:
+            mates[a], mates[b] = b, a
+    return mates, branches, [end for end in ends if end not in mates]
+
+
+def _near(ends: Sequence[_End]) -> Iterable[tuple[float, int, int]]:
+    """Yield (distance, i, j) of all ends within GAP_UM, by a grid of that size."""
+    cells: dict[tuple[int, int], list[int]] = {}
+    for j, end in enumerate(ends):
+        column = math.floor(end.point[0] / GAP_UM)
+        row = math.floor(end.point[1] / GAP_UM)
+        for cell in ((column + dx, row + dy) for dx in (-1, 0, 1) for dy in (-1, 0, 1)):
+            for i in cells.get(cell, ()):
+                gap = math.dist(ends[i].point, end.point)
+                if gap <= GAP_UM:
+                    yield gap, i, j
+        cells.setdefault((column, row), []).append(j)
+
+
+def _walk(
+    loose: Sequence[Piece], mates: dict[_End, _End]
+) -> list[list[tuple[Edge, str]]]:
+    """Return closed paths of (edge, layer); every end has a mate."""
+    starts = {(end.piece, end.last): end for end in mates}
+    paths, seen = [], set()
+    for first in range(len(loose)):
+        if first in seen:
+            continue
+        path: list[tuple[Edge, str]] = []
+        index, forward = first, True
+        while index not in seen:
+            seen.add(index)
+            piece = loose[index]
+            edge = piece.edges[0]
+            path.append((edge if forward else _turned(edge), piece.layer))
+            mate = mates[starts[index, forward]]
+            index, forward = mate.piece, not mate.last
+        paths.append(path)
+    return paths
+
+
+def _turned(edge: Edge) -> Edge:
+    """Return the edge run the other way."""
+    if isinstance(edge, Segment):
+        return Segment(start=edge.end, end=edge.start)
+    end_rad = edge.start_rad + edge.sweep_rad
+    return replace(edge, start_rad=end_rad, sweep_rad=-edge.sweep_rad)
+
+
+def _bridged(edges: Sequence[Edge], gaps: list[float]) -> tuple[Edge, ...]:
+    """Return `edges` with straight bridges over gaps that a ring may not have."""
+    out: list[Edge] = []
+    for edge, after in zip(edges, [*edges[1:], edges[0]], strict=True):
+        out.append(edge)
+        gap = math.dist(edge.end, after.start)
+        if gap > JOIN_UM:
+            gaps.append(gap)
+            out.append(Segment(start=edge.end, end=after.start))
+    return tuple(out)
+
+
+def _share(path: Sequence[tuple[Edge, str]], layer: str) -> float:
+    """Return the length of a path's edges on `layer`."""
+    return sum(edge.length_um for edge, name in path if name == layer)
+
+
+def _open(loose: Sequence[Piece], end: _End) -> OpenEnd:
+    return OpenEnd(end.point[0], end.point[1], loose[end.piece].handle)
+
+
+def _merged(edges: Sequence[Edge]) -> list[Edge]:
+    """Join neighbours that continue one line or one circle, also over the seam."""
+    out: list[Edge] = []
+    for edge in edges:
+        joined = _joined(out[-1], edge) if out else None
+        if joined is None:
+            out.append(edge)
+        else:
+            out[-1] = joined
+    while len(out) > 1 and (joined := _joined(out[-1], out[0])) is not None:
+        out = [joined, *out[1:-1]]
+    return out
+
+
+def _joined(a: Edge, b: Edge) -> Edge | None:
+    """Return `a` and `b` as one edge, None if they are two."""
+    if isinstance(a, Arc) and isinstance(b, Arc):
+        if a.sweep_rad * b.sweep_rad < 0 or not same_circle(a, b):
+            return None
+        gap = math.remainder(b.start_rad - a.start_rad - a.sweep_rad, math.tau)
+        sweep = a.sweep_rad + gap + b.sweep_rad
+        if abs(sweep) > math.tau - 1e-9:  # both are needed only to close the circle
+            return replace(a, sweep_rad=math.copysign(math.tau, sweep))
+        return replace(a, sweep_rad=sweep)
+    if isinstance(a, Segment) and isinstance(b, Segment):
+        whole = Segment(start=a.start, end=b.end)
+        if _off_line(whole, a.end) <= SAME_UM and (
+            a.length_um + b.length_um - whole.length_um <= SAME_UM
+        ):
+            return whole
+    return None
+
+
+def _off_line(line: Segment, point: Point) -> float:
+    """Return the distance of `point` from the line through `line`, um."""
+    (x0, y0), (x1, y1) = line.start, line.end
+    if not line.length_um:
+        return math.inf
+    cross = (x1 - x0) * (point[1] - y0) - (y1 - y0) * (point[0] - x0)
+    return abs(cross) / line.length_um
