@@ -285,8 +285,8 @@ def tabulate(
 def _jinc(q: FloatArray) -> FloatArray:
     """Return 2 J1(q) / q, by its series where q is small."""
     q = np.abs(q)
-    safe = np.where(q < 1e-3, 1.0, q)
-    value: FloatArray = np.where(q < 1e-3, 1 - q**2 / 8, 2 * j1(safe) / safe)
+    small, large = np.minimum(q, 1e-3), np.maximum(q, 1e-3)
+    value: FloatArray = np.where(q < 1e-3, 1 - small**2 / 8, 2 * j1(large) / large)
     return value
 
 

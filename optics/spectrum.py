@@ -142,10 +142,11 @@ def direct(
     top = float(max(np.hypot(u, v).max(), 1e-3))
     edges = clip(outline, outline.bounds_um)
     x, y, dx, dy = boundary_nodes(edges, top)
+    reach = max(float(np.abs(x).max()), float(np.abs(y).max()))
     result = np.empty(u.shape, dtype=np.complex128)
     for index in np.ndindex(u.shape):
         p, q = u[index], v[index]
-        if p == 0 and q == 0:
+        if math.hypot(p, q) * reach < 1e-9:  # the phase is nowhere felt
             result[index] = edges.area_um2
             continue
         wave = np.exp(-2j * np.pi * (p * x + q * y))
@@ -185,7 +186,7 @@ def _line_nodes(segments: FloatArray, f_per_um: float) -> Nodes:
     """Place nodes on segments (S, 4)."""
     x0, y0, x1, y1 = segments.T
     half = np.pi * f_per_um * np.hypot(x1 - x0, y1 - y0)
-    index, t, weight = _panels(half)
+    index, t, weight = _panels(half, np.ones(half.shape, dtype=np.intp))
     dx, dy = (x1 - x0)[index], (y1 - y0)[index]
     return x0[index] + t * dx, y0[index] + t * dy, weight * dx, weight * dy
 
@@ -193,9 +194,10 @@ def _line_nodes(segments: FloatArray, f_per_um: float) -> Nodes:
 def _arc_nodes(arcs: FloatArray, f_per_um: float) -> Nodes:
     """Place nodes on arcs (M, 5)."""
     cx, cy, radius, start, sweep = arcs.T
-    # the turning tangent adds its own angle to the phase
-    half = np.pi * f_per_um * radius * np.abs(sweep) + np.abs(sweep)
-    index, t, weight = _panels(half)
+    # Along an arc the phase is not linear: its harmonics reach 8 beyond 2 pi f r before
+    # they are 1e-8, and only panels of a radian keep the phase close to a line.
+    half = (np.pi * f_per_um * radius + 4) * np.abs(sweep)
+    index, t, weight = _panels(half, np.ceil(np.abs(sweep)).astype(np.intp))
     angle = start[index] + t * sweep[index]
     c, s, r = np.cos(angle), np.sin(angle), radius[index]
     turn = weight * sweep[index] * r
@@ -203,14 +205,14 @@ def _arc_nodes(arcs: FloatArray, f_per_um: float) -> Nodes:
 
 
 def _panels(
-    half: FloatArray,
+    half: FloatArray, least: npt.NDArray[np.intp]
 ) -> tuple[npt.NDArray[np.intp], FloatArray, FloatArray]:
-    """Choose Gauss rules for edges with half phases `half` (E,), rad.
+    """Choose Gauss rules for edges of half phase (E,), rad, `least` panels an edge.
 
     Returns for each node its edge, its place 0..1 along it and its weight, (N,) each.
     """
     largest = _RULES[-1][1]
-    count = np.maximum(np.ceil(half / largest), 1).astype(np.intp)
+    count = np.maximum(np.ceil(half / largest).astype(np.intp), least)
     found, places, weights = [np.empty(0, np.intp)], [np.empty(0)], [np.empty(0)]
     done = np.zeros(half.shape, dtype=bool)
     for size, limit in _RULES:

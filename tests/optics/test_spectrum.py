@@ -1,0 +1,172 @@
+"""Spectra against closed forms and a second quadrature; clipping against areas."""
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.special import j1
+
+from optics.clip import CHORD_UM, clip, to_edges
+from optics.outline import Outline, Ring, Segment, flatten, place
+from optics.spectrum import Spectrum, Tile, direct, spectrum
+from tests.optics.shapes import circle, disc, gear, polygon, rectangle
+
+FloatArray = npt.NDArray[np.float64]
+ComplexArray = npt.NDArray[np.complex128]
+TILE = Tile(left_um=-80, bottom_um=-85, width_um=170, height_um=165)
+FREQUENCY = st.floats(-1.5, 1.5)
+
+
+def _polygon_integral(outline: Outline, u: float, v: float) -> complex:
+    """Sum a sinc for every straight edge, as in Chu & Huang."""
+    r2, total = u * u + v * v, 0j
+    for ring in outline.rings:
+        for edge in ring.edges:
+            assert isinstance(edge, Segment)
+            dx, dy = edge.end[0] - edge.start[0], edge.end[1] - edge.start[1]
+            cx, cy = edge.start[0] + dx / 2, edge.start[1] + dy / 2
+            wave = np.exp(-2j * np.pi * (u * cx + v * cy))
+            total += (u * dy - v * dx) * np.sinc(u * dx + v * dy) * wave
+    return complex(1j * total / (2 * np.pi * r2))
+
+
+@given(FREQUENCY, FREQUENCY)
+def test_direct_is_a_product_of_sincs_for_a_rectangle(u: float, v: float) -> None:
+    found = direct(rectangle(-3, 1, 5, 4), np.array(u), np.array(v))
+    wave = np.exp(-2j * np.pi * (u * 1.0 + v * 2.5))
+    # dividing by a small frequency magnifies rounding: 1e-16 x perimeter / f, and below
+    # 1e-9 / 5 um the area stands for the integral
+    atol = 1e-6 + 1e-14 / max(abs(u), abs(v), 1e-10)
+    np.testing.assert_allclose(
+        found, 24 * np.sinc(8 * u) * np.sinc(3 * v) * wave, rtol=0, atol=atol
+    )
+
+
+@given(FREQUENCY, FREQUENCY)
+def test_direct_is_a_bessel_function_for_a_disc(u: float, v: float) -> None:
+    f = math.hypot(u, v)
+    q = 2 * math.pi * f * 7
+    expected = math.pi * 49 * (2 * j1(q) / q if q > 1e-6 else 1.0)
+    found = direct(disc(7.0), np.array(u), np.array(v))
+    atol = 2e-6 + 1e-14 / max(abs(u), abs(v), 1e-10)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=atol)
+
+
+def test_direct_meets_the_sum_of_edges_for_a_polygon() -> None:
+    shape = polygon([(0, 0), (9, 1), (11, 7), (4, 3), (-2, 8)])
+    for u, v in ((0.3, 0.1), (-0.7, 1.1), (0.0, 0.4), (1.3, 0.0)):
+        expected = _polygon_integral(shape, u, v)
+        found = direct(shape, np.array(u), np.array(v))
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-7)
+
+
+def _direct_share(
+    outline: Outline, tile: Tile, j: FloatArray, k: FloatArray
+) -> ComplexArray:
+    """Return exact coefficients of a tile from the Fourier integral."""
+    u, v = j / tile.width_um, k / tile.height_um
+    wave = np.exp(2j * np.pi * (u * tile.left_um + v * tile.bottom_um))
+    share: ComplexArray = (
+        direct(outline, u, v) * wave / (tile.width_um * tile.height_um)
+    )
+    return share
+
+
+def _compare(found: Spectrum, outline: Outline) -> float:
+    """Return the worst difference over low orders and random ones."""
+    J, K = found.orders
+    rng = np.random.default_rng(3)
+    j = np.concatenate([np.repeat([0, 1, 2], 20), rng.integers(0, J + 1, 150)])
+    k = np.concatenate([np.tile(np.arange(-10, 10), 3), rng.integers(-K, K + 1, 150)])
+    exact = _direct_share(outline, found.tile, j.astype(float), k.astype(float))
+    return float(np.abs(found.values[k, j] - exact).max())
+
+
+def test_spreading_meets_direct_sums_for_the_gear() -> None:
+    outline = place(gear(), 3.2, -1.7, 0.3)
+    found = spectrum(outline, TILE, 1.3)
+    # 1e-6 of the kernel x perimeter over the tile / (2 pi)
+    assert _compare(found, outline) < 1e-6 * outline.perimeter_um / 165 / (2 * np.pi)
+    assert found.values[0, 0] == pytest.approx(outline.area_um2 / (170 * 165), 1e-12)
+
+
+def test_spreading_meets_direct_sums_for_a_tiny_disc() -> None:
+    outline = disc(0.05, (1.0, 2.0))
+    assert _compare(spectrum(outline, TILE, 1.3), outline) < 1e-10
+
+
+def test_a_cut_keeps_the_low_orders() -> None:
+    outline = gear()
+    wide, narrow = spectrum(outline, TILE, 1.3), spectrum(outline, TILE, 0.2)
+    np.testing.assert_allclose(wide.cut(0.2).values, narrow.values, rtol=0, atol=1e-7)
+    assert wide.cut(2.0) is wide
+
+
+def test_a_plate_larger_than_the_tile_is_a_constant() -> None:
+    found = spectrum(rectangle(-1e4, -1e4, 1e4, 1e4), TILE, 1.0)
+    assert found.values[0, 0] == 1
+    assert np.abs(found.values).sum() == 1
+
+
+def test_what_lies_outside_the_tile_is_nothing() -> None:
+    found = spectrum(disc(10.0, (500.0, 0.0)), TILE, 1.0)
+    assert not found.values.any()
+
+
+def test_a_half_plane_has_no_variation_along_its_edge() -> None:
+    found = spectrum(rectangle(-1e4, -1e4, 1e4, 20.0), TILE, 1.0)
+    assert found.values[0, 0] == pytest.approx(105 / 165, rel=1e-12)
+    assert np.abs(found.values[:, 1:]).max() < 1e-8
+
+
+@pytest.mark.parametrize("cut", [-1.0, math.nan, math.inf])
+def test_a_band_that_cannot_be_is_refused(cut: float) -> None:
+    with pytest.raises(ValueError, match="cut_per_um"):
+        spectrum(gear(), TILE, cut)
+
+
+def test_clipping_keeps_arcs_that_lie_inside() -> None:
+    part = clip(gear(), (-60, -60, 60, 60))
+    assert len(part.arcs) == 37
+    assert part.area_um2 == pytest.approx(gear().area_um2, rel=1e-12)
+    one_side = clip(gear(), (-60, -60, 0, 60))
+    assert 10 < len(one_side.arcs) < 37
+
+
+@given(st.floats(-80, 80), st.floats(-80, 80), st.floats(0, 6.3), st.floats(-40, 40))
+@settings(deadline=None)
+def test_halves_of_a_box_add_up(x: float, y: float, turn: float, cut: float) -> None:
+    outline = place(gear(), x, y, turn)
+    left = clip(outline, (-50, -45, cut, 45)).area_um2
+    right = clip(outline, (cut, -45, 50, 45)).area_um2
+    whole = clip(outline, (-50, -45, 50, 45)).area_um2
+    # chords take at most a sagitta times the length of the arcs
+    assert left + right == pytest.approx(whole, abs=CHORD_UM * outline.perimeter_um)
+    assert -1e-9 <= left <= (cut + 50) * 90 + 1e-9
+
+
+def test_a_clipped_circle_is_a_segment_of_it() -> None:
+    part = clip(disc(10.0), (-20, -20, 20, 5))
+    cap = 100 * math.acos(0.5) - 5 * math.sqrt(75)
+    chords = CHORD_UM * 2 * math.pi * 10  # sagitta x length, and the truth is smaller
+    assert part.area_um2 == pytest.approx(math.pi * 100 - cap, abs=chords)
+    assert len(part.arcs) == 0
+
+
+def test_a_huge_finger_is_cut_to_the_box() -> None:
+    part = clip(rectangle(-30, 5, 30, 20_000), (-100, -100, 100, 100))
+    assert part.area_um2 == pytest.approx(60 * 95, rel=1e-12)
+    assert np.abs(part.segments).max() <= 100
+
+
+def test_area_of_edges_agrees_with_the_outline_and_its_polygon() -> None:
+    ring = Ring(edges=gear().rings[0].edges)
+    corners = flatten(ring, 1e-6)
+    x, y = corners.T
+    shoelace = (x * np.roll(y, -1) - y * np.roll(x, -1)).sum() / 2
+    area = to_edges(Outline(rings=(ring, circle(25.0, hole=True)))).area_um2
+    assert area == pytest.approx(gear().area_um2, rel=1e-13)
+    assert area == pytest.approx(shoelace - math.pi * 625, rel=1e-6)
