@@ -2,8 +2,62 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
+
+# every code and what it says in a few words; each has a page in docs/diagnostics/,
+# none is used again for something else
+TITLES: Mapping[str, str] = {
+    "MP001": "file cannot be read",
+    "MP002": "file is not UTF-8 text",
+    "MP003": "file is not valid YAML",
+    "MP004": "key given twice",
+    "MP005": "anchor or alias",
+    "MP006": "tag",
+    "MP007": "several documents in one file",
+    "MP008": "number is not finite",
+    "MP009": "file is too large or too deep",
+    "MP010": "path leads out of the folder",
+    "MP011": "file is empty",
+    "MP012": "key is not text",
+    "MP013": "format is newer than this microplan",
+    "MP101": "value of the wrong type",
+    "MP102": "key is missing",
+    "MP103": "number out of range",
+    "MP104": "unknown key",
+    "MP105": "value is not one of those allowed",
+    "MP106": "wrong number of entries",
+    "MP107": "text of the wrong form",
+    "MP109": "key means nothing here",
+    "MP110": "name leads nowhere",
+    "MP111": "step id given twice",
+    "MP112": "name of the wrong kind of thing",
+    "MP113": "interval runs backwards",
+    "MP115": "start pose is missing",
+    "MP116": "values contradict each other",
+    "MP117": "name stands for two things",
+    "MP118": "reading beyond the limits",
+    "MP201": "not a readable DXF file",
+    "MP202": "drawing is damaged",
+    "MP203": "entity cannot be read",
+    "MP204": "layer holds nothing",
+    "MP205": "outline is open",
+    "MP206": "block inside a block",
+    "MP207": "block scaled unevenly",
+    "MP208": "outline crosses itself",
+    "MP209": "several outlines for one part",
+    "MP210": "drawing names other units",
+    "MP211": "small gaps were closed",
+    "MP212": "more than two edges meet",
+    "MP213": "drawn twice",
+    "MP214": "entity is no plane outline",
+    "MP215": "too many entities",
+    "MP216": "drawing has an absurd size",
+    "MP221": "feature is not in the drawing",
+    "MP222": "drawing has another number of teeth",
+    "MP223": "tool drawing does not fit the tool",
+}
 
 Severity = Literal["error", "warning", "note"]
 
@@ -49,6 +103,11 @@ class Report:
         self._add("note", code, where, message, hint)
 
     @property
+    def in_order(self) -> list[Diagnostic]:
+        """Return each finding once, by file, line, column and code."""
+        return sorted(dict.fromkeys(self.found), key=_place)
+
+    @property
     def failed(self) -> bool:
         """Return whether any error was found."""
         return any(d.severity == "error" for d in self.found)
@@ -74,8 +133,17 @@ def render_text(diagnostic: Diagnostic) -> str:
     pad = " " * len(number)
     lines.append(f"{pad}--> {where.file}:{where.line}:{where.column}")
     if where.text:
-        caret = " " * (where.column - 1) + "^" * max(where.length, 1)
+        before = where.text[: where.column - 1]
+        # a tab stays a tab, so that the caret stands where the terminal puts the text
+        indent = "".join("\t" if char == "\t" else " " for char in before)
+        caret = indent + "^" * max(where.length, 1)
         lines += [f"{pad} |", f"{number} | {where.text}", f"{pad} | {caret} {d.hint}"]
     elif d.hint:
         lines.append(f"{pad} = {d.hint}")
     return "\n".join(line.rstrip() for line in lines)
+
+
+def _place(diagnostic: Diagnostic) -> tuple[str, int, int, str, str]:
+    """Return what findings are sorted by."""
+    d, where = diagnostic, diagnostic.where
+    return (where.file, where.line, where.column, d.code, d.message)

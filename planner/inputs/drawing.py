@@ -139,9 +139,7 @@ def _pieces(
         report.error("MP201", at, f"{drawing.file} is not a readable DXF file: {error}")
         return []
     troubles = [item for item in found if isinstance(item, Trouble)]
-    for trouble in troubles[:MAX_LISTED]:
-        message = f"{drawing.file}: {trouble.message}"
-        report.error(trouble.code, at, message, trouble.hint)
+    _report_troubles(drawing, troubles, at, report)
     drawn = {name.lower() for name in counts}
     for name in layers:
         if name.lower() not in drawn:
@@ -153,6 +151,18 @@ def _pieces(
         message = f"{drawing.file} has only points on {', '.join(layers)}"
         report.error("MP204", at, message)
     return [] if troubles else [item for item in found if isinstance(item, Piece)]
+
+
+def _report_troubles(
+    drawing: Drawing, troubles: Sequence[Trouble], at: Span, report: Report
+) -> None:
+    """Report what cannot be taken, one finding for all that share a reason."""
+    alike: dict[tuple[str, str, str], list[str]] = {}
+    for t in troubles:
+        alike.setdefault((t.code, t.message, t.hint), []).append(t.handle)
+    for (code, message, hint), handles in alike.items():
+        which = f" ({_handles(handles)})" if any(handles) else ""
+        report.error(code, at, f"{drawing.file}: {message}{which}", hint)
 
 
 def _rings(

@@ -30,11 +30,12 @@ class Piece:
 
 @dataclass(frozen=True, slots=True)
 class Trouble:
-    """Why an entity cannot be taken: diagnostic code, message and hint."""
+    """Why an entity cannot be taken; those that differ in `handle` alone are one."""
 
     code: str
     message: str
     hint: str
+    handle: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,8 +138,9 @@ def _insert(
     for entity in inner:
         if entity.dxftype() == "INSERT":
             if _reaches(document, entity, own, layers, set()):
-                message = f"block '{insert.dxf.name}' holds {_label(entity)} in turn"
-                yield Trouble("MP206", message, "explode the inner block")
+                message = f"block '{insert.dxf.name}' holds a block in turn"
+                hint = "explode the inner block"
+                yield Trouble("MP206", message, hint, _handle(entity))
             continue
         layer = own if entity.dxf.layer == "0" else entity.dxf.layer
         if layer.lower() in layers:
@@ -147,8 +149,9 @@ def _insert(
         return
     sx, sy = insert.dxf.get("xscale", 1.0), insert.dxf.get("yscale", 1.0)
     if not math.isclose(abs(sx), abs(sy), rel_tol=1e-9) or not sx:
-        message = f"{_label(insert)} of block '{insert.dxf.name}' is scaled {sx} x {sy}"
-        yield Trouble("MP207", message, "scale it evenly, or explode it")
+        message = f"block '{insert.dxf.name}' is inserted scaled {sx} x {sy}"
+        hint = "scale it evenly, or explode it"
+        yield Trouble("MP207", message, hint, _handle(insert))
         return
     flat = _plane(insert, world)
     if isinstance(flat, Trouble):
@@ -196,9 +199,9 @@ def _entity(entity: Any, layer: str, frame: Frame) -> Iterator[Piece | Trouble]:
     """Yield the pieces of one entity, or why it cannot be taken."""
     read = _READERS.get(entity.dxftype())
     if read is None:
-        message = f"{_label(entity)} cannot be read, layer '{layer}'"
+        message = f"{entity.dxftype()} on layer '{layer}' cannot be read"
         hint = "redraw it as " + ", ".join(sorted(_READERS)) + ", or leave it out"
-        yield Trouble("MP203", message, hint)
+        yield Trouble("MP203", message, hint, _handle(entity))
         return
     flat = frame if entity.dxftype() == "LINE" else _plane(entity, frame)
     if isinstance(flat, Trouble):
@@ -207,10 +210,10 @@ def _entity(entity: Any, layer: str, frame: Frame) -> Iterator[Piece | Trouble]:
     try:
         edges, closed = read(entity, flat)
     except (ValueError, OverflowError) as error:
-        message = f"{_label(entity)} on layer '{layer}' is no outline: {error}"
-        yield Trouble("MP214", message, "redraw or delete it")
+        message = f"{entity.dxftype()} on layer '{layer}' is no outline: {error}"
+        yield Trouble("MP214", message, "redraw or delete it", _handle(entity))
         return
-    handle = str(entity.dxf.handle)
+    handle = _handle(entity)
     kept = tuple(edge for edge in edges if edge.length_um > JOIN_UM)
     if closed and kept:
         yield Piece(kept, closed=True, layer=layer, handle=handle)
@@ -223,8 +226,8 @@ def _plane(entity: Any, frame: Frame) -> Frame | Trouble:
     """Return the frame of an entity's own plane, which may be seen from behind."""
     x, y, z = entity.dxf.get("extrusion", (0.0, 0.0, 1.0))
     if abs(x) > 1e-9 or abs(y) > 1e-9 or not z:
-        message = f"{_label(entity)} is tilted out of the drawing plane"
-        return Trouble("MP214", message, "flatten the drawing")
+        message = f"{entity.dxftype()} is tilted out of the drawing plane"
+        return Trouble("MP214", message, "flatten the drawing", _handle(entity))
     return frame if z > 0 else frame.of(Frame(-1 + 0j, mirrored=True))
 
 
@@ -281,9 +284,9 @@ def _xy(vector: Any) -> complex:
     return complex(vector[0], vector[1])
 
 
-def _label(entity: Any) -> str:
-    """Return an entity's type and handle as findings name it."""
-    return f"{entity.dxftype()} #{entity.dxf.handle}"
+def _handle(entity: Any) -> str:
+    """Return the handle by which a CAD program finds the entity."""
+    return str(entity.dxf.handle)
 
 
 _READERS = {"LINE": _line, "ARC": _arc, "CIRCLE": _circle, "LWPOLYLINE": _polyline}

@@ -35,7 +35,7 @@ def _check(
     """Report the value at `where` if it is outside the interval at `limits`."""
     value = task.source.get(*where)
     low, high = cell.source.get(*limits)
-    if not low <= value <= high:
+    if low <= high and not low <= value <= high:
         span = cell.source.value(*limits)
         message = f"{name} {value} is outside the workcell's {low} to {high}"
         hint = f"the limits stand in {span.file}:{span.line}"

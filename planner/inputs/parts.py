@@ -29,9 +29,8 @@ def read_parts(task: Checked, report: Report) -> dict[str, Part]:
             continue
         layers = names[name]["drawing"]["layers"]
         outline = read_outline(drawing, layers, report)
-        if outline is not None and task.good(*where):
-            raw = with_defaults(names[name], "task", "part")
-            part = _part(task, name, raw, drawing, outline, report)
+        if outline is not None:
+            part = _part(task, name, drawing, outline, report)
             if part is not None:
                 parts[name] = part
     return parts
@@ -50,35 +49,23 @@ def open_named(checked: Checked, *where: Key, report: Report) -> Drawing | None:
 
 
 def _part(
-    task: Checked, name: str, raw: Mapping[str, Any], drawing: Drawing,
-    outline: Outline, report: Report,
-) -> Part | None:  # fmt: skip
-    """Return the part with its origin applied, None after an error."""
-    source = task.source
-    shift = _origin(task, name, raw, outline, report)
-    if shift is None:
+    task: Checked, name: str, drawing: Drawing, outline: Outline, report: Report
+) -> Part | None:
+    """Return the part in the frame of its origin, None after an error."""
+    errors = report.failed
+    found = _features(task, name, outline, report)
+    origin = task.source.get("parts", name, "origin")
+    center = found[origin].center_um if origin in found else (0.0, 0.0)
+    outline = place(outline, -center[0], -center[1])
+    posts = _posts(task, name, drawing, center, report)
+    if errors or report.failed or not task.good("parts", name):
         return None
-    outline = place(outline, -shift[0], -shift[1])
-    found: dict[str, Feature] = {}
-    for key in sorted(raw["features"]):
-        at = source.key("parts", name, "features", key)
-        feature = _feature(key, raw["features"][key], outline, at, report)
-        if feature is not None:
-            found[key] = feature
-    posts: dict[str, Post] = {}
-    for key in sorted(raw["posts"]):
-        where = ("parts", name, "posts", key)
-        at, layer = source.key(*where), source.value(*where, "layer")
-        shape = read_outline(drawing, [raw["posts"][key]["layer"]], report, layer)
-        if shape is not None:
-            shape = place(shape, -shift[0], -shift[1])
-            posts[key] = _post(key, raw["posts"][key], shape, at)
+    found = _features(task, name, outline, Report())  # again, in the part's frame
     if "outline" not in found and "outline" not in posts:
-        center = (0.0, 0.0) if "origin" in raw else None
-        at = source.key("parts", name)
-        found["outline"] = _outline_feature("outline", {}, outline, center, at)
-    if len(found) < len(raw["features"]) or len(posts) < len(raw["posts"]):
-        return None
+        about = None if origin is None else (0.0, 0.0)
+        at = task.source.key("parts", name)
+        found["outline"] = _outline_feature("outline", {}, outline, about, at)
+    raw = with_defaults(task.source.get("parts", name), "task", "part")
     return Part(
         name=name,
         outline=outline,
@@ -90,24 +77,39 @@ def _part(
         features=found,
         posts=posts,
         chord_um=0.0,  # curves that would need a polygon are refused
-        where=source.key("parts", name),
+        where=task.source.key("parts", name),
     )
 
 
-def _origin(
-    task: Checked, name: str, raw: Mapping[str, Any], outline: Outline, report: Report
-) -> Point | None:
-    """Return the drawing's point that is the part's origin."""
-    origin = raw.get("origin")
-    if origin is None:
-        return (0.0, 0.0)
-    if origin not in raw["features"]:
-        return None  # reported with the other references
-    at = task.source.key("parts", name, "features", origin)
-    quiet = Report()  # the same feature is read, and reported, in the part's frame
-    feature = _feature(origin, raw["features"][origin], outline, at, quiet)
-    report.found.extend(quiet.found)
-    return None if feature is None else feature.center_um
+def _features(
+    task: Checked, name: str, outline: Outline, report: Report
+) -> dict[str, Feature]:
+    """Return the declared features that the outline has, by name."""
+    found: dict[str, Feature] = {}
+    for key, raw in sorted(task.source.mapping("parts", name, "features").items()):
+        where = ("parts", name, "features", key)
+        if task.good(*where):
+            at = task.source.key(*where)
+            feature = _feature(key, raw, outline, at, report)
+            if feature is not None:
+                found[key] = feature
+    return found
+
+
+def _posts(
+    task: Checked, name: str, drawing: Drawing, origin: Point, report: Report
+) -> dict[str, Post]:
+    """Return the posts that can be read, by name, in the part's frame."""
+    posts: dict[str, Post] = {}
+    for key, raw in sorted(task.source.mapping("parts", name, "posts").items()):
+        where = ("parts", name, "posts", key)
+        if task.good(*where):
+            layer = task.source.value(*where, "layer")
+            shape = read_outline(drawing, [raw["layer"]], report, layer)
+            if shape is not None:
+                shape = place(shape, -origin[0], -origin[1])
+                posts[key] = _post(key, raw, shape, task.source.key(*where))
+    return posts
 
 
 def _feature(
@@ -198,6 +200,6 @@ def _post(name: str, raw: Mapping[str, Any], shape: Outline, at: Span) -> Post:
     return Post(
         name=name, outline=shape, height_um=float(raw["height_um"]),
         reflectance=float(raw["reflectance"]),
-        profile_tolerance_um=float(raw["profile_tolerance_um"]),
+        profile_tolerance_um=float(raw.get("profile_tolerance_um", 0.0)),
         center_um=center, radius_um=radius_um, where=at,
     )  # fmt: skip

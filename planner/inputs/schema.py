@@ -51,6 +51,12 @@ class _Finding:
     message: str
     hint: str
     on_key: bool
+    missing: Where = ()  # the key that is not there, below `where`
+
+    @property
+    def fault(self) -> Where:
+        """Return the node at fault; what stands beside a missing key is not."""
+        return (*self.where, *self.missing)
 
 
 def check(source: Source, name: str, version_key: str, report: Report) -> Checked:
@@ -74,13 +80,13 @@ def check(source: Source, name: str, version_key: str, report: Report) -> Checke
     found: dict[tuple[Where, str], _Finding] = {}
     for finding in _findings(errors):
         found.setdefault((finding.where, finding.message), finding)
-    unknown = {f.where for f in found.values() if f.code == "MP104"}
+    unknown = {f.where: f.hint for f in found.values() if f.code == "MP104"}
     for f in found.values():
-        if f.code == "MP109" and f.where in unknown:
-            continue  # a key that no verb knows was reported as unknown
+        if _follows(f, unknown):
+            continue
         span = source.key(*f.where) if f.on_key else source.value(*f.where)
         report.error(f.code, span, f.message, f.hint)
-    return Checked(source, frozenset(f.where for f in found.values()))
+    return Checked(source, frozenset(f.fault for f in found.values()))
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
@@ -111,6 +117,16 @@ def show(value: object) -> str:
         return "keys with values"
     text = f"'{value}'" if isinstance(value, str) else f"{value}"
     return text if len(text) <= 40 else text[:36] + "...'"
+
+
+def _follows(finding: _Finding, unknown: Mapping[Where, str]) -> bool:
+    """Return whether a finding only repeats that a key is unknown."""
+    if finding.code == "MP109":
+        return finding.where in unknown  # no verb knows it either
+    if finding.code == "MP102":  # it is there, misspelt
+        hints = [hint for where, hint in unknown.items() if where[:-1] == finding.where]
+        return f"did you mean '{finding.missing[0]}'?" in hints
+    return False
 
 
 @cache
@@ -162,10 +178,9 @@ def _missing(error: ValidationError, where: Where, at: str) -> Iterator[_Finding
         if key not in value:
             verb = value.get("do")
             reader = f" ({verb})" if isinstance(verb, str) else ""
-            yield _Finding(
-                "MP102", where, f"key '{key}' is missing in {at}{reader}",
-                f"add '{key}'", on_key=True,
-            )  # fmt: skip
+            message = f"key '{key}' is missing in {at}{reader}"
+            hint = f"add '{key}'"
+            yield _Finding("MP102", where, message, hint, on_key=True, missing=(key,))
 
 
 def _wrong_key(error: ValidationError, where: Where, at: str) -> _Finding:

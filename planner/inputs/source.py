@@ -208,10 +208,19 @@ class _Builder:
         self._refuse_odd(event, span, where)
         self.values[where] = span
         if isinstance(event, events.MappingStartEvent):
-            return self._mapping(stream, where)
+            data, end = self._mapping(stream, where)
+            self._widen(where, event, end)
+            return data
         if isinstance(event, events.SequenceStartEvent):
-            return self._sequence(stream, where)
+            items, end = self._sequence(stream, where)
+            self._widen(where, event, end)
+            return items
         return self._scalar(event, span)
+
+    def _widen(self, where: Where, start: Any, end: Any) -> None:
+        """Let the span of a list or mapping in brackets reach the closing one."""
+        if start.flow_style:
+            self.values[where] = self.at(start.start_mark, end.end_mark)
 
     def _refuse_odd(self, event: Any, span: Span, where: Where) -> None:
         """Refuse anchors, aliases, tags, and files that are too deep or too long."""
@@ -232,7 +241,10 @@ class _Builder:
                 "MP006", span, f"tag '{event.tag}' is not allowed", "remove it"
             )
 
-    def _mapping(self, stream: Iterator[Any], where: Where) -> dict[str, Any]:
+    def _mapping(
+        self, stream: Iterator[Any], where: Where
+    ) -> tuple[dict[str, Any], Any]:
+        """Return the data up to the end of the mapping, and the event of that end."""
         data: dict[str, Any] = {}
         for event in stream:
             if isinstance(event, events.MappingEndEvent):
@@ -253,15 +265,16 @@ class _Builder:
                 continue
             self.keys[inner] = span
             data[key] = self.node(next(stream), stream, inner)
-        return data
+        return data, event
 
-    def _sequence(self, stream: Iterator[Any], where: Where) -> list[Any]:
+    def _sequence(self, stream: Iterator[Any], where: Where) -> tuple[list[Any], Any]:
+        """Return the data up to the end of the list, and the event of that end."""
         data: list[Any] = []
         for event in stream:
             if isinstance(event, events.SequenceEndEvent):
                 break
             data.append(self.node(event, stream, (*where, len(data))))
-        return data
+        return data, event
 
     def _scalar(self, event: Any, span: Span) -> str | float | bool | None:
         """Return a scalar by YAML 1.2 core; report numbers that are not finite."""
