@@ -1,0 +1,68 @@
+"""The plan's routines, loaded with the arrays that `measure` needs."""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from executor.errors import ExecutorError
+from featuresel.routines import Artifact, load
+from schemas.plan import Plan, RoutineUse
+
+Stages = Sequence[tuple[str, Artifact]]
+
+
+class Artifacts:
+    """Chains ready for `featuresel.routines.chain.measure_chain`."""
+
+    def __init__(self, found: Mapping[tuple[str, str | None], Artifact]) -> None:
+        self._found = dict(found)
+
+    @classmethod
+    def from_folder(cls, plan: Plan, folder: Path) -> Artifacts:
+        """Read what `plan` names under `folder` and check the routines' versions.
+
+        Raises
+        ------
+        ExecutorError
+            MP803 if a file is missing or damaged; MP810 if a routine's version differs.
+        """
+        found: dict[tuple[str, str | None], Artifact] = {}
+        for step in plan.steps:
+            for look in step.looks:
+                for use in (*look.measure.chain, *look.measure.fallback):
+                    _check_version(use)
+                    found[look.id, use.arrays or use.id] = _read(use, folder)
+        return cls(found)
+
+    def stages(self, look_id: str, uses: Sequence[RoutineUse]) -> Stages:
+        """Return the routines of one chain of a look, coarse to fine."""
+        return [(use.id, self._found[look_id, use.arrays or use.id]) for use in uses]
+
+
+def _check_version(use: RoutineUse) -> None:
+    """Refuse a routine that is not the one the plan was measured with."""
+    installed = load(use.id).VERSION
+    if installed != use.version:
+        raise ExecutorError(
+            "MP810",
+            f"routine {use.id} is version {installed}, the plan needs {use.version}",
+        )
+
+
+def _read(use: RoutineUse, folder: Path) -> Artifact:
+    """Return one routine's numbers and arrays."""
+    if use.arrays is None:
+        return Artifact(parameters=use.parameters)
+    path = folder / use.arrays
+    if not path.resolve().is_relative_to(folder.resolve()):
+        raise ExecutorError("MP803", f"{use.arrays} leaves the plan folder")
+    try:
+        with np.load(path, allow_pickle=False) as data:
+            arrays = {name: np.asarray(data[name]) for name in data.files}
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
+        raise ExecutorError("MP803", f"{use.arrays}: {error}") from error
+    return Artifact(parameters=use.parameters, arrays=arrays)

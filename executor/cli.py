@@ -1,0 +1,270 @@
+"""The command microplan-run: read a plan, run it on a station, say how it went."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import shutil
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from executor.artifacts import Artifacts
+from executor.beliefs import Beliefs
+from executor.errors import BUG, CODES, DONE, ExecutorError
+from executor.frames import Frames
+from executor.journal import Journal
+from executor.rig import Rig
+from executor.run import RunResult, run_plan
+from executor.station import Station, preflight
+from executor.summary import summary_json, table
+from schemas.codec import CodecError, from_data, to_data
+from schemas.plan import Plan, VerifyAction, parse_plan
+from schemas.world import World
+
+if TYPE_CHECKING:
+    from executor.simulated.cell import Cell, Verdict
+
+FAULTS = ("stick", "block", "mirror_camera", "no_part")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Call:
+    """What was asked for on the command line."""
+
+    plan_file: Path
+    seed: int
+    mode: str
+    run_dir: Path | None
+    frames: bool
+    faults: tuple[str, ...]
+
+    @property
+    def folder(self) -> Path:
+        """Return the plan folder."""
+        return self.plan_file.parent
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Return the exit status: 0 done, 1 no, 2 input, 3 machine, 4 stopped, 70 a bug."""
+    try:
+        call = _parse(argv)
+    except SystemExit as leaving:  # argparse: 0 after --help, 2 for a wrong call
+        return int(leaving.code or 0)
+    try:
+        return _run(call)
+    except ExecutorError as error:
+        _tell(error, call.plan_file)
+        return error.exit_status
+    except KeyboardInterrupt:
+        stopped = ExecutorError("MP860", "stopped before the run began")
+        _tell(stopped, call.plan_file)
+        return stopped.exit_status
+    except Exception as error:  # the one place that catches everything
+        print(f"bug in microplan: {type(error).__name__}: {error}", file=sys.stderr)
+        return BUG
+
+
+def _parse(argv: Sequence[str] | None) -> _Call:
+    """Read the command line."""
+    parser = argparse.ArgumentParser(
+        prog="microplan-run",
+        description="Run an augmented plan on a station.",
+        epilog="Exit status: 0 done, 1 the answer is no, 2 input or call at fault, "
+        "3 machine trouble, 4 stopped, 70 a bug.",
+    )
+    parser.add_argument("plan", type=Path, help="plan.json, or the folder it is in")
+    parser.add_argument(
+        "--station", required=True, choices=["sim"], help="simulated cell"
+    )
+    parser.add_argument("--seed", type=_seed, default=0, help="of the simulated cell")
+    parser.add_argument(
+        "--mode",
+        choices=["run", "check", "dry-run"],
+        default="run",
+        help="check: read and compare only; dry-run: list what would be done",
+    )
+    parser.add_argument("--run-dir", type=Path, help="default: <plan name>.run beside")
+    parser.add_argument("--no-frames", action="store_true", help="keep no images")
+    parser.add_argument(
+        "--inject",
+        action="append",
+        choices=FAULTS,
+        default=[],
+        help="a simulated fault",
+    )
+    found = parser.parse_args(argv)
+    return _Call(
+        plan_file=found.plan / "plan.json" if found.plan.is_dir() else found.plan,
+        seed=found.seed,
+        mode=found.mode,
+        run_dir=found.run_dir,
+        frames=not found.no_frames,
+        faults=tuple(found.inject),
+    )
+
+
+def _seed(text: str) -> int:
+    """Return a seed, a whole number from 0 on."""
+    value = int(text)
+    if value < 0:
+        raise ValueError("a seed is not negative")
+    return value
+
+
+def _run(call: _Call) -> int:
+    """Do what was asked; errors are the caller's to report."""
+    plan = _read_plan(call.plan_file)
+    cell = _simulated(call)
+    preflight(plan, cell.station)
+    artifacts = Artifacts.from_folder(plan, call.folder)
+    if call.mode == "check":
+        print(f"{plan.name}: {len(plan.steps)} steps fit the station")
+        return DONE
+    if call.mode == "dry-run":
+        print("\n".join(_listing(plan)))
+        return DONE
+    return _perform(call, plan, cell, artifacts)
+
+
+def _perform(call: _Call, plan: Plan, cell: Cell, artifacts: Artifacts) -> int:
+    """Run the plan, write the run folder and print the outcome."""
+    folder = _run_folder(call, plan)
+    with (folder / "events.jsonl").open("w", encoding="utf-8", newline="\n") as stream:
+        rig = Rig(
+            plan=plan,
+            station=cell.station,
+            beliefs=Beliefs(plan.beliefs, plan.features),
+            artifacts=artifacts,
+            journal=Journal(stream, cell.station.clock),
+            frames=Frames(folder / "frames" if call.frames else None),
+        )
+        try:
+            result = run_plan(rig)
+        except KeyboardInterrupt:
+            _stop(cell.station)
+            rig.journal.write("stopped")
+            raise ExecutorError("MP860", "stopped; nothing moves any more") from None
+    verdict = _verdict(plan, cell)
+    _write_summary(folder, call, plan, result, verdict)
+    return _report(call, plan, result, verdict, folder)
+
+
+def _report(
+    call: _Call, plan: Plan, result: RunResult, verdict: Verdict | None, folder: Path
+) -> int:
+    """Print table, findings and verdicts; return the exit status."""
+    print(table(result))
+    print(f"run folder: {folder}")
+    if verdict is not None:
+        truly = "seated" if verdict.success else "not seated"
+        print(
+            f"the cell's own verdict: {truly}, offset {verdict.offset_um:.3g} um, "
+            f"height {verdict.height_um:.3g} um"
+            + (f", {verdict.collided}" if verdict.collided else "")
+            + (", still held" if verdict.held else "")
+        )
+    if result.code is None:
+        print(f"{plan.name}: done in {result.time_s:.1f} s")
+        return DONE
+    where = f"step {result.step}: " if result.step else ""
+    _tell(ExecutorError(result.code, where + result.message), call.plan_file)
+    print(f"{plan.name}: failed")
+    return CODES[result.code][1]
+
+
+def _write_summary(
+    folder: Path, call: _Call, plan: Plan, result: RunResult, verdict: Verdict | None
+) -> None:
+    """Write summary.json and the table."""
+    extra: dict[str, Any] = {
+        "station": "sim",
+        "seed": call.seed,
+        "faults": list(call.faults),
+        "cell_verdict": None if verdict is None else to_data(verdict),
+    }
+    text = summary_json(plan, result, extra)
+    (folder / "summary.json").write_text(text, encoding="utf-8")
+    (folder / "summary.txt").write_text(table(result) + "\n", encoding="utf-8")
+
+
+def _verdict(plan: Plan, cell: Cell) -> Verdict | None:
+    """Return what truly became of what the last verify step is about."""
+    checks = [s.action for s in plan.steps if isinstance(s.action, VerifyAction)]
+    if not checks or checks[-1].target.partition(".")[0] not in cell.truth.bodies:
+        return None
+    return cell.judge(checks[-1].target, checks[-1].on)
+
+
+def _read_plan(path: Path) -> Plan:
+    """Return the plan, or raise MP802."""
+    try:
+        return parse_plan(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, CodecError) as error:
+        raise ExecutorError("MP802", str(error)) from error
+
+
+def _simulated(call: _Call) -> Cell:
+    """Return the simulated cell of the plan's world."""
+    from executor.simulated.cell import build_cell  # optics only for the simulated cell
+
+    path = call.folder / "world.json"
+    try:
+        world = from_data(World, json.loads(path.read_text(encoding="utf-8")))
+        return build_cell(world, call.seed, frozenset(call.faults))  # type: ignore[arg-type]  # argparse checked them
+    except (OSError, ValueError, RecursionError) as error:
+        raise ExecutorError("MP803", f"{path}: {error}") from error
+
+
+def _run_folder(call: _Call, plan: Plan) -> Path:
+    """Return an empty run folder; one that holds something else is not touched."""
+    folder = call.run_dir or call.folder.parent / f"{plan.name}.run"
+    try:
+        if folder.exists():
+            if any(folder.iterdir()) and not (folder / "events.jsonl").is_file():
+                raise ExecutorError("MP804", f"{folder} exists and is no run folder")
+            shutil.rmtree(folder)
+        folder.mkdir(parents=True)
+    except OSError as error:
+        raise ExecutorError("MP804", f"{folder}: {error}") from error
+    return folder
+
+
+def _listing(plan: Plan) -> list[str]:
+    """Return one line for every move, look and action of the plan."""
+    lines = []
+    for step in plan.steps:
+        lines.append(f"{step.id}: {step.verb}")
+        lines += [f"  move {_targets(to_data(move))}" for move in step.moves]
+        lines += [
+            f"  look at {look.target} at {look.view.magnification:g} x, focus "
+            f"{look.view.focus_um:g} um: {', '.join(u.id for u in look.measure.chain)}"
+            for look in step.looks
+        ]
+    return lines
+
+
+def _targets(move: dict[str, Any]) -> str:
+    """Return the axes a move names, with their values."""
+    axes = move.pop("axes")
+    return " ".join(f"{axes}.{k}={v:g}" for k, v in move.items() if v is not None)
+
+
+def _stop(station: Station) -> None:
+    """Stop every axis."""
+    station.stage.stop()
+    if station.robot is not None:
+        station.robot.stop()
+
+
+def _tell(error: ExecutorError, plan_file: Path) -> None:
+    """Print a finding."""
+    print(f"error[{error.code}]: {error.message}", file=sys.stderr)
+    print(f"  --> {plan_file}", file=sys.stderr)
+    print(f"   = {CODES[error.code][0]}", file=sys.stderr)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,66 @@
+"""What can go wrong while a plan runs, each with its code and exit status."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+DONE, FAILED, BAD_INPUT, MACHINE, STOPPED, BUG = 0, 1, 2, 3, 4, 70
+
+# code -> (title, exit status); each has a page in docs/diagnostics/, never reused
+CODES: Mapping[str, tuple[str, int]] = {
+    "MP801": ("the plan is infeasible", FAILED),
+    "MP802": ("the plan cannot be read", BAD_INPUT),
+    "MP803": ("a file of the plan folder is missing or damaged", BAD_INPUT),
+    "MP804": ("the plan's run cannot be set up as asked", BAD_INPUT),
+    "MP805": ("the camera is not the one the plan needs", MACHINE),
+    "MP806": ("the microscope does not reach what the plan needs", MACHINE),
+    "MP807": ("the jaws do not reach what the plan needs", MACHINE),
+    "MP808": ("the axes do not reach what the plan needs", MACHINE),
+    "MP809": ("the stage turns about another point", MACHINE),
+    "MP810": ("the plan needs a routine that is not installed", MACHINE),
+    "MP811": ("the station is not at the plan's start", MACHINE),
+    "MP820": ("a target was not found", FAILED),
+    "MP821": ("a measurement scored too low", FAILED),
+    "MP822": ("a target was found too far from where it was expected", FAILED),
+    "MP823": ("a target was found turned too far", FAILED),
+    "MP824": ("an angle is needed and was not measured", FAILED),
+    "MP830": ("the alignment did not reach its tolerance", FAILED),
+    "MP831": ("the alignment diverged", MACHINE),
+    "MP832": ("a correction was larger than allowed", MACHINE),
+    "MP840": ("an axis was sent beyond its limits", MACHINE),
+    "MP841": ("a device failed", MACHINE),
+    "MP850": ("verify: nothing was found where the part should sit", FAILED),
+    "MP851": ("verify: the part is off its seat", FAILED),
+    "MP852": ("verify: the part is at the wrong height", FAILED),
+    "MP853": ("verify: the height could not be measured", FAILED),
+    "MP854": ("verify: the tool may still hold something", FAILED),
+    "MP855": ("the plan acts but never verifies", FAILED),
+    "MP860": ("the operator stopped the run", STOPPED),
+}
+
+
+class ExecutorError(Exception):
+    """A run, or its start, that cannot go on.
+
+    Parameters
+    ----------
+    code : str
+        A key of `CODES`.
+    message : str
+        The value, the limit, the unit and the place.
+    cause : str
+        A routine's own failure code, "" if there is none.
+    """
+
+    def __init__(self, code: str, message: str, *, cause: str = "") -> None:
+        if code not in CODES:
+            raise ValueError(f"unknown code {code!r}")
+        super().__init__(message)
+        self.code = code
+        self.message = message
+        self.cause = cause
+
+    @property
+    def exit_status(self) -> int:
+        """Return the exit status that goes with the code."""
+        return CODES[self.code][1]

@@ -1,0 +1,36 @@
+"""The run's log: one JSON object a line, in order, intent before and done after."""
+
+from __future__ import annotations
+
+import json
+from typing import Any, TextIO
+
+from executor.drivers import Clock
+from schemas.codec import to_data
+
+
+class Journal:
+    """Writes numbered events to a stream as they happen."""
+
+    def __init__(self, stream: TextIO, clock: Clock) -> None:
+        self._stream = stream
+        self._clock = clock
+        self._seq = 0
+        self._step = ""
+
+    def enter(self, step: str) -> None:
+        """Name the step that the events to come belong to."""
+        self._step = step
+
+    def write(self, event: str, **details: Any) -> None:
+        """Append one event; `details` are JSON data or frozen dataclasses."""
+        self._seq += 1
+        line = {
+            "seq": self._seq,
+            "t_s": round(self._clock.now_s(), 6),
+            "step": self._step,
+            "event": event,
+            **{name: to_data(value) for name, value in details.items()},
+        }
+        self._stream.write(json.dumps(line, ensure_ascii=False) + "\n")
+        self._stream.flush()  # a crash must not take the last intent with it

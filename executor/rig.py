@@ -1,0 +1,105 @@
+"""Plan, devices, beliefs and log, held together while a plan runs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from executor.artifacts import Artifacts
+from executor.beliefs import Beliefs, Readings
+from executor.drivers import Counts
+from executor.errors import ExecutorError
+from executor.frames import Frames
+from executor.journal import Journal
+from executor.station import Station
+from featuresel.routines.frame import RegionFrame
+from schemas.plan import AxisMove, Look, Plan, Region, View
+
+
+@dataclass(slots=True, kw_only=True)
+class Rig:
+    """What every phase of a run works on; `view` is what the lens is set to."""
+
+    plan: Plan
+    station: Station
+    beliefs: Beliefs
+    artifacts: Artifacts
+    journal: Journal
+    frames: Frames
+    view: View | None = None
+
+    def readings(self) -> Readings:
+        """Return where the axes are now."""
+        robot = self.station.robot
+        return Readings(
+            stage=self.station.stage.reading(),
+            robot=None if robot is None else robot.reading(),
+            theta_axis_um=self.plan.requirements.theta_axis_um,
+        )
+
+    def move(self, move: AxisMove) -> None:
+        """Move one axis group and note it."""
+        self.journal.write("move", to=move)
+        self.station.axes(move.axes).move(
+            x_um=move.x_um,
+            y_um=move.y_um,
+            z_um=move.z_um,
+            theta_rad=move.theta_rad,
+            speed_um_per_s=move.speed_um_per_s,
+        )
+        self.journal.write("moved", axes=move.axes)
+
+    def grip(self, opening_um: float) -> None:
+        """Move the jaws and note it."""
+        self.journal.write("jaws", opening_um=opening_um)
+        self.station.jaws().move(opening_um)
+        self.journal.write("jaws_moved", reading_um=self.station.jaws().reading())
+
+    def set_view(self, view: View, *, focus_um: float | None = None) -> None:
+        """Set zoom, focus and light, each only if it changes."""
+        focus = view.focus_um if focus_um is None else focus_um
+        old, lens = self.view, self.station.lens
+        if old is None or old.magnification != view.magnification:
+            self.journal.write("zoom", magnification=view.magnification)
+            lens.set_magnification(view.magnification)
+        if old is None or old.focus_um != focus:
+            self.journal.write("focus", focus_um=focus)
+            lens.set_focus_um(focus)
+        if old is None or old.light != view.light:
+            self.station.light.set_level(view.light)
+        self.view = View(
+            magnification=view.magnification,
+            focus_um=focus,
+            light=view.light,
+            field_um=view.field_um,
+            um_per_px=view.um_per_px,
+        )
+
+    def grab(self, region: Region | None) -> Counts:
+        """Return a frame of `region`, and keep it for the record.
+
+        Raises
+        ------
+        ExecutorError
+            MP841 if the camera returns another size.
+        """
+        counts = self.station.camera.grab(region)
+        need = self.plan.requirements
+        size = (need.height_px, need.width_px)
+        wanted = size if region is None else (region.rows, region.columns)
+        if counts.shape != wanted:
+            raise ExecutorError(
+                "MP841", f"the camera gave {counts.shape} pixels, not {wanted}"
+            )
+        self.frames.keep(counts)
+        return counts
+
+    def frame_of(self, look: Look) -> RegionFrame:
+        """Return the map between a look's region and the world."""
+        need, region = self.plan.requirements, look.measure.region
+        return RegionFrame(
+            width_px=need.width_px,
+            height_px=need.height_px,
+            um_per_px=look.view.um_per_px,
+            row=region.row,
+            column=region.column,
+        )

@@ -1,0 +1,206 @@
+"""Run a plan: for every step its moves, then its action, until done or a fault."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from executor.errors import ExecutorError
+from executor.look import look_at
+from executor.rig import Rig
+from executor.servo import align
+from executor.verify import verify
+from schemas.plan import (
+    AlignAction,
+    GraspAction,
+    InsertAction,
+    LocateAction,
+    Look,
+    Plan,
+    ReleaseAction,
+    Step,
+    VerifyAction,
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StepResult:
+    """What one step did; None where it does not apply."""
+
+    id: str
+    verb: str
+    code: str | None  # why it failed; None: done
+    message: str
+    time_s: float
+    expected_s: float | None
+    corrections: int | None
+    expected_corrections: float | None
+    error_um: float | None  # align: last error; verify: offset
+    limit_um: float | None
+    spread_um: float | None  # the routine's own sigma
+    expected_sigma_um: float | None  # from the trials
+    height_um: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunResult:
+    """How the run ended; `code` is None if everything was done and verified."""
+
+    code: str | None
+    message: str
+    step: str | None  # where it failed
+    steps: tuple[StepResult, ...]
+    time_s: float
+
+    @property
+    def done(self) -> bool:
+        """Return whether the executor vouches for the result."""
+        return self.code is None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Outcome:
+    """Figures of a step's action."""
+
+    corrections: int | None = None
+    error_um: float | None = None
+    spread_um: float | None = None
+    height_um: float | None = None
+
+
+def run_plan(rig: Rig) -> RunResult:
+    """Run every step of the rig's plan; a fault ends the run where it is.
+
+    After a fault nothing moves any more: the jaws keep what they hold.
+    """
+    began_s = rig.station.clock.now_s()
+    results: list[StepResult] = []
+    rig.journal.write("run", plan=rig.plan.name, steps=len(rig.plan.steps))
+    for number, step in enumerate(rig.plan.steps, start=1):
+        rig.journal.enter(step.id)
+        rig.frames.enter(number, step.id)
+        result = _run_step(rig, step)
+        results.append(result)
+        if result.code is not None:
+            break
+    rig.frames.leave()
+    rig.journal.enter("")
+    ended = _result(rig, results, rig.station.clock.now_s() - began_s)
+    rig.journal.write("end", code=ended.code, why=ended.message)
+    return ended
+
+
+def _result(rig: Rig, results: list[StepResult], time_s: float) -> RunResult:
+    """Sum up; a plan that acts and never verifies is not vouched for."""
+    last = results[-1] if results else None
+    code, message, step = None, "", None
+    if last is not None and last.code is not None:
+        code, message, step = last.code, last.message, last.id
+    elif acts_unverified(rig.plan):
+        code, message = "MP855", "no verify step follows the last insert or release"
+    return RunResult(
+        code=code, message=message, step=step, steps=tuple(results), time_s=time_s
+    )
+
+
+def acts_unverified(plan: Plan) -> bool:
+    """Return whether the last grasp, insert or release has no verify after it."""
+    verbs = [s.action.kind for s in plan.steps]
+    acts = [i for i, v in enumerate(verbs) if v in ("grasp", "insert", "release")]
+    return bool(acts) and "verify" not in verbs[acts[-1] :]
+
+
+def _run_step(rig: Rig, step: Step) -> StepResult:
+    """Run one step and say how it went."""
+    began_s = rig.station.clock.now_s()
+    rig.journal.write("begin", verb=step.verb, key=step.key)
+    outcome, code, message = _Outcome(), None, ""
+    try:
+        _keep_frame(rig, step)
+        for move in step.moves:
+            rig.move(move)
+        outcome = _act(rig, step)
+        _keep_frame(rig, step)
+    except ExecutorError as error:
+        code, message = error.code, error.message
+        rig.journal.write("failed", code=code, why=message)
+    else:
+        rig.journal.write("done")
+    return _step_result(
+        step, outcome, code, message, rig.station.clock.now_s() - began_s
+    )
+
+
+def _keep_frame(rig: Rig, step: Step) -> None:
+    """Take a frame for the record where a step looks at nothing itself."""
+    if rig.frames.wanted and rig.view is not None and not step.looks:
+        rig.grab(None)
+
+
+def _act(rig: Rig, step: Step) -> _Outcome:
+    """Perform the step's own action."""
+    action = step.action
+    match action:
+        case LocateAction():
+            seen = look_at(rig, _look(step, action.look), step.conditions.on_failure)
+            return _Outcome(spread_um=seen.spread_um)
+        case AlignAction():
+            return _align(rig, step, action)
+        case GraspAction():
+            rig.grip(action.opening_um)
+            rig.beliefs.grasp(action.target, action.tool, rig.readings())
+        case InsertAction():
+            for move in action.moves:
+                rig.move(move)
+        case ReleaseAction():
+            rig.grip(action.opening_um)
+            rig.beliefs.release(action.target, rig.readings())
+        case VerifyAction():
+            found = verify(rig, action, step.looks, step.conditions.on_failure)
+            return _Outcome(error_um=found.offset_um, height_um=found.height_um)
+    return _Outcome()
+
+
+def _align(rig: Rig, step: Step, action: AlignAction) -> _Outcome:
+    """Align as the step's control says."""
+    if step.control is None:
+        raise ExecutorError("MP802", f"step {step.id} aligns without a control")
+    look = _look(step, action.look)
+    ended = align(rig, action, look, step.control, step.conditions.on_failure)
+    return _Outcome(
+        corrections=ended.corrections,
+        error_um=ended.error_um,
+        spread_um=ended.spread_um,
+    )
+
+
+def _look(step: Step, look_id: str) -> Look:
+    """Return the look called `look_id`; MP802 if the step has none."""
+    for look in step.looks:
+        if look.id == look_id:
+            return look
+    raise ExecutorError("MP802", f"step {step.id} names no look {look_id!r}")
+
+
+def _step_result(
+    step: Step, outcome: _Outcome, code: str | None, message: str, time_s: float
+) -> StepResult:
+    """Set what happened beside what was predicted."""
+    control, action = step.control, step.action
+    limit_um = None if control is None else control.tolerance_xy_um
+    if isinstance(action, VerifyAction):
+        limit_um = action.within_um
+    return StepResult(
+        id=step.id,
+        verb=step.verb,
+        code=code,
+        message=message,
+        time_s=time_s,
+        expected_s=None if control is None else control.expected_s,
+        corrections=outcome.corrections,
+        expected_corrections=None if control is None else control.expected_cycles,
+        error_um=outcome.error_um,
+        limit_um=limit_um,
+        spread_um=outcome.spread_um,
+        expected_sigma_um=step.looks[0].measure.sigma_xy_um if step.looks else None,
+        height_um=outcome.height_um,
+    )

@@ -1,0 +1,172 @@
+"""Alignment: move, look, correct, until the target is where it should be."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from executor.beliefs import Readings
+from executor.errors import ExecutorError
+from executor.look import look_at
+from executor.rig import Rig
+from schemas.plan import AlignAction, AxesName, AxisMove, Control, Look, OnFailure
+from schemas.pose import Pose
+
+# A tolerance below .6 move sigmas is refused by the compiler, so sigma <= t / .6; after
+# a correction an error beyond 4 sigma has a chance of 3e-4 (Rayleigh) if all is well.
+NOISE_PER_TOLERANCE = 4 / 0.6
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Aligned:
+    """How an alignment ended."""
+
+    corrections: int
+    error_um: float  # |goal - measured| of the last look
+    spread_um: float  # the routine's own sigma at the last look
+
+
+def align(
+    rig: Rig,
+    action: AlignAction,
+    look: Look,
+    control: Control,
+    on_failure: Sequence[OnFailure] = (),
+) -> Aligned:
+    """Bring the target to its goal and stop inside the tolerance.
+
+    The first approach goes by beliefs along `action.path`; every correction moves by
+    gain times the measured error. Nothing moves once the raw error is inside the
+    tolerance: correcting for ever is noisier. `look_then_move` corrects once, fully,
+    without another look.
+
+    Raises
+    ------
+    ExecutorError
+        MP830 after `max_cycles` corrections, MP831 if the error grows beyond what
+        noise explains, MP832 if a correction is too large; codes of `look_at`.
+    """
+    approach(rig, action, control)
+    errors_um: list[float] = []
+    while True:
+        seen = look_at(rig, look, on_failure)
+        if control.tolerance_theta_rad is not None and seen.theta_rad is None:
+            raise ExecutorError("MP824", f"look {look.id} gives no angle")
+        error_um, turn_rad = _error(rig, action)
+        errors_um.append(error_um)
+        done = Aligned(
+            corrections=len(errors_um) - 1, error_um=error_um, spread_um=seen.spread_um
+        )
+        rig.journal.write("error", error_um=error_um, turn_rad=turn_rad)
+        if _inside(error_um, turn_rad, control):
+            return done
+        _check(errors_um, control, action)
+        servo = control.method == "servo"
+        rig.move(correction(rig, action, control, control.gain if servo else 1.0))
+        if not servo:
+            return Aligned(corrections=1, error_um=error_um, spread_um=seen.spread_um)
+
+
+def approach(rig: Rig, action: AlignAction, control: Control) -> None:
+    """Go where the beliefs say, one entry of the path after the other."""
+    final = correction(rig, action, control, 1.0)
+    for number, axes in enumerate(action.path):
+        rig.move(
+            AxisMove(
+                axes=action.axes,
+                x_um=final.x_um if "x" in axes else None,
+                y_um=final.y_um if "y" in axes else None,
+                theta_rad=final.theta_rad if number == 0 else None,
+            )
+        )
+
+
+def correction(
+    rig: Rig, action: AlignAction, control: Control, gain: float
+) -> AxisMove:
+    """Return the readings that take the target `gain` of the way to its goal.
+
+    A turn about the axis is made up for in x and y by the same move.
+    """
+    readings = rig.readings()
+    here = rig.beliefs.world(action.target, readings)
+    goal = rig.beliefs.world(action.to, readings)
+    turn_rad = 0.0
+    if control.tolerance_theta_rad is not None:
+        turn_rad = gain * math.remainder(goal.theta_rad - here.theta_rad, 2 * math.pi)
+    wanted = (
+        here.x_um + gain * (goal.x_um - here.x_um),
+        here.y_um + gain * (goal.y_um - here.y_um),
+    )
+    return _readings_for(action.axes, readings, here, wanted, turn_rad)
+
+
+def _readings_for(
+    axes: AxesName,
+    readings: Readings,
+    here: Pose,
+    wanted_um: tuple[float, float],
+    turn_rad: float,
+) -> AxisMove:
+    """Return the absolute readings that bring a carried point to `wanted_um`."""
+    now = readings.stage if axes == "stage" else readings.robot
+    if now is None:
+        raise ExecutorError("MP808", "the plan moves a robot, the station has none")
+    pivot = readings.theta_axis_um if axes == "stage" else (0.0, 0.0)
+    center = (now.x_um + pivot[0], now.y_um + pivot[1])  # the axis travels along
+    turn = Pose(x_um=0.0, y_um=0.0, theta_rad=turn_rad)
+    swung = turn.apply(here.x_um - center[0], here.y_um - center[1])
+    return AxisMove(
+        axes=axes,
+        x_um=wanted_um[0] - swung[0] - pivot[0],
+        y_um=wanted_um[1] - swung[1] - pivot[1],
+        theta_rad=now.theta_rad + turn_rad if turn_rad else None,
+    )
+
+
+def _error(rig: Rig, action: AlignAction) -> tuple[float, float]:
+    """Return distance (um) and turn (rad) from the measured target to its goal."""
+    readings = rig.readings()
+    here = rig.beliefs.world(action.target, readings)
+    goal = rig.beliefs.world(action.to, readings)
+    distance = math.hypot(goal.x_um - here.x_um, goal.y_um - here.y_um)
+    return distance, math.remainder(goal.theta_rad - here.theta_rad, 2 * math.pi)
+
+
+def _inside(error_um: float, turn_rad: float, control: Control) -> bool:
+    """Return whether the measured error is within tolerance."""
+    limit_rad = control.tolerance_theta_rad
+    turned = limit_rad is None or abs(turn_rad) <= limit_rad
+    return error_um <= control.tolerance_xy_um and turned
+
+
+def _check(errors_um: Sequence[float], control: Control, action: AlignAction) -> None:
+    """Raise if the alignment runs away, steps too far or takes too long."""
+    if diverges(errors_um, control.tolerance_xy_um):
+        path = ", ".join(f"{e:.3g}" for e in errors_um[-3:])
+        raise ExecutorError(
+            "MP831",
+            f"{action.target} moves away from {action.to}: errors {path} um; is a "
+            "camera axis mirrored or swapped?",
+        )
+    if errors_um[-1] > control.max_step_um:
+        raise ExecutorError(
+            "MP832",
+            f"{action.target} is {errors_um[-1]:.3g} um from {action.to}, a "
+            f"correction may be {control.max_step_um:.3g} um",
+        )
+    if len(errors_um) > control.max_cycles:
+        raise ExecutorError(
+            "MP830",
+            f"{action.target} is {errors_um[-1]:.3g} um from {action.to} after "
+            f"{control.max_cycles} corrections, needs {control.tolerance_xy_um:.3g} um",
+        )
+
+
+def diverges(errors_um: Sequence[float], tolerance_um: float) -> bool:
+    """Return whether the last two corrections both made it worse, beyond noise."""
+    if len(errors_um) < 3:
+        return False
+    first, second, third = errors_um[-3:]
+    return first < second < third and third > NOISE_PER_TOLERANCE * tolerance_um

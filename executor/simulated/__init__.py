@@ -1,0 +1,1 @@
+"""A simulated workcell: its own world, contact rules, camera and drivers."""

@@ -1,0 +1,243 @@
+"""Build a simulated cell from world.json, and judge what truly became of the parts."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from executor.simulated.camera import SimCamera, SimLens, SimLight
+from executor.simulated.contact import hole_error, posts
+from executor.simulated.devices import SimAxes, SimClock, SimGripper
+from executor.simulated.shapes import (
+    boundary,
+    made_post,
+    outline_of,
+    polygons,
+    with_holes,
+)
+from executor.simulated.truth import AxisState, Body, Post, Truth
+from executor.station import Offer, Station
+from schemas.pose import Pose
+from schemas.world import World, WorldAxes, WorldPart, WorldPost
+
+Fault = Literal["stick", "block", "mirror_camera", "no_part"]
+FAULTS: tuple[Fault, ...] = ("stick", "block", "mirror_camera", "no_part")
+
+# Each purpose has its own stream, so that one more draw here moves nothing there.
+PURPOSES = (
+    "start", "profile", "tilt", "lateral", "drift",
+    "zoom", "focus", "stage", "robot", "light", "noise", "stick",
+)  # fmt: skip
+
+SEATED_UM = 1.0  # a part lying this close to its seat lies on it
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Verdict:
+    """What truly became of a part that was to be put onto a post."""
+
+    success: bool
+    offset_um: float  # from the post's centre to the hole's
+    height_um: float  # of the underside above the seat
+    collided: str  # the first collision, "" if there was none
+    held: bool  # the tool still carries it
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cell:
+    """A simulated cell: its truth, and the station that works on it."""
+
+    truth: Truth
+    station: Station
+
+    def judge(self, target: str, on: str) -> Verdict:
+        """Return whether the part of `target` truly sits on the post `on`.
+
+        By true pose and height: the hole is around the post, the underside on the
+        face the post stands on, and the tool has let go.
+
+        Raises
+        ------
+        ValueError
+            If there is no such part or post.
+        """
+        return judge(self.truth, target, on)
+
+
+def build_cell(world: World, seed: int, faults: frozenset[Fault] = frozenset()) -> Cell:
+    """Return a cell whose errors are drawn from `seed`.
+
+    Parameters
+    ----------
+    world : World
+        What `world.json` describes.
+    seed : int
+        Root of all the cell's random numbers.
+    faults : frozenset of str
+        Any of `FAULTS`: the part follows a finger, it rests on top of its post, the
+        camera's columns are mirrored, the part to be placed is missing.
+    """
+    rng = _generators(seed)
+    truth = _truth(world, rng, missing="no_part" in faults)
+    lateral = world.optics.lateral_sigma_um_per_um * rng["lateral"].standard_normal(2)
+    lens = SimLens(truth, rng["zoom"], rng["focus"], (lateral[0], lateral[1]))
+    light = SimLight(world.optics, rng["light"])
+    tool, block = truth.tool, "block" in faults
+    stick = 0.0 if tool is None else tool.stick_probability
+    gripper = SimGripper(truth, rng["stick"], stick=1.0 if "stick" in faults else stick)
+    station = Station(
+        stage=SimAxes(truth, "stage", truth.stage, rng["stage"], block=block),
+        robot=SimAxes(truth, "robot", truth.robot, rng["robot"], block=block),
+        gripper=None if tool is None else gripper,
+        lens=lens,
+        light=light,
+        camera=SimCamera(
+            truth, lens, light, rng["noise"], mirror="mirror_camera" in faults
+        ),
+        clock=SimClock(truth),
+        offer=offer_of(world),
+    )
+    return Cell(truth=truth, station=station)
+
+
+def judge(truth: Truth, target: str, on: str) -> Verdict:
+    """Return what became of a part; see `Cell.judge`."""
+    body = truth.bodies.get(target.partition(".")[0])
+    seats = [(host, post) for host, post in posts(truth) if post.name == on]
+    if body is None or not seats:
+        raise ValueError(f"the cell has no part {target!r} or no post {on!r}")
+    host, post = seats[0]
+    error = hole_error(truth, body, host, post)
+    if error is None:
+        raise ValueError(f"{target!r} has no hole")
+    offset_um = math.hypot(error[0], error[1])
+    height_um = truth.under_um(body) - truth.top_um(host)
+    held = truth.held == body.part.name
+    seated = offset_um <= error[2] + 1e-6 and abs(height_um) <= SEATED_UM
+    return Verdict(
+        success=seated and not held and not truth.collided,
+        offset_um=offset_um,
+        height_um=height_um,
+        collided=truth.collided,
+        held=held,
+    )
+
+
+def offer_of(world: World) -> Offer:
+    """Return what the simulated devices can do."""
+    optics = world.optics
+    travel = {
+        f"{name}.{axis}": limits
+        for name, axes in (("stage", world.stage), ("robot", world.robot))
+        for axis, limits in axes.limits.items()
+    }
+    return Offer(
+        width_px=optics.width_px,
+        height_px=optics.height_px,
+        pitch_um=optics.pitch_um,
+        bits=optics.bits,
+        magnification=optics.magnification,
+        focus_um=optics.focus_um,
+        opening_um=world.tools[0].opening_um if world.tools else None,
+        travel=travel,
+        theta_axis_um=world.stage_theta_axis_um,
+    )
+
+
+def _generators(seed: int) -> Mapping[str, np.random.Generator]:
+    """Return one stream of random numbers per purpose."""
+    return {
+        purpose: np.random.default_rng(np.random.SeedSequence([seed, number]))
+        for number, purpose in enumerate(PURPOSES)
+    }
+
+
+def _truth(
+    world: World, rng: Mapping[str, np.random.Generator], *, missing: bool
+) -> Truth:
+    """Return the world as it was made and laid out this time."""
+    bodies = {}
+    for part in world.parts:
+        body = _body(part, rng)
+        if not (missing and not part.posts):
+            bodies[part.name] = body
+    tilt = world.stage_tilt_sigma_rad * rng["tilt"].standard_normal(2)
+    angle = rng["drift"].uniform(0, 2 * math.pi)
+    rate = world.stage_drift_um_per_min / 60
+    truth = Truth(
+        world=world,
+        bodies=bodies,
+        stage=_axis(world.stage, rng["stage"]),
+        robot=_axis(world.robot, rng["robot"]),
+        tool=world.tools[0] if world.tools else None,
+        tilt=(float(tilt[0]), float(tilt[1])),
+        drift_um_per_s=(rate * math.cos(angle), rate * math.sin(angle)),
+    )
+    _add_fingers(truth)
+    return truth
+
+
+def _axis(spec: WorldAxes, rng: np.random.Generator) -> AxisState:
+    """Return an axis group at its start, where it stands with an error already."""
+    state = AxisState.at_start(spec)
+    x, y, z, theta = rng.standard_normal(4)
+    state.error = {
+        "x_um": spec.repeatability_xy_um * x,
+        "y_um": spec.repeatability_xy_um * y,
+        "z_um": spec.repeatability_z_um * z,
+        "theta_rad": spec.repeatability_theta_rad * theta,
+    }
+    state.actual = {k: v + state.error[k] for k, v in state.commanded.items()}
+    return state
+
+
+def _add_fingers(truth: Truth) -> None:
+    """Give the truth its fingers, if there is a tool."""
+    tool = truth.tool
+    if tool is None:
+        return
+    truth.fingers = (outline_of(tool.left), outline_of(tool.right))
+    truth.finger_rings = tuple(polygons(o)[0] for o in truth.fingers)
+    truth.tip_y_um = min(float(ring[:, 1].min()) for ring in truth.finger_rings)
+    truth.opening_um = tool.start_opening_um
+
+
+def _body(part: WorldPart, rng: Mapping[str, np.random.Generator]) -> Body:
+    """Return a part with its edge offsets, where it was laid down."""
+    limit = part.profile_tolerance_um
+    made = [(h, float(rng["profile"].uniform(-limit, limit))) for h in part.holes]
+    dx, dy, turn = rng["start"].standard_normal(3)
+    theta = part.start.theta_rad + part.sigma_theta_rad * turn
+    anywhere = rng["start"].uniform(-math.pi, math.pi)
+    return Body.made(
+        part,
+        with_holes(outline_of(part.outline), made),
+        {hole.name: hole.radius_um + offset for hole, offset in made},
+        tuple(_post(post, rng["profile"]) for post in part.posts),
+        Pose(
+            x_um=part.start.x_um + part.sigma_xy_um * dx,
+            y_um=part.start.y_um + part.sigma_xy_um * dy,
+            theta_rad=float(anywhere) if part.theta_any else theta,
+        ),
+    )
+
+
+def _post(post: WorldPost, rng: np.random.Generator) -> Post:
+    """Return a post with its edge offset."""
+    limit = post.profile_tolerance_um
+    offset_um = float(rng.uniform(-limit, limit))
+    outline = made_post(post, offset_um)
+    return Post(
+        name=post.name,
+        outline=outline,
+        center_um=post.center_um,
+        radius_um=post.radius_um + offset_um,
+        height_um=post.height_um,
+        reflectance=post.reflectance,
+        edge=boundary(outline),
+        rings=polygons(outline),
+    )

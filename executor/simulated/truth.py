@@ -1,0 +1,181 @@
+"""The simulated cell's true state: bodies, axes with their errors, jaws and time."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from executor.simulated.shapes import FloatArray, boundary, polygons
+from optics.outline import Outline
+from schemas.plan import AxesName
+from schemas.pose import Pose
+from schemas.world import World, WorldAxes, WorldPart, WorldTool
+
+AXES = ("x_um", "y_um", "z_um", "theta_rad")
+
+
+@dataclass(slots=True, kw_only=True)
+class Post:
+    """A post as it was made, in its part's frame."""
+
+    name: str
+    outline: Outline
+    center_um: tuple[float, float]
+    radius_um: float
+    height_um: float
+    reflectance: float
+    edge: FloatArray  # boundary points
+    rings: tuple[FloatArray, ...]
+
+
+@dataclass(slots=True, kw_only=True)
+class Body:
+    """A part as it was made, and where it truly is."""
+
+    part: WorldPart
+    outline: Outline
+    hole_radius_um: dict[str, float]
+    posts: tuple[Post, ...]
+    edge: FloatArray  # boundary points in the part's frame
+    rings: tuple[FloatArray, ...]
+    reach_um: float  # farthest boundary point from the origin
+    carrier: AxesName
+    pose: Pose  # in the carrier's frame
+    z_um: float  # underside above the carrier: stage surface, or the fingers' underside
+    on_post: str = ""  # the post that stands in one of its holes
+
+    @classmethod
+    def made(
+        cls,
+        part: WorldPart,
+        outline: Outline,
+        holes: dict[str, float],
+        posts: tuple[Post, ...],
+        pose: Pose,
+    ) -> Body:
+        """Return a part lying on the stage at `pose`."""
+        edge = boundary(outline)
+        return cls(
+            part=part,
+            outline=outline,
+            hole_radius_um=holes,
+            posts=posts,
+            edge=edge,
+            rings=polygons(outline),
+            reach_um=float(np.hypot(*edge.T).max()),
+            carrier="stage",
+            pose=pose,
+            z_um=0.0,
+        )
+
+
+@dataclass(slots=True, kw_only=True)
+class AxisState:
+    """One axis group: what was commanded, its error, and where it truly is."""
+
+    spec: WorldAxes
+    commanded: dict[str, float]
+    error: dict[str, float]
+    actual: dict[str, float]
+
+    @classmethod
+    def at_start(cls, spec: WorldAxes) -> AxisState:
+        """Return the group at its start reading, without error."""
+        start = {name: float(getattr(spec.start, name) or 0.0) for name in AXES}
+        return cls(
+            spec=spec,
+            commanded=dict(start),
+            error=dict.fromkeys(AXES, 0.0),
+            actual=dict(start),
+        )
+
+
+@dataclass(slots=True, kw_only=True)
+class Truth:
+    """Everything that is so, whether anyone measures it or not."""
+
+    world: World
+    bodies: dict[str, Body]
+    stage: AxisState
+    robot: AxisState
+    tool: WorldTool | None
+    fingers: tuple[Outline, ...] = ()  # left, right, jaws closed
+    finger_rings: tuple[FloatArray, ...] = ()  # the same as polygons
+    tip_y_um: float = 0.0  # of the fingers in the grip's frame
+    opening_um: float = 0.0
+    held: str = ""
+    stuck: bool = False
+    time_s: float = 0.0
+    tilt: tuple[float, float] = (0.0, 0.0)  # um sideways per um of stage z
+    drift_um_per_s: tuple[float, float] = (0.0, 0.0)
+    pushed_um: float = field(default=0.0)  # how far posts pushed held parts sideways
+    collided: str = ""
+
+    def hit(self, message: str) -> None:
+        """Note the first collision."""
+        self.collided = self.collided or message
+
+    def stage_pose(self) -> Pose:
+        """Return the true world pose of the stage's frame."""
+        a, now = self.world.stage_theta_axis_um, self.stage.actual
+        turn = Pose(x_um=0.0, y_um=0.0, theta_rad=now["theta_rad"])
+        x_um, y_um = turn.apply(-a[0], -a[1])
+        side = (self.tilt[0] * now["z_um"], self.tilt[1] * now["z_um"])
+        drift = [v * self.time_s for v in self.drift_um_per_s]
+        return Pose(
+            x_um=now["x_um"] + a[0] + x_um + side[0] + drift[0],
+            y_um=now["y_um"] + a[1] + y_um + side[1] + drift[1],
+            theta_rad=now["theta_rad"],
+        )
+
+    def stage_z_um(self) -> float:
+        """Return the world height of the stage's surface."""
+        return self.world.stage_datum_z_um + self.stage.actual["z_um"]
+
+    def grip_pose(self) -> Pose:
+        """Return the true world pose of the grip.
+
+        An error of the robot's angle swings the grip about the axis far behind it.
+        """
+        now, error_rad = self.robot.actual, self.robot.error["theta_rad"]
+        lever_um = self.world.robot_theta_axis_to_tip_um + self.tip_y_um
+        meant_rad = now["theta_rad"] - error_rad
+        x0 = now["x_um"] - lever_um * math.sin(meant_rad)  # the axis
+        y0 = now["y_um"] + lever_um * math.cos(meant_rad)
+        return Pose(
+            x_um=x0 + lever_um * math.sin(now["theta_rad"]),
+            y_um=y0 - lever_um * math.cos(now["theta_rad"]),
+            theta_rad=now["theta_rad"],
+        )
+
+    def grip_z_um(self) -> float:
+        """Return the world height of the fingers' underside."""
+        return self.robot.actual["z_um"]
+
+    def carrier_pose(self, carrier: AxesName) -> Pose:
+        """Return the world pose of a carrier's frame."""
+        return self.stage_pose() if carrier == "stage" else self.grip_pose()
+
+    def carrier_z_um(self, carrier: AxesName) -> float:
+        """Return the world height that bodies' heights count from."""
+        return self.stage_z_um() if carrier == "stage" else self.grip_z_um()
+
+    def pose(self, body: Body) -> Pose:
+        """Return a body's true world pose."""
+        return self.carrier_pose(body.carrier).compose(body.pose)
+
+    def under_um(self, body: Body) -> float:
+        """Return the world height of a body's underside."""
+        return self.carrier_z_um(body.carrier) + body.z_um
+
+    def top_um(self, body: Body) -> float:
+        """Return the world height of a body's top face, posts left out."""
+        return self.under_um(body) + body.part.thickness_um
+
+    def carry(self, body: Body, carrier: AxesName, pose: Pose, under_um: float) -> None:
+        """Put a body, at a world pose and height, onto a carrier."""
+        body.carrier = carrier
+        body.pose = self.carrier_pose(carrier).inverse().compose(pose)
+        body.z_um = under_um - self.carrier_z_um(carrier)

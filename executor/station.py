@@ -1,0 +1,168 @@
+"""The station a plan runs on, and whether the plan fits it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+from executor.drivers import Axes, AxisReading, Camera, Clock, Gripper, Lens, Light
+from executor.errors import ExecutorError
+from featuresel.routines import REGISTRY
+from schemas.plan import AxesName, AxisMove, Plan
+
+Interval = tuple[float, float]
+
+_MATCH = 1e-5  # relative: plan numbers carry six digits
+_START_UM = 1e-3  # readings are commands read back: a nanometre is rounding
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Offer:
+    """What the station's devices can do; `travel` as in the plan's requirements."""
+
+    width_px: int
+    height_px: int
+    pitch_um: float
+    bits: int
+    magnification: Interval
+    focus_um: Interval
+    opening_um: Interval | None  # None: no jaws
+    travel: Mapping[str, Interval]  # "stage.x_um" -> least, most
+    theta_axis_um: tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Station:
+    """Devices, and what they offer."""
+
+    stage: Axes
+    robot: Axes | None
+    gripper: Gripper | None
+    lens: Lens
+    light: Light
+    camera: Camera
+    clock: Clock
+    offer: Offer
+
+    def axes(self, name: AxesName) -> Axes:
+        """Return the axis group called `name`; MP808 if the station has none."""
+        if name == "stage":
+            return self.stage
+        if self.robot is None:
+            raise ExecutorError("MP808", "the plan moves a robot, the station has none")
+        return self.robot
+
+    def jaws(self) -> Gripper:
+        """Return the gripper; MP807 if the station has none."""
+        if self.gripper is None:
+            raise ExecutorError("MP807", "the plan needs jaws, the station has none")
+        return self.gripper
+
+
+def preflight(plan: Plan, station: Station) -> None:
+    """Refuse a plan that this station cannot run.
+
+    Raises
+    ------
+    ExecutorError
+        The first of MP801, MP805..MP811 that holds, with both values.
+    """
+    if plan.status != "feasible":
+        why = "; ".join(f"{r.code} in {r.step}: {r.message}" for r in plan.reasons)
+        raise ExecutorError("MP801", why or "the plan gives no reason")
+    _check_camera(plan, station.offer)
+    _check_lens(plan, station.offer)
+    _check_jaws(plan, station.offer)
+    _check_travel(plan, station.offer)
+    _check_axis(plan, station.offer)
+    _check_routines(plan)
+    _check_start(plan, station)
+
+
+def _check_camera(plan: Plan, offer: Offer) -> None:
+    """Pixels, their pitch and the bits must be the same."""
+    need = plan.requirements
+    for name in ("width_px", "height_px", "pitch_um", "bits"):
+        wanted, found = getattr(need, name), getattr(offer, name)
+        if not math.isclose(wanted, found, rel_tol=_MATCH):
+            raise ExecutorError(
+                "MP805", f"the plan needs {name} = {wanted:g}, the camera has {found:g}"
+            )
+
+
+def _check_lens(plan: Plan, offer: Offer) -> None:
+    """Every magnification and focus stop must be reachable."""
+    need = plan.requirements
+    _within("MP806", "magnification", need.magnification, offer.magnification)
+    _within("MP806", "focus_um", need.focus_um, offer.focus_um)
+
+
+def _check_jaws(plan: Plan, offer: Offer) -> None:
+    """The openings must be reachable, if the plan grips at all."""
+    if plan.opening_start_um is None:
+        return
+    if offer.opening_um is None:
+        raise ExecutorError("MP807", "the plan needs jaws, the station has none")
+    _within("MP807", "opening_um", plan.requirements.opening_um, offer.opening_um)
+
+
+def _check_travel(plan: Plan, offer: Offer) -> None:
+    """Every axis' travel must be within its limits."""
+    for name, need in plan.requirements.travel.items():
+        if name not in offer.travel:
+            raise ExecutorError("MP808", f"the station has no axis {name}")
+        _within("MP808", name, need, offer.travel[name])
+
+
+def _check_axis(plan: Plan, offer: Offer) -> None:
+    """The stage must turn about the point the plan was computed with."""
+    need, found = plan.requirements.theta_axis_um, offer.theta_axis_um
+    if math.dist(need, found) > _START_UM:
+        raise ExecutorError(
+            "MP809", f"the plan turns about {need} um, the stage about {found} um"
+        )
+
+
+def _check_routines(plan: Plan) -> None:
+    """Every routine of every look must be installed."""
+    for step in plan.steps:
+        for look in step.looks:
+            for use in (*look.measure.chain, *look.measure.fallback):
+                if use.id not in REGISTRY:
+                    raise ExecutorError(
+                        "MP810", f"look {look.id} needs routine {use.id!r}"
+                    )
+
+
+def _check_start(plan: Plan, station: Station) -> None:
+    """The readings before step 1 must be those the plan starts from."""
+    starts = [m for m in (plan.stage_start, plan.robot_start) if m is not None]
+    for start in starts:
+        reading = station.axes(start.axes).reading()
+        for name, wanted, found in _pairs(start, reading):
+            if abs(wanted - found) > _START_UM:
+                raise ExecutorError(
+                    "MP811",
+                    f"{start.axes}.{name} reads {found:g}, the plan starts at "
+                    f"{wanted:g}",
+                )
+
+
+def _pairs(start: AxisMove, found: AxisReading) -> Iterator[tuple[str, float, float]]:
+    """Yield (axis, wanted, found) of every axis the start names."""
+    for name in ("x_um", "y_um", "z_um", "theta_rad"):
+        wanted = getattr(start, name)
+        if wanted is not None:
+            yield name, wanted, getattr(found, name)
+
+
+def _within(code: str, name: str, need: Interval, offer: Interval) -> None:
+    """Raise `code` unless the interval `need` lies in `offer`."""
+    slack = _MATCH * max(abs(v) for v in (*need, *offer))
+    if need[0] < offer[0] - slack or need[1] > offer[1] + slack:
+        raise ExecutorError(
+            code,
+            f"the plan needs {name} {need[0]:g}..{need[1]:g}, "
+            f"the station has {offer[0]:g}..{offer[1]:g}",
+        )

@@ -1,0 +1,54 @@
+"""Predicted against actual, as a table and as summary.json."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from executor.run import RunResult, StepResult
+from schemas.codec import to_data
+from schemas.plan import Plan
+
+_HEAD = ("step", "result", "corrections", "error um", "sigma um", "time s")
+
+
+def summary_json(plan: Plan, result: RunResult, extra: dict[str, Any]) -> str:
+    """Return the run's summary; `extra` are keys of the station, e.g. its verdict."""
+    data = {
+        "plan": plan.name,
+        "done": result.done,
+        "success_probability": plan.success_probability,
+        **to_data(result),
+        **extra,
+    }
+    return json.dumps(data, indent=2, ensure_ascii=False) + "\n"
+
+
+def table(result: RunResult) -> str:
+    """Return one line a step; actual / predicted where both exist."""
+    rows = [_HEAD, *(_row(step) for step in result.steps)]
+    widths = [max(len(row[i]) for row in rows) for i in range(len(_HEAD))]
+    lines = (
+        "  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip()
+        for row in rows
+    )
+    return "\n".join(lines)
+
+
+def _row(step: StepResult) -> tuple[str, ...]:
+    """Return the cells of one step."""
+    return (
+        step.id,
+        "ok" if step.code is None else step.code,
+        _pair(step.corrections, step.expected_corrections),
+        _pair(step.error_um, step.limit_um),
+        _pair(step.spread_um, step.expected_sigma_um),
+        _pair(step.time_s, step.expected_s),
+    )
+
+
+def _pair(actual: float | None, predicted: float | None) -> str:
+    """Return "actual / predicted", "-" for what is not known."""
+    if actual is None and predicted is None:
+        return "-"
+    return " / ".join("-" if v is None else f"{v:.3g}" for v in (actual, predicted))

@@ -1,0 +1,123 @@
+"""Verification: offset, height and an empty tool; each of them can say no."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from executor.errors import ExecutorError
+from executor.look import Sighting, look_at, to_unit
+from executor.rig import Rig
+from featuresel.routines import Failure
+from schemas.plan import HeightSearch, Look, OnFailure, VerifyAction
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Verified:
+    """What was measured of a seated part."""
+
+    offset_um: float
+    height_um: float | None  # None: the plan does not ask for it
+
+
+def verify(
+    rig: Rig,
+    action: VerifyAction,
+    looks: Sequence[Look],
+    on_failure: Sequence[OnFailure] = (),
+) -> Verified:
+    """Return offset and height of a part that passed.
+
+    Raises
+    ------
+    ExecutorError
+        MP850 if part or seat is not found, MP851 for the offset, MP852 and MP853 for
+        the height, MP854 if the tool may still hold something.
+    """
+    by_id = {look.id: look for look in looks}
+    part = _find(rig, by_id[action.look], on_failure)
+    seat = _find(rig, by_id[action.seat_look], on_failure)
+    offset_um = math.hypot(part.x_um - seat.x_um, part.y_um - seat.y_um)
+    if not offset_um <= action.within_um:
+        raise ExecutorError(
+            "MP851",
+            f"{action.target} is {offset_um:.3g} um off {action.on}, at most "
+            f"{action.within_um:.3g} um",
+        )
+    height_um = None
+    if action.height is not None:
+        height_um = _check_height(rig, action.height, by_id[action.height.look], part)
+    if action.empty is not None:
+        _check_empty(rig, action.empty)
+    return Verified(offset_um=offset_um, height_um=height_um)
+
+
+def _find(rig: Rig, look: Look, on_failure: Sequence[OnFailure]) -> Sighting:
+    """Look, and call whatever hides the target by verify's own code."""
+    try:
+        return look_at(rig, look, on_failure)
+    except ExecutorError as error:
+        if error.code not in ("MP820", "MP821", "MP822", "MP823"):
+            raise
+        raise ExecutorError(
+            "MP850", f"{error} [{error.code}]", cause=error.cause
+        ) from error
+
+
+def _check_height(rig: Rig, search: HeightSearch, look: Look, part: Sighting) -> float:
+    """Return the height at which the part's face is sharpest, um."""
+    from featuresel.routines.focus import peak  # loads cv2, not needed at start
+
+    scores = [_score_at(rig, search, look, part, focus) for focus in search.focus_um]
+    found = peak(search.focus_um, scores)
+    if isinstance(found, Failure):
+        raise ExecutorError(
+            "MP853",
+            f"{part.target}: no height between {min(search.focus_um):g} and "
+            f"{max(search.focus_um):g} um ({found.code}): {found.message}",
+            cause=found.code,
+        )
+    rig.journal.write("height", z_um=found.z_um, spread_um=found.spread_um)
+    if not abs(found.z_um - search.expected_um) <= search.within_um:
+        raise ExecutorError(
+            "MP852",
+            f"{part.target} is at {found.z_um:.4g} um, expected "
+            f"{search.expected_um:g} um within {search.within_um:g} um",
+        )
+    return found.z_um
+
+
+def _score_at(
+    rig: Rig, search: HeightSearch, look: Look, part: Sighting, focus_um: float
+) -> float:
+    """Return how sharp the part's edges are with the focus at `focus_um`."""
+    from featuresel.routines.focus import score  # as above
+
+    rig.set_view(look.view, focus_um=focus_um)
+    counts = rig.grab(look.measure.region)
+    image = to_unit(counts, rig.plan.requirements.bits)
+    if not search.ring_radius_um:
+        return score(image)
+    column, row = rig.frame_of(look).to_pixel(part.x_um, part.y_um)
+    radius_px = search.ring_radius_um / look.view.um_per_px
+    return score(image, ring=(column, row, radius_px))
+
+
+def _check_empty(rig: Rig, tool: str) -> None:
+    """Raise unless the tool holds nothing, as far as anything can tell.
+
+    The part was just found on its seat, so it is not in the jaws; what is left is that
+    the record agrees, and that the tool is out of the picture in which it was found.
+    """
+    held = rig.beliefs.held_by(tool)
+    if held:
+        raise ExecutorError("MP854", f"{tool} was never told to let go of {held[0]}")
+    if rig.view is None:
+        raise ExecutorError("MP854", f"nothing was looked at with {tool} away")
+    grip = rig.beliefs.world(tool, rig.readings())
+    width_um, height_um = rig.view.field_um
+    if abs(grip.x_um) <= width_um / 2 and abs(grip.y_um) <= height_um / 2:
+        raise ExecutorError(
+            "MP854", f"{tool} is in view at ({grip.x_um:.4g}, {grip.y_um:.4g}) um"
+        )
