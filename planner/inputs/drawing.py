@@ -68,9 +68,9 @@ def open_drawing(
         return None
     try:
         document = readfile(path)
-        before = sum(len(block) for block in document.blocks)
+        before = _alive(document)
         audit = document.audit()
-        lost = before - sum(len(block) for block in document.blocks)
+        lost = before - _alive(document)
     except _ESCAPES as error:
         report.error("MP201", at, f"{file} is not a readable DXF file: {error}")
         return None
@@ -111,6 +111,11 @@ def read_outline(
     found = _pieces(drawing, layers, at, report)
     rings = _rings(drawing, found, at, report) if found else None
     return _nested(drawing, rings, at, report) if rings else None
+
+
+def _alive(document: Any) -> int:
+    """Return the number of entities in all blocks, the model space among them."""
+    return sum(entity.is_alive for block in document.blocks for entity in block)
 
 
 def _cross_check(drawing: Drawing, report: Report) -> None:
