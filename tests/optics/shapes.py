@@ -108,8 +108,8 @@ def brute_force(
     rows = optics.height_px + 2 * margin_px
     columns = optics.width_px + 2 * margin_px
     h = optics.um_per_px / samples
-    x: FloatArray = (np.arange(columns * samples) - (columns * samples - 1) / 2) * h
-    y: FloatArray = ((rows * samples - 1) / 2 - np.arange(rows * samples)) * h
+    x = np.linspace(-0.5, 0.5, columns * samples) * (columns * samples - 1) * h
+    y = np.linspace(0.5, -0.5, rows * samples) * (rows * samples - 1) * h
     cover = _cell_coverage(distance_um(x, y[:, None]), h)
     u = fft.rfftfreq(x.size, h)
     v = fft.fftfreq(y.size, h)[:, None]
