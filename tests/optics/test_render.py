@@ -333,7 +333,10 @@ def test_images_of_a_disc_stay_in_range_and_mirror(
     assert image.max() <= 1 + slack
     turned = render(one_layer(disc(radius, (-x, -y)), -z_um), optics, focus_um=0.0,
                     model=model)  # fmt: skip
-    np.testing.assert_allclose(turned[::-1, ::-1], image, rtol=0, atol=PREDICTED)
+    # tiles are not mirrored: a tail may wrap in one image and be cut in the other
+    np.testing.assert_allclose(
+        turned[::-1, ::-1], image, rtol=0, atol=BAND_ERROR + 2 * margin_error()
+    )
 
 
 def test_defocus_of_5_mm_works() -> None:
