@@ -57,9 +57,28 @@ TITLES: Mapping[str, str] = {
     "MP221": "feature is not in the drawing",
     "MP222": "drawing has another number of teeth",
     "MP223": "tool drawing does not fit the tool",
+    "MP301": "step order cannot happen",
+    "MP302": "not located yet",
+    "MP303": "motion would touch something",
+    "MP304": "part does not fit between the jaws",
+    "MP305": "jaws do not reach the part",
+    "MP306": "target is hidden or shaded",
+    "MP307": "jaws opening beyond the tool's range",
+    "MP401": "target is larger than the field",
+    "MP402": "focus out of reach",
+    "MP403": "feature too fine for the pixels",
+    "MP501": "no routine is good enough",
+    "MP502": "no routine for this target",
+    "MP601": "hole and shaft do not fit",
+    "MP602": "success below the goal",
+    "MP603": "tolerance finer than the stage can meet",
+    "MP604": "blocked insertion cannot be sensed",
+    "MP701": "not a plan folder",
+    "MP702": "output cannot be written",
 }
 
-Severity = Literal["error", "warning", "note"]
+# infeasible: understood, but the answer is no (exit status 1)
+Severity = Literal["error", "infeasible", "warning", "note"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,6 +112,10 @@ class Report:
     def error(self, code: str, where: Span, message: str, hint: str = "") -> None:
         """Add something that makes the input unusable (exit status 2)."""
         self._add("error", code, where, message, hint)
+
+    def refuse(self, code: str, where: Span, message: str, hint: str = "") -> None:
+        """Add a reason why the task, though understood, cannot be done (status 1)."""
+        self._add("infeasible", code, where, message, hint)
 
     def warning(self, code: str, where: Span, message: str, hint: str = "") -> None:
         """Add something that the user should look at."""

@@ -1,0 +1,185 @@
+"""Error budgets of the mechanical actions: every term with its source."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from planner.checks.fit import Fit, Residual, combine, miss_probability
+from planner.inputs.task import Step, Task
+from planner.inputs.workcell import Workcell
+from planner.model.assembly import State, locate_place, owner_of, part_sigma_um
+from planner.model.shapes import squeeze_width_um
+from schemas.plan import Budget, BudgetRow
+
+NOT_MODELLED = (
+    ("partial coherence edge offset", "not modelled"),
+    ("lens distortion", "not modelled: the looks are on the axis"),
+    ("taper and side walls", "not modelled"),
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sighted:
+    """What a look promised of its target: the compile-time memory of a measurement."""
+
+    name: str
+    sigma_um: float
+    bias_um: float
+    magnification: float
+    focus_um: float
+
+
+def fit_of(task: Task, step: Step) -> Fit | None:
+    """Return the fit of an insertion, None if its hole or shaft is not round."""
+    hole_part, _, hole = (step.target or "").partition(".")
+    shaft_part, _, shaft = (step.onto or "").partition(".")
+    feature = task.parts[hole_part].features.get(hole)
+    post = task.parts[shaft_part].posts.get(shaft)
+    if feature is None or feature.kind != "circle" or post is None:
+        return None
+    return Fit(
+        hole_um=feature.radius_um,
+        shaft_um=post.radius_um,
+        hole_tolerance_um=task.parts[hole_part].profile_tolerance_um,
+        shaft_tolerance_um=post.profile_tolerance_um,
+    )
+
+
+def blind_rows(
+    cell: Workcell, travel_um: float, hole: Sighted | None, shaft: Sighted | None
+) -> tuple[BudgetRow, ...]:
+    """Return the terms of an insertion that the servo cannot see."""
+    rows = [
+        BudgetRow(
+            term="stage axis tilt over the travel",
+            sigma_um=cell.stage.axis_tilt_sigma_rad * abs(travel_um),
+            source=f"workcell axis_tilt_sigma_mrad x {abs(travel_um):g} um",
+        )
+    ]
+    if hole is not None and shaft is not None:
+        rows += _looking_rows(cell, hole, shaft)
+    rows += [BudgetRow(term=t, sigma_um=None, source=s) for t, s in NOT_MODELLED]
+    return tuple(rows)
+
+
+def _looking_rows(cell: Workcell, hole: Sighted, shaft: Sighted) -> list[BudgetRow]:
+    """Return what two looks at different heights and zooms differ by."""
+    apart_um = abs(hole.focus_um - shaft.focus_um)
+    rows = [
+        BudgetRow(
+            term=f"measurement of {seen.name}", sigma_um=seen.sigma_um, source="trials"
+        )
+        for seen in (hole, shaft)
+    ]
+    rows.append(
+        BudgetRow(
+            term="lateral shift with focus",
+            sigma_um=cell.optics.focus.lateral_sigma_um_per_um * apart_um,
+            source=f"workcell lateral_sigma_um_per_um x {apart_um:g} um",
+        )
+    )
+    zoomed = not math.isclose(hole.magnification, shaft.magnification)
+    rows.append(
+        BudgetRow(
+            term="parcentric jump of the zoom",
+            sigma_um=cell.optics.zoom.parcentric_sigma_um if zoomed else 0.0,
+            source="workcell parcentric_sigma_um"
+            if zoomed
+            else "no zoom change between the looks",
+        )
+    )
+    return rows
+
+
+def insert_budget(
+    task: Task,
+    fit: Fit,
+    residual: Residual,
+    blind: tuple[BudgetRow, ...],
+    bias_um: float,
+) -> Budget:
+    """Return the budget of an insertion after a servo."""
+    sigma = combine([row.sigma_um or 0.0 for row in blind])
+    miss = miss_probability(fit, residual, sigma, bias_um)
+    servo = BudgetRow(
+        term="stage repeatability left by the servo",
+        sigma_um=_truncated_sigma(residual),
+        source=f"workcell repeatability_xy_um, cut off at {residual.within_um:.3g} um",
+    )
+    bias = BudgetRow(term="measurement bias", sigma_um=bias_um, source="trials")
+    size = BudgetRow(
+        term="size of hole and shaft",
+        sigma_um=combine([fit.hole_tolerance_um, fit.shaft_tolerance_um])
+        / math.sqrt(3),
+        source="profile_tolerance_um, uniform within, on the capture radius",
+    )
+    rows = (servo, *blind, bias, size)
+    goal = task.success_goal or 0.0
+    return Budget(
+        rows=rows,
+        limit_um=fit.capture_um,
+        success_probability=1 - miss,
+        advice="" if 1 - miss >= goal else _advice(fit, residual, rows, bias_um),
+    )
+
+
+def grasp_budget(task: Task, state: State, step: Step) -> Budget:
+    """Return the budget of a grasp: does the part stand free between the jaws."""
+    name = owner_of(step.target or "")
+    grip = locate_place(task, state, f"{step.tool}.grip")
+    width = squeeze_width_um(task.parts[name].outline, state.parts[name].pose.theta_rad)
+    room = (state.opening_um - width) / 2
+    sigma = part_sigma_um(task, state, name)
+    rows = (
+        BudgetRow(term="place of the part", sigma_um=sigma, source="alignment before"),
+        BudgetRow(
+            term="place of the jaws", sigma_um=grip.sigma_xy_um, source="workcell"
+        ),
+        BudgetRow(term="adhesion and hold force", sigma_um=None, source="not modelled"),
+    )
+    total = math.hypot(sigma, grip.sigma_xy_um)
+    inside = 1.0 if total <= 0 else math.erf(max(room, 0.0) / total / math.sqrt(2))
+    return Budget(rows=rows, limit_um=room, success_probability=inside, advice="")
+
+
+def release_budget(task: Task, tool: str) -> Budget:
+    """Return the budget of a release: the chance that the part follows a finger."""
+    stick = task.workcell.tools[tool].stick_probability
+    row = BudgetRow(
+        term="adhesion to the fingers",
+        sigma_um=None,
+        source=f"not modelled; stick_probability {stick:g} as the workcell states",
+    )
+    return Budget(
+        rows=(row,),
+        limit_um=None,
+        success_probability=1 - stick,
+        advice="",
+    )
+
+
+def empty_budget() -> Budget:
+    """Return the budget of a step that cannot miss mechanically."""
+    return Budget(rows=(), limit_um=None, success_probability=1.0, advice="")
+
+
+def _truncated_sigma(residual: Residual) -> float:
+    """Return the residual's standard deviation per axis."""
+    radii, weights = residual.radii()
+    return math.sqrt(float(weights @ radii**2) / 2)
+
+
+def _advice(
+    fit: Fit, residual: Residual, rows: tuple[BudgetRow, ...], bias_um: float
+) -> str:
+    """Return the largest term, and what halving it would give."""
+    named = [row for row in rows[1:-2] if row.sigma_um]
+    if not named:
+        return f"widen the clearance of {2 * fit.capture_um:.3g} um"
+    worst = max(named, key=lambda row: row.sigma_um or 0.0)
+    halved = [(row.sigma_um or 0.0) / (2 if row is worst else 1) for row in rows[1:-2]]
+    after = 1 - miss_probability(fit, residual, combine(halved), bias_um)
+    return (
+        f"halving '{worst.term}' ({worst.sigma_um:.3g} um) would give P = {after:.4g}"
+    )

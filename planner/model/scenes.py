@@ -1,0 +1,120 @@
+"""What is in view: layers of a look's scene, and what higher bodies hide or shade."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import shapely
+
+from optics.microscope import Microscope
+from optics.outline import Outline, flatten, place
+from optics.scene import Layer, Scene, Window
+from planner.inputs.task import Task
+from planner.model.assembly import Body, Place, State, bodies
+from planner.model.shapes import polygon
+from planner.model.targets import Shape, outline_of
+from schemas.plan import Shade
+
+EDGE_CHORD_UM = 0.1  # spacing of the edge points whose shade is counted, as a sagitta
+
+
+def world_scene(task: Task, state: State) -> Scene:
+    """Return everything in the world as layers, whether in view or not."""
+    return Scene(
+        layers=tuple(_layer(body) for body in bodies(task, state)),
+        background=task.workcell.stage.reflectance,
+    )
+
+
+def relevant(
+    layers: tuple[Layer, ...], microscope: Microscope, focus_um: float, window: Window
+) -> tuple[Layer, ...]:
+    """Return the layers whose blurred image reaches the window."""
+    return tuple(
+        layer for layer in layers if _reaches(layer, microscope, focus_um, window)
+    )
+
+
+def shade_of(
+    task: Task, state: State, shape: Shape, spot: Place, aperture: float, index: float
+) -> tuple[Shade, ...]:
+    """Return how much of the target's edges each higher body hides or shades.
+
+    A body h above a point shades it within h tan(asin(A / n)) of its outline; right
+    above it, it hides it.
+    """
+    if shape.owner in task.workcell.tools:
+        return ()
+    points = shapely.points(_edge_points(task, shape, spot))
+    slope = math.tan(math.asin(aperture / index))
+    found = []
+    for body in bodies(task, state):
+        height = body.z_high_um - spot.z_um
+        if body.name == spot.name or height <= 0 or _is_own_face(body, shape):
+            continue
+        away = shapely.distance(polygon(body.outline), points)
+        hidden = float(np.mean(away <= 0))
+        shaded = float(np.mean(away < height * slope)) - hidden
+        if hidden or shaded:
+            found.append(
+                Shade(target=shape.name, by=body.name, hidden=hidden, shaded=shaded)
+            )
+    return tuple(found)
+
+
+def _is_own_face(body: Body, shape: Shape) -> bool:
+    """Return whether the body is the very face that is looked at."""
+    return body.name in (shape.name, shape.owner)
+
+
+def _layer(body: Body) -> Layer:
+    """Return the top face of a body."""
+    return Layer(
+        name=body.name,
+        outline=body.outline,
+        z_um=body.z_high_um,
+        reflectance=body.reflectance,
+    )
+
+
+def _reaches(
+    layer: Layer, microscope: Microscope, focus_um: float, window: Window
+) -> bool:
+    """Return whether a layer's bounds plus its blur meet the window."""
+    slope = math.tan(math.asin(microscope.aperture / microscope.medium_index))
+    # 20 Airy units beyond the geometrical blur hold all but 1 % of the diffracted light
+    reach = abs(layer.z_um - focus_um) * slope
+    reach += 20 * microscope.wavelength_um / microscope.aperture
+    x0, y0, x1, y1 = layer.outline.bounds_um
+    k = microscope.px_per_um
+    cx, cy = (microscope.width_px - 1) / 2, (microscope.height_px - 1) / 2
+    left, right = cx + k * (x0 - reach), cx + k * (x1 + reach)
+    top, bottom = cy - k * (y1 + reach), cy - k * (y0 - reach)
+    return (
+        right >= window.column
+        and left <= window.column + window.columns
+        and bottom >= window.row
+        and top <= window.row + window.rows
+    )
+
+
+def _edge_points(task: Task, shape: Shape, spot: Place) -> np.ndarray:
+    """Return points on the target's edges in the world, (N, 2) um."""
+    rings = _target_rings(outline_of(task, shape), shape)
+    posed = place(rings, spot.pose.x_um, spot.pose.y_um, spot.pose.theta_rad)
+    return np.vstack([flatten(ring, EDGE_CHORD_UM) for ring in posed.rings])
+
+
+def _target_rings(outline: Outline, shape: Shape) -> Outline:
+    """Return the rings that are the target: for a circle, the one at its radius."""
+    if shape.kind != "circle":
+        return outline
+    radius = shape.parameters["radius_um"]
+
+    def misfit(ring_index: int) -> float:
+        x0, y0, x1, y1 = Outline(rings=(outline.rings[ring_index],)).bounds_um
+        return abs(max(x1, -x0) - radius) + abs(max(y1, -y0) - radius)
+
+    best = min(range(len(outline.rings)), key=misfit)
+    return Outline(rings=(outline.rings[best],))

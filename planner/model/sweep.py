@@ -1,0 +1,127 @@
+"""Swept motion touches nothing: what a move covers, and what it would hit.
+
+Moving bodies are taken as their convex hulls, which errs on the safe side. Every
+clearance must hold at two sigma of the bodies' relative place.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from planner.inputs.task import Task
+from planner.model.assembly import Body, Carrier, State, bodies, carrier_pose
+from planner.model.shapes import hull, polygon, swept
+
+SIGMAS = 2.0  # at which clearances must hold
+
+Box = tuple[float, float, float, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Hit:
+    """Two bodies that a move would bring together."""
+
+    moving: str
+    still: str
+    gap_um: float  # what is left between them sideways, at nominal place
+    needed_um: float  # two sigma
+
+
+def sweep_hits(
+    task: Task,
+    before: State,
+    after: State,
+    *,
+    carrier: Carrier,
+    deviation: Box | None = None,
+    exempt: frozenset[frozenset[str]] = frozenset(),
+) -> tuple[Hit, ...]:
+    """Return what bodies on `carrier` hit on their way from `before` to `after`.
+
+    Parameters
+    ----------
+    task : Task
+        Gives the shapes.
+    before, after : State
+        States that differ by readings of `carrier` only; motion runs straight.
+    carrier : {"stage", "robot"}
+        Which bodies move.
+    deviation : (x_min, y_min, x_max, y_max) um, optional
+        Offsets from nominal that the moving bodies may have, instead of their spread.
+    exempt : set of pairs of owners
+        Pairs that are meant to touch.
+
+    Returns
+    -------
+    tuple of Hit
+        In order of names; empty if everything stays clear.
+    """
+    all_before, all_after = bodies(task, before), bodies(task, after)
+    ends = {b.name: b for b in all_after}
+    moving = [b for b in all_before if b.carrier == carrier]
+    still = [b for b in all_before if b.carrier != carrier]
+    shift = _travel(task, before, after, carrier)
+    hits = [
+        hit
+        for body in moving
+        for other in still
+        if frozenset((body.owner, other.owner)) not in exempt
+        and (hit := _hit(body, ends[body.name], other, shift, deviation)) is not None
+    ]
+    return tuple(sorted(hits, key=lambda h: (h.moving, h.still)))
+
+
+def _travel(
+    task: Task, before: State, after: State, carrier: Carrier
+) -> tuple[float, float]:
+    """Return how far the carrier's frame moves sideways."""
+    a, b = carrier_pose(task, before, carrier), carrier_pose(task, after, carrier)
+    return (b.x_um - a.x_um, b.y_um - a.y_um)
+
+
+def _hit(
+    body: Body,
+    end: Body,
+    other: Body,
+    shift: tuple[float, float],
+    deviation: Box | None,
+) -> Hit | None:
+    """Return the hit of two bodies, or None if they stay clear."""
+    if not _heights_meet(body, end, other):
+        return None
+    sigma = other.sigma_xy_um
+    if deviation is None:
+        sigma = math.hypot(sigma, body.sigma_xy_um)
+    covered = _covered(body, shift, deviation or (0.0, 0.0, 0.0, 0.0))
+    gap_um = covered.distance(polygon(other.outline))
+    needed_um = SIGMAS * sigma
+    if gap_um > needed_um:
+        return None
+    return Hit(moving=body.name, still=other.name, gap_um=gap_um, needed_um=needed_um)
+
+
+def _covered(body: Body, shift: tuple[float, float], deviation: Box) -> BaseGeometry:
+    """Return what the body's hull covers sideways: start, end and all between."""
+    start = swept(hull(body.outline), deviation)
+    end = shapely.affinity.translate(start, *shift)
+    covered: BaseGeometry = shapely.union_all([start, end]).convex_hull
+    return covered
+
+
+def _heights_meet(body: Body, end: Body, other: Body) -> bool:
+    """Return whether the height ranges come within two sigma of each other.
+
+    Bodies that rest on each other at the start and only part are clear.
+    """
+    margin = SIGMAS * math.hypot(body.sigma_z_um, other.sigma_z_um)
+    low = min(body.z_low_um, end.z_low_um)
+    high = max(body.z_high_um, end.z_high_um)
+    if low >= other.z_high_um + margin or high <= other.z_low_um - margin:
+        return False
+    above = body.z_low_um >= other.z_high_um and end.z_low_um > body.z_low_um
+    below = body.z_high_um <= other.z_low_um and end.z_high_um < body.z_high_um
+    return not (above or below)
