@@ -1,4 +1,4 @@
-"""What touches what: jaws, posts, plates and fingers, without friction.
+"""What a held or falling part touches: posts and plates, without friction.
 
 Written from the contact model's words, apart from the compiler's own version of it.
 """
@@ -11,13 +11,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from executor.simulated.shapes import FloatArray, extent_x, inside, moved
+from executor.simulated.fingers import check_fingers
+from executor.simulated.shapes import FloatArray, inside, moved
 from executor.simulated.truth import Body, Post, Truth
 from schemas.pose import Pose
 
 FROM_ABOVE_UM = 3.0  # deeper at once than this is a hit from the side: z steps are 1 um
 BENT_UM = 5.0  # pushed farther than this, a post or finger is bent
-BEHIND_TIPS_UM = 5.0  # a part's middle must lie at least this far behind the tips
 
 
 def touch(truth: Truth, *, block: bool = False) -> None:
@@ -33,50 +33,7 @@ def touch(truth: Truth, *, block: bool = False) -> None:
         _meet_plates(truth, held)
         _drop_if_lost(truth, held)
     if truth.tool is not None:
-        _check_fingers(truth)
-
-
-def close_jaws(truth: Truth, opening_um: float) -> None:
-    """Close the jaws; a part between them is centred, turned and held."""
-    truth.opening_um, before = opening_um, truth.opening_um
-    if truth.held:
-        return
-    for name in sorted(truth.bodies):
-        body = truth.bodies[name]
-        if body.posts or not _between(truth, body, before):
-            continue
-        theta_rad = _settled(truth, body)
-        low, high = extent_x(body.edge, theta_rad)
-        if high - low <= opening_um:
-            continue  # the jaws close beside it and hold nothing
-        grip, under = truth.grip_pose(), truth.under_um(body)
-        y_um = grip.inverse().compose(truth.pose(body)).y_um
-        inner = Pose(x_um=-(low + high) / 2, y_um=y_um, theta_rad=theta_rad)
-        truth.carry(body, "robot", grip.compose(inner), under)
-        truth.held, truth.stuck, truth.opening_um = name, False, high - low
-        body.on_post = ""
-        return
-
-
-def open_jaws(truth: Truth, opening_um: float, *, stick_side: float = 0.0) -> None:
-    """Open the jaws; the part stays, or follows the finger on `stick_side` (+-1)."""
-    before, truth.opening_um = truth.opening_um, opening_um
-    body = truth.bodies.get(truth.held)
-    if body is None:
-        return
-    low, high = extent_x(body.edge, body.pose.theta_rad)
-    if opening_um <= high - low:
-        return  # still squeezed
-    if stick_side:
-        shift_um = stick_side * (opening_um - before) / 2
-        body.pose = replace(body.pose, x_um=body.pose.x_um + shift_um)
-        truth.stuck = True
-        for host, post in posts(truth):
-            if body.on_post == post.name:
-                _keep_around(truth, body, host, post)
-        return
-    truth.held = ""
-    _drop(truth, body)
+        check_fingers(truth)
 
 
 def posts(truth: Truth) -> Iterator[tuple[Body, Post]]:
@@ -89,11 +46,6 @@ def posts(truth: Truth) -> Iterator[tuple[Body, Post]]:
 def post_place(truth: Truth, host: Body, post: Post) -> tuple[float, float]:
     """Return a post's true centre in the world, um."""
     return truth.pose(host).apply(*post.center_um)
-
-
-def post_top_um(truth: Truth, host: Body, post: Post) -> float:
-    """Return the world height of a post's top."""
-    return truth.top_um(host) + post.height_um
 
 
 def hole_error(
@@ -120,12 +72,12 @@ def _meet_post(
     truth: Truth, body: Body, host: Body, post: Post, *, block: bool
 ) -> None:
     """Thread a held part onto a post, lift it, or note a blow from the side."""
-    gap_um = truth.under_um(body) - post_top_um(truth, host, post)
+    gap_um = truth.under_um(body) - truth.post_top_um(host, post)
     if body.on_post == post.name:
         if gap_um >= 0:
             body.on_post = ""
         else:
-            _keep_around(truth, body, host, post)
+            keep_around(truth, body, host, post)
         return
     if gap_um >= 0 or truth.top_um(body) <= truth.top_um(host):
         return
@@ -139,7 +91,7 @@ def _meet_post(
             truth.hit(f"{post.name} ran into the side of {body.part.name}")
 
 
-def _keep_around(truth: Truth, body: Body, host: Body, post: Post) -> None:
+def keep_around(truth: Truth, body: Body, host: Body, post: Post) -> None:
     """Push a part whose hole a post stands in, so that the post stays inside."""
     error = hole_error(truth, body, host, post)
     if error is None:
@@ -184,17 +136,17 @@ def _drop_if_lost(truth: Truth, body: Body) -> None:
     tool = truth.tool
     if tool is not None and body.z_um >= tool.thickness_um:
         truth.held = ""
-        _drop(truth, body)
+        drop(truth, body)
 
 
-def _drop(truth: Truth, body: Body) -> None:
+def drop(truth: Truth, body: Body) -> None:
     """Put a free part onto what is under it."""
     under_um = truth.under_um(body)
     floors = [z for z, _ in _floors(truth, body) if z <= under_um + FROM_ABOVE_UM]
     for host, post in posts(truth):
         if host is body or body.on_post == post.name:
             continue
-        top_um = post_top_um(truth, host, post)
+        top_um = truth.post_top_um(host, post)
         if top_um > under_um + FROM_ABOVE_UM:
             continue
         resting = abs(top_um - under_um) < 1e-6  # it already lies on this post
@@ -233,71 +185,3 @@ def _overlap(
     if inside(there, body.rings).any():
         return True
     return bool(inside(moved(body.edge, to_body.inverse()), rings).any())
-
-
-def _between(truth: Truth, body: Body, opening_um: float) -> bool:
-    """Return whether a body lies between the open jaws."""
-    tool = truth.tool
-    if tool is None:
-        return False
-    at = truth.grip_pose().inverse().compose(truth.pose(body))
-    points = moved(body.edge, at)
-    middle_y = float(points[:, 1].min() + points[:, 1].max()) / 2
-    bottom, top = truth.under_um(body), truth.top_um(body)
-    grip_z = truth.grip_z_um()
-    return (
-        float(np.abs(points[:, 0]).max()) <= opening_um / 2
-        and truth.tip_y_um + BEHIND_TIPS_UM < middle_y
-        and middle_y < max(float(ring[:, 1].max()) for ring in truth.finger_rings)
-        and bottom < grip_z + tool.thickness_um
-        and top > grip_z
-    )
-
-
-def _settled(truth: Truth, body: Body) -> float:
-    """Return the angle to the jaws that squeezing turns a body to: the nearest minimum.
-
-    A width repeats after half a turn.
-    """
-    inner = truth.grip_pose().inverse().compose(truth.pose(body)).theta_rad
-    turns = [math.remainder(m - inner, math.pi) for m in body.part.hull_minima_rad]
-    return inner + min(turns, key=abs, default=0.0)
-
-
-def _check_fingers(truth: Truth) -> None:
-    """Note fingers that touch the stage, a part they do not hold, or a post."""
-    tool = truth.tool
-    if tool is None:
-        return
-    low = truth.grip_z_um()
-    if low < truth.stage_z_um():
-        truth.hit(f"{tool.name} hit the stage")
-    for name in sorted(truth.bodies):
-        body = truth.bodies[name]
-        if name != truth.held and _in_height(
-            low, tool.thickness_um, truth.under_um(body), truth.top_um(body)
-        ):
-            _check_body(truth, tool.name, name, body.edge, truth.pose(body))
-        for post in body.posts:
-            top = post_top_um(truth, body, post)
-            if _in_height(low, tool.thickness_um, truth.top_um(body), top):
-                _check_body(truth, tool.name, post.name, post.edge, truth.pose(body))
-
-
-def _in_height(low: float, thickness: float, bottom: float, top: float) -> bool:
-    """Return whether fingers from `low` up share any height with bottom..top."""
-    return low < top and low + thickness > bottom
-
-
-def _check_body(
-    truth: Truth, tool: str, name: str, edge: FloatArray, pose: Pose
-) -> None:
-    """Note a boundary point that lies in a finger, or a finger's tip in the body."""
-    there = moved(edge, truth.grip_pose().inverse().compose(pose))
-    for side, ring in zip((-1, 1), truth.finger_rings, strict=True):
-        shifted = there - np.array([side * truth.opening_um / 2, 0.0])
-        low, high = ring.min(axis=0), ring.max(axis=0)
-        near = ((shifted >= low) & (shifted <= high)).all(axis=1)
-        if near.any() and inside(shifted[near], [ring]).any():
-            truth.hit(f"{tool} hit {name}")
-            return

@@ -9,7 +9,8 @@ import numpy as np
 
 from executor.drivers import AxisReading
 from executor.errors import ExecutorError
-from executor.simulated.contact import close_jaws, open_jaws, touch
+from executor.simulated.contact import touch
+from executor.simulated.jaws import close_jaws, open_jaws
 from executor.simulated.truth import AxisState, Truth
 
 STEP_UM = {"x_um": 4.0, "y_um": 4.0, "z_um": 1.0}  # between contact tests

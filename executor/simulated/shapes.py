@@ -8,13 +8,15 @@ from collections.abc import Iterable
 import numpy as np
 import numpy.typing as npt
 
-from optics.outline import Arc, Edge, Outline, Ring, Segment, flatten
+from optics.outline import JOIN_UM, Arc, Edge, Outline, Ring, Segment, flatten
 from schemas.pose import Pose
 from schemas.world import WorldHole, WorldOutline, WorldPost, WorldRing
 
 FloatArray = npt.NDArray[np.float64]
 
 CHORD_UM = 0.02  # sagitta of flattened arcs: well below any clearance judged here
+ROUNDED_UM = 0.05  # six digits of 2e4 um, the length of a finger
+ROUNDED_RAD = 1e-5  # six digits of 2 pi
 SPACING_UM = 2.0  # of boundary points in overlap tests: finer than any part's features
 
 
@@ -74,8 +76,9 @@ def inside(points: FloatArray, rings: Iterable[FloatArray]) -> npt.NDArray[np.bo
 def moved(points: FloatArray, pose: Pose) -> FloatArray:
     """Turn, then shift; (N, 2) um to (N, 2) um."""
     c, s = math.cos(pose.theta_rad), math.sin(pose.theta_rad)
-    turned: FloatArray = points @ np.array([[c, s], [-s, c]])
-    return turned + np.array([pose.x_um, pose.y_um])
+    turn = np.array([[c, s], [-s, c]])
+    there: FloatArray = points @ turn + np.array([pose.x_um, pose.y_um])
+    return there
 
 
 def extent_x(points: FloatArray, theta_rad: float) -> tuple[float, float]:
@@ -85,8 +88,18 @@ def extent_x(points: FloatArray, theta_rad: float) -> tuple[float, float]:
 
 
 def _ring(ring: WorldRing) -> Ring:
-    """Return a ring of edges from its numbers."""
-    return Ring(edges=tuple(_edge(edge) for edge in ring.edges), layer=ring.layer)
+    """Return a ring of edges from its numbers.
+
+    Numbers in a file are rounded: ends that no longer meet are joined by a straight
+    edge, so short that no image or contact shows it.
+    """
+    drawn = [_edge(edge) for edge in ring.edges]
+    edges: list[Edge] = []
+    for edge, after in zip(drawn, drawn[1:] + drawn[:1], strict=True):
+        edges.append(edge)
+        if JOIN_UM / 10 < math.dist(edge.end, after.start) <= ROUNDED_UM:
+            edges.append(Segment(start=edge.end, end=after.start))
+    return Ring(edges=tuple(edges), layer=ring.layer)
 
 
 def _edge(numbers: tuple[float, ...]) -> Edge:
@@ -97,6 +110,8 @@ def _edge(numbers: tuple[float, ...]) -> Edge:
     if len(numbers) != 5:
         raise ValueError(f"an edge has 4 or 5 numbers, got {len(numbers)}")
     x, y, radius, start, sweep = numbers
+    if abs(abs(sweep) - 2 * math.pi) < ROUNDED_RAD:
+        sweep = math.copysign(2 * math.pi, sweep)  # a circle stays closed
     return Arc(center=(x, y), radius_um=radius, start_rad=start, sweep_rad=sweep)
 
 

@@ -174,6 +174,10 @@ class Truth:
         """Return the world height of a body's top face, posts left out."""
         return self.under_um(body) + body.part.thickness_um
 
+    def post_top_um(self, host: Body, post: Post) -> float:
+        """Return the world height of the top of a post of `host`."""
+        return self.top_um(host) + post.height_um
+
     def carry(self, body: Body, carrier: AxesName, pose: Pose, under_um: float) -> None:
         """Put a body, at a world pose and height, onto a carrier."""
         body.carrier = carrier

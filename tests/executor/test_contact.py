@@ -1,0 +1,271 @@
+"""The contact rules of the simulated cell against cases worked out by hand."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from executor.errors import ExecutorError
+from executor.simulated.cell import Cell, Fault, build_cell
+from executor.simulated.contact import hole_error, posts
+from executor.simulated.truth import Body
+from schemas.pose import Pose
+from tests.executor.bench import quiet, world
+
+CLEARANCE_UM = 3.0  # bore radius 25, post radius 22
+
+
+def cell(*faults: Fault) -> Cell:
+    """Return a cell without any spread: everything is where it should be."""
+    return build_cell(quiet(world()), 1, frozenset(faults))
+
+
+def gear(found: Cell) -> Body:
+    return found.truth.bodies["gear"]
+
+
+def hold(found: Cell, *, off_um: tuple[float, float] = (0.0, 0.0)) -> None:
+    """Bring the gear between the jaws, grasp it and lift it off the stage."""
+    stage, robot, jaws = found.station.stage, found.station.robot, found.station.gripper
+    assert robot is not None
+    assert jaws is not None
+    gear(found).pose = Pose(x_um=600.0, y_um=0.0)
+    stage.move(y_um=-180.0)
+    robot.move(x_um=0.0, y_um=0.0)
+    robot.move(z_um=30.0)
+    stage.move(y_um=0.0)
+    jaws.move(96.0)
+    stage.move(z_um=-260.0)
+    stage.move(x_um=off_um[0], y_um=off_um[1])
+
+
+def drop(found: Cell) -> None:
+    """Insert, release and take the tool away."""
+    robot, jaws = found.station.robot, found.station.gripper
+    assert robot is not None
+    assert jaws is not None
+    found.station.stage.move(z_um=0.0)
+    jaws.move(130.0)
+    robot.move(z_um=400.0)
+    robot.move(y_um=3000.0)
+
+
+def test_a_nominal_assembly_seats_the_gear() -> None:
+    found = cell()
+    hold(found)
+    assert found.truth.held == "gear"
+    drop(found)
+    verdict = found.judge("gear", "shaft_plate.post")
+    assert verdict.success, verdict
+    assert verdict.offset_um == pytest.approx(0.0, abs=1e-6)
+    assert verdict.height_um == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_grasped_part_is_centred_and_turned_to_a_minimum_of_its_width() -> None:
+    found = cell()
+    hold(found)
+    body = gear(found)
+    assert body.pose.x_um == pytest.approx(0.0, abs=1e-6)
+    nearest = min(
+        abs(math.remainder(body.pose.theta_rad - m, math.pi))
+        for m in body.part.hull_minima_rad
+    )
+    assert nearest == pytest.approx(0.0, abs=1e-12)
+    assert found.truth.opening_um > 96.0  # the jaws stop at the gear
+
+
+def test_a_held_part_keeps_its_height_to_the_tool() -> None:
+    found = cell()
+    hold(found)
+    assert gear(found).z_um == pytest.approx(-30.0)
+    assert found.truth.under_um(gear(found)) == pytest.approx(0.0)
+
+
+@pytest.mark.parametrize(
+    ("x_um", "y_um", "holds"),
+    [
+        (600.0, 0.0, True),
+        (600.0, 300.0, True),
+        (600.0, -80.0, False),
+        (900.0, 0, False),
+    ],
+    ids=["at the grip", "far behind", "before the tips", "beside"],
+)
+def test_jaws_hold_only_what_is_between_them(
+    x_um: float,
+    y_um: float,
+    holds: bool,
+) -> None:
+    found = cell()
+    jaws, robot = found.station.gripper, found.station.robot
+    assert jaws is not None
+    assert robot is not None
+    robot.move(x_um=0.0, y_um=0.0, z_um=30.0)
+    gear(found).pose = Pose(x_um=x_um, y_um=y_um)
+    jaws.move(96.0)
+    assert (found.truth.held == "gear") == holds
+
+
+def test_jaws_that_stay_wider_than_the_part_hold_nothing() -> None:
+    found = cell()
+    jaws, robot = found.station.gripper, found.station.robot
+    assert jaws is not None
+    assert robot is not None
+    robot.move(x_um=0.0, y_um=0.0, z_um=30.0)
+    jaws.move(110.0)
+    assert found.truth.held == ""
+    assert gear(found).carrier == "stage"
+
+
+def test_jaws_above_the_part_hold_nothing() -> None:
+    found = cell()
+    jaws, robot = found.station.gripper, found.station.robot
+    assert jaws is not None
+    assert robot is not None
+    robot.move(x_um=0.0, y_um=0.0, z_um=101.0)
+    jaws.move(96.0)
+    assert found.truth.held == ""
+
+
+@pytest.mark.parametrize("off_um", [2.9, 3.1])
+@pytest.mark.parametrize("angle_rad", [0.0, 1.0, 2.5])
+def test_the_part_goes_in_below_the_capture_radius_only(
+    off_um: float, angle_rad: float
+) -> None:
+    found = cell()
+    hold(found, off_um=(off_um * math.cos(angle_rad), off_um * math.sin(angle_rad)))
+    drop(found)
+    verdict = found.judge("gear", "shaft_plate.post")
+    assert verdict.success == (off_um < CLEARANCE_UM), verdict
+    if off_um > CLEARANCE_UM:  # it lies on top of the post, 250 um up
+        assert verdict.height_um == pytest.approx(250.0)
+    assert verdict.offset_um == pytest.approx(off_um, abs=1e-6)
+    assert verdict.collided == ""
+
+
+def test_tilt_counts_at_the_height_where_the_post_meets_the_part() -> None:
+    # aligned at z = -260; going up by 10 um to the meeting height moves the post by
+    # 10 tilt = .2 um: enough to take 2.9 um to 3.1 um, and not enough for 2.7 um
+    for off_um, seats in ((2.9, False), (2.7, True)):
+        found = cell()
+        hold(found)
+        found.truth.tilt = (0.02, 0.0)
+        tilted_um = -260.0 * 0.02
+        found.station.stage.move(x_um=off_um - tilted_um, y_um=0.0)
+        drop(found)
+        verdict = found.judge("gear", "shaft_plate.post")
+        assert (verdict.height_um < 1.0) == seats, (off_um, verdict)
+
+
+def test_profile_offsets_change_the_capture_radius() -> None:
+    found = cell()
+    gear(found).hole_radius_um["gear.bore"] = 24.0
+    hold(found, off_um=(2.5, 0.0))
+    drop(found)
+    assert found.judge("gear", "shaft_plate.post").height_um == pytest.approx(250.0)
+
+
+def test_a_blocked_part_lies_on_top_of_the_post() -> None:
+    found = cell("block")
+    hold(found)
+    drop(found)
+    verdict = found.judge("gear", "shaft_plate.post")
+    assert not verdict.success
+    assert not verdict.held
+    assert verdict.height_um == pytest.approx(250.0)
+
+
+def test_a_part_that_sticks_follows_the_finger_and_is_held() -> None:
+    found = cell("stick")
+    hold(found)
+    found.station.stage.move(z_um=0.0)
+    jaws, robot = found.station.gripper, found.station.robot
+    assert jaws is not None
+    assert robot is not None
+    jaws.move(130.0)
+    error = hole_error(found.truth, gear(found), *next(iter(posts(found.truth))))
+    assert error is not None  # it was pulled aside until the post stopped it
+    assert math.hypot(error[0], error[1]) == pytest.approx(CLEARANCE_UM)
+    robot.move(z_um=400.0)
+    verdict = found.judge("gear", "shaft_plate.post")
+    assert verdict.held
+    assert not verdict.success
+    assert verdict.height_um == pytest.approx(370.0)
+
+
+def test_a_part_released_in_the_air_falls() -> None:
+    found = cell()
+    hold(found, off_um=(-300.0, 0.0))
+    jaws = found.station.gripper
+    assert jaws is not None
+    jaws.move(130.0)
+    assert found.truth.under_um(gear(found)) == pytest.approx(-260.0)
+    assert gear(found).carrier == "stage"
+
+
+def test_fingers_that_meet_a_part_collide() -> None:
+    found = cell()
+    robot = found.station.robot
+    assert robot is not None
+    robot.move(x_um=0.0, y_um=600.0, z_um=30.0)
+    assert found.truth.collided == ""
+    robot.move(x_um=80.0)
+    robot.move(y_um=0.0)
+    assert found.truth.collided == "tweezers hit gear"
+
+
+def test_fingers_that_go_below_the_stage_collide() -> None:
+    found = cell()
+    found.station.stage.move(z_um=450.0)
+    assert "tweezers hit the stage" in found.truth.collided
+
+
+def test_a_post_that_runs_into_a_held_part_from_the_side_collides() -> None:
+    found = cell()
+    hold(found, off_um=(0.0, -200.0))  # in front of the tips
+    found.station.stage.move(z_um=-200.0)
+    found.station.stage.move(y_um=0.0)
+    assert "ran into the side of gear" in found.truth.collided
+
+
+def test_limits_are_kept() -> None:
+    found = cell()
+    with pytest.raises(ExecutorError, match=r"stage.x_um = 6000 is outside") as caught:
+        found.station.stage.move(x_um=6000.0)
+    assert caught.value.code == "MP840"
+    assert found.station.stage.reading().x_um == -600.0
+
+
+def test_a_missing_part_is_missing() -> None:
+    assert "gear" not in cell("no_part").truth.bodies
+
+
+def test_an_axis_error_is_redrawn_only_for_the_axes_that_move() -> None:
+    found = build_cell(world(), 5)
+    stage = found.truth.stage
+    before = dict(stage.error)
+    found.station.stage.move(x_um=0.0, y_um=1.0)
+    assert stage.error["x_um"] != before["x_um"]
+    assert stage.error["y_um"] != before["y_um"]
+    assert stage.error["z_um"] == before["z_um"]
+    assert stage.actual["x_um"] == pytest.approx(stage.error["x_um"])
+    assert found.station.stage.reading().x_um == 0.0
+
+
+def test_an_angle_error_of_the_robot_swings_the_grip_by_its_lever() -> None:
+    found = build_cell(quiet(world()), 5)
+    spec = found.truth.robot.spec
+    found.truth.robot.spec = replace(spec, repeatability_theta_rad=1e-4)
+    robot = found.station.robot
+    assert robot is not None
+    robot.move(theta_rad=0.1)
+    error_rad = found.truth.robot.error["theta_rad"]
+    lever_um = 20800.0 - 60.0
+    meant = found.station.robot
+    assert meant is not None
+    grip = found.truth.grip_pose()
+    # the grip moves along the jaws' x axis, to first order in the error
+    along = (grip.x_um - 0.0) * math.cos(0.1) + (grip.y_um - 3000.0) * math.sin(0.1)
+    assert along == pytest.approx(lever_um * error_rad, rel=1e-6)
