@@ -1,0 +1,150 @@
+"""One look to be tried: scene, optics, target, tolerances and spreads."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from featuresel.routines import Target
+from featuresel.routines.frame import RegionFrame
+from optics.microscope import Microscope
+from optics.outline import place
+from optics.render import render
+from optics.scene import Illumination, Layer, Scene, Window
+from optics.sensor import Sensor
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Spread:
+    """What trials are perturbed by; sigmas are one standard deviation per axis."""
+
+    focus_sigma_um: float
+    magnification_sigma: float  # of the ratio to nominal
+    light_gain: tuple[float, float]  # uniform in this interval, times the nominal gain
+    light_gradient: tuple[float, float]  # magnitude; the direction is any
+    pose_sigma_xy_um: float
+    pose_sigma_theta_rad: float
+    search_um: float  # how far off a look may start; trials reach it at the extremes
+
+    def __post_init__(self) -> None:
+        names = ("focus_sigma_um", "magnification_sigma", "pose_sigma_xy_um")
+        for name in (*names, "pose_sigma_theta_rad", "search_um"):
+            value = getattr(self, name)
+            if not (value >= 0 and math.isfinite(value)):
+                raise ValueError(f"{name} must be finite and >= 0, got {value}")
+        if self.magnification_sigma > 0.1:
+            raise ValueError(
+                f"magnification_sigma must be at most .1, got "
+                f"{self.magnification_sigma}"
+            )
+        for name in ("light_gain", "light_gradient"):
+            low, high = getattr(self, name)
+            if not 0 <= low <= high < math.inf:
+                raise ValueError(f"{name} must be 0 <= low <= high, got {low}, {high}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LookCase:
+    """A look before a routine is chosen for it; picklable.
+
+    The target's frame has its origin at the target's reference point. The model is the
+    compiler's rung of the defocus law.
+    """
+
+    key: str  # names the case; seeds depend on it
+    static: tuple[Layer, ...]  # world frame
+    moving: tuple[Layer, ...]  # outlines in the target's frame
+    background: float
+    x_um: float  # nominal world pose of the target's frame
+    y_um: float
+    theta_rad: float
+    theta_any: bool  # the angle is uniform over the circle
+    microscope: Microscope
+    focus_um: float
+    light: Illumination
+    window: Window  # the region of the frame
+    sensor: Sensor
+    target: Target
+    model: str
+    tolerance_um: float  # what the look has to meet per axis, 2 sigma and bias
+    tolerance_theta_rad: float | None  # None: the angle is not needed
+    spread: Spread
+
+    def __post_init__(self) -> None:
+        if not self.tolerance_um > 0:
+            raise ValueError(f"tolerance_um must be positive, got {self.tolerance_um}")
+        if self.tolerance_theta_rad is not None and not self.tolerance_theta_rad > 0:
+            raise ValueError(
+                f"tolerance_theta_rad must be positive, got {self.tolerance_theta_rad}"
+            )
+
+    @property
+    def frame(self) -> RegionFrame:
+        """Return the nominal map from pixels of the region to the world."""
+        return RegionFrame(
+            width_px=self.microscope.width_px,
+            height_px=self.microscope.height_px,
+            um_per_px=self.microscope.um_per_px,
+            row=self.window.row,
+            column=self.window.column,
+        )
+
+
+def scene(case: LookCase, dx_um: float, dy_um: float, dtheta_rad: float) -> Scene:
+    """Return the case's scene with the target displaced in the world frame.
+
+    Parameters
+    ----------
+    case : LookCase
+        The look.
+    dx_um, dy_um : float
+        Displacement of the target's reference point, world axes, um.
+    dtheta_rad : float
+        Turn of the target about its reference point.
+    """
+    x, y = case.x_um + dx_um, case.y_um + dy_um
+    moved = tuple(
+        Layer(
+            name=layer.name,
+            outline=place(layer.outline, x, y, case.theta_rad + dtheta_rad),
+            z_um=layer.z_um,
+            reflectance=layer.reflectance,
+        )
+        for layer in case.moving
+    )
+    return Scene(layers=case.static + moved, background=case.background)
+
+
+@dataclass(frozen=True, slots=True)
+class NominalRender:
+    """Renders a case's region at nominal focus, zoom and light; a `Render`."""
+
+    case: LookCase
+
+    def __call__(
+        self, *, dx_um: float = 0.0, dy_um: float = 0.0, theta_rad: float = 0.0
+    ) -> FloatArray:
+        """Return the noise-free region, clipped to what the sensor can tell, 0..1.
+
+        `theta_rad` is the turn away from the nominal angle.
+        """
+        image = render(
+            scene(self.case, dx_um, dy_um, theta_rad),
+            self.case.microscope,
+            focus_um=self.case.focus_um,
+            model=self.case.model,
+            window=self.case.window,
+            light=self.case.light,
+        )
+        clipped: FloatArray = np.clip(image, 0.0, 1.0)
+        return clipped
+
+
+def nominal_render(case: LookCase) -> NominalRender:
+    """Return the renderer that routines prepare with."""
+    return NominalRender(case)

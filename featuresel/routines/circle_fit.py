@@ -1,0 +1,100 @@
+"""Circles through points, some of which do not belong to one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from featuresel.routines import FloatArray
+from featuresel.routines.sampling import BoolArray
+
+_ROUNDS = 12  # of reweighting: it settles to 1e-6 px in fewer
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Circle:
+    """A circle and the points that made it."""
+
+    column: float
+    row: float
+    radius_px: float
+    used: BoolArray  # (N,) points that were not trimmed
+    rms_px: float  # of the radial residuals of the used points
+    spread_px: float  # standard deviation of the centre per axis, from the residuals
+
+
+def fit_centre(
+    columns: FloatArray, rows: FloatArray, radius_px: float, start: tuple[float, float]
+) -> tuple[float, float]:
+    """Return the centre of a circle of known radius, whatever half the points do.
+
+    Gauss-Newton with Cauchy weights whose scale shrinks from a third of the radius to
+    half a pixel, so that far points pull first and wrong ones stop pulling later.
+    """
+    x, y = start
+    for scale in np.geomspace(max(radius_px / 3, 0.5), 0.5, _ROUNDS):
+        ux, uy, distance = _rays(columns - x, rows - y)
+        residual = distance - radius_px
+        weight = 1 / (1 + (residual / scale) ** 2)
+        normal = np.array(
+            [
+                [(weight * ux * ux).sum(), (weight * ux * uy).sum()],
+                [(weight * ux * uy).sum(), (weight * uy * uy).sum()],
+            ]
+        )
+        right = np.array(
+            [(weight * ux * residual).sum(), (weight * uy * residual).sum()]
+        )
+        step = np.linalg.solve(normal + 1e-9 * np.eye(2), right)
+        x, y = x + float(step[0]), y + float(step[1])
+    return (x, y)
+
+
+def fit_circle(
+    columns: FloatArray, rows: FloatArray, start: tuple[float, float, float]
+) -> Circle:
+    """Return the circle through most of the points, geometric least squares.
+
+    Parameters
+    ----------
+    columns, rows : (N,) float arrays
+        Points, px; N >= 3.
+    start : (column, row, radius)
+        Near the answer, px.
+
+    Returns
+    -------
+    Circle
+        Points farther from it than 3 robust standard deviations (at least .05 px, the
+        pattern that sampling leaves) are trimmed; never more than half.
+    """
+    pose = np.array(start)
+    used = np.ones(len(columns), dtype=bool)
+    for _ in range(_ROUNDS):
+        ux, uy, distance = _rays(columns - pose[0], rows - pose[1])
+        residual = distance - pose[2]
+        middle = float(np.median(residual))
+        robust = 1.4826 * float(np.median(np.abs(residual - middle)))
+        used = np.abs(residual - middle) <= max(3 * robust, 0.05)
+        jacobian = np.column_stack((ux, uy, np.ones_like(ux)))[used]
+        step, *_ = np.linalg.lstsq(jacobian, residual[used], rcond=None)
+        pose = pose + step
+    rms = float(np.sqrt(np.mean((residual[used] - residual[used].mean()) ** 2)))
+    inverse = np.linalg.pinv(jacobian.T @ jacobian)
+    spread = rms * float(np.sqrt((inverse[0, 0] + inverse[1, 1]) / 2))
+    return Circle(
+        column=float(pose[0]),
+        row=float(pose[1]),
+        radius_px=float(pose[2]),
+        used=used,
+        rms_px=rms,
+        spread_px=spread,
+    )
+
+
+def _rays(dx: FloatArray, dy: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return unit vectors and lengths; a point at the centre points nowhere."""
+    distance = np.hypot(dx, dy)
+    safe = np.maximum(distance, 1e-9)
+    return dx / safe, dy / safe, distance
