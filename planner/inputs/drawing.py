@@ -36,7 +36,7 @@ MAX_LISTED = 8  # findings of one kind for one drawing
 # what ezdxf lets out on hostile files, beside its own exceptions
 _ESCAPES = (
     DXFError, OSError, ValueError, TypeError, AttributeError, LookupError,
-    ArithmeticError, RecursionError, EOFError, struct.error,
+    ArithmeticError, RecursionError, EOFError, StopIteration, struct.error,
 )  # fmt: skip
 
 

@@ -148,9 +148,7 @@ def _teeth(ring: Ring) -> Teeth | None:
     if outer - root <= 2 * SAME_UM:
         return None
     center = best[0].center
-    tips = [_on(edge, center, outer) for edge in ring.edges]
-    roots = [_on(edge, center, root) for edge in ring.edges]
-    middles = _tooth_middles(ring, center, tips, roots)
+    middles = _tooth_middles(ring, center, (outer + root) / 2)
     if not middles:
         return None
     count = len(middles)
@@ -162,26 +160,27 @@ def _teeth(ring: Ring) -> Teeth | None:
     )  # fmt: skip
 
 
-def _tooth_middles(
-    ring: Ring, center: Point, tips: Sequence[bool], roots: Sequence[bool]
-) -> list[float]:
-    """Return the angle of each tooth's middle; a tooth lies between two roots."""
+def _tooth_middles(ring: Ring, center: Point, radius_um: float) -> list[float]:
+    """Return the angle of each tooth's middle where it crosses a radius.
+
+    A tooth that is bent or moved still counts as one.
+    """
+    points = [point for edge in ring.edges for point in _samples(edge)]
+    over = [math.dist(point, center) - radius_um for point in points]
+    angles = [math.atan2(y - center[1], x - center[0]) for x, y in points]
+    crossings = []  # (angle, whether the ring goes outward there)
+    for k in range(len(points)):
+        before, after = over[k - 1], over[k]
+        if (before > 0) != (after > 0):
+            share = before / (before - after)
+            turn = math.remainder(angles[k] - angles[k - 1], math.tau)
+            crossings.append((angles[k - 1] + share * turn, after > 0))
     middles = []
-    for run in _runs([not root for root in roots]):
-        edges = [ring.edges[i] for i in run if tips[i]]
-        if not edges:
-            continue
-        (x0, y0), (x1, y1) = edges[0].start, edges[-1].end
-        start = math.atan2(y0 - center[1], x0 - center[0])
-        end = math.atan2(y1 - center[1], x1 - center[0])
-        middles.append(start + math.remainder(end - start, math.tau) / 2)
+    for k, (angle, outward) in enumerate(crossings):
+        if outward:
+            back = crossings[(k + 1) % len(crossings)][0]
+            middles.append(angle + math.remainder(back - angle, math.tau) / 2)
     return middles
-
-
-def _on(edge: Edge, center: Point, radius_um: float) -> bool:
-    """Return whether an edge lies on the circle."""
-    wanted = Arc(center=center, radius_um=radius_um, start_rad=0.0, sweep_rad=1.0)
-    return isinstance(edge, Arc) and same_circle(edge, wanted, 2 * SAME_UM)
 
 
 def _length(arcs: Sequence[Arc]) -> float:

@@ -75,8 +75,19 @@ def canonical(ring: Ring) -> Ring:
     edges = _merged(ring.edges)
     if len(edges) == 1 and isinstance(arc := edges[0], Arc):
         edges = [replace(arc, start_rad=0.0, sweep_rad=math.tau)]
+    edges = [_one_turn(edge) for edge in edges]
     first = min(range(len(edges)), key=lambda i: _rounded(edges[i].start))
     return Ring(edges=tuple(edges[first:] + edges[:first]), layer=ring.layer)
+
+
+def _one_turn(edge: Edge) -> Edge:
+    """Return an arc with its start in (-pi, pi]; rounding may not flip the seam."""
+    if isinstance(edge, Segment):
+        return edge
+    start_rad = math.remainder(edge.start_rad, math.tau)
+    if start_rad < 1e-9 - math.pi:
+        start_rad += math.tau
+    return replace(edge, start_rad=start_rad)
 
 
 def same_circle(a: Arc, b: Arc, within_um: float = SAME_UM) -> bool:
