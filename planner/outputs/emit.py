@@ -1,0 +1,134 @@
+"""The plan folder: written whole, then moved into place."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import shutil
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from schemas.codec import to_data
+from schemas.plan import Plan, dump_plan
+from schemas.world import World
+
+Picture = npt.NDArray[np.uint8]
+FloatArray = npt.NDArray[np.float64]
+
+
+class OutputError(Exception):
+    """The folder cannot be written; the message says why, `code` is MP7xx."""
+
+    def __init__(self, code: str, message: str) -> None:
+        super().__init__(message)
+        self.code = code
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlanFiles:
+    """Everything that goes into a plan folder."""
+
+    plan: Plan
+    world: World
+    images: Mapping[str, Picture]  # path in the folder -> (rows, columns) 8 bit
+    arrays: Mapping[str, Mapping[str, npt.NDArray[np.float32]]]  # npz path -> arrays
+    timings: Mapping[str, float]  # stage -> seconds; never compared
+    inputs: Mapping[str, object]  # raw-file hashes and versions; never compared
+
+
+def write_folder(files: PlanFiles, folder: Path) -> None:
+    """Write the plan folder; an older plan in its place is replaced whole.
+
+    Raises
+    ------
+    OutputError
+        MP701 if `folder` holds something that is no plan, MP702 if it cannot be
+        written.
+    """
+    check_folder(folder)
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        fresh = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
+        try:
+            _fill(files, fresh)
+            fresh.chmod(0o755)
+            _swap(fresh, folder)
+        except BaseException:
+            shutil.rmtree(fresh, ignore_errors=True)
+            raise
+    except OSError as error:
+        raise OutputError("MP702", f"{folder} cannot be written: {error}") from error
+
+
+def check_folder(folder: Path) -> None:
+    """Raise OutputError unless `folder` is absent, empty or a plan folder."""
+    if not folder.exists():
+        return
+    if not folder.is_dir():
+        raise OutputError("MP701", f"{folder} is a file, not a folder")
+    if any(folder.iterdir()) and not (folder / "plan.json").is_file():
+        raise OutputError(
+            "MP701", f"{folder} holds other things than a plan; it is left untouched"
+        )
+
+
+def picture(image: FloatArray) -> Picture:
+    """Return an image in 0..1 as 8 bit, rounded and clipped."""
+    scaled: Picture = np.clip(np.rint(image * 255), 0, 255).astype(np.uint8)
+    return scaled
+
+
+def picture_sha256(pixels: Picture) -> str:
+    """Return the hash of an image's size and decoded pixels."""
+    rows, columns = pixels.shape
+    digest = hashlib.sha256(f"{rows}x{columns}:".encode())
+    digest.update(np.ascontiguousarray(pixels).tobytes())
+    return digest.hexdigest()
+
+
+def _fill(files: PlanFiles, folder: Path) -> None:
+    """Write all files into an empty folder."""
+    (folder / "images").mkdir()
+    (folder / "artifacts").mkdir()
+    _write_text(folder / "plan.json", dump_plan(files.plan))
+    _write_json(folder / "world.json", to_data(files.world))
+    _write_json(folder / "timings.json", dict(files.timings))
+    _write_json(folder / "inputs.json", dict(files.inputs))
+    for name, pixels in files.images.items():
+        ok, data = cv2.imencode(".png", pixels)
+        if not ok:
+            raise OSError(f"{name} could not be encoded")
+        (folder / name).write_bytes(data.tobytes())
+    for name, arrays in files.arrays.items():
+        with (folder / name).open("wb") as stream:
+            np.savez(
+                stream, allow_pickle=False, **{k: arrays[k] for k in sorted(arrays)}
+            )
+
+
+def _write_json(path: Path, data: object) -> None:
+    """Write JSON the way the plan is written."""
+    _write_text(path, json.dumps(data, indent=2, ensure_ascii=False) + "\n")
+
+
+def _write_text(path: Path, text: str) -> None:
+    """Write UTF-8 with LF line ends on every platform."""
+    with path.open("w", encoding="utf-8", newline="\n") as stream:
+        stream.write(text)
+
+
+def _swap(fresh: Path, folder: Path) -> None:
+    """Put `fresh` in the place of `folder`, which is kept until the last moment."""
+    if not folder.exists():
+        fresh.rename(folder)
+        return
+    old = fresh.with_name(fresh.name + ".old")
+    folder.rename(old)
+    fresh.rename(folder)
+    shutil.rmtree(old)
