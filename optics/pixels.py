@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import fft
 
+from optics.clip import Box
 from optics.microscope import Microscope
 from optics.outline import Outline
 from optics.scene import Window
@@ -20,20 +21,21 @@ ComplexArray = npt.NDArray[np.complex128]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Span:
+    """One axis of a tile, in pixels of the frame."""
+
+    start: int  # the pixel of the first sample
+    count: int  # samples in a period
+    seen: range  # pixels of the window that may be read
+    cut: tuple[float, float] | None  # where the outline is cut; None for the period
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class PixelTile:
-    """A tile whose samples are camera pixels; its first column is X = 0."""
+    """A tile whose samples are camera pixels."""
 
-    row: int  # of the top sample
-    column: int
-    rows: int
-    columns: int
-
-    def overlap(self, frame: Window) -> tuple[range, range]:
-        """Return the frame's rows and columns that lie in the tile."""
-        return (
-            _common(self.row, self.rows, frame.row, frame.rows),
-            _common(self.column, self.columns, frame.column, frame.columns),
-        )
+    columns: Span
+    rows: Span  # down the frame
 
 
 def choose_tile(
@@ -43,61 +45,100 @@ def choose_tile(
     frame: Window,
     shift_um: tuple[float, float],
 ) -> PixelTile | None:
-    """Return the pixels where an outline, the frame and their margins meet.
+    """Return the tile on which an outline's image can be computed.
 
-    The outline's image is displaced by `shift_um`. None where they do not meet.
+    Parameters
+    ----------
+    outline : Outline
+        The body, um; its image is displaced by `shift_um`.
+    microscope : Microscope
+        The optical setting.
+    margin_um : float
+        How far light spreads.
+    frame : Window
+        The pixels wanted.
+    shift_um : (x, y)
+        Displacement of the image.
+
+    Returns
+    -------
+    PixelTile or None
+        Every pixel seen is at least the margin away from where the outline is cut, and
+        from its repetitions. None where no pixel is within the margin.
     """
     if not outline.rings:
         return None
     k = microscope.px_per_um
     cx, cy = axis_px(microscope)
     x_min, y_min, x_max, y_max = outline.bounds_um
-    grow = margin_um * k
-    columns = _meet(
-        cx + k * (x_min + shift_um[0]) - grow,
-        cx + k * (x_max + shift_um[0]) + grow,
-        frame.column - grow,
-        frame.column + frame.columns - 1 + grow,
+    columns = _span(
+        (cx + k * (x_min + shift_um[0]), cx + k * (x_max + shift_um[0])),
+        (frame.column, frame.column + frame.columns - 1),
+        margin_um * k,
     )
-    rows = _meet(
-        cy - k * (y_max + shift_um[1]) - grow,
-        cy - k * (y_min + shift_um[1]) + grow,
-        frame.row - grow,
-        frame.row + frame.rows - 1 + grow,
+    rows = _span(
+        (cy - k * (y_max + shift_um[1]), cy - k * (y_min + shift_um[1])),
+        (frame.row, frame.row + frame.rows - 1),
+        margin_um * k,
     )
     if columns is None or rows is None:
         return None
-    return PixelTile(
-        row=rows[0], column=columns[0], rows=_fast(rows[1]), columns=_fast(columns[1])
-    )
+    return PixelTile(columns=columns, rows=rows)
+
+
+def _span(
+    body: tuple[float, float], wanted: tuple[int, int], margin: float
+) -> Span | None:
+    """Choose one axis of a tile; all in pixels."""
+    low, high = body
+    first = max(wanted[0], math.floor(low - margin))
+    last = min(wanted[1], math.ceil(high + margin))
+    if last < first:
+        return None
+    seen = range(first, last + 1)
+    left, right = max(low, first - margin), min(high, last + margin)
+    start = math.floor(min(left, first))
+    if left > low and right < high:  # the body fills the period and runs on
+        return Span(start=start, count=_fast(right - start), seen=seen, cut=None)
+    apart = max(right - first, last - left) + margin  # from the repetitions
+    count = _fast(max(apart, max(right, last) - start + 2))
+    whole = left == low and right == high
+    cut = None if whole else (left, right)
+    return Span(start=start, count=count, seen=seen, cut=cut)
 
 
 def to_world(
     tile: PixelTile, microscope: Microscope, shift_um: tuple[float, float]
-) -> Tile:
-    """Return where the tile lies on the scene before the shift, um."""
+) -> tuple[Tile, Box]:
+    """Return the tile, and the box that cuts the outline, before the shift, um."""
     cx, cy = axis_px(microscope)
     p = microscope.um_per_px
-    return Tile(
-        left_um=(tile.column - cx) * p - shift_um[0],
-        bottom_um=(cy - (tile.row + tile.rows - 1)) * p - shift_um[1],
-        width_um=tile.columns * p,
-        height_um=tile.rows * p,
+    x, y = tile.columns, tile.rows
+    world = Tile(
+        left_um=(x.start - cx) * p - shift_um[0],
+        bottom_um=(cy - (y.start + y.count - 1)) * p - shift_um[1],
+        width_um=x.count * p,
+        height_um=y.count * p,
     )
+    x_min, y_min, x_max, y_max = world.box
+    if x.cut is not None:
+        x_min, x_max = ((edge - cx) * p - shift_um[0] for edge in x.cut)
+    if y.cut is not None:
+        y_max, y_min = ((cy - edge) * p - shift_um[1] for edge in y.cut)
+    return world, (x_min, y_min, x_max, y_max)
 
 
-def sample(
-    values: ComplexArray, tile: PixelTile, rows: range, columns: range
-) -> FloatArray:
-    """Return the image at `rows` and `columns` of the frame from its coefficients."""
-    bottom = tile.row + tile.rows - 1
-    if _by_product_is_cheaper(values.shape, tile, rows, columns):
-        y = (bottom - np.asarray(rows)) / tile.rows
-        x = (np.asarray(columns) - tile.column) / tile.columns
-        return _sample_by_product(values, y, x)
-    image = _sample_by_fft(values, tile.rows, tile.columns)[::-1]
-    r0, c0 = rows.start - tile.row, columns.start - tile.column
-    return image[r0 : r0 + len(rows), c0 : c0 + len(columns)]
+def sample(values: ComplexArray, tile: PixelTile) -> FloatArray:
+    """Return the image at the pixels seen, (rows, columns), from its coefficients."""
+    x, y = tile.columns, tile.rows
+    bottom = y.start + y.count - 1
+    if _by_product_is_cheaper(values.shape, tile):
+        up = (bottom - np.asarray(y.seen)) / y.count
+        right = (np.asarray(x.seen) - x.start) / x.count
+        return _sample_by_product(values, up, right)
+    image = _sample_by_fft(values, y.count, x.count)[::-1]
+    r0, c0 = y.seen.start - y.start, x.seen.start - x.start
+    return image[r0 : r0 + len(y.seen), c0 : c0 + len(x.seen)]
 
 
 def axis_px(microscope: Microscope) -> tuple[float, float]:
@@ -105,30 +146,19 @@ def axis_px(microscope: Microscope) -> tuple[float, float]:
     return ((microscope.width_px - 1) / 2, (microscope.height_px - 1) / 2)
 
 
-def _meet(a: float, b: float, c: float, d: float) -> tuple[int, int] | None:
-    """Return first integer and count of the meeting of [a, b] and [c, d]."""
-    low, high = math.floor(max(a, c)), math.ceil(min(b, d))
-    return None if high < low else (low, high - low + 1)
-
-
-def _fast(count: int) -> int:
+def _fast(least: float) -> int:
     """Return the next length that transforms fast."""
-    size = fft.next_fast_len(count, real=True)
+    size = fft.next_fast_len(math.ceil(least), real=True)
     if size is None:  # only if the length overflowed
-        raise ValueError(f"no transform of length {count}")
+        raise ValueError(f"no transform of length {least}")
     return size
 
 
-def _common(a: int, a_count: int, b: int, b_count: int) -> range:
-    return range(max(a, b), max(min(a + a_count, b + b_count), a, b))
-
-
-def _by_product_is_cheaper(
-    shape: tuple[int, ...], tile: PixelTile, rows: range, columns: range
-) -> bool:
+def _by_product_is_cheaper(shape: tuple[int, ...], tile: PixelTile) -> bool:
     """Compare operation counts of the two ways to sample."""
-    product = len(rows) * shape[1] * (shape[0] + len(columns) / 2)
-    pixels = tile.rows * tile.columns
+    rows, columns = len(tile.rows.seen), len(tile.columns.seen)
+    product = rows * shape[1] * (shape[0] + columns / 2)
+    pixels = tile.rows.count * tile.columns.count
     # a transform's operations take about three times as long as a product's
     return product < 3 * pixels * math.log2(max(pixels, 2))
 

@@ -135,12 +135,11 @@ class _Prepared:
         cut = band_cut(self.model, microscope, z_um)
         part = self.spectrum.cut(cut * microscope.cutoff_per_um)
         blurred = _filter(part, microscope, self.model, z_um, cut)
-        rows, columns = self.tile.overlap(self.frame)
-        if rows and columns:
-            r0, c0 = rows.start - self.frame.row, columns.start - self.frame.column
-            image[r0 : r0 + len(rows), c0 : c0 + len(columns)] = sample(
-                blurred, self.tile, rows, columns
-            )
+        r0 = self.tile.rows.seen.start - self.frame.row
+        c0 = self.tile.columns.seen.start - self.frame.column
+        seen = sample(blurred, self.tile)
+        rows, columns = seen.shape
+        image[r0 : r0 + rows, c0 : c0 + columns] = seen
         return image
 
 
@@ -177,8 +176,9 @@ def _prepare(
     found = None
     if tile is not None:
         cut = max(band_cut(model, microscope, z) for z in defocus)
-        world = to_world(tile, microscope, shift_um)
-        found = spectrum(layer.outline, world, cut * microscope.cutoff_per_um)
+        world, box = to_world(tile, microscope, shift_um)
+        top_per_um = cut * microscope.cutoff_per_um
+        found = spectrum(layer.outline, world, top_per_um, box=box)
     return _Prepared(layer=layer, model=model, frame=frame, tile=tile, spectrum=found)
 
 

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from scipy import fft
 from scipy.special import i0
 
-from optics.clip import Edges, clip
+from optics.clip import Box, Edges, clip
 from optics.outline import Outline
 
 FloatArray = npt.NDArray[np.float64]
@@ -85,17 +85,22 @@ def band_orders(tile: Tile, f_per_um: float) -> tuple[int, int]:
     return (math.floor(f_per_um * tile.width_um), math.floor(f_per_um * tile.height_um))
 
 
-def spectrum(outline: Outline, tile: Tile, cut_per_um: float) -> Spectrum:
+def spectrum(
+    outline: Outline, tile: Tile, cut_per_um: float, *, box: Box | None = None
+) -> Spectrum:
     """Return the Fourier coefficients of an outline, repeated tile by tile.
 
     Parameters
     ----------
     outline : Outline
-        Closed rings, um; what lies outside the tile is cut off.
+        Closed rings, um.
     tile : Tile
         The period.
     cut_per_um : float
         Highest radial frequency, cycles/um; the corners beyond it are filled, badly.
+    box : (x_min, y_min, x_max, y_max), optional
+        Where the outline is cut off, by default at the tile. Beyond the tile it would
+        come in again from the other side.
 
     Returns
     -------
@@ -117,7 +122,7 @@ def spectrum(outline: Outline, tile: Tile, cut_per_um: float) -> Spectrum:
     """
     if not (cut_per_um >= 0 and math.isfinite(cut_per_um)):
         raise ValueError(f"cut_per_um must be finite and >= 0, got {cut_per_um}")
-    edges = clip(outline, tile.box)
+    edges = clip(outline, tile.box if box is None else box)
     share = edges.area_um2 / (tile.width_um * tile.height_um)
     if abs(share) < 1e-12 or abs(share - 1) < 1e-12:  # nothing, or all of the tile
         return Spectrum(tile=tile, values=np.full((1, 1), round(share) + 0j))
