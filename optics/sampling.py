@@ -14,6 +14,7 @@ BAND_ERROR = 5e-4  # of unit contrast, what cutting the band may cost by `band_e
 # The edge spread of an Airy pattern nears its end as (wavelength / A) / (pi**3 d):
 # at 40 wavelength / A it is 8e-4 away from it, for an endless straight edge.
 MARGIN = 40.0
+CUTS: FloatArray = np.geomspace(1e-6, 1.0, 1200)  # shares of the cutoff
 
 
 def margin_um(microscope: Microscope, z_um: float) -> float:
@@ -48,14 +49,12 @@ def band_error(model: str, microscope: Microscope, z_um: float) -> FloatArray:
         Predicted image error of unit contrast, falling. Three times the integral of
         the transfer over pi x beyond the cut: one edge costs the integral, and a
         corner or a narrow slot joins two or three. The transfer is replaced by its
-        envelope, |jinc q| <= 1.6 q**-1.5.
+        envelope: |jinc q| <= 1.6 q**-1.5, as 2 J1(q) / q <= 2 sqrt(2 / pi) q**-1.5.
     """
     rung = find_model(model)
-    rim = abs(microscope.rim_w20_um(z_um)) / microscope.wavelength_um
-    # the product's and the geometric envelope fall with x alone, and earlier
-    q = 8 * np.pi * rim * CUTS * np.maximum(1 - CUTS, 0)
-    if not rung.diffracts:
-        q = 8 * np.pi * rim * CUTS
+    # the smaller W20 of the two, and x (1 - x) for the product too: the safe side
+    waves = abs(microscope.paraxial_w20_um(z_um)) / microscope.wavelength_um
+    q = 8 * np.pi * waves * CUTS * (1 - CUTS if rung.diffracts else 1.0)
     envelope = 1 / np.maximum(1.0, q**1.5 / 1.6)
     if rung.diffracts:
         envelope = envelope * diffraction(CUTS)
@@ -67,9 +66,6 @@ def band_error(model: str, microscope: Microscope, z_um: float) -> FloatArray:
     beyond = np.concatenate([np.cumsum(steps[::-1])[::-1], [0.0]])
     total: FloatArray = 3 / np.pi * beyond
     return total
-
-
-CUTS: FloatArray = np.geomspace(1e-6, 1.0, 1200)  # shares of the cutoff
 
 
 def band_cut(model: str, microscope: Microscope, z_um: float) -> float:
