@@ -54,15 +54,14 @@ def _part(
     """Return the part in the frame of its origin, None after an error."""
     errors = report.failed
     found = _features(task, name, outline, report)
-    origin = task.source.get("parts", name, "origin")
-    center = found[origin].center_um if origin in found else (0.0, 0.0)
+    center = _origin(task, name, outline, found)
     outline = place(outline, -center[0], -center[1])
     posts = _posts(task, name, drawing, center, report)
     if errors or report.failed or not task.good("parts", name):
         return None
     found = _features(task, name, outline, Report())  # again, in the part's frame
     if "outline" not in found and "outline" not in posts:
-        about = None if origin is None else (0.0, 0.0)
+        about = (0.0, 0.0) if task.good("parts", name, "origin") else None
         at = task.source.key("parts", name)
         found["outline"] = _outline_feature("outline", {}, outline, about, at)
     raw = with_defaults(task.source.get("parts", name), "task", "part")
@@ -79,6 +78,19 @@ def _part(
         chord_um=0.0,  # curves that would need a polygon are refused
         where=task.source.key("parts", name),
     )
+
+
+def _origin(
+    task: Checked, name: str, outline: Outline, found: Mapping[str, Feature]
+) -> Point:
+    """Return the drawing's point that is the part's origin."""
+    if not task.good("parts", name, "origin"):
+        return (0.0, 0.0)
+    origin = task.source.get("parts", name, "origin")
+    if origin in found:
+        return found[origin].center_um
+    # an undeclared `outline` is the part as a whole; what else is missing was reported
+    return features.extent(outline)[0] if origin == "outline" else (0.0, 0.0)
 
 
 def _features(

@@ -8,17 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from planner.diagnostics import Report, Span
+from planner.inputs.check_workcell import check_workcell, report_backwards
 from planner.inputs.files import named_file
 from planner.inputs.limits import check_limits
 from planner.inputs.normalise import plain, plain_outline
 from planner.inputs.parts import read_parts
-from planner.inputs.read_workcell import (
-    build_workcell,
-    check_workcell,
-    places,
-    read_fingers,
-    report_backwards,
-)
+from planner.inputs.read_workcell import build_workcell, places, read_fingers
 from planner.inputs.references import check_references
 from planner.inputs.schema import Checked, check, with_defaults
 from planner.inputs.source import Source, read_source

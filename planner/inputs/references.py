@@ -104,9 +104,6 @@ def _check_use(
         near = [
             k.partition(".")[2] for k in names.kinds if k.startswith(f"{where[1]}.")
         ]
-        declared = task.source.mapping("parts", where[1], "features")
-        if name == "outline" and name not in declared:
-            full = ""  # the frame of the whole outline is the drawing's own
     else:
         near = [known for known, kind in names.kinds.items() if kind in kinds.split()]
     kind = names.kinds.get(full)

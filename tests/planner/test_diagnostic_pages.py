@@ -66,7 +66,10 @@ def example(tmp_path: Path) -> Path:
     return Path(shutil.copytree(EXAMPLE, tmp_path / "example"))
 
 
-@pytest.mark.parametrize("code", sorted(c for c in TITLES if c[:3] in RUNNERS))
+CODES = sorted(code for code in TITLES if code[:3] in RUNNERS)
+
+
+@pytest.mark.parametrize("code", CODES)
 def test_the_example_of_a_page_leads_to_its_code(code: str, example: Path) -> None:
     assert RUNNERS[code[:3]](example).found == []
     apply_page((PAGES / f"{code}.md").read_text(encoding="utf-8"), example)
@@ -75,7 +78,7 @@ def test_the_example_of_a_page_leads_to_its_code(code: str, example: Path) -> No
     assert all(finding.where.line for finding in found if finding.code != "MP011")
 
 
-@pytest.mark.parametrize("code", sorted(TITLES))
+@pytest.mark.parametrize("code", CODES)
 def test_a_page_is_headed_by_its_code_and_title(code: str) -> None:
     page = (PAGES / f"{code}.md").read_text(encoding="utf-8")
     assert page.startswith(f"# {code}: {TITLES[code]}\n\n")
@@ -86,7 +89,7 @@ def test_every_code_in_the_readers_has_a_title() -> None:
     used = set()
     for module in (ROOT / "planner" / "inputs").glob("*.py"):
         used |= set(re.findall(r'"(MP\d{3})"', module.read_text(encoding="utf-8")))
-    assert used == {code for code in TITLES if code[:3] in RUNNERS}
+    assert used == set(CODES)
 
 
 def test_there_is_no_page_without_a_code() -> None:

@@ -218,3 +218,16 @@ def test_a_moved_tooth_is_still_a_tooth(tmp_path: Path) -> None:
     outline = read_outline(drawing, ["OUTLINE"], report)
     assert outline is not None
     assert features.teeth(outline.rings).count == 18
+
+
+def test_the_outline_can_be_the_origin(tmp_path: Path) -> None:
+    script().write(tmp_path / "parts")
+    for name in ("task.yaml", "workcell.yaml"):
+        text = (EXAMPLE / name).read_text(encoding="utf-8")
+        text = text.replace("origin: bore", "origin: outline")
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    task = load_task(tmp_path / "task.yaml", Report())
+    assert task is not None
+    x0, y0, x1, y1 = task.parts["gear"].outline.bounds_um
+    assert (x0 + x1, y0 + y1) == pytest.approx((0, 0), abs=1e-9)
+    assert task.parts["gear"].features["outline"].center_um == (0, 0)

@@ -100,6 +100,7 @@ MISTAKES = [
     ("task.yaml", "file: parts/gear18.dxf", 'file: <<"C:\\\\gear18.dxf">>', "MP010"),
     ("task.yaml", "file: parts/gear18.dxf", 'file: <<"a\\0b">>', "MP010"),
     ("task.yaml", "count: 18", "count: 17", "MP222"),
+    ("task.yaml", "origin: bore", "origin: <<[bore]>>", "MP101"),
     ("task.yaml", "layers: [OUTLINE, BORE]", "layers: <<[OUTLINE, BOER]>>", "MP204"),
     ("task.yaml", "layer: POST", "layer: <<PSOT>>", "MP204"),
     ("task.yaml", "file: parts/gear18.dxf", "file: <<workcell.yaml>>", "MP201"),
