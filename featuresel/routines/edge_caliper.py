@@ -1,0 +1,343 @@
+"""Straight calipers across the jaws: their sides give x and angle, their tips y."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from featuresel.routines import (
+    Artifact,
+    Failure,
+    FloatArray,
+    Guess,
+    Measurement,
+    Render,
+    Target,
+    TargetKind,
+)
+from featuresel.routines.sampling import (
+    STEP_PX,
+    best_width,
+    cubic,
+    find_edges,
+    line_samples,
+)
+
+NAME = "edge_caliper"
+VERSION = "1"
+KINDS: tuple[TargetKind, ...] = ("jaws",)
+GIVES: tuple[str, ...] = ("xy", "theta")
+NEEDS: tuple[str, ...] = ()
+COST = 6.0
+
+# Faces: across the fingers' sides (normal along x) and the tips (normal along -y).
+_SIDES = ("inner_left", "inner_right", "outer_left", "outer_right")
+_TIPS = ("tip_left", "tip_right")
+_FAINT = 0.04  # step height below which an edge is not trusted
+_WEAKEST = 0.3  # of the predicted step
+_FEWEST = 0.5  # of a face's lines must meet its edge, and of those half must fit
+_LINES_PX = 1.5  # between neighbouring lines: closer ones share their pixels
+_OPENING_PX, _OPENING_PART = 2.0, 0.04  # accepted error of the opening
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Face:
+    """A straight edge in the grip's frame, px with y up: a normal and a stretch."""
+
+    normal: tuple[float, float]  # points out of the finger
+    offset_px: float  # of the face along the normal
+    low_px: float  # ends of the stretch, along the normal turned by +90 degrees
+    high_px: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Found:
+    """A face as measured: where, against the one predicted."""
+
+    offset_px: float  # at the middle of the stretch, along the normal
+    slope: float  # of the edge over the stretch
+    middle_px: float
+    rms_px: float
+    lines: int
+
+
+def prepare(render: Render, target: Target) -> Artifact | Failure:
+    """Return the faces in view, with step, filter width and calibrated place of each.
+
+    The inner faces and one tip are needed; the outer faces help where they are in view.
+    """
+    image, at = render(), (target.column, target.row, target.theta_rad)
+    parameters = {
+        "search_px": target.search_px,
+        "theta_rad": target.theta_rad,
+        "range_rad": min(target.theta_range_rad, math.radians(10)),
+        "opening_px": target.parameters["opening_um"] * target.px_per_um,
+    }
+    for name, face in _faces(target).items():
+        face = _in_view(face, image.shape, at, target.search_px)
+        if face is None:
+            continue
+        numbers = _calibrate(image, face, at)
+        if numbers is not None:
+            parameters |= {f"{name}.{key}": value for key, value in numbers.items()}
+    missing = [name for name in _SIDES[:2] if f"{name}.step" not in parameters]
+    if not any(f"{name}.step" in parameters for name in _TIPS):
+        missing.append("tips")
+    if missing:
+        return Failure(code="no_edge", message=f"not to be seen: {', '.join(missing)}")
+    return Artifact(parameters=parameters)
+
+
+def measure(
+    image: FloatArray, artifact: Artifact, guess: Guess
+) -> Measurement | Failure:
+    """Return the grip's place and angle; fails if a face is missing or misplaced."""
+    p = artifact.parameters
+    column, row = guess.column, guess.row
+    theta = p["theta_rad"]
+    half = p["search_px"]
+    for _ in range(3):
+        found = _find(image, p, (column, row, theta), half)
+        if isinstance(found, Failure):
+            return found
+        dx, dy, turn = _pose(found, p)
+        c, s = math.cos(theta), math.sin(theta)
+        column, row = column + c * dx - s * dy, row - s * dx - c * dy
+        theta += turn
+        half = min(half, 4.0)
+    problem = _misplaced(found, p, guess, (column, row, theta))
+    if problem is not None:
+        return problem
+    inner = [found[name] for name in _SIDES[:2]]
+    spread = math.sqrt(sum(f.rms_px**2 / f.lines for f in inner)) / 2
+    tips = [found[name] for name in _TIPS if name in found]
+    tip_spread = math.sqrt(sum(f.rms_px**2 / f.lines for f in tips)) / len(tips)
+    seen = sum(name in found for name in (*_SIDES, *_TIPS))
+    known = sum(f"{name}.step" in p for name in (*_SIDES, *_TIPS))
+    return Measurement(
+        column=column,
+        row=row,
+        theta_rad=math.remainder(theta, 2 * math.pi),
+        score=seen / known,
+        spread_px=max(spread, tip_spread),
+    )
+
+
+def _faces(target: Target) -> dict[str, _Face]:
+    """Return the predicted faces; fingers reach up without end."""
+    k, p = target.px_per_um, target.parameters
+    half, wide = p["opening_um"] / 2 * k, p["finger_width_um"] * k
+    tip = -p["grip_from_tip_um"] * k
+    low, high = tip + 0.15 * wide, tip + 3 * wide  # off the tip's corner
+    right, left, down = (1.0, 0.0), (-1.0, 0.0), (0.0, -1.0)
+    inside, outside = half + 0.15 * wide, half + 0.8 * wide
+    # for the normal n the stretch runs along n turned by +90 degrees: up for `right`,
+    # down for `left`, right for `down`
+    return {
+        "inner_left": _Face(normal=right, offset_px=-half, low_px=low, high_px=high),
+        "inner_right": _Face(normal=left, offset_px=-half, low_px=-high, high_px=-low),
+        "outer_left": _Face(
+            normal=left, offset_px=half + wide, low_px=-high, high_px=-low
+        ),
+        "outer_right": _Face(
+            normal=right, offset_px=half + wide, low_px=low, high_px=high
+        ),
+        "tip_left": _Face(
+            normal=down, offset_px=-tip, low_px=-outside, high_px=-inside
+        ),
+        "tip_right": _Face(normal=down, offset_px=-tip, low_px=inside, high_px=outside),
+    }
+
+
+def _in_view(
+    face: _Face,
+    shape: tuple[int, ...],
+    at: tuple[float, float, float],
+    search_px: float,
+) -> _Face | None:
+    """Return the face cut to what stays in the image anywhere in the search."""
+    room = search_px + 3.0
+    along = np.arange(face.low_px, face.high_px, _LINES_PX)
+    columns, rows = _points(face, at, along, np.zeros(1))
+    inside = (columns > room) & (columns < shape[1] - 1 - room)
+    inside &= (rows > room) & (rows < shape[0] - 1 - room)
+    kept = along[inside[:, 0]]
+    if len(kept) < 8:
+        return None
+    return _Face(
+        normal=face.normal,
+        offset_px=face.offset_px,
+        low_px=float(kept[0]),
+        high_px=float(kept[-1]),
+    )
+
+
+def _calibrate(
+    image: FloatArray, face: _Face, at: tuple[float, float, float]
+) -> Mapping[str, float] | None:
+    """Return the face's numbers, its place and slope as measured; None if too faint."""
+    along = np.arange(face.low_px, face.high_px, _LINES_PX)
+    span = np.arange(-24, 25) * STEP_PX
+    profile = np.median(cubic(image, *_points(face, at, along, span))[0], axis=0)
+    width = best_width(profile)
+    gap = min(int(1.5 * width / STEP_PX) + 1, 24)
+    step = float(profile[24 - gap] - profile[24 + gap])  # bright inside, normal out
+    if step < _FAINT:
+        return None
+    numbers = {
+        "normal_x": face.normal[0],
+        "normal_y": face.normal[1],
+        "low_px": face.low_px,
+        "high_px": face.high_px,
+        "width_px": width,
+        "step": step,
+        "offset_px": face.offset_px,
+        "slope": 0.0,
+    }
+    found = _measure_face(image, numbers, at, 4.0)
+    if found is None:
+        return None
+    return {**numbers, "offset_px": found.offset_px, "slope": found.slope}
+
+
+def _find(
+    image: FloatArray,
+    p: Mapping[str, float],
+    at: tuple[float, float, float],
+    half_px: float,
+) -> dict[str, _Found] | Failure:
+    """Return the faces that were found; the inner ones and a tip must be among them."""
+    found = {}
+    for name in (*_SIDES, *_TIPS):
+        if f"{name}.step" in p:
+            face = _measure_face(image, _numbers(p, name), at, half_px)
+            if face is not None:
+                found[name] = face
+    missing = [name for name in _SIDES[:2] if name not in found]
+    if not any(name in found for name in _TIPS):
+        missing.append("tips")
+    if missing:
+        return Failure(code="no_edge", message=f"not found: {', '.join(missing)}")
+    return found
+
+
+def _numbers(p: Mapping[str, float], name: str) -> dict[str, float]:
+    """Return the parameters of one face."""
+    start = f"{name}."
+    return {key.removeprefix(start): v for key, v in p.items() if key.startswith(start)}
+
+
+def _measure_face(
+    image: FloatArray,
+    numbers: Mapping[str, float],
+    at: tuple[float, float, float],
+    half_px: float,
+) -> _Found | None:
+    """Return the straight line through the edges on the face's lines, or None."""
+    face = _Face(
+        normal=(numbers["normal_x"], numbers["normal_y"]),
+        offset_px=numbers["offset_px"],
+        low_px=numbers["low_px"],
+        high_px=numbers["high_px"],
+    )
+    along = np.arange(face.low_px, face.high_px, _LINES_PX)
+    offsets = line_samples(half_px, numbers["width_px"])
+    columns, rows = _points(face, at, along, offsets)
+    edges = find_edges(image, columns, rows, width_px=numbers["width_px"], rising=False)
+    good = edges.found & (edges.strength > max(_WEAKEST * numbers["step"], _FAINT / 2))
+    if good.sum() < max(6, _FEWEST * len(along)):
+        return None
+    middle = (face.low_px + face.high_px) / 2
+    fitted = _line(along[good] - middle, edges.offset_px[good])
+    if fitted is None:
+        return None
+    intercept, slope, rms, used = fitted
+    return _Found(
+        offset_px=face.offset_px + intercept,
+        slope=slope,
+        middle_px=middle,
+        rms_px=rms,
+        lines=used,
+    )
+
+
+def _points(
+    face: _Face, at: tuple[float, float, float], along: FloatArray, out: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return (columns, rows), (N, L), of lines across the face, outwards."""
+    column, row, theta = at
+    nx, ny = face.normal
+    normal = face.offset_px + out
+    x = nx * normal - ny * along[:, None]
+    y = ny * normal + nx * along[:, None]
+    c, s = math.cos(theta), math.sin(theta)
+    return column + c * x - s * y, row - s * x - c * y
+
+
+def _line(x: FloatArray, y: FloatArray) -> tuple[float, float, float, int] | None:
+    """Return (intercept, slope, rms, used) of a trimmed line; None if half strays."""
+    used = np.ones(len(x), dtype=bool)
+    scale = 2.0  # px; shrinks to 3 robust deviations of the first, median-near points
+    used = np.abs(y - np.median(y)) <= max(3.0, 3 * float(np.ptp(x)) * 0.03)
+    for _ in range(8):
+        if used.sum() < max(5, _FEWEST * len(x)):
+            return None
+        slope, intercept = np.polyfit(x[used], y[used], 1)
+        residual = y - intercept - slope * x
+        robust = 1.4826 * float(np.median(np.abs(residual[used])))
+        scale = max(3 * robust, 0.1)
+        used = np.abs(residual) <= scale
+    rms = float(np.sqrt(np.mean(residual[used] ** 2)))
+    return float(intercept), float(slope), rms, int(used.sum())
+
+
+def _pose(
+    found: Mapping[str, _Found], p: Mapping[str, float]
+) -> tuple[float, float, float]:
+    """Return (x, y, turn) of the grip against where it was sought, its own frame.
+
+    A turn by t changes each face's slope by t; a shift moves its offset by the shift's
+    part along the normal, and the turn moves the stretch's middle by t times its lever.
+    Lines weigh by their number; the pairs of faces keep x free of the opening.
+    """
+    sides = [name for name in _SIDES if name in found]
+    turn = float(
+        np.average(
+            [found[n].slope - p[f"{n}.slope"] for n in sides],
+            weights=[(found[n].lines) ** 3 for n in sides],
+        )
+    )
+    shift = {
+        n: found[n].offset_px - p[f"{n}.offset_px"] - turn * found[n].middle_px
+        for n in found
+    }
+    pairs = [("inner_left", "inner_right"), ("outer_right", "outer_left")]
+    xs = [(shift[a] - shift[b]) / 2 for a, b in pairs if a in shift and b in shift]
+    ys = [-shift[n] for n in _TIPS if n in shift]
+    return float(np.mean(xs)), float(np.mean(ys)), -turn
+
+
+def _misplaced(
+    found: Mapping[str, _Found],
+    p: Mapping[str, float],
+    guess: Guess,
+    pose: tuple[float, float, float],
+) -> Failure | None:
+    """Return why the faces cannot be the jaws' as predicted, if they cannot."""
+    gap = -found["inner_left"].offset_px - found["inner_right"].offset_px
+    wanted = -p["inner_left.offset_px"] - p["inner_right.offset_px"]
+    if abs(gap - wanted) > max(_OPENING_PX, _OPENING_PART * p["opening_px"]):
+        return Failure(
+            code="opening_off",
+            message=f"opening {gap:.2f} px, predicted {wanted:.2f}",
+        )
+    moved = math.hypot(pose[0] - guess.column, pose[1] - guess.row)
+    if moved > 1.5 * p["search_px"] + 2:
+        return Failure(code="outside", message=f"{moved:.1f} px from the guess")
+    turned = abs(math.remainder(pose[2] - p["theta_rad"], 2 * math.pi))
+    if turned > p["range_rad"] * 1.2 + 0.01:
+        return Failure(code="outside", message=f"turned by {turned:.3f} rad")
+    return None
