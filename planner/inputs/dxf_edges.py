@@ -15,6 +15,7 @@ from typing import Any
 
 from optics.outline import JOIN_UM, Arc, Edge, Segment
 
+FAR_UM = 1e9  # a kilometre: beyond it doubles no longer resolve JOIN_UM well
 MAX_ENTITIES = 100_000  # blocks expanded; a file of 5 kB can ask for 1e9
 
 
@@ -209,6 +210,8 @@ def _entity(entity: Any, layer: str, frame: Frame) -> Iterator[Piece | Trouble]:
         return
     try:
         edges, closed = read(entity, flat)
+        for edge in edges:
+            _refuse_far(edge)
     except (ValueError, OverflowError) as error:
         message = f"{entity.dxftype()} on layer '{layer}' is no outline: {error}"
         yield Trouble("MP214", message, "redraw or delete it", _handle(entity))
@@ -220,6 +223,16 @@ def _entity(entity: Any, layer: str, frame: Frame) -> Iterator[Piece | Trouble]:
     else:
         for edge in kept:
             yield Piece((edge,), closed=False, layer=layer, handle=handle)
+
+
+def _refuse_far(edge: Edge) -> None:
+    """Raise ValueError for an edge that no drawing of a part can hold."""
+    points = [edge.start, edge.end]
+    if isinstance(edge, Arc):
+        points += [edge.center, (edge.radius_um, 0.0)]
+    far = max(abs(c) for point in points for c in point)
+    if far > FAR_UM:
+        raise ValueError(f"it reaches to {far:.3g} um, at most {FAR_UM:g}")
 
 
 def _plane(entity: Any, frame: Frame) -> Frame | Trouble:

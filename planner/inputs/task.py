@@ -13,10 +13,10 @@ from typing import Literal
 from optics.outline import Outline
 from planner.diagnostics import Span
 from planner.inputs.workcell import Interval, Workcell
+from planner.presets import Preset
 
 FeatureKind = Literal["circle", "teeth", "notch", "outline"]
 Verb = Literal["locate", "align", "grasp", "move", "insert", "release", "verify"]
-Preset = Literal["fast", "balanced", "accurate"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

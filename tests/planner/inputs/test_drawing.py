@@ -233,6 +233,7 @@ DOUBTFUL: dict[str, tuple[Callable[[Any, Any], object], str]] = {
     "bow tie": (lambda _, s: lines(s, [(9, 9), (9, 5), (5, 9), (5, 5)]), "MP208"),
     "tilted": (lambda _, s: s.add_circle((0, 0), 5, dxfattribs=TILTED), "MP214"),
     "slanted": (lambda _, s: s.add_line((1, 1), (2, 2, 2), dxfattribs=ON_A), "MP214"),
+    "far": (lambda _, s: s.add_circle((0, 0), 1e200, dxfattribs=ON_A), "MP214"),
     "two bodies": (lambda _, s: s.add_circle((200, 0), 5, dxfattribs=ON_A), "MP209"),
     "branch": (lambda _, s: s.add_line((0, 0), (50, 30), dxfattribs=ON_A), "MP212"),
     "doubled line": (
