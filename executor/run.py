@@ -32,8 +32,8 @@ class StepResult:
     message: str
     time_s: float
     expected_s: float | None
-    corrections: int | None
-    expected_corrections: float | None
+    cycles: int | None
+    expected_cycles: float | None
     error_um: float | None  # align: last error; verify: offset
     limit_um: float | None
     spread_um: float | None  # the routine's own sigma
@@ -61,7 +61,7 @@ class RunResult:
 class _Outcome:
     """Figures of a step's action."""
 
-    corrections: int | None = None
+    cycles: int | None = None
     error_um: float | None = None
     spread_um: float | None = None
     height_um: float | None = None
@@ -167,7 +167,7 @@ def _align(rig: Rig, step: Step, action: AlignAction) -> _Outcome:
     look = _look(step, action.look)
     ended = align(rig, action, look, step.control, step.conditions.on_failure)
     return _Outcome(
-        corrections=ended.corrections,
+        cycles=ended.cycles,
         error_um=ended.error_um,
         spread_um=ended.spread_um,
     )
@@ -196,8 +196,8 @@ def _step_result(
         message=message,
         time_s=time_s,
         expected_s=None if control is None else control.expected_s,
-        corrections=outcome.corrections,
-        expected_corrections=None if control is None else control.expected_cycles,
+        cycles=outcome.cycles,
+        expected_cycles=None if control is None else control.expected_cycles,
         error_um=outcome.error_um,
         limit_um=limit_um,
         spread_um=outcome.spread_um,

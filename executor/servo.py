@@ -22,7 +22,7 @@ NOISE_PER_TOLERANCE = 4 / 0.6
 class Aligned:
     """How an alignment ended."""
 
-    corrections: int
+    cycles: int  # looks; each followed a move, the first the approach
     error_um: float  # |goal - measured| of the last look
     spread_um: float  # the routine's own sigma at the last look
 
@@ -44,7 +44,7 @@ def align(
     Raises
     ------
     ExecutorError
-        MP830 after `max_cycles` corrections, MP831 if the error grows beyond what
+        MP830 after `max_cycles` looks, MP831 if the error grows beyond what
         noise explains, MP832 if a correction is too large; codes of `look_at`.
     """
     approach(rig, action, control)
@@ -55,17 +55,17 @@ def align(
             raise ExecutorError("MP824", f"look {look.id} gives no angle")
         error_um, turn_rad = _error(rig, action)
         errors_um.append(error_um)
-        done = Aligned(
-            corrections=len(errors_um) - 1, error_um=error_um, spread_um=seen.spread_um
+        ended = Aligned(
+            cycles=len(errors_um), error_um=error_um, spread_um=seen.spread_um
         )
         rig.journal.write("error", error_um=error_um, turn_rad=turn_rad)
         if _inside(error_um, turn_rad, control):
-            return done
+            return ended
         _check(errors_um, control, action)
         servo = control.method == "servo"
         rig.move(correction(rig, action, control, control.gain if servo else 1.0))
         if not servo:
-            return Aligned(corrections=1, error_um=error_um, spread_um=seen.spread_um)
+            return ended
 
 
 def approach(rig: Rig, action: AlignAction, control: Control) -> None:
@@ -156,11 +156,11 @@ def _check(errors_um: Sequence[float], control: Control, action: AlignAction) ->
             f"{action.target} is {errors_um[-1]:.3g} um from {action.to}, a "
             f"correction may be {control.max_step_um:.3g} um",
         )
-    if len(errors_um) > control.max_cycles:
+    if control.method == "servo" and len(errors_um) >= control.max_cycles:
         raise ExecutorError(
             "MP830",
             f"{action.target} is {errors_um[-1]:.3g} um from {action.to} after "
-            f"{control.max_cycles} corrections, needs {control.tolerance_xy_um:.3g} um",
+            f"{control.max_cycles} looks, needs {control.tolerance_xy_um:.3g} um",
         )
 
 

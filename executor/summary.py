@@ -9,7 +9,7 @@ from executor.run import RunResult, StepResult
 from schemas.codec import to_data
 from schemas.plan import Plan
 
-_HEAD = ("step", "result", "corrections", "error um", "sigma um", "time s")
+_HEAD = ("step", "result", "cycles", "error um", "sigma um", "time s")
 
 
 def summary_json(plan: Plan, result: RunResult, extra: dict[str, Any]) -> str:
@@ -40,7 +40,7 @@ def _row(step: StepResult) -> tuple[str, ...]:
     return (
         step.id,
         "ok" if step.code is None else step.code,
-        _pair(step.corrections, step.expected_corrections),
+        _pair(step.cycles, step.expected_cycles),
         _pair(step.error_um, step.limit_um),
         _pair(step.spread_um, step.expected_sigma_um),
         _pair(step.time_s, step.expected_s),

@@ -11,6 +11,7 @@ from executor.look import Sighting, look_at, to_unit
 from executor.rig import Rig
 from featuresel.routines import Failure
 from schemas.plan import HeightSearch, Look, OnFailure, VerifyAction
+from schemas.pose import Pose
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -116,8 +117,25 @@ def _check_empty(rig: Rig, tool: str) -> None:
     if rig.view is None:
         raise ExecutorError("MP854", f"nothing was looked at with {tool} away")
     grip = rig.beliefs.world(tool, rig.readings())
-    width_um, height_um = rig.view.field_um
-    if abs(grip.x_um) <= width_um / 2 and abs(grip.y_um) <= height_um / 2:
+    if in_view(grip, rig.view.field_um):
         raise ExecutorError(
             "MP854", f"{tool} is in view at ({grip.x_um:.4g}, {grip.y_um:.4g}) um"
         )
+
+
+def in_view(grip: Pose, field_um: tuple[float, float]) -> bool:
+    """Return whether the grip, or the fingers that run from it to +y, cross the field.
+
+    The fingers count as an endless ray from the grip; where it meets the field's
+    x range and its y range at once, they are in view.
+    """
+    first_um, last_um = 0.0, math.inf
+    ray = (-math.sin(grip.theta_rad), math.cos(grip.theta_rad))
+    for place, slope, side in zip((grip.x_um, grip.y_um), ray, field_um, strict=True):
+        if abs(slope) < 1e-12:  # parallel to this pair of borders
+            if abs(place) > side / 2:
+                return False
+            continue
+        ends = sorted(((-side / 2 - place) / slope, (side / 2 - place) / slope))
+        first_um, last_um = max(first_um, ends[0]), min(last_um, ends[1])
+    return first_um <= last_um

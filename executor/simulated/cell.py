@@ -119,9 +119,9 @@ def judge(truth: Truth, target: str, on: str) -> Verdict:
     held = truth.held == body.part.name
     seated = offset_um <= error[2] + 1e-6 and abs(height_um) <= SEATED_UM
     return Verdict(
-        success=seated and not held and not truth.collided,
+        success=bool(seated and not held and not truth.collided),
         offset_um=offset_um,
-        height_um=height_um,
+        height_um=float(height_um),
         collided=truth.collided,
         held=held,
     )

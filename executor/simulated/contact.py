@@ -112,20 +112,25 @@ def keep_around(truth: Truth, body: Body, host: Body, post: Post) -> None:
 
 def _meet_plates(truth: Truth, body: Body) -> None:
     """Rest a held part on whatever has come up under it."""
-    for floor_um, name in _floors(truth, body):
+    for floor_um, name in _floors(truth, body, above_um=truth.under_um(body)):
         depth_um = floor_um - truth.under_um(body)
-        if 0 < depth_um <= FROM_ABOVE_UM:
-            body.z_um += depth_um
-        elif depth_um > 0 and name:
+        if depth_um <= FROM_ABOVE_UM:
+            body.z_um += max(depth_um, 0.0)
+        else:
             truth.hit(f"{name} ran into {body.part.name}")
 
 
-def _floors(truth: Truth, body: Body) -> Iterator[tuple[float, str]]:
-    """Yield height and name of the stage and of every top face under the body."""
-    yield truth.stage_z_um(), "the stage"
+def _floors(
+    truth: Truth, body: Body, *, above_um: float = -math.inf
+) -> Iterator[tuple[float, str]]:
+    """Yield height and name of stage and top faces in the body's way, if above."""
+    if truth.stage_z_um() > above_um:
+        yield truth.stage_z_um(), "the stage"
     for name in sorted(truth.bodies):
         other = truth.bodies[name]
         if other is body or other.carrier != "stage":
+            continue
+        if truth.top_um(other) <= above_um:
             continue
         if _overlap(truth, body, other.edge, other.rings, truth.pose(other)):
             yield truth.top_um(other), name

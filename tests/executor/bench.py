@@ -71,6 +71,7 @@ from schemas.world import (
 EXAMPLE = Path(__file__).parents[2] / "examples" / "gear_on_shaft" / "task.yaml"
 SIDE = 200  # px of a look's region
 MAGNIFICATION = 6.9
+NO_SCENE = SceneRecord(layers=(), shades=(), image="", image_sha256="")
 
 
 @cache
@@ -168,15 +169,10 @@ def world() -> World:
 
 def quiet(found: World) -> World:
     """Return a world in which everything is as nominal: no spread, no tolerance."""
-    still = {
-        "repeatability_xy_um": 0.0,
-        "repeatability_z_um": 0.0,
-        "repeatability_theta_rad": 0.0,
-    }
     return replace(
         found,
-        stage=replace(found.stage, **still),
-        robot=replace(found.robot, **still),
+        stage=exact(found.stage),
+        robot=exact(found.robot),
         stage_tilt_sigma_rad=0.0,
         stage_drift_um_per_min=0.0,
         optics=replace(
@@ -198,6 +194,16 @@ def quiet(found: World) -> World:
             )
             for p in found.parts
         ),
+    )
+
+
+def exact(axes: WorldAxes) -> WorldAxes:
+    """Return axes that land where they are sent."""
+    return replace(
+        axes,
+        repeatability_xy_um=0.0,
+        repeatability_z_um=0.0,
+        repeatability_theta_rad=0.0,
     )
 
 
@@ -380,10 +386,10 @@ class Folder:
                 field_um=microscope.field_um,
                 um_per_px=microscope.um_per_px,
             ),
-            scene=SceneRecord(layers=(), shades=(), image="", image_sha256=""),
+            scene=NO_SCENE,
             effects=(),
             measure=measure(tuple(uses), region, (column, row), at, max_shift_um),
-            evidence=Evidence(tolerance_um=1.0, chosen=_score(chain), others=()),
+            evidence=untried(chain),
         )
 
     def _use(self, look_id: str, name: str, artifact: Artifact) -> RoutineUse:
@@ -469,9 +475,9 @@ def measure(
     )
 
 
-def _score(chain: Sequence[str]) -> Score:
+def untried(chain: Sequence[str]) -> Evidence:
     """Return an empty record of trials: this plan was not benchmarked."""
-    return Score(
+    chosen = Score(
         chain=tuple(chain),
         trials=0,
         success=0,
@@ -485,6 +491,7 @@ def _score(chain: Sequence[str]) -> Score:
         cost=0.0,
         reason="by hand",
     )
+    return Evidence(tolerance_um=1.0, chosen=chosen, others=())
 
 
 def control(**changes: float | int | str | None) -> Control:
@@ -596,8 +603,11 @@ def _belief(name: str, carrier: str, x_um: float, sigma_um: float) -> Belief:
     )
 
 
-def assembly(folder: Folder) -> Plan:
-    """Return the twelve steps of the job, the look at the fingers left out."""
+def assembly(folder: Folder, *, height: bool = True) -> Plan:
+    """Return the twelve steps of the job, the look at the fingers left out.
+
+    Without `height` the last step does not search the focus.
+    """
     alone = Seen(gear=(0, 0, 0), plate=(-600, 0, 0), opening_um=None)
     between = Seen(gear=(0, 0, 0), plate=(-600, 0, 0), opening_um=130.0)
     gripped = Seen(gear=(0, 0, 0), plate=(-600, 0, -260), opening_um=98.5)
@@ -708,7 +718,9 @@ def assembly(folder: Folder) -> Plan:
                         within_um=10.0,
                         focus_um=tuple(60.0 + 10 * i for i in range(9)),
                         ring_radius_um=25.0,
-                    ),
+                    )
+                    if height
+                    else None,
                     empty="tweezers",
                 ),
                 looks=(

@@ -1,0 +1,132 @@
+"""A rig on a simulated cell, seen by a camera that draws the gear as a plain disc."""
+
+from __future__ import annotations
+
+import io
+import math
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+
+from executor.artifacts import Artifacts
+from executor.beliefs import Beliefs
+from executor.drivers import Counts
+from executor.frames import Frames
+from executor.journal import Journal
+from executor.rig import Rig
+from executor.simulated.cell import Cell, build_cell
+from featuresel.routines import Artifact, FloatArray, Target, load
+from schemas.plan import Belief, Look, Region, RoutineUse, View
+from schemas.pose import Pose
+from schemas.world import World
+from tests.executor.bench import NO_SCENE, measure, plan_of, quiet, untried, world
+
+RADIUS_UM, SIDE, PITCH_UM = 20.0, 96, 1.0
+REGION = Region(row=192, column=272, rows=SIDE, columns=SIDE)
+CENTER = (320 - 0.5 - 272, 240 - 0.5 - 192)  # (column, row) of the world's origin
+
+
+def disc(x_um: float, y_um: float) -> FloatArray:
+    """Return a disc with an edge one pixel wide."""
+    row, column = np.mgrid[0:SIDE, 0:SIDE]
+    away = np.hypot(column - CENTER[0] - x_um, CENTER[1] - row - y_um)
+    image: FloatArray = 0.2 + 0.6 * np.clip(RADIUS_UM - away + 0.5, 0.0, 1.0)
+    return image
+
+
+class DiscCamera:
+    """A camera that sees the gear's true place as a disc, mirrored if asked."""
+
+    def __init__(self, cell: Cell, *, mirror: bool = False) -> None:
+        self._truth = cell.truth
+        self._sign = -1.0 if mirror else 1.0
+
+    def grab(self, region: Region | None = None) -> Counts:
+        """Return the disc's region."""
+        assert region == REGION
+        pose = self._truth.pose(self._truth.bodies["gear"])
+        image = disc(self._sign * pose.x_um, pose.y_um)
+        return np.rint(255 * image).astype(np.uint8)
+
+
+@cache
+def look() -> tuple[Look, Artifacts]:
+    """Return a look at the disc, and its artifact."""
+
+    def picture(
+        *, dx_um: float = 0.0, dy_um: float = 0.0, theta_rad: float = 0.0
+    ) -> FloatArray:
+        return disc(dx_um, dy_um)
+
+    target = Target(
+        name="gear",
+        kind="circle",
+        column=CENTER[0],
+        row=CENTER[1],
+        theta_rad=0.0,
+        px_per_um=1 / PITCH_UM,
+        search_px=25.0,
+        theta_range_rad=math.pi,
+        symmetry=1,
+        bright=True,
+        parameters={"radius_um": RADIUS_UM},
+    )
+    routine = load("circle_caliper")
+    artifact = routine.prepare(picture, target)
+    assert isinstance(artifact, Artifact)
+    use = RoutineUse(
+        id="circle_caliper",
+        version=routine.VERSION,
+        parameters=artifact.parameters,
+        arrays=None,
+    )
+    found = Look(
+        id="disc",
+        target="gear",
+        view=View(
+            magnification=7.5,
+            focus_um=0.0,
+            light=1.0,
+            field_um=(640.0, 480.0),
+            um_per_px=PITCH_UM,
+        ),
+        scene=NO_SCENE,
+        effects=(),
+        measure=measure((use,), REGION, CENTER, (0.0, 0.0), 60.0),
+        evidence=untried(("circle_caliper",)),
+    )
+    return found, Artifacts({("disc", "circle_caliper"): artifact})
+
+
+def quiet_cell() -> Cell:
+    """Return a cell in which everything is as it should be."""
+    return build_cell(noisy(0.0), 1)
+
+
+@cache
+def noisy(move_sigma_um: float) -> World:
+    """Return a world whose only error is that of the stage's moves in x and y."""
+    found = quiet(world())
+    return replace(found, stage=replace(found.stage, repeatability_xy_um=move_sigma_um))
+
+
+def rig_of(cell: Cell, artifacts: Artifacts, *, mirror: bool = False) -> Rig:
+    """Return a rig that knows where the gear starts, with a goal at the origin."""
+    plan = plan_of(())
+    goal = Belief(
+        name="goal",
+        carrier="robot",
+        pose=Pose(x_um=0.0, y_um=-3000.0),  # the robot reads y = 3000
+        sigma_xy_um=0.0,
+        sigma_theta_rad=0.0,
+    )
+    station = replace(cell.station, camera=DiscCamera(cell, mirror=mirror))
+    return Rig(
+        plan=plan,
+        station=station,
+        beliefs=Beliefs((*plan.beliefs, goal), plan.features),
+        artifacts=artifacts,
+        journal=Journal(io.StringIO(), station.clock),
+        frames=Frames(None),
+    )

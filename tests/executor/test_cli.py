@@ -1,0 +1,246 @@
+"""Whole runs on the simulated cell, through the command."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import signal
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from executor.cli import main
+from schemas.plan import dump_plan, parse_plan
+from tests.executor.bench import Folder, assembly, world
+
+STEPS = 12
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a plan folder of the whole job; the gear lies near its place."""
+    folder = tmp_path_factory.mktemp("plans") / "gear.plan"
+    maker = Folder(folder)
+    found = world()
+    parts = tuple(replace(p, sigma_xy_um=min(p.sigma_xy_um, 8.0)) for p in found.parts)
+    maker.write(assembly(maker, height=False), replace(found, parts=parts))
+    return folder
+
+
+def run(plan: Path, folder: Path, *options: str) -> int:
+    return main([str(plan), "--station", "sim", "--run-dir", str(folder), *options])
+
+
+def events(folder: Path) -> list[dict[str, Any]]:
+    text = (folder / "events.jsonl").read_text(encoding="utf-8")
+    return [json.loads(line) for line in text.splitlines()]
+
+
+def summary(folder: Path) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads(
+        (folder / "summary.json").read_text(encoding="utf-8")
+    )
+    return found
+
+
+def edited(plan: Path, tmp_path: Path, old: str, new: str) -> Path:
+    """Return a copy of a plan folder with one thing in plan.json changed."""
+    copy = Path(shutil.copytree(plan, tmp_path / "edited.plan"))
+    text = (copy / "plan.json").read_text(encoding="utf-8")
+    assert old in text
+    (copy / "plan.json").write_text(text.replace(old, new), encoding="utf-8")
+    return copy
+
+
+def test_the_gear_ends_on_the_post(
+    built: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(built, tmp_path / "run", "--seed", "3") == 0
+    found = summary(tmp_path / "run")
+    assert found["done"]
+    assert found["code"] is None
+    assert found["cell_verdict"]["success"]
+    assert [s["code"] for s in found["steps"]] == [None] * STEPS
+    out = capsys.readouterr().out
+    assert "gear-on-shaft: done" in out
+    assert "seated, offset" in out
+
+
+def test_the_run_folder_holds_log_frames_and_summary(
+    built: Path, tmp_path: Path
+) -> None:
+    folder = tmp_path / "run"
+    assert run(built, folder, "--seed", "3") == 0
+    log = events(folder)
+    assert [e["seq"] for e in log] == list(range(1, len(log) + 1))
+    times = [e["t_s"] for e in log]
+    assert times == sorted(times)
+    for before, after in (("begin", "done"), ("move", "moved"), ("jaws", "jaws_moved")):
+        count = sum(e["event"] == before for e in log)
+        assert count == sum(e["event"] == after for e in log) > 0
+    frames = sorted(p.name for p in (folder / "frames").iterdir())
+    assert len(frames) == 2 * STEPS
+    assert frames[:2] == ["01_find_gear_first.png", "01_find_gear_last.png"]
+    assert "check_seated" in (folder / "summary.txt").read_text(encoding="utf-8")
+
+
+def test_the_same_seed_gives_the_same_bytes(built: Path, tmp_path: Path) -> None:
+    logs = []
+    for name in ("a", "b"):
+        assert run(built, tmp_path / name, "--seed", "5", "--no-frames") == 0
+        logs.append((tmp_path / name / "events.jsonl").read_bytes())
+    assert logs[0] == logs[1]
+    assert run(built, tmp_path / "c", "--seed", "6", "--no-frames") == 0
+    assert logs[0] != (tmp_path / "c" / "events.jsonl").read_bytes()
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_done_is_never_said_of_a_failed_assembly(
+    built: Path, tmp_path: Path, seed: int
+) -> None:
+    status = run(built, tmp_path / "run", "--seed", str(seed), "--no-frames")
+    assert (status == 0) == summary(tmp_path / "run")["cell_verdict"]["success"]
+
+
+@pytest.mark.parametrize(
+    ("fault", "codes"),
+    [
+        ("stick", {"MP850", "MP854"}),
+        ("block", {"MP850", "MP851", "MP852", "MP853"}),
+        ("no_part", {"MP820"}),
+        ("mirror_camera", {"MP820", "MP822", "MP831", "MP832"}),
+    ],
+)
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_fault_is_caught(
+    built: Path, tmp_path: Path, fault: str, codes: set[str], seed: int
+) -> None:
+    folder = tmp_path / "run"
+    status = run(built, folder, "--seed", str(seed), "--no-frames", "--inject", fault)
+    assert status in (1, 3)
+    found = summary(folder)
+    assert found["code"] in codes
+    assert not found["done"]
+
+
+def test_nothing_moves_after_a_fault(built: Path, tmp_path: Path) -> None:
+    assert run(built, tmp_path / "run", "--no-frames", "--inject", "no_part") == 1
+    names = [e["event"] for e in events(tmp_path / "run")]
+    failed = names.index("failed")
+    assert names[failed + 1 :] == ["end"]
+    assert "jaws" not in names
+
+
+def test_check_and_dry_run_move_nothing(
+    built: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for mode in ("check", "dry-run"):
+        assert run(built, tmp_path / "run", "--mode", mode) == 0
+        assert not (tmp_path / "run").exists()
+    out = capsys.readouterr().out
+    assert "12 steps fit the station" in out
+    assert "look at shaft_plate.post at 6.9 x, focus -10 um: circle_caliper" in out
+
+
+def test_an_infeasible_plan_is_refused(
+    built: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    plan = edited(built, tmp_path, '"status": "feasible"', '"status": "infeasible"')
+    assert run(plan, tmp_path / "run") == 1
+    assert "error[MP801]" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ('"format_version": "1.0"', '"format_version": "2.0"'),
+        ('"steps": [', '"steps": ['[:-1]),
+        ('"kind": "grasp"', '"kind": "grip"'),
+        ('"opening_um": 96.0', '"opening_um": NaN'),
+    ],
+    ids=["newer version", "not JSON", "unknown action", "nan"],
+)
+def test_a_plan_that_cannot_be_read_is_refused(
+    built: Path, tmp_path: Path, old: str, new: str
+) -> None:
+    assert run(edited(built, tmp_path, old, new), tmp_path / "run") == 2
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_missing_world_and_a_missing_plan_are_the_callers_fault(
+    built: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    copy = Path(shutil.copytree(built, tmp_path / "copy.plan"))
+    (copy / "world.json").unlink()
+    assert run(copy, tmp_path / "run") == 2
+    assert run(tmp_path / "nowhere", tmp_path / "run") == 2
+    assert "error[MP802]" in capsys.readouterr().err
+
+
+def test_a_wrong_call_is_two_and_help_is_zero(built: Path) -> None:
+    assert main([str(built)]) == 2
+    assert main([str(built), "--station", "sim", "--seed", "-1"]) == 2
+    assert main(["--help"]) == 0
+
+
+def test_a_folder_that_is_no_run_folder_is_not_touched(
+    built: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "thesis.txt").write_text("years", encoding="utf-8")
+    assert run(built, tmp_path / "mine") == 2
+    assert (tmp_path / "mine" / "thesis.txt").read_text(encoding="utf-8") == "years"
+
+
+def test_a_plan_that_acts_and_never_verifies_is_not_done(
+    built: Path, tmp_path: Path
+) -> None:
+    copy = Path(shutil.copytree(built, tmp_path / "copy.plan"))
+    plan = parse_plan((copy / "plan.json").read_text(encoding="utf-8"))
+    text = dump_plan(replace(plan, steps=plan.steps[:-1]))
+    (copy / "plan.json").write_text(text, encoding="utf-8")
+    assert run(copy, tmp_path / "run", "--seed", "3", "--no-frames") == 1
+    assert summary(tmp_path / "run")["code"] == "MP855"
+
+
+def test_an_interrupt_stops_the_run(built: Path, tmp_path: Path) -> None:
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGALRM, interrupt)
+    signal.setitimer(signal.ITIMER_REAL, 0.5)  # a run that keeps frames takes longer
+    try:
+        assert run(built, tmp_path / "run") == 4
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+    assert events(tmp_path / "run")[-1]["event"] == "stopped"
+
+
+def test_the_executor_loads_numpy_and_the_standard_library_only() -> None:
+    code = (
+        "import sys, executor, executor.cli\n"
+        "ours = {'executor', 'schemas', 'featuresel', 'numpy'}\n"
+        "known = ours | set(sys.stdlib_module_names)\n"
+        "tops = {m.partition('.')[0] for m in sys.modules}\n"
+        "before = set(sys.argv[1].split(','))\n"
+        "print(sorted(tops - known - before))"
+    )
+    bare = subprocess.run(
+        [sys.executable, "-c", "import sys; print(','.join(sys.modules))"],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    started = ",".join({m.partition(".")[0] for m in bare.stdout.strip().split(",")})
+    found = subprocess.run(
+        [sys.executable, "-c", code, started],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert found.stdout.strip() == "[]"

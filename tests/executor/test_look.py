@@ -1,0 +1,152 @@
+"""A look: pixels to um, gates, fallback and retries."""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from executor.artifacts import Artifacts
+from executor.drivers import Counts
+from executor.errors import ExecutorError
+from executor.journal import Journal
+from executor.look import look_at, to_unit
+from executor.rig import Rig
+from executor.simulated.cell import build_cell
+from featuresel.routines import Artifact
+from schemas.plan import Gates, Look, OnFailure, Region, RoutineUse
+from schemas.pose import Pose
+from tests.executor.disc import look, noisy, quiet_cell, rig_of
+
+
+class BlinkingCamera:
+    """A camera whose first frames are dark."""
+
+    def __init__(self, rig: Rig, dark: int) -> None:
+        self._camera = rig.station.camera
+        self._dark = dark
+
+    def grab(self, region: Region | None = None) -> Counts:
+        """Return a dark frame, or a good one."""
+        self._dark -= 1
+        counts = self._camera.grab(region)
+        return np.zeros_like(counts) if self._dark >= 0 else counts
+
+
+def seeing(x_um: float, y_um: float) -> tuple[Rig, Look]:
+    """Return a rig whose gear is believed at the origin and is at (x, y)."""
+    cell = quiet_cell()
+    cell.truth.bodies["gear"].pose = Pose(x_um=600.0 + x_um, y_um=y_um)
+    found, artifacts = look()
+    return rig_of(cell, artifacts), found
+
+
+def gated(found: Look, gates: Gates) -> Look:
+    return replace(found, measure=replace(found.measure, gates=gates))
+
+
+def test_a_sighting_is_in_um_of_the_world_with_y_up() -> None:
+    rig, found = seeing(7.25, -3.5)
+    seen = look_at(rig, found)
+    assert (seen.x_um, seen.y_um) == pytest.approx((7.25, -3.5), abs=0.02)
+    at = rig.beliefs.world("gear", rig.readings())
+    assert (at.x_um, at.y_um) == pytest.approx((seen.x_um, seen.y_um))
+
+
+def test_the_bias_is_taken_off_in_the_targets_frame() -> None:
+    rig, found = seeing(0.0, 0.0)
+    plain = look_at(rig, found)
+    rig.beliefs.update("gear", rig.readings(), 0.0, 0.0, math.pi / 2)
+    biased = replace(found, measure=replace(found.measure, bias_um=(2.0, 0.5)))
+    seen = look_at(rig, biased)
+    # turned by a quarter, (2, .5) is (-.5, 2)
+    assert seen.x_um - plain.x_um == pytest.approx(0.5)
+    assert seen.y_um - plain.y_um == pytest.approx(-2.0)
+
+
+@pytest.mark.parametrize(
+    ("gates", "code"),
+    [
+        (Gates(min_score=1.01, max_shift_um=60.0, max_turn_rad=None), "MP821"),
+        (Gates(min_score=0.3, max_shift_um=4.0, max_turn_rad=None), "MP822"),
+    ],
+)
+def test_a_gate_refuses_and_leaves_the_belief_alone(gates: Gates, code: str) -> None:
+    rig, found = seeing(5.0, 0.0)
+    with pytest.raises(ExecutorError) as caught:
+        look_at(rig, gated(found, gates))
+    assert caught.value.code == code
+    assert rig.beliefs.world("gear", rig.readings()).x_um == 0.0
+
+
+def test_a_failure_is_tried_again_as_often_as_the_plan_says() -> None:
+    rig, found = seeing(1.0, 0.0)
+    rig.station = replace(rig.station, camera=BlinkingCamera(rig, 2))
+    seen = look_at(rig, found, (OnFailure(code="MP820", do="retry", times=2),))
+    assert seen.frames == 3
+    rig.station = replace(rig.station, camera=BlinkingCamera(rig, 2))
+    with pytest.raises(ExecutorError, match="gear not found"):
+        look_at(rig, found, (OnFailure(code="MP820", do="retry", times=1),))
+
+
+def test_a_retry_may_be_keyed_by_the_routines_own_code() -> None:
+    rig, found = seeing(1.0, 0.0)
+    rig.station = replace(rig.station, camera=BlinkingCamera(rig, 1))
+    assert look_at(rig, found, (OnFailure(code="no_edge", do="retry"),)).frames == 2
+
+
+def test_a_failing_chain_hands_over_to_the_fallback() -> None:
+    rig, found = seeing(1.0, 0.0)
+    good = found.measure.chain[0]
+    _, artifacts = look()
+    ((_, artifact),) = artifacts.stages("disc", (good,))
+    wrong = Artifact(parameters={**artifact.parameters, "seen_px": 12.0})
+    first = RoutineUse(
+        id="circle_caliper", version="1", parameters={}, arrays="wrong.npz"
+    )
+    rig.artifacts = Artifacts(
+        {("disc", "wrong.npz"): wrong, ("disc", "circle_caliper"): artifact}
+    )
+    both = replace(found, measure=replace(found.measure, chain=(first,)))
+    with pytest.raises(ExecutorError, match="gear not found") as caught:
+        look_at(rig, both)
+    assert caught.value.cause in str(caught.value)
+    assert caught.value.code == "MP820"
+    both = replace(both, measure=replace(both.measure, fallback=(good,)))
+    assert look_at(rig, both).x_um == pytest.approx(1.0, abs=0.02)
+
+
+def test_the_view_is_set_only_where_it_changes() -> None:
+    rig, found = seeing(0.0, 0.0)
+    stream = io.StringIO()
+    rig.journal = Journal(stream, rig.station.clock)
+    look_at(rig, found)
+    look_at(rig, found)
+    lower = replace(found, view=replace(found.view, focus_um=-5.0))
+    look_at(rig, lower)
+    names = [json.loads(line)["event"] for line in stream.getvalue().splitlines()]
+    assert names.count("zoom") == 1
+    assert names.count("focus") == 2
+
+
+def test_a_camera_of_another_size_is_a_device_fault() -> None:
+    cell = build_cell(noisy(0.0), 1)
+    rig = rig_of(cell, look()[1])
+    rig.station = cell.station
+    small = Region(row=0, column=0, rows=12, columns=17)
+    assert rig.grab(small).shape == (12, 17)
+    need = replace(rig.plan.requirements, width_px=641)
+    rig.plan = replace(rig.plan, requirements=need)
+    with pytest.raises(ExecutorError, match="640") as caught:
+        rig.grab(None)
+    assert caught.value.code == "MP841"
+
+
+@pytest.mark.parametrize("bits", [8, 12])
+def test_full_scale_is_one(bits: int) -> None:
+    counts = np.array([[0, 2**bits - 1]], dtype=np.uint16)
+    np.testing.assert_array_equal(to_unit(counts, bits), [[0.0, 1.0]])

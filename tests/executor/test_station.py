@@ -1,0 +1,84 @@
+"""Preflight refuses what the station cannot do, each with its own code."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import pytest
+
+from executor.errors import ExecutorError
+from executor.simulated.cell import build_cell
+from executor.station import Station, preflight
+from schemas.plan import Plan, Reason
+from tests.executor.bench import plan_of, quiet, stage_start, world
+
+
+def station() -> Station:
+    return build_cell(quiet(world()), 0).station
+
+
+def needing(**changes: object) -> Plan:
+    """Return a plan whose requirements are changed."""
+    plan = plan_of(())
+    need = replace(plan.requirements, **changes)  # type: ignore[arg-type]  # by name
+    return replace(plan, requirements=need)
+
+
+def test_the_examples_plan_fits_the_examples_cell() -> None:
+    preflight(plan_of(()), station())
+
+
+@pytest.mark.parametrize(
+    ("plan", "code", "message"),
+    [
+        (needing(width_px=1280), "MP805", "width_px = 1280, the camera has 640"),
+        (needing(pitch_um=7.4), "MP805", "pitch_um = 7.4"),
+        (needing(bits=12), "MP805", "bits = 12"),
+        (needing(magnification=(2.0, 6.9)), "MP806", "magnification 2..6.9"),
+        (needing(focus_um=(0.0, 900.0)), "MP806", "focus_um 0..900"),
+        (needing(opening_um=(50.0, 130.0)), "MP807", "opening_um 50..130"),
+        (needing(travel={"stage.x_um": (-9e3, 0.0)}), "MP808", "stage.x_um -9000..0"),
+        (needing(travel={"stage.tip": (0.0, 1.0)}), "MP808", "no axis stage.tip"),
+        (needing(theta_axis_um=(5.0, 0.0)), "MP809", "turns about"),
+    ],
+)
+def test_a_requirement_that_is_not_met_is_refused(
+    plan: Plan, code: str, message: str
+) -> None:
+    with pytest.raises(ExecutorError, match=message) as caught:
+        preflight(plan, station())
+    assert caught.value.code == code
+
+
+@pytest.mark.parametrize(
+    ("change", "code"),
+    [
+        (lambda s: replace(s, robot=None), "MP808"),
+        (lambda s: replace(s, offer=replace(s.offer, opening_um=None)), "MP807"),
+    ],
+)
+def test_a_missing_device_is_refused(
+    change: Callable[[Station], Station], code: str
+) -> None:
+    with pytest.raises(ExecutorError) as caught:
+        preflight(plan_of(()), change(station()))
+    assert caught.value.code == code
+
+
+def test_an_infeasible_plan_is_refused_with_its_reasons() -> None:
+    reason = Reason(code="MP401", step="find_gear", message="too large")
+    plan = replace(plan_of(()), status="infeasible", reasons=(reason,))
+    with pytest.raises(ExecutorError, match="MP401 in find_gear: too large") as caught:
+        preflight(plan, station())
+    assert (caught.value.code, caught.value.exit_status) == ("MP801", 1)
+
+
+def test_a_station_that_is_somewhere_else_is_refused() -> None:
+    found = station()
+    found.stage.move(x_um=-590.0)
+    with pytest.raises(ExecutorError, match=r"stage.x_um reads -590") as caught:
+        preflight(plan_of(()), found)
+    assert caught.value.code == "MP811"
+    found.stage.move(x_um=stage_start().x_um)
+    preflight(plan_of(()), found)
