@@ -19,6 +19,7 @@ from featuresel.routines import (
 from featuresel.routines.circle_fit import Circle, fit_centre, fit_circle
 from featuresel.routines.sampling import (
     STEP_PX,
+    BoolArray,
     Edges,
     best_width,
     cubic,
@@ -140,7 +141,7 @@ def _mean_profile(
 def _angles(radius_px: float) -> FloatArray:
     """Return one ray per pixel of circumference, 48 to 180."""
     count = int(np.clip(2 * math.pi * radius_px, 48, 180))
-    return np.arange(count) * (2 * math.pi / count)
+    return np.linspace(0, 2 * math.pi, count, endpoint=False)
 
 
 def _search(image: FloatArray, artifact: Artifact, guess: Guess) -> Guess | Failure:
@@ -202,15 +203,12 @@ def _cast(
     return edges, at.column + cos * distance, at.row - sin * distance
 
 
-def _strong(edges: Edges, step: float) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+def _strong(edges: Edges, step: float) -> BoolArray:
     """Return which rays carry an edge of about the predicted height."""
-    strong: np.ndarray[tuple[int], np.dtype[np.bool_]] = edges.found & (
-        edges.strength > max(_WEAKEST * step, _FAINT / 2)
-    )
-    return strong
+    return edges.found & (edges.strength > max(_WEAKEST * step, _FAINT / 2))
 
 
-def _few(good: np.ndarray[tuple[int], np.dtype[np.bool_]], edges: Edges) -> Failure:
+def _few(good: BoolArray, edges: Edges) -> Failure:
     """Return the failure of a circle with too few edges."""
     if not good.any():
         return Failure(

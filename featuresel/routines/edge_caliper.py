@@ -76,11 +76,9 @@ def prepare(render: Render, target: Target) -> Artifact | Failure:
         "range_rad": min(target.theta_range_rad, math.radians(10)),
         "opening_px": target.parameters["opening_um"] * target.px_per_um,
     }
-    for name, face in _faces(target).items():
-        face = _in_view(face, image.shape, at, target.search_px)
-        if face is None:
-            continue
-        numbers = _calibrate(image, face, at)
+    for name, whole in _faces(target).items():
+        face = _in_view(whole, image.shape, at, target.search_px)
+        numbers = None if face is None else _calibrate(image, face, at)
         if numbers is not None:
             parameters |= {f"{name}.{key}": value for key, value in numbers.items()}
     missing = [name for name in _SIDES[:2] if f"{name}.step" not in parameters]
@@ -98,16 +96,16 @@ def measure(
     p = artifact.parameters
     column, row = guess.column, guess.row
     theta = p["theta_rad"]
-    half = p["search_px"]
-    for _ in range(3):
-        found = _find(image, p, (column, row, theta), half)
-        if isinstance(found, Failure):
-            return found
+    found: dict[str, _Found] = {}
+    for half in (p["search_px"], 4.0, 4.0):
+        faces = _find(image, p, (column, row, theta), half)
+        if isinstance(faces, Failure):
+            return faces
+        found = faces
         dx, dy, turn = _pose(found, p)
         c, s = math.cos(theta), math.sin(theta)
         column, row = column + c * dx - s * dy, row - s * dx - c * dy
         theta += turn
-        half = min(half, 4.0)
     problem = _misplaced(found, p, guess, (column, row, theta))
     if problem is not None:
         return problem
@@ -180,7 +178,7 @@ def _calibrate(
 ) -> Mapping[str, float] | None:
     """Return the face's numbers, its place and slope as measured; None if too faint."""
     along = np.arange(face.low_px, face.high_px, _LINES_PX)
-    span = np.arange(-24, 25) * STEP_PX
+    span = np.arange(-24, 25, dtype=np.float64) * STEP_PX
     profile = np.median(cubic(image, *_points(face, at, along, span))[0], axis=0)
     width = best_width(profile)
     gap = min(int(1.5 * width / STEP_PX) + 1, 24)
@@ -280,16 +278,15 @@ def _points(
 def _line(x: FloatArray, y: FloatArray) -> tuple[float, float, float, int] | None:
     """Return (intercept, slope, rms, used) of a trimmed line; None if half strays."""
     used = np.ones(len(x), dtype=bool)
-    scale = 2.0  # px; shrinks to 3 robust deviations of the first, median-near points
-    used = np.abs(y - np.median(y)) <= max(3.0, 3 * float(np.ptp(x)) * 0.03)
+    # a turn of .09 rad spreads true points this far about their median
+    used = np.abs(y - np.median(y)) <= max(3.0, 0.09 * float(np.ptp(x)))
     for _ in range(8):
         if used.sum() < max(5, _FEWEST * len(x)):
             return None
         slope, intercept = np.polyfit(x[used], y[used], 1)
         residual = y - intercept - slope * x
         robust = 1.4826 * float(np.median(np.abs(residual[used])))
-        scale = max(3 * robust, 0.1)
-        used = np.abs(residual) <= scale
+        used = np.abs(residual) <= max(3 * robust, 0.1)
     rms = float(np.sqrt(np.mean(residual[used] ** 2)))
     return float(intercept), float(slope), rms, int(used.sum())
 

@@ -184,8 +184,7 @@ def _shrunk(image: FloatArray, shrink: int) -> FloatArray:
     if shrink == 1:
         return image
     smooth = cv2.GaussianBlur(image, (0, 0), 0.45 * shrink)
-    small: FloatArray = smooth[::shrink, ::shrink]
-    return small
+    return np.asarray(smooth[::shrink, ::shrink], dtype=np.float64)
 
 
 def _match(
@@ -200,7 +199,7 @@ def _match(
     left, top, searched = part
     if float(searched.std()) < 0.005:
         return Failure(code="no_contrast", message="the searched part is blank")
-    maps = [cv2.matchTemplate(searched, t, cv2.TM_CCOEFF_NORMED) for t in templates]
+    maps = [_scores(searched, template) for template in templates]
     best = max(range(len(maps)), key=lambda i: float(maps[i].max()))
     surface = maps[best]
     if float(surface.max()) < _LEAST_SCORE:
@@ -212,6 +211,12 @@ def _match(
     column = (left + peak[0]) * shrink + p["half_columns_px"]
     row = (top + peak[1]) * shrink + p["half_rows_px"]
     return column, row, turned, float(surface.max())
+
+
+def _scores(searched: Float32Array, template: npt.NDArray[np.float32]) -> Float32Array:
+    """Return the correlation coefficient at every place of the template."""
+    scores = cv2.matchTemplate(searched, template, cv2.TM_CCOEFF_NORMED)
+    return np.asarray(scores, dtype=np.float32)
 
 
 def _part(

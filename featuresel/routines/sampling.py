@@ -137,9 +137,10 @@ def _peaks(response: FloatArray) -> Edges:
 def edge_kernel(width_px: float) -> FloatArray:
     """Return the derivative of a Gaussian, (2 K + 1,); a unit step gives 1."""
     reach = math.ceil(3 * width_px / STEP_PX)
-    x = np.arange(-reach, reach + 1) * STEP_PX
+    x = np.arange(-reach, reach + 1, dtype=np.float64) * STEP_PX
     kernel: FloatArray = x * np.exp(-((x / width_px) ** 2) / 2)
-    return kernel / kernel[reach + 1 :].sum()
+    kernel /= kernel[reach + 1 :].sum()
+    return kernel
 
 
 def best_width(profile: FloatArray) -> float:
@@ -178,4 +179,4 @@ def _localisation(profile: FloatArray, width_px: float) -> float:
 def line_samples(half_px: float, width_px: float) -> FloatArray:
     """Return offsets (L,) of a line that searches `half_px` to both sides, px."""
     reach = math.ceil(half_px / STEP_PX) + len(edge_kernel(width_px)) // 2 + 1
-    return np.arange(-reach, reach + 1) * STEP_PX
+    return np.arange(-reach, reach + 1, dtype=np.float64) * STEP_PX

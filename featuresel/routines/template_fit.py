@@ -71,8 +71,7 @@ def _smooth(image: FloatArray, shrink: int) -> FloatArray:
     """Return the image without what a sampling `shrink` times coarser cannot show."""
     if shrink == 1:
         return image
-    smooth: FloatArray = cv2.GaussianBlur(image, (0, 0), 0.45 * shrink)
-    return smooth
+    return np.asarray(cv2.GaussianBlur(image, (0, 0), 0.45 * shrink), dtype=np.float64)
 
 
 def _fit(
@@ -82,7 +81,7 @@ def _fit(
     rows, columns = template.shape
     v, u = np.mgrid[0:rows:stride, 0:columns:stride].astype(np.float64)
     u, v = u.ravel() - (columns - 1) / 2, v.ravel() - (rows - 1) / 2
-    down, across = np.gradient(template)
+    down, across = np.gradient(template, axis=0), np.gradient(template, axis=1)
     gu, gv = across[::stride, ::stride].ravel(), down[::stride, ::stride].ravel()
     wanted = template[::stride, ::stride].ravel()
     pose = start.copy()
@@ -111,6 +110,12 @@ def _fit(
             return Failure(code="diverged", message="a step larger than the template")
         pose = pose + step
         if max(abs(step[0]), abs(step[1]), abs(step[2]) * size) < _SETTLED_PX:
-            score = float(np.corrcoef(seen[inside], wanted[inside])[0, 1])
-            return pose, score
+            return pose, _correlation(seen[inside], wanted[inside])
     return Failure(code="diverged", message=f"not settled after {_ROUNDS} rounds")
+
+
+def _correlation(a: FloatArray, b: FloatArray) -> float:
+    """Return the correlation coefficient of two samples, 0 if one is constant."""
+    a, b = a - a.mean(), b - b.mean()
+    size = float(np.linalg.norm(a) * np.linalg.norm(b))
+    return float(a @ b) / size if size > 0 else 0.0

@@ -94,7 +94,7 @@ def measure(
             f"predicted {p['amplitude']:.4f}",
         )
     pitch = 2 * math.pi / p["count"]
-    angles = phase - p["phase_rad"] + pitch * np.arange(int(p["count"]))
+    angles = phase - p["phase_rad"] + pitch * np.arange(p["count"], dtype=np.float64)
     chosen = _choose(image, artifact, guess, angles)
     if isinstance(chosen, Failure):
         return chosen
@@ -119,7 +119,7 @@ def _teeth(
     """Return angle of a tooth's middle, amplitude and the amplitude's error."""
     p = artifact.parameters
     count = int(p["count"])
-    angles = np.arange(_SAMPLES * count) * (2 * math.pi / (_SAMPLES * count))
+    angles = np.linspace(0, 2 * math.pi, _SAMPLES * count, endpoint=False)
     # as far inside the root as outside the tips: what is defocused spreads both ways
     depth = p["outer_px"] - p["root_px"]
     radii = np.linspace(p["root_px"], p["outer_px"], max(5, int(2 * depth) + 1))
@@ -191,5 +191,4 @@ def _ring(
         at.row - np.outer(np.sin(angles), radii),
     )
     mean: FloatArray = values.mean(axis=1)
-    whole: BoolArray = inside.all(axis=1)
-    return mean, whole
+    return mean, np.asarray(inside.all(axis=1))

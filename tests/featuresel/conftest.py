@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -54,9 +55,7 @@ def polygon(*points: tuple[float, float]) -> Ring:
     """Return straight edges through the points."""
     ends = points[1:] + points[:1]
     return Ring(
-        edges=tuple(
-            Segment(start=a, end=b) for a, b in zip(points, ends, strict=True)
-        )
+        edges=tuple(Segment(start=a, end=b) for a, b in zip(points, ends, strict=True))
     )
 
 
@@ -80,9 +79,7 @@ def _notched_bore() -> Ring:
         sweep_rad=math.tau - 2 * half,
     )
     corners = (arc.end, (3.0, 30.0), (-3.0, 30.0), arc.start)
-    sides = [
-        Segment(start=a, end=b) for a, b in zip(corners, corners[1:], strict=False)
-    ]
+    sides = [Segment(start=a, end=b) for a, b in itertools.pairwise(corners)]
     return Ring(edges=(arc, *sides)).reversed()
 
 
@@ -92,9 +89,7 @@ def fingers(opening_um: float = 130.0) -> Outline:
     for side in (-1, 1):
         inner, outer = side * opening_um / 2, side * (opening_um / 2 + 100)
         low, high = min(inner, outer), max(inner, outer)
-        rings.append(
-            polygon((low, -60), (high, -60), (high, 20740), (low, 20740))
-        )
+        rings.append(polygon((low, -60), (high, -60), (high, 20740), (low, 20740)))
     return Outline(rings=tuple(rings))
 
 

@@ -1,0 +1,207 @@
+"""The perturbation design of a look, and the image of any of its trials."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from dataclasses import dataclass, replace
+from functools import cache
+
+import numpy as np
+import numpy.typing as npt
+from scipy.linalg import hadamard
+from scipy.stats import qmc, truncnorm
+
+from featuresel.case import LookCase, scene
+from optics.render import render
+from optics.scene import Illumination
+from optics.sensor import expose, to_unit
+
+FloatArray = npt.NDArray[np.float64]
+
+_AXES = 8  # dx, dy, theta, focus, zoom, gain, gradient, gradient's direction
+_EVERY = 4  # each fourth trial is an extreme, whatever their number
+_CUT = 3.0  # normal spreads end at 3 sigma: trials stand for a working station
+_CORNER = 2.0  # sigmas at the extremes, all at once: already far out together
+_MOST_SOBOL = 20  # 2**20 points are more than any look gets
+# The estimator's blur law must not always be the truth.
+_OTHER_MODEL = {"hopkins": "stokseth"}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trial:
+    """One perturbed image of a look."""
+
+    index: int
+    dx_um: float  # of the target from nominal, world
+    dy_um: float
+    dtheta_rad: float
+    dz_um: float  # of the focus from nominal
+    magnification: float  # ratio to nominal
+    gain: float  # times the nominal light
+    gradient_x: float  # added to the nominal light's
+    gradient_y: float
+    model: str
+    seed: tuple[int, ...]  # of the noise
+
+
+def words(key: str) -> tuple[int, ...]:
+    """Return the sha256 of `key` as eight 32-bit words."""
+    digest = hashlib.sha256(key.encode()).digest()
+    return tuple(int.from_bytes(digest[i : i + 4], "big") for i in range(0, 32, 4))
+
+
+def design(case: LookCase, count: int, root_seed: int) -> tuple[Trial, ...]:
+    """Return the first `count` trials of a look.
+
+    Trial k depends on the case, `root_seed` and k alone: other routines, cases or
+    counts change none. Three of four are scrambled Sobol points mapped to the spreads;
+    each fourth is an extreme of a folded two-level design (2 sigma in focus, zoom and
+    angle, the ends of the light's intervals, nine tenths to all of `search_um`).
+
+    Parameters
+    ----------
+    case : LookCase
+        The look.
+    count : int
+        How many, >= 1.
+    root_seed : int
+        Root of all seeds, >= 0.
+
+    Raises
+    ------
+    ValueError
+        If `count` or `root_seed` is out of range.
+    """
+    if not 1 <= count <= 2**_MOST_SOBOL:
+        raise ValueError(f"count must be in 1..{2**_MOST_SOBOL}, got {count}")
+    if root_seed < 0:
+        raise ValueError(f"root_seed must not be negative, got {root_seed}")
+    sobol = qmc.Sobol(_AXES, rng=_generator(root_seed, f"{case.key}/design"))
+    points = sobol.random_base2(max(1, (count - 1).bit_length()))
+    found = []
+    for index in range(count):
+        turn, place = divmod(index, _EVERY)
+        if place == _EVERY - 1:
+            found.append(_extreme(case, index, turn, root_seed))
+        else:
+            found.append(_interior(case, index, points[index - turn], root_seed))
+    return tuple(found)
+
+
+def image(case: LookCase, trial: Trial) -> FloatArray:
+    """Return the trial's region as the camera gives it, (rows, columns), 0..1.
+
+    The zoom error scales about the optical axis; the truth stays the target's world
+    pose, so an estimator that trusts the nominal zoom errs by ratio x distance.
+    """
+    zoomed = replace(
+        case.microscope,
+        magnification=case.microscope.magnification * trial.magnification,
+    )
+    noiseless = render(
+        scene(case, trial.dx_um, trial.dy_um, trial.dtheta_rad),
+        zoomed,
+        focus_um=case.focus_um + trial.dz_um,
+        model=trial.model,
+        window=case.window,
+        light=Illumination(
+            gain=case.light.gain * trial.gain,
+            gradient_x=case.light.gradient_x + trial.gradient_x,
+            gradient_y=case.light.gradient_y + trial.gradient_y,
+        ),
+    )
+    rng = np.random.default_rng(np.random.SeedSequence(trial.seed))
+    return to_unit(expose(noiseless, case.sensor, rng), case.sensor.bits)
+
+
+def _interior(case: LookCase, index: int, point: FloatArray, root: int) -> Trial:
+    """Return a point of the unit cube mapped to the spreads."""
+    spread = case.spread
+    normal = truncnorm.ppf(point[:5], -_CUT, _CUT)
+    theta = normal[2] * spread.pose_sigma_theta_rad
+    if case.theta_any:
+        theta = (2 * point[2] - 1) * math.pi
+    low, high = spread.light_gain
+    weak, strong = spread.light_gradient
+    return _trial(
+        case,
+        index,
+        root,
+        place_um=tuple(normal[:2] * spread.pose_sigma_xy_um),
+        theta_rad=theta,
+        dz_um=normal[3] * spread.focus_sigma_um,
+        magnification=1 + normal[4] * spread.magnification_sigma,
+        gain=low + point[5] * (high - low),
+        gradient=weak + point[6] * (strong - weak),
+        direction_rad=2 * math.pi * point[7],
+    )
+
+
+def _extreme(case: LookCase, index: int, turn: int, root: int) -> Trial:
+    """Return a corner of the spreads; directions are drawn, never on a pixel grid."""
+    spread = case.spread
+    sign = _signs()[turn % len(_signs())]
+    rng = _generator(root, f"{case.key}/extreme {index}")
+    radius = spread.search_um * rng.uniform(0.9, 1.0)
+    corner = math.atan2(sign[1], sign[0]) + rng.uniform(-0.5, 0.5)
+    theta = _CORNER * sign[2] * spread.pose_sigma_theta_rad
+    if case.theta_any:
+        theta = rng.uniform(-math.pi, math.pi)
+    return _trial(
+        case,
+        index,
+        root,
+        place_um=(radius * math.cos(corner), radius * math.sin(corner)),
+        theta_rad=theta,
+        dz_um=_CORNER * sign[3] * spread.focus_sigma_um,
+        magnification=1 + _CORNER * sign[4] * spread.magnification_sigma,
+        gain=spread.light_gain[int(sign[5] > 0)],
+        gradient=spread.light_gradient[int(sign[6] > 0)],
+        direction_rad=rng.uniform(0, 2 * math.pi),
+    )
+
+
+def _trial(
+    case: LookCase,
+    index: int,
+    root: int,
+    *,
+    place_um: tuple[float, ...],
+    theta_rad: float,
+    dz_um: float,
+    magnification: float,
+    gain: float,
+    gradient: float,
+    direction_rad: float,
+) -> Trial:
+    """Return the trial with its blur law and noise seed."""
+    # interior and extremes both meet both laws: the parity shifts by one every round
+    other = (index + index // _EVERY) % 2 == 1
+    return Trial(
+        index=index,
+        dx_um=float(place_um[0]),
+        dy_um=float(place_um[1]),
+        dtheta_rad=float(theta_rad),
+        dz_um=float(dz_um),
+        magnification=float(magnification),
+        gain=float(gain),
+        gradient_x=float(gradient * math.cos(direction_rad)),
+        gradient_y=float(gradient * math.sin(direction_rad)),
+        model=_OTHER_MODEL.get(case.model, "hopkins") if other else case.model,
+        seed=(root, *words(f"{case.key}/trial {index}")),
+    )
+
+
+@cache
+def _signs() -> FloatArray:
+    """Return 32 corners of 8 axes, (32, 8) of +-1: 16 orthogonal ones and mirrored."""
+    half = hadamard(16)[:, 1 : _AXES + 1].astype(np.float64)
+    signs: FloatArray = np.vstack((half, -half))
+    signs.setflags(write=False)
+    return signs
+
+
+def _generator(root: int, key: str) -> np.random.Generator:
+    """Return the generator of one cell."""
+    return np.random.default_rng(np.random.SeedSequence([root, *words(key)]))

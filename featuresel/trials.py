@@ -1,0 +1,203 @@
+"""Chains of routines tried on the same perturbed images."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Protocol, TypeVar
+
+from featuresel.candidates import Chain
+from featuresel.case import LookCase, nominal_render
+from featuresel.perturb import Trial, image
+from featuresel.routines import (
+    Artifact,
+    Failure,
+    FloatArray,
+    Guess,
+    Measurement,
+    load,
+)
+from featuresel.routines.chain import measure_chain
+
+_CHUNK = 8  # trials handed to one worker at a time
+
+# An answer more than this many tolerances off is wrong. A chain that only just passes
+# (2 sigma + bias = tolerance) comes there by 4 sigma, so what is counted are outliers,
+# not the spread the error budget has already.
+WRONG_TOLERANCES = 2.0
+
+A = TypeVar("A")
+B = TypeVar("B")
+
+
+class Map(Protocol):
+    """What `run` needs of `map`: order kept, any workers."""
+
+    def __call__(
+        self, function: Callable[[A], B], items: Iterable[A], /
+    ) -> Iterable[B]:
+        """Return `function` of each item, in order."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Prepared:
+    """Routines made ready for one look; a routine that could not be is a Failure."""
+
+    chains: tuple[Chain, ...]
+    artifacts: Mapping[str, Artifact | Failure]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outcome:
+    """What one chain said of one trial; errors are measured - true."""
+
+    chain: Chain
+    trial: int
+    failure: str | None  # code; None where it answered
+    world_um: tuple[float, float] | None
+    target_um: tuple[float, float] | None  # the same in the target's true frame
+    theta_rad: float | None  # None: no angle given
+    score: float | None
+    spread_um: float | None  # the chain's own estimate
+
+    @property
+    def distance_um(self) -> float:
+        """Return the length of the error, infinite where there is no answer."""
+        return math.inf if self.world_um is None else math.hypot(*self.world_um)
+
+
+def prepare(case: LookCase, chains: Sequence[Chain]) -> Prepared:
+    """Return each routine of `chains` prepared once, on the nominal image."""
+    names = sorted({name for chain in chains for name in chain})
+    render = nominal_render(case)
+    artifacts: dict[str, Artifact | Failure] = {}
+    for name in names:
+        routine = load(name)
+        if case.target.kind not in routine.KINDS:
+            message = f"{name} cannot look for {case.target.kind}"
+            artifacts[name] = Failure(code="wrong_kind", message=message)
+        else:
+            artifacts[name] = routine.prepare(render, case.target)
+    return Prepared(chains=tuple(chains), artifacts=artifacts)
+
+
+def start(case: LookCase) -> Guess:
+    """Return where a look starts: the nominal place, and the angle if it is known."""
+    theta = None if case.theta_any else case.target.theta_rad
+    return Guess(column=case.target.column, row=case.target.row, theta_rad=theta)
+
+
+def run(
+    case: LookCase,
+    prepared: Prepared,
+    trials: Sequence[Trial],
+    map: Map = map,  # noqa: A002 - it is the builtin, or a pool's
+) -> tuple[Outcome, ...]:
+    """Return what every chain said of every trial, trial by trial.
+
+    Parameters
+    ----------
+    case : LookCase
+        The look.
+    prepared : Prepared
+        Its chains and artifacts.
+    trials : sequence of Trial
+        From `featuresel.perturb.design`.
+    map : callable
+        Stands in for the builtin; gets a picklable function and chunks of trials, so
+        that a process pool's `map` can do the work. The result does not depend on it.
+
+    Returns
+    -------
+    tuple of Outcome
+        Each image is made once and every chain measures it.
+    """
+    chunks = [tuple(trials[i : i + _CHUNK]) for i in range(0, len(trials), _CHUNK)]
+    done = map(partial(_run_chunk, case, prepared), chunks)
+    return tuple(outcome for chunk in done for outcome in chunk)
+
+
+def measure_trial(
+    case: LookCase, prepared: Prepared, trial: Trial
+) -> tuple[Outcome, ...]:
+    """Return what each chain says of one trial's image."""
+    picture = image(case, trial)
+    return tuple(
+        _outcome(case, trial, chain, measure_one(case, prepared, chain, picture))
+        for chain in prepared.chains
+    )
+
+
+def measure_one(
+    case: LookCase, prepared: Prepared, chain: Chain, picture: FloatArray
+) -> Measurement | Failure:
+    """Return what one chain says of an image of the look's region."""
+    stages = []
+    for name in chain:
+        artifact = prepared.artifacts[name]
+        if isinstance(artifact, Failure):
+            return Failure(code="not_prepared", message=f"{name}: {artifact.message}")
+        stages.append((name, artifact))
+    return measure_chain(picture, stages, start(case))
+
+
+def _run_chunk(
+    case: LookCase, prepared: Prepared, trials: Sequence[Trial]
+) -> list[Outcome]:
+    """Return the outcomes of some trials, in order."""
+    return [o for trial in trials for o in measure_trial(case, prepared, trial)]
+
+
+def _outcome(
+    case: LookCase, trial: Trial, chain: Chain, found: Measurement | Failure
+) -> Outcome:
+    """Return the errors of a measurement in the world's and the target's axes."""
+    if isinstance(found, Failure):
+        return Outcome(
+            chain=chain,
+            trial=trial.index,
+            failure=found.code,
+            world_um=None,
+            target_um=None,
+            theta_rad=None,
+            score=None,
+            spread_um=None,
+        )
+    x, y = case.frame.to_world(found.column, found.row)
+    ex, ey = x - case.x_um - trial.dx_um, y - case.y_um - trial.dy_um
+    theta = case.theta_rad + trial.dtheta_rad
+    c, s = math.cos(theta), math.sin(theta)
+    turned = None
+    if found.theta_rad is not None:
+        turned = math.remainder(found.theta_rad - theta, _period(case))
+    return Outcome(
+        chain=chain,
+        trial=trial.index,
+        failure=None,
+        world_um=(ex, ey),
+        target_um=(c * ex + s * ey, -s * ex + c * ey),
+        theta_rad=turned,
+        score=found.score,
+        spread_um=found.spread_px * case.microscope.um_per_px,
+    )
+
+
+def _period(case: LookCase) -> float:
+    """Return the turn that leaves the target the same; a notch makes it a full one."""
+    fold = case.target.symmetry if case.target.kind == "outline" else 1
+    return 2 * math.pi / max(fold, 1)
+
+
+def is_wrong(case: LookCase, outcome: Outcome) -> bool:
+    """Return whether the chain answered, but more than two tolerances off."""
+    if outcome.failure is not None:
+        return False
+    if outcome.distance_um > WRONG_TOLERANCES * case.tolerance_um:
+        return True
+    limit = case.tolerance_theta_rad
+    if limit is None or outcome.theta_rad is None:
+        return False
+    return abs(outcome.theta_rad) > WRONG_TOLERANCES * limit

@@ -1,0 +1,105 @@
+"""How far focus and zoom may drift before a chain misses its tolerance."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from featuresel.candidates import Chain
+from featuresel.case import LookCase
+from featuresel.perturb import Trial, image, words
+from featuresel.routines import Failure
+from featuresel.trials import Prepared, measure_one
+
+# Steps outward from nominal; the zoom's are of its ratio. A drift beyond the last is
+# no drift any more.
+FOCUS_UM = (1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0, 13.0, 16.0, 20.0, 25.0, 32.0, 40.0)
+ZOOM = (0.002, 0.004, 0.006, 0.008, 0.01, 0.015, 0.02, 0.03, 0.05)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UsableRange:
+    """Drifts at which every draw met the tolerance; (0, 0) or (1, 1) if none did."""
+
+    focus_um: tuple[float, float]  # error of the focus height
+    magnification: tuple[float, float]  # ratio to nominal
+
+
+def usable_range(
+    case: LookCase,
+    prepared: Prepared,
+    chain: Chain,
+    *,
+    root_seed: int,
+    draws: int = 3,
+) -> UsableRange:
+    """Return the drifts of focus and zoom that `chain` stands.
+
+    Each direction is searched outward on `FOCUS_UM` or `ZOOM` until one of `draws`
+    noisy images, with the target at a random place of its pose spread, is not measured
+    within the tolerance; the last step before that is the answer.
+
+    Raises
+    ------
+    ValueError
+        If `draws` is below 1.
+    """
+    if draws < 1:
+        raise ValueError(f"draws must be at least 1, got {draws}")
+
+    def reach(name: str, steps: tuple[float, ...], sign: int) -> float:
+        last = 0.0
+        for step in steps:
+            drift = sign * step
+            trials = (_trial(case, name, drift, k, root_seed) for k in range(draws))
+            if not all(_meets(case, prepared, chain, trial) for trial in trials):
+                break
+            last = drift
+        return last
+
+    return UsableRange(
+        focus_um=(reach("focus", FOCUS_UM, -1), reach("focus", FOCUS_UM, 1)),
+        magnification=(1 + reach("zoom", ZOOM, -1), 1 + reach("zoom", ZOOM, 1)),
+    )
+
+
+def _trial(case: LookCase, name: str, drift: float, draw: int, root: int) -> Trial:
+    """Return a trial with one drift; the cell's key names drift and draw."""
+    seed = (root, *words(f"{case.key}/usable {name} {drift:g} {draw}"))
+    rng = np.random.default_rng(np.random.SeedSequence((*seed, 1)))
+    dx, dy, turn = np.clip(rng.standard_normal(3), -2, 2)
+    theta = float(turn) * case.spread.pose_sigma_theta_rad
+    if case.theta_any:
+        theta = float(rng.uniform(-math.pi, math.pi))
+    return Trial(
+        index=draw,
+        dx_um=float(dx) * case.spread.pose_sigma_xy_um,
+        dy_um=float(dy) * case.spread.pose_sigma_xy_um,
+        dtheta_rad=theta,
+        dz_um=drift if name == "focus" else 0.0,
+        magnification=1 + drift if name == "zoom" else 1.0,
+        gain=1.0,
+        gradient_x=0.0,
+        gradient_y=0.0,
+        model=case.model,
+        seed=seed,
+    )
+
+
+def _meets(case: LookCase, prepared: Prepared, chain: Chain, trial: Trial) -> bool:
+    """Return whether the trial is measured within every tolerance."""
+    found = measure_one(case, prepared, chain, image(case, trial))
+    if isinstance(found, Failure):
+        return False
+    x, y = case.frame.to_world(found.column, found.row)
+    error = math.hypot(x - case.x_um - trial.dx_um, y - case.y_um - trial.dy_um)
+    if error > case.tolerance_um:
+        return False
+    if case.tolerance_theta_rad is None:
+        return True
+    if found.theta_rad is None:
+        return False
+    turned = found.theta_rad - case.theta_rad - trial.dtheta_rad
+    return abs(math.remainder(turned, 2 * math.pi)) <= case.tolerance_theta_rad
