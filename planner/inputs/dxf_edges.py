@@ -266,7 +266,7 @@ def _circle(entity: Any, frame: Frame) -> tuple[list[Edge], bool]:
 
 
 def _polyline(entity: Any, frame: Frame) -> tuple[list[Edge], bool]:
-    points = [(complex(x, y), bulge) for x, y, bulge in entity.get_points("xyb")]
+    points = [(complex(x, y), float(b)) for x, y, b in entity.get_points("xyb")]
     if len(points) < 2:
         raise ValueError("it has fewer than two points")
     ends = points[1:] + (points[:1] if entity.closed else [])

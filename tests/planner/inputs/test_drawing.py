@@ -5,15 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import ezdxf
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from optics.outline import Arc, Outline, Segment
 from planner.diagnostics import Report, Span
 from planner.inputs.drawing import open_drawing, read_outline
 from planner.inputs.normalise import plain_outline
+
+EXAMPLE = Path(__file__).parents[3] / "examples" / "gear_on_shaft"
 
 Draw = Callable[[Any], None]
 ON_A = {"layer": "A"}
@@ -233,6 +238,10 @@ DOUBTFUL: dict[str, tuple[Callable[[Any, Any], object], str]] = {
     "bow tie": (lambda _, s: lines(s, [(9, 9), (9, 5), (5, 9), (5, 5)]), "MP208"),
     "tilted": (lambda _, s: s.add_circle((0, 0), 5, dxfattribs=TILTED), "MP214"),
     "slanted": (lambda _, s: s.add_line((1, 1), (2, 2, 2), dxfattribs=ON_A), "MP214"),
+    "bulge": (
+        lambda _, s: s.add_lwpolyline([(1, 1, 1e300), (2, 2)], "xyb", dxfattribs=ON_A),
+        "MP214",
+    ),
     "far": (lambda _, s: s.add_circle((0, 0), 1e200, dxfattribs=ON_A), "MP214"),
     "two bodies": (lambda _, s: s.add_circle((200, 0), 5, dxfattribs=ON_A), "MP209"),
     "branch": (lambda _, s: s.add_line((0, 0), (50, 30), dxfattribs=ON_A), "MP212"),
@@ -319,3 +328,23 @@ def test_lines_stay_lines_and_pieces_of_one_line_are_one(tmp_path: Path) -> None
     found = outline(tmp_path, draw)
     assert len(found.rings[0].edges) == 3
     assert all(isinstance(edge, Segment) for edge in found.rings[0].edges)
+
+
+ODD = ("nan", "inf", "1e300", "-1", "0", "SPLINE", "LINE", "", "x", "999999999", "B")
+
+
+@settings(max_examples=60, deadline=None)
+@given(data=st.data())
+def test_no_spoilt_drawing_breaks_the_reader(data: st.DataObject) -> None:
+    lines = (EXAMPLE / "parts" / "shaft_plate.dxf").read_text().splitlines()
+    for _ in range(data.draw(st.integers(1, 3))):
+        i = data.draw(st.integers(0, len(lines) - 1))
+        lines[i : i + 1] = data.draw(st.sampled_from([[odd] for odd in ODD] + [[]]))
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "part.dxf"
+        path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        report, at = Report(), Span(file="task.yaml", line=1)
+        drawing = open_drawing(path, "part.dxf", "um", at, at, report)
+        found = read_outline(drawing, ["PLATE"], report) if drawing else None
+    assert (found is None) == report.failed
+    assert found is None or math.isfinite(found.area_um2)
