@@ -1,0 +1,1 @@
+"""Measured figures: speed, accuracy and success, by `python -m benchmarks`."""

@@ -1,0 +1,14 @@
+"""All benchmarks, in the order in which they run."""
+
+from __future__ import annotations
+
+from benchmarks import example, imports, rendering, runs, vectors
+from benchmarks.figures import Benchmark
+
+BENCHMARKS: tuple[Benchmark, ...] = (
+    vectors.BENCHMARK,
+    rendering.BENCHMARK,
+    imports.BENCHMARK,
+    example.BENCHMARK,
+    runs.BENCHMARK,
+)

@@ -1,0 +1,38 @@
+"""The gear-on-shaft example, compiled in a process of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from benchmarks.figures import Benchmark, Figure, Options
+from benchmarks.timing import python_s
+
+ROOT = Path(__file__).parents[1]
+TASK = ROOT / "examples" / "gear_on_shaft" / "task.yaml"
+_CALL = "import sys; from planner.cli import main; sys.exit(main(sys.argv[1:]))"
+
+
+def compile_s(folder: Path, jobs: int) -> float:
+    """Compile the example into `folder`; return the wall time, s.
+
+    Raises
+    ------
+    RuntimeError
+        If the compiler does not end with status 0.
+    """
+    call = ["compile", str(TASK), "-o", str(folder), "--jobs", str(jobs)]
+    return python_s(["-c", _CALL, *call])
+
+
+def _measure(_options: Options) -> Iterator[Figure]:
+    with TemporaryDirectory() as folder:
+        for name, jobs in (("compile.cold_s", 2), ("compile.cold_1_job_s", 1)):
+            taken = compile_s(Path(folder) / f"{jobs}.plan", jobs)
+            yield Figure(name=name, value=taken, unit="s")
+
+
+BENCHMARK = Benchmark(
+    names=("compile.cold_s", "compile.cold_1_job_s"), measure=_measure
+)

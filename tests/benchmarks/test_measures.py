@@ -1,0 +1,93 @@
+"""What the benchmarks compare with: vectors, exact images, naive images, odds."""
+
+from functools import partial
+
+import numpy as np
+import pytest
+
+from benchmarks.naive import Naive
+from benchmarks.oracle import Oracle, tabulated
+from benchmarks.runs import NAMES, Outcome, figures
+from benchmarks.vectors import worst_error
+from optics.otf import diffraction, hopkins
+from optics.render import render
+from optics.sampling import BAND_ERROR, margin_error
+from tests.optics.exact_phase import exact_otf
+from tests.optics.shapes import brute_force, disc, gear, microscope, one_layer
+
+
+def test_optics_meets_every_vector() -> None:
+    # w = 1000 turns the phase by 8 pi 1000, a double holds it to 4e-13
+    assert worst_error() < 1e-12
+
+
+def test_brute_force_closes_in_on_the_oracle() -> None:
+    optics = microscope(6.9, 96, 72)
+    found = Oracle.of(disc(15.0, (3.0, -2.0)), optics).image(diffraction)
+    errors = []
+    for samples in (4, 8, 16):  # the raster errs with the square of its step
+        raster = brute_force(
+            lambda x, y: 15.0 - np.hypot(x - 3.0, y + 2.0),
+            optics,
+            diffraction,
+            samples=samples,
+        )
+        errors.append(float(np.abs(raster - found).max()))
+    assert errors[0] > 3 * errors[1] > 9 * errors[2]
+    assert errors[2] < BAND_ERROR / 2
+
+
+@pytest.mark.parametrize("magnification", [6.9, 44.5])
+def test_the_renderer_meets_the_oracle(magnification: float) -> None:
+    optics = microscope(magnification)  # the gear is larger than the frame at 44.5
+    waves = optics.rim_w20_um(10.0) / optics.wavelength_um
+    exact = Oracle.of(gear(), optics).image(
+        tabulated(lambda x: hopkins(x, waves), waves)
+    )
+    found = render(one_layer(gear(), 10.0), optics, focus_um=0.0)
+    np.testing.assert_allclose(found, exact, rtol=0, atol=BAND_ERROR + margin_error())
+
+
+def test_a_table_of_the_exact_phase_errs_by_less_than_1e_5() -> None:
+    optics, x = microscope(), np.linspace(0, 1, 400)
+    for z_um in (0.0, 2.5, 50.0):
+        waves = optics.rim_w20_um(z_um) / optics.wavelength_um
+        table = tabulated(partial(exact_otf, optics=optics, z_um=z_um), waves)
+        np.testing.assert_allclose(
+            table(x), exact_otf(x, optics, z_um), rtol=0, atol=1e-5
+        )
+
+
+@pytest.mark.parametrize("z_um", [0.0, 20.0])
+def test_the_naive_script_shows_the_same_gear(z_um: float) -> None:
+    optics = microscope()
+    ours = render(one_layer(gear(), z_um), optics, focus_um=0.0)
+    naive = Naive(outline=gear(), microscope=optics).image(z_um)
+    # rounding and dilation move an edge by a raster step at most; the steepest edge
+    # rises by twice the integral of T over the band, 8 / (3 pi) of the cutoff
+    steepest_per_um = 8 / (3 * np.pi) * optics.cutoff_per_um
+    step_um = optics.um_per_px / np.ceil(optics.um_per_px / 0.3)
+    assert np.abs(naive - ours).max() < step_um * steepest_per_um
+    # which is one row of pixels along the outline
+    share = gear().perimeter_um * step_um / np.prod(optics.field_um)
+    assert np.abs(naive - ours).mean() < share
+
+
+def test_success_is_judged_by_the_cell_and_not_by_the_executor() -> None:
+    ends = (
+        [(True, True)] * 96 + [(True, False)] + [(False, True)] + [(False, False)] * 2
+    )
+    outcomes = [Outcome(seed=i, done=d, seated=s) for i, (d, s) in enumerate(ends)]
+    found = {figure.name: figure.value for figure in figures(outcomes, 0.97)}
+    assert tuple(found) == NAMES
+    assert found["executor.success"] == 0.97
+    assert found["executor.false_done"] == 1
+    assert found["executor.failed_aloud"] == 3
+    assert found["executor.success_p_value"] == 1.0
+
+
+def test_a_prediction_far_off_is_refuted() -> None:
+    outcomes = [Outcome(seed=i, done=True, seated=i % 10 > 0) for i in range(200)]
+    found = {figure.name: figure.value for figure in figures(outcomes, 0.99)}
+    # Poisson with mean 2: 20 failures have 2**20 e**-2 / 20! = 6e-14
+    assert found["executor.success_p_value"] < 1e-12
