@@ -13,6 +13,10 @@ from featuresel.routines import Failure
 from schemas.plan import HeightSearch, Look, OnFailure, VerifyAction
 from schemas.pose import Pose
 
+# Half width of the scored ring over its radius: wide enough for the edge's blur some
+# tens of um out of focus, too narrow for the post inside a bore or the teeth outside.
+RING_HALF = 0.2
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Verified:
@@ -79,7 +83,7 @@ def _check_height(rig: Rig, search: HeightSearch, look: Look, part: Sighting) ->
             f"{max(search.focus_um):g} um ({found.code}): {found.message}",
             cause=found.code,
         )
-    rig.journal.write("height", z_um=found.z_um, spread_um=found.spread_um)
+    rig.journal.write("height", z_um=found.z_um, sigma_um=found.sigma_um)
     if not abs(found.z_um - search.expected_um) <= search.within_um:
         raise ExecutorError(
             "MP852",
@@ -93,16 +97,20 @@ def _score_at(
     rig: Rig, search: HeightSearch, look: Look, part: Sighting, focus_um: float
 ) -> float:
     """Return how sharp the part's edges are with the focus at `focus_um`."""
-    from featuresel.routines.focus import score  # as above
+    from featuresel.routines.focus import ring_mask, score  # as above
 
     rig.set_view(look.view, focus_um=focus_um)
     counts = rig.grab(look.measure.region)
     image = to_unit(counts, rig.plan.requirements.bits)
-    if not search.ring_radius_um:
-        return score(image)
-    column, row = rig.frame_of(look).to_pixel(part.x_um, part.y_um)
-    radius_px = search.ring_radius_um / look.view.um_per_px
-    return score(image, ring=(column, row, radius_px))
+    mask = None
+    if search.ring_radius_um:
+        column, row = rig.frame_of(look).to_pixel(part.x_um, part.y_um)
+        radius_px = search.ring_radius_um / look.view.um_per_px
+        mask = ring_mask(counts.shape, column, row, radius_px, RING_HALF * radius_px)
+    try:
+        return score(image, mask)
+    except ValueError as error:  # black, or the ring is out of the picture
+        raise ExecutorError("MP853", f"{part.target}: {error}") from error
 
 
 def _check_empty(rig: Rig, tool: str) -> None:

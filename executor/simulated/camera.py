@@ -9,6 +9,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from executor.drivers import Counts
+from executor.errors import ExecutorError
 from executor.simulated.truth import Body, Truth
 from optics.microscope import Microscope
 from optics.outline import Outline, place
@@ -154,9 +155,13 @@ class SimCamera:
         """Return the region on the sensor; a mirrored camera reads the other side."""
         if region is None:
             return None
-        column = region.column
+        optics, column = self._truth.world.optics, region.column
+        right, bottom = column + region.columns, region.row + region.rows
+        outside = right > optics.width_px or bottom > optics.height_px
+        if outside or min(region.row, column) < 0:
+            raise ExecutorError("MP841", f"the camera has no {region}")
         if self._mirror:
-            column = self._truth.world.optics.width_px - column - region.columns
+            column = optics.width_px - right
         return Window(
             row=region.row, column=column, rows=region.rows, columns=region.columns
         )

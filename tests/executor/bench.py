@@ -341,7 +341,8 @@ class Folder:
         )
         column, row = frame.to_pixel(*at)
         body = target.partition(".")[0]
-        kind: TargetKind = "circle"
+        teeth = "tooth_notch" in chain
+        kind: TargetKind = "teeth" if teeth else "circle"
 
         def picture(
             *, dx_um: float = 0.0, dy_um: float = 0.0, theta_rad: float = 0.0
@@ -369,7 +370,7 @@ class Folder:
             theta_range_rad=math.pi,
             symmetry=1,
             bright="post" in target,
-            parameters={"radius_um": radius_um},
+            parameters=gear_teeth() if teeth else {"radius_um": radius_um},
         )
         uses = []
         for name in chain:
@@ -412,6 +413,22 @@ class Folder:
         text = json.dumps(to_data(found))
         (self.folder / "world.json").write_text(text, encoding="utf-8")
         return path
+
+
+def gear_teeth() -> dict[str, float]:
+    """Return what is known of the gear's teeth, bore and notch."""
+    features = task().parts["gear"].features
+    teeth, notch, bore = (features[name] for name in ("teeth", "notch", "bore"))
+    return {
+        "count": teeth.count,
+        "outer_um": teeth.radius_um,
+        "root_um": teeth.root_um,
+        "phase_rad": teeth.phase_rad,
+        "notch_rad": notch.phase_rad,
+        "notch_radius_um": notch.radius_um,
+        "notch_width_um": notch.width_um,
+        "bore_um": bore.radius_um,
+    }
 
 
 def microscope_at(magnification: float) -> Microscope:
@@ -603,11 +620,8 @@ def _belief(name: str, carrier: str, x_um: float, sigma_um: float) -> Belief:
     )
 
 
-def assembly(folder: Folder, *, height: bool = True) -> Plan:
-    """Return the twelve steps of the job, the look at the fingers left out.
-
-    Without `height` the last step does not search the focus.
-    """
+def assembly(folder: Folder) -> Plan:
+    """Return the twelve steps of the job, the look at the fingers left out."""
     alone = Seen(gear=(0, 0, 0), plate=(-600, 0, 0), opening_um=None)
     between = Seen(gear=(0, 0, 0), plate=(-600, 0, 0), opening_um=130.0)
     gripped = Seen(gear=(0, 0, 0), plate=(-600, 0, -260), opening_um=98.5)
@@ -620,7 +634,15 @@ def assembly(folder: Folder, *, height: bool = True) -> Plan:
             step(
                 "find_gear",
                 LocateAction(target="gear", look="find_gear"),
-                looks=(finger("find_gear", "gear", alone, focus_um=100.0),),
+                looks=(
+                    finger(
+                        "find_gear",
+                        "gear",
+                        alone,
+                        focus_um=100.0,
+                        chain=("circle_caliper", "tooth_notch"),
+                    ),
+                ),
             ),
             step(
                 "fingers_in",
@@ -716,11 +738,9 @@ def assembly(folder: Folder, *, height: bool = True) -> Plan:
                         look="check_gear",
                         expected_um=100.0,
                         within_um=10.0,
-                        focus_um=tuple(60.0 + 10 * i for i in range(9)),
+                        focus_um=tuple(80.0 + 5 * i for i in range(9)),
                         ring_radius_um=25.0,
-                    )
-                    if height
-                    else None,
+                    ),
                     empty="tweezers",
                 ),
                 looks=(

@@ -27,7 +27,7 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
     maker = Folder(folder)
     found = world()
     parts = tuple(replace(p, sigma_xy_um=min(p.sigma_xy_um, 8.0)) for p in found.parts)
-    maker.write(assembly(maker, height=False), replace(found, parts=parts))
+    maker.write(assembly(maker), replace(found, parts=parts))
     return folder
 
 
