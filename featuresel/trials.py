@@ -19,7 +19,7 @@ from featuresel.routines import (
     Measurement,
     load,
 )
-from featuresel.routines.chain import measure_chain
+from featuresel.routines.chain import Progress, advance
 
 _CHUNK = 8  # trials handed to one worker at a time
 
@@ -125,8 +125,9 @@ def measure_trial(
 ) -> tuple[Outcome, ...]:
     """Return what each chain says of one trial's image."""
     picture = image(case, trial)
+    done: dict[Chain, Progress | Failure] = {}
     return tuple(
-        _outcome(case, trial, chain, measure_one(case, prepared, chain, picture))
+        _outcome(case, trial, chain, _follow(case, prepared, chain, picture, done))
         for chain in prepared.chains
     )
 
@@ -135,13 +136,38 @@ def measure_one(
     case: LookCase, prepared: Prepared, chain: Chain, picture: FloatArray
 ) -> Measurement | Failure:
     """Return what one chain says of an image of the look's region."""
-    stages = []
-    for name in chain:
-        artifact = prepared.artifacts[name]
-        if isinstance(artifact, Failure):
-            return Failure(code="not_prepared", message=f"{name}: {artifact.message}")
-        stages.append((name, artifact))
-    return measure_chain(picture, stages, start(case))
+    return _follow(case, prepared, chain, picture, {})
+
+
+def _follow(
+    case: LookCase,
+    prepared: Prepared,
+    chain: Chain,
+    picture: FloatArray,
+    done: dict[Chain, Progress | Failure],
+) -> Measurement | Failure:
+    """Return what `measure_chain` would, doing a beginning that chains share once."""
+    progress = Progress(guess=start(case))
+    for length, name in enumerate(chain, 1):
+        beginning = chain[:length]
+        if beginning not in done:
+            done[beginning] = _step(prepared, name, picture, progress)
+        after = done[beginning]
+        if isinstance(after, Failure):
+            return after
+        progress = after
+    assert progress.found is not None  # noqa: S101 - a chain has a routine
+    return progress.found
+
+
+def _step(
+    prepared: Prepared, name: str, picture: FloatArray, progress: Progress
+) -> Progress | Failure:
+    """Return the state after one routine, which may not even be prepared."""
+    artifact = prepared.artifacts[name]
+    if isinstance(artifact, Failure):
+        return Failure(code="not_prepared", message=f"{name}: {artifact.message}")
+    return advance(picture, name, artifact, progress)
 
 
 def _run_chunk(

@@ -39,6 +39,7 @@ _TIPS = ("tip_left", "tip_right")
 _FAINT = 0.04  # step height below which an edge is not trusted
 _WEAKEST = 0.3  # of the predicted step
 _FEWEST = 0.5  # of a face's lines must meet its edge, and of those half must fit
+_TURN_STEP_RAD = math.radians(3)  # half of it moves a face's far end by 3 to 4 px
 _LINES_PX = 1.5  # between neighbouring lines: closer ones share their pixels
 _OPENING_PX, _OPENING_PART = 2.0, 0.04  # accepted error of the opening
 
@@ -95,7 +96,7 @@ def measure(
     """Return the grip's place and angle; fails if a face is missing or misplaced."""
     p = artifact.parameters
     column, row = guess.column, guess.row
-    theta = p["theta_rad"]
+    theta = p["theta_rad"] + _rough_turn(image, p, guess)
     found: dict[str, _Found] = {}
     for half in (p["search_px"], 4.0, 4.0):
         faces = _find(image, p, (column, row, theta), half)
@@ -122,6 +123,22 @@ def measure(
         score=seen / known,
         spread_px=max(spread, tip_spread),
     )
+
+
+def _rough_turn(image: FloatArray, p: Mapping[str, float], guess: Guess) -> float:
+    """Return the turn, on a coarse grid, at which most lines meet the inner faces."""
+    count = math.ceil(p["range_rad"] / _TURN_STEP_RAD)
+    best = (-1, 0.0)
+    for k in sorted(range(-count, count + 1), key=abs):  # ties go to the smaller turn
+        at = (guess.column, guess.row, p["theta_rad"] + k * _TURN_STEP_RAD)
+        faces = [
+            _measure_face(image, _numbers(p, name), at, p["search_px"], sparse=4)
+            for name in _SIDES[:2]
+        ]
+        lines = sum(face.lines for face in faces if face is not None)
+        if lines > best[0]:
+            best = (lines, k * _TURN_STEP_RAD)
+    return best[1]
 
 
 def _faces(target: Target) -> dict[str, _Face]:
@@ -233,20 +250,22 @@ def _measure_face(
     numbers: Mapping[str, float],
     at: tuple[float, float, float],
     half_px: float,
+    *,
+    sparse: int = 1,
 ) -> _Found | None:
-    """Return the straight line through the edges on the face's lines, or None."""
+    """Return the straight line through the edges on every `sparse`-th line, or None."""
     face = _Face(
         normal=(numbers["normal_x"], numbers["normal_y"]),
         offset_px=numbers["offset_px"],
         low_px=numbers["low_px"],
         high_px=numbers["high_px"],
     )
-    along = np.arange(face.low_px, face.high_px, _LINES_PX)
+    along = np.arange(face.low_px, face.high_px, _LINES_PX * sparse)
     offsets = line_samples(half_px, numbers["width_px"])
     columns, rows = _points(face, at, along, offsets)
     edges = find_edges(image, columns, rows, width_px=numbers["width_px"], rising=False)
     good = edges.found & (edges.strength > max(_WEAKEST * numbers["step"], _FAINT / 2))
-    if good.sum() < max(6, _FEWEST * len(along)):
+    if good.sum() < max(5, _FEWEST * len(along)):
         return None
     middle = (face.low_px + face.high_px) / 2
     fitted = _line(along[good] - middle, edges.offset_px[good])
@@ -313,8 +332,25 @@ def _pose(
     }
     pairs = [("inner_left", "inner_right"), ("outer_right", "outer_left")]
     xs = [(shift[a] - shift[b]) / 2 for a, b in pairs if a in shift and b in shift]
-    ys = [-shift[n] for n in _TIPS if n in shift]
+    # at another zoom the tips are farther from the grip than predicted
+    lever = _scale(found, p) - 1
+    ys = [lever * p[f"{n}.offset_px"] - shift[n] for n in _TIPS if n in shift]
     return float(np.mean(xs)), float(np.mean(ys)), -turn
+
+
+def _scale(found: Mapping[str, _Found], p: Mapping[str, float]) -> float:
+    """Return zoom over nominal by the widths of fingers seen whole, 1 if none is.
+
+    The fingers' width is as made; the opening is the gripper's and proves nothing.
+    """
+    ratios = []
+    for side in ("left", "right"):
+        inner, outer = f"inner_{side}", f"outer_{side}"
+        if inner in found and outer in found:
+            wide = found[inner].offset_px + found[outer].offset_px
+            nominal = p[f"{inner}.offset_px"] + p[f"{outer}.offset_px"]
+            ratios.append(wide / nominal)
+    return float(np.mean(ratios)) if ratios else 1.0
 
 
 def _misplaced(
