@@ -41,7 +41,7 @@ RUNNERS: dict[str, Callable[[Path], Report]] = {
     "MP2": _load,
     "MP3": _unfold,
 }
-CODES = sorted(page.stem for page in PAGES.glob("MP*.md"))
+CODES = sorted(page.stem for page in PAGES.glob("MP[0-7]*.md"))
 
 
 def apply_page(page: str, folder: Path) -> None:
