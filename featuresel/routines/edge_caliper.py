@@ -40,6 +40,8 @@ _FAINT = 0.04  # step height below which an edge is not trusted
 _WEAKEST = 0.3  # of the predicted step
 _FEWEST = 0.5  # of a face's lines must meet its edge, and of those half must fit
 _TURN_STEP_RAD = math.radians(3)  # half of it moves a face's far end by 3 to 4 px
+_MOST_TURN_RAD = 0.3  # beyond, the stretches no longer lie on their faces
+_ZOOM = 0.02  # zoom error allowed for: far faces move by this part of their distance
 _LINES_PX = 1.5  # between neighbouring lines: closer ones share their pixels
 _OPENING_PX, _OPENING_PART = 2.0, 0.04  # accepted error of the opening
 
@@ -74,7 +76,7 @@ def prepare(render: Render, target: Target) -> Artifact | Failure:
     parameters = {
         "search_px": target.search_px,
         "theta_rad": target.theta_rad,
-        "range_rad": min(target.theta_range_rad, math.radians(10)),
+        "range_rad": min(target.theta_range_rad, _MOST_TURN_RAD),
         "opening_px": target.parameters["opening_um"] * target.px_per_um,
     }
     for name, whole in _faces(target).items():
@@ -126,19 +128,25 @@ def measure(
 
 
 def _rough_turn(image: FloatArray, p: Mapping[str, float], guess: Guess) -> float:
-    """Return the turn, on a coarse grid, at which most lines meet the inner faces."""
+    """Return the turn by the inner faces, from the start that meets them squarest."""
     count = math.ceil(p["range_rad"] / _TURN_STEP_RAD)
-    best = (-1, 0.0)
-    for k in sorted(range(-count, count + 1), key=abs):  # ties go to the smaller turn
-        at = (guess.column, guess.row, p["theta_rad"] + k * _TURN_STEP_RAD)
+    seen: list[tuple[int, float, float]] = []  # lines, slope left, turn
+    for k in range(-count, count + 1):
+        turn = k * _TURN_STEP_RAD
+        at = (guess.column, guess.row, p["theta_rad"] + turn)
         faces = [
             _measure_face(image, _numbers(p, name), at, p["search_px"], sparse=4)
             for name in _SIDES[:2]
         ]
-        lines = sum(face.lines for face in faces if face is not None)
-        if lines > best[0]:
-            best = (lines, k * _TURN_STEP_RAD)
-    return best[1]
+        found = [face for face in faces if face is not None]
+        if found:
+            slope = float(np.mean([face.slope for face in found]))
+            seen.append((sum(face.lines for face in found), slope, turn - slope))
+    if not seen:
+        return 0.0
+    most = max(lines for lines, _, _ in seen)
+    best = min((s for s in seen if s[0] >= 0.9 * most), key=lambda s: abs(s[1]))
+    return best[2]
 
 
 def _faces(target: Target) -> dict[str, _Face]:
@@ -228,15 +236,25 @@ def _find(
     found = {}
     for name in (*_SIDES, *_TIPS):
         if f"{name}.step" in p:
-            face = _measure_face(image, _numbers(p, name), at, half_px)
+            half = half_px + _ZOOM * abs(p[f"{name}.offset_px"])
+            face = _measure_face(image, _numbers(p, name), at, half)
             if face is not None:
                 found[name] = face
     missing = [name for name in _SIDES[:2] if name not in found]
     if not any(name in found for name in _TIPS):
         missing.append("tips")
+    whole = [_pair(side) for side in ("left", "right")]
+    known = [pair for pair in whole if all(f"{name}.step" in p for name in pair)]
+    if known and not any(set(pair) <= set(found) for pair in known):
+        missing.append("a finger's both sides")
     if missing:
         return Failure(code="no_edge", message=f"not found: {', '.join(missing)}")
     return found
+
+
+def _pair(side: str) -> tuple[str, str]:
+    """Return the names of a finger's inner and outer face."""
+    return (f"inner_{side}", f"outer_{side}")
 
 
 def _numbers(p: Mapping[str, float], name: str) -> dict[str, float]:
@@ -345,7 +363,7 @@ def _scale(found: Mapping[str, _Found], p: Mapping[str, float]) -> float:
     """
     ratios = []
     for side in ("left", "right"):
-        inner, outer = f"inner_{side}", f"outer_{side}"
+        inner, outer = _pair(side)
         if inner in found and outer in found:
             wide = found[inner].offset_px + found[outer].offset_px
             nominal = p[f"{inner}.offset_px"] + p[f"{outer}.offset_px"]

@@ -30,6 +30,7 @@ COST = 1.0
 _AREA = (0.7, 1.4)  # accepted blob area over the predicted one: blur moves the edge
 _CONTRAST = 0.1  # least difference of the two classes' means, full scale
 _SIDE_RAD = math.radians(30)  # a bias fixed to the part is undone below this doubt
+_OFF_CENTRE_PX = 2.0  # what a seed may be off by when the angle is unknown
 _SPREAD_PX = 0.5  # what a threshold's centroid is worth under light gradients
 
 
@@ -56,6 +57,13 @@ def prepare(render: Render, target: Target) -> Artifact | Failure:
             message=f"the nearest blob lies more than {reach:.1f} px off the target",
         )
     dx, dy = own.column - target.column, own.row - target.row
+    turns = target.theta_range_rad > _SIDE_RAD
+    if turns and math.hypot(dx, dy) > _OFF_CENTRE_PX:
+        return Failure(
+            code="off_centre",
+            message=f"the centroid is {math.hypot(dx, dy):.1f} px off the reference "
+            "point, in a direction that turns with the part",
+        )
     c, s = math.cos(target.theta_rad), math.sin(target.theta_rad)
     return Artifact(
         parameters={
@@ -64,7 +72,7 @@ def prepare(render: Render, target: Target) -> Artifact | Failure:
             "clipped": float(own.clipped),
             "offset_x_px": c * dx - s * dy,  # in the part's frame, y up
             "offset_y_px": -s * dx - c * dy,
-            "turns": float(target.theta_range_rad > _SIDE_RAD),
+            "turns": float(turns),
             "search_px": target.search_px,
         }
     )

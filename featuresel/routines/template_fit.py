@@ -1,4 +1,4 @@
-"""Least-squares fit of a template's place and angle, with free gain and offset."""
+"""Least-squares fit of a template's place, angle and scale under any even light."""
 
 from __future__ import annotations
 
@@ -14,6 +14,8 @@ from featuresel.routines.sampling import cubic
 _ROUNDS = 25  # Gauss-Newton settles in 5 to 10
 _SETTLED_PX = 1e-4
 _LEAST_IN_VIEW = 0.8  # of the template's pixels
+_LEAST_GAIN = 0.05  # of the template's contrast
+_SCALE_OFF = 0.05  # zoom errors stay below 2 %; what is farther off is another thing
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,7 +53,7 @@ def refine(
     Fit or Failure
         Fails with "diverged" if it does not settle, "outside" if too little is in view.
     """
-    pose = np.array(start)
+    pose = np.array((*start, 1.0))
     score = 0.0
     while shrink >= 1:
         fitted = _fit(_smooth(image, shrink), _smooth(template, shrink), pose, shrink)
@@ -59,6 +61,8 @@ def refine(
             return fitted
         pose, score = fitted
         shrink //= 2
+    if abs(pose[3] - 1) > _SCALE_OFF:
+        return Failure(code="scale_off", message=f"{pose[3]:.3f} times the template")
     return Fit(
         column=float(pose[0]),
         row=float(pose[1]),
@@ -77,39 +81,47 @@ def _smooth(image: FloatArray, shrink: int) -> FloatArray:
 def _fit(
     image: FloatArray, template: FloatArray, start: FloatArray, stride: int
 ) -> tuple[FloatArray, float] | Failure:
-    """Return (column, row, turn) and correlation, by Gauss-Newton on every stride."""
+    """Return (column, row, turn, scale) and correlation, by Gauss-Newton.
+
+    Only every `stride`-th pixel of the template is compared.
+    """
     rows, columns = template.shape
     v, u = np.mgrid[0:rows:stride, 0:columns:stride].astype(np.float64)
     u, v = u.ravel() - (columns - 1) / 2, v.ravel() - (rows - 1) / 2
-    down, across = np.gradient(template, axis=0), np.gradient(template, axis=1)
-    gu, gv = across[::stride, ::stride].ravel(), down[::stride, ::stride].ravel()
+    across = np.gradient(template, axis=1)[::stride, ::stride].ravel()
+    down = np.gradient(template, axis=0)[::stride, ::stride].ravel()
     wanted = template[::stride, ::stride].ravel()
-    pose = start.copy()
     size = float(np.hypot(u, v).max())
+    # in the template's own axes: shifts, a turn and a scale that move the rim by 1 px,
+    # then what the light may do: gain, offset and a linear gradient
+    moves = (
+        across,
+        down,
+        (across * v - down * u) / size,
+        (across * u + down * v) / size,
+    )
+    design = np.column_stack((*moves, wanted, np.ones_like(u), u / size, v / size))
+    pose = start.copy()
     for _ in range(_ROUNDS):
-        c, s = math.cos(pose[2]), math.sin(pose[2])
+        c, s, scale = math.cos(pose[2]), math.sin(pose[2]), pose[3]
         # rows go down, so a counter-clockwise turn takes (u, v) to (cu + sv, cv - su)
-        seen, inside = cubic(image, pose[0] + c * u + s * v, pose[1] + c * v - s * u)
+        x, y = pose[0] + scale * (c * u + s * v), pose[1] + scale * (c * v - s * u)
+        seen, inside = cubic(image, x, y)
         if inside.mean() < _LEAST_IN_VIEW:
             return Failure(
                 code="outside", message=f"{inside.mean():.0%} of the template in view"
             )
-        # the template's own gradient, turned, stands in for the image's
-        gx, gy = c * gu + s * gv, c * gv - s * gu
-        turn = gu * v - gv * u
-        # shifts of the light: gain, offset and a linear gradient are fitted along
-        nuisance = (wanted, np.ones_like(u), u / size, v / size)
-        design = np.column_stack((gx, gy, turn / size, *nuisance))[inside]
-        solved, *_ = np.linalg.lstsq(design, seen[inside], rcond=None)
-        gain = solved[3]
-        if not gain > 0.05:
+        solved, *_ = np.linalg.lstsq(design[inside], seen[inside], rcond=None)
+        gain = float(solved[4])
+        if not gain > _LEAST_GAIN:
             return Failure(code="low_score", message=f"contrast fell to {gain:.3f}")
         # seen(pose) = gain template(. - error): the error goes on to the pose
-        step = -np.array([solved[0], solved[1], solved[2] / size]) / gain
-        if np.hypot(step[0], step[1]) > size:
+        du, dv, turn, grow = -solved[:4] / gain
+        if math.hypot(du, dv) > size:
             return Failure(code="diverged", message="a step larger than the template")
-        pose = pose + step
-        if max(abs(step[0]), abs(step[1]), abs(step[2]) * size) < _SETTLED_PX:
+        step = (c * du + s * dv, c * dv - s * du, turn / size, grow / size)
+        pose = pose + np.array(step)
+        if max(abs(du), abs(dv), abs(turn), abs(grow)) < _SETTLED_PX:
             return pose, _correlation(seen[inside], wanted[inside])
     return Failure(code="diverged", message=f"not settled after {_ROUNDS} rounds")
 

@@ -209,6 +209,19 @@ def see_fingers() -> LookCase:
     )
 
 
+def bracket() -> LookCase:
+    """An L with a hole, at any angle: a drawing nobody prepared a routine for."""
+    ell = polygon((-60, -50), (60, -50), (60, -20), (-20, -20), (-20, 60), (-60, 60))
+    layer = Layer(
+        name="bracket",
+        outline=Outline(rings=(ell, disc(10, -40, 40).reversed())),
+        z_um=0.0,
+        reflectance=0.7,
+    )
+    case = make_case("outline", {"extent_um": 85.0}, (layer,), half_px=(110, 110))
+    return on_target(replace(case, key="bracket", theta_any=True))
+
+
 CASES: Mapping[str, Callable[[], LookCase]] = {
     "find_gear": find_gear,
     "between": between_fingers,
@@ -216,6 +229,7 @@ CASES: Mapping[str, Callable[[], LookCase]] = {
     "over_shaft": over_shaft,
     "post": post_alone,
     "jaws": see_fingers,
+    "bracket": bracket,
 }
 
 
