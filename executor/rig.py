@@ -74,8 +74,8 @@ class Rig:
             um_per_px=view.um_per_px,
         )
 
-    def grab(self, region: Region | None) -> Counts:
-        """Return a frame of `region`, and keep it for the record.
+    def grab(self, region: Region | None, *, keep: bool = True) -> Counts:
+        """Return a frame of `region`, by default kept for the record.
 
         Raises
         ------
@@ -90,7 +90,8 @@ class Rig:
             raise ExecutorError(
                 "MP841", f"the camera gave {counts.shape} pixels, not {wanted}"
             )
-        self.frames.keep(counts)
+        if keep:
+            self.frames.keep(counts)
         return counts
 
     def frame_of(self, look: Look) -> RegionFrame:

@@ -147,6 +147,13 @@ def _check_start(plan: Plan, station: Station) -> None:
                     f"{start.axes}.{name} reads {found:g}, the plan starts at "
                     f"{wanted:g}",
                 )
+    opening = plan.opening_start_um
+    if opening is not None and abs(station.jaws().reading() - opening) > _START_UM:
+        raise ExecutorError(
+            "MP811",
+            f"the jaws read {station.jaws().reading():g} um, the plan starts at "
+            f"{opening:g} um",
+        )
 
 
 def _pairs(start: AxisMove, found: AxisReading) -> Iterator[tuple[str, float, float]]:

@@ -677,13 +677,13 @@ def assembly(folder: Folder) -> Plan:
             step(
                 "find_shaft",
                 LocateAction(target="shaft_plate.post", look="find_shaft"),
-                moves=(stage_to(x_um=0.0, y_um=-215.0 + 90.0),),
+                moves=(stage_to(x_um=0.0, y_um=-215.0),),
                 looks=(
                     finger(
                         "find_shaft",
                         "shaft_plate.post",
-                        replace(beside, plate=(0, -125, -260)),
-                        at=(0.0, -125.0),
+                        beside,
+                        at=(0.0, -215.0),
                         focus_um=-10.0,
                         radius_um=22.0,
                     ),
