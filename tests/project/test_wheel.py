@@ -1,0 +1,120 @@
+"""The wheel: what it holds, and that it works far from the repository."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import sysconfig
+import venv
+import zipfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PACKAGES = ("executor", "featuresel", "optics", "planner", "schemas")
+HANG_S = 300  # ends a test that hangs; everything here takes seconds
+
+
+def _run(words: Sequence[str | Path], folder: Path) -> subprocess.CompletedProcess[str]:
+    """Run a command with nothing of this process's Python settings."""
+    clean = {k: v for k, v in os.environ.items() if not k.startswith("PYTHON")}
+    return subprocess.run(
+        [str(word) for word in words],
+        cwd=folder,
+        env=clean,
+        capture_output=True,
+        text=True,
+        timeout=HANG_S,
+        check=False,
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Installed:
+    """A fresh environment that holds the wheel, and a folder far from the sources."""
+
+    bin: Path
+    folder: Path
+
+    def run(self, command: str, *words: str | Path) -> subprocess.CompletedProcess[str]:
+        """Run a command of the environment in the folder."""
+        return _run([self.bin / command, *words], self.folder)
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the wheel, built without network."""
+    folder = tmp_path_factory.mktemp("wheel")
+    build = [sys.executable, "-m", "build", "--wheel", "--no-isolation"]
+    done = _run([*build, "--outdir", folder, ROOT], folder)
+    assert done.returncode == 0, done.stdout + done.stderr
+    (found,) = folder.glob("*.whl")
+    return found
+
+
+@pytest.fixture(scope="module")
+def installed(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Installed:
+    """Return an environment with the wheel; it borrows the dependencies of this one."""
+    home, folder = tmp_path_factory.mktemp("home"), tmp_path_factory.mktemp("far")
+    venv.create(home, with_pip=False)
+    python = home / "bin" / "python"
+    pip = [sys.executable, "-m", "pip", "--python", str(python), "install", "--quiet"]
+    done = _run([*pip, "--no-deps", "--no-index", wheel], folder)
+    assert done.returncode == 0, done.stdout + done.stderr
+    (site,) = home.glob("lib/python*/site-packages")
+    # a folder named here is searched, but the .pth files in it are not read: an
+    # editable install of the sources stays out
+    borrowed = {sysconfig.get_path("purelib"), sysconfig.get_path("platlib")}
+    (site / "borrowed.pth").write_text("\n".join(sorted(borrowed)) + "\n")
+    return Installed(bin=home / "bin", folder=folder)
+
+
+def test_the_wheel_holds_the_five_packages_and_nothing_else(wheel: Path) -> None:
+    tops = {name.partition("/")[0] for name in zipfile.ZipFile(wheel).namelist()}
+    info = {top for top in tops if top.endswith(".dist-info")}
+    assert tops - info == set(PACKAGES)
+    assert len(info) == 1
+
+
+def test_the_wheel_holds_every_file_of_its_packages(wheel: Path) -> None:
+    names = set(zipfile.ZipFile(wheel).namelist())
+    wanted = {
+        file.relative_to(ROOT).as_posix()
+        for package in PACKAGES
+        for kind in ("*.py", "*.json", "py.typed")
+        for file in (ROOT / package).rglob(kind)
+    }
+    assert {f"{package}/py.typed" for package in PACKAGES} <= wanted
+    assert {"schemas/task.schema.json", "schemas/workcell.schema.json"} <= wanted
+    assert wanted <= names
+    assert not [name for name in names if "__pycache__" in name]
+
+
+def test_the_packages_come_from_the_wheel_alone(installed: Installed) -> None:
+    # other distributions with one of our top-level names would overwrite our files
+    code = (
+        "import importlib, json, importlib.metadata as m\n"
+        f"names = {PACKAGES!r}\n"
+        "files = {n: importlib.import_module(n).__file__ for n in names}\n"
+        "owners = m.packages_distributions()\n"
+        "print(json.dumps([files, {n: sorted(set(owners[n])) for n in names}]))\n"
+    )
+    done = installed.run("python", "-c", code)
+    assert done.returncode == 0, done.stderr
+    files, owners = json.loads(done.stdout)
+    home = installed.bin.parent
+    assert all(Path(file).is_relative_to(home) for file in files.values())
+    assert owners == {name: ["microplan"] for name in PACKAGES}
+
+
+@pytest.mark.parametrize("command", ["microplan-run"])
+def test_the_commands_start(installed: Installed, command: str) -> None:
+    done = installed.run(command, "--help")
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith(f"usage: {command}")
+    assert done.stderr == ""
