@@ -17,6 +17,8 @@ from schemas.pose import Pose
 
 Point = tuple[float, float]
 
+ANY_ANGLE_RAD = 3.0  # a plan says pi for "any"; six digits of it are less than pi
+
 
 def stage_pose(reading: AxisReading, axis_um: Point) -> Pose:
     """Return the world pose of the stage's frame: a turn about `axis_um`, then a shift.
@@ -88,6 +90,10 @@ class Beliefs:
         x_um, y_um = pose.apply(*self._offset(name))
         return Pose(x_um=x_um, y_um=y_um, theta_rad=pose.theta_rad)
 
+    def knows_angle(self, name: str) -> bool:
+        """Return whether anything is known of the owner's angle."""
+        return self._owners[self.owner(name)].sigma_theta_rad < ANY_ANGLE_RAD
+
     def update(
         self,
         name: str,
@@ -106,6 +112,8 @@ class Beliefs:
         dx_um, dy_um = turn.apply(*self._offset(name))
         pose = Pose(x_um=x_um - dx_um, y_um=y_um - dy_um, theta_rad=angle)
         self._place(owner, belief.carrier, pose, readings)
+        if theta_rad is not None:
+            self._owners[owner] = replace(self._owners[owner], sigma_theta_rad=0.0)
 
     def grasp(self, part: str, tool: str, readings: Readings) -> None:
         """Hand a part to the tool: centred across the jaws, y and angle kept."""

@@ -102,8 +102,11 @@ def _measure(
     """Run one chain on the image and pass its answer through the gates."""
     expected = rig.beliefs.world(look.target, rig.readings())
     reference = look.measure.reference
+    known = rig.beliefs.knows_angle(look.target)
     start = Guess(
-        column=reference.column, row=reference.row, theta_rad=expected.theta_rad
+        column=reference.column,
+        row=reference.row,
+        theta_rad=expected.theta_rad if known else None,
     )
     found = measure_chain(image, rig.artifacts.stages(look.id, uses), start)
     if isinstance(found, Failure):
@@ -112,7 +115,8 @@ def _measure(
             f"look {look.id}: {look.target} not found ({found.code}): {found.message}",
             cause=found.code,
         )
-    sighting = _to_world(rig, look, found, expected, uses, tries)
+    theta_rad = start.theta_rad if found.theta_rad is None else found.theta_rad
+    sighting = _to_world(rig, look, found, theta_rad, uses, tries)
     _pass_gates(look, sighting, expected)
     return sighting
 
@@ -121,15 +125,19 @@ def _to_world(
     rig: Rig,
     look: Look,
     found: Measurement,
-    expected: Pose,
+    theta_rad: float | None,
     uses: Sequence[RoutineUse],
     tries: int,
 ) -> Sighting:
-    """Turn pixels into um and take off the mean error the trials showed."""
+    """Turn pixels into um and take off the mean error the trials showed.
+
+    That error is fixed in the target's frame: at an unknown angle it stays.
+    """
     x_um, y_um = rig.frame_of(look).to_world(found.column, found.row)
-    theta_rad = expected.theta_rad if found.theta_rad is None else found.theta_rad
-    turn = Pose(x_um=0.0, y_um=0.0, theta_rad=theta_rad)
-    bias_x_um, bias_y_um = turn.apply(*look.measure.bias_um)
+    bias_x_um, bias_y_um = 0.0, 0.0
+    if theta_rad is not None:
+        turn = Pose(x_um=0.0, y_um=0.0, theta_rad=theta_rad)
+        bias_x_um, bias_y_um = turn.apply(*look.measure.bias_um)
     return Sighting(
         target=look.target,
         x_um=x_um - bias_x_um,

@@ -78,6 +78,22 @@ def test_a_measurement_puts_the_feature_where_it_was_seen(
     assert at.theta_rad == pytest.approx(before if theta_rad is None else theta_rad)
 
 
+def test_an_angle_is_known_once_it_was_measured() -> None:
+    anywhere = Belief(
+        name="gear",
+        carrier="stage",
+        pose=Pose(x_um=0.0, y_um=0.0),
+        sigma_xy_um=1.0,
+        sigma_theta_rad=3.14159,
+    )
+    known, now = Beliefs((anywhere,), ()), readings(reading())
+    assert not known.knows_angle("gear")
+    known.update("gear", now, 0.0, 0.0, None)
+    assert not known.knows_angle("gear")
+    known.update("gear", now, 0.0, 0.0, 0.4)
+    assert known.knows_angle("gear")
+
+
 def test_a_measured_part_moves_on_with_the_stage() -> None:
     known = beliefs()
     known.update("gear", readings(reading(-600.0)), 1.0, 2.0, None)

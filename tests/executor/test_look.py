@@ -68,6 +68,14 @@ def test_the_bias_is_taken_off_in_the_targets_frame() -> None:
     assert seen.y_um - plain.y_um == pytest.approx(-2.0)
 
 
+def test_a_bias_is_left_alone_at_an_unknown_angle() -> None:
+    rig, found = seeing(0.0, 0.0)
+    plain = look_at(rig, found)  # the gear lies at any angle, and none is measured
+    biased = replace(found, measure=replace(found.measure, bias_um=(2.0, 0.5)))
+    seen = look_at(rig, biased)
+    assert (seen.x_um, seen.y_um) == (plain.x_um, plain.y_um)
+
+
 @pytest.mark.parametrize(
     ("gates", "code"),
     [
