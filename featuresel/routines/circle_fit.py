@@ -71,17 +71,22 @@ def fit_circle(
     """
     pose = np.array(start)
     used = np.ones(len(columns), dtype=bool)
-    for _ in range(_ROUNDS):
+    for k in range(2 * _ROUNDS):
         ux, uy, distance = _rays(columns - pose[0], rows - pose[1])
         residual = distance - pose[2]
         middle = float(np.median(residual))
-        robust = 1.4826 * float(np.median(np.abs(residual - middle)))
-        used = np.abs(residual - middle) <= max(3 * robust, 0.05)
-        jacobian = np.column_stack((ux, uy, np.ones_like(ux)))[used]
-        step, *_ = np.linalg.lstsq(jacobian, residual[used], rcond=None)
+        scale = max(1.4826 * float(np.median(np.abs(residual - middle))), 0.05 / 3)
+        # soft weights first: trimming too early keeps a whole notch
+        weight = 1 / (1 + ((residual - middle) / scale) ** 2)
+        used = np.abs(residual - middle) <= 3 * scale
+        if k >= _ROUNDS:
+            weight = used.astype(np.float64)
+        jacobian = np.column_stack((ux, uy, np.ones_like(ux)))
+        root = np.sqrt(weight)
+        step, *_ = np.linalg.lstsq(jacobian * root[:, None], residual * root)
         pose = pose + step
     rms = float(np.sqrt(np.mean((residual[used] - residual[used].mean()) ** 2)))
-    inverse = np.linalg.pinv(jacobian.T @ jacobian)
+    inverse = np.linalg.pinv(jacobian[used].T @ jacobian[used])
     spread = rms * float(np.sqrt((inverse[0, 0] + inverse[1, 1]) / 2))
     return Circle(
         column=float(pose[0]),

@@ -40,6 +40,7 @@ _FAINT = 0.04  # step height below which an edge is not trusted
 _WEAKEST = 0.3  # of the predicted step
 _FEWEST = 0.5  # of a face's lines must meet its edge, and of those half must fit
 _TURN_STEP_RAD = math.radians(3)  # half of it moves a face's far end by 3 to 4 px
+_LOCKED_PX = 0.02  # edges along pixel rows share one sampling error; lines do not help
 _MOST_TURN_RAD = 0.3  # beyond, the stretches no longer lie on their faces
 _ZOOM = 0.02  # zoom error allowed for: far faces move by this part of their distance
 _LINES_PX = 1.5  # between neighbouring lines: closer ones share their pixels
@@ -123,7 +124,7 @@ def measure(
         row=row,
         theta_rad=math.remainder(theta, 2 * math.pi),
         score=seen / known,
-        spread_px=max(spread, tip_spread),
+        spread_px=math.hypot(max(spread, tip_spread), _LOCKED_PX),
     )
 
 

@@ -5,17 +5,29 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+import numpy.typing as npt
 import pytest
 
-from featuresel.case import LookCase, Spread
-from featuresel.routines import Target, TargetKind
+from featuresel.case import LookCase, Spread, nominal_render
+from featuresel.routines import (
+    Artifact,
+    Failure,
+    Guess,
+    Routine,
+    Target,
+    TargetKind,
+    load,
+)
 from optics.microscope import Microscope
 from optics.outline import Arc, Outline, Ring, Segment
 from optics.scene import Illumination, Layer, Window
-from optics.sensor import Sensor
+from optics.sensor import Sensor, expose, to_unit
+
+FloatArray = npt.NDArray[np.float64]
 
 MICROSCOPE = Microscope(
     aperture=0.42,
@@ -175,7 +187,8 @@ def find_gear() -> LookCase:
 def between_fingers() -> LookCase:
     """The gear in focus, the fingers' tops 130 um above it."""
     case = replace(find_gear(), static=(finger_layer(130.0),), key="between")
-    return replace(case, theta_any=False)
+    target = replace(case.target, theta_range_rad=0.26)
+    return replace(case, theta_any=False, target=target)
 
 
 def bore_in_fingers() -> LookCase:
@@ -233,7 +246,89 @@ CASES: Mapping[str, Callable[[], LookCase]] = {
 }
 
 
+@dataclass(frozen=True)
+class Sample:
+    """What one routine said of noisy images at random sub-pixel poses."""
+
+    errors_um: FloatArray  # (N, 2) measured - true, world
+    turns_rad: FloatArray  # (M,) of those that gave an angle
+    spreads_um: FloatArray  # (N,) the routine's own
+    failures: tuple[str, ...]
+    limit_um: float  # Cramer-Rao bound per axis
+
+
+def noisy(case: LookCase, image: FloatArray, rng: np.random.Generator) -> FloatArray:
+    return to_unit(expose(image, case.sensor, rng), case.sensor.bits)
+
+
+def sample(
+    case: LookCase, name: str, *, draws: int = 25, within_um: float = 6
+) -> Sample:
+    """Return the errors of one routine; poses and noise come from a fixed seed."""
+    rng = np.random.default_rng(20)
+    render, routine = nominal_render(case), load(name)
+    artifact = routine.prepare(render, case.target)
+    assert isinstance(artifact, Artifact), artifact
+    errors, turns, spreads, failures = [], [], [], []
+    for _ in range(draws):
+        dx, dy = rng.uniform(-within_um, within_um, 2)
+        turn = rng.uniform(-math.pi, math.pi) if case.theta_any else 0.0
+        image = noisy(case, render(dx_um=dx, dy_um=dy, theta_rad=turn), rng)
+        found = routine.measure(image, artifact, guess(case, routine, dx, dy))
+        if isinstance(found, Failure):
+            failures.append(found.code)
+            continue
+        x, y = case.frame.to_world(found.column, found.row)
+        errors.append((x - case.x_um - dx, y - case.y_um - dy))
+        spreads.append(found.spread_px * case.microscope.um_per_px)
+        if found.theta_rad is not None:
+            off = found.theta_rad - case.theta_rad - turn
+            turns.append(math.remainder(off, math.tau))
+    return Sample(
+        errors_um=np.array(errors).reshape(-1, 2),
+        turns_rad=np.array(turns),
+        spreads_um=np.array(spreads),
+        failures=tuple(failures),
+        limit_um=limit_um(case),
+    )
+
+
+def guess(case: LookCase, routine: Routine, dx: float, dy: float) -> Guess:
+    """Return the nominal place, or for what needs a seed one .1 px off the true."""
+    column, row = case.target.column, case.target.row
+    theta = None if case.theta_any else case.theta_rad
+    if "seed" in routine.NEEDS:
+        k = case.target.px_per_um
+        column, row = column + dx * k + 0.1, row - dy * k - 0.1
+    return Guess(column=column, row=row, theta_rad=theta)
+
+
+def limit_um(case: LookCase) -> float:
+    """Return the Cramer-Rao bound of a place per axis, by finite differences."""
+    render, step = nominal_render(case), 0.05
+    mean = render()
+    dx = (render(dx_um=step) - render(dx_um=-step)) / (2 * step)
+    dy = (render(dy_um=step) - render(dy_um=-step)) / (2 * step)
+    sensor = case.sensor
+    full, levels = sensor.full_well_e, 2**sensor.bits - 1
+    variance = mean / full + (sensor.read_noise_e / full) ** 2 + 1 / 12 / levels**2
+    fisher = [[(a * b / variance).sum() for a in (dx, dy)] for b in (dx, dy)]
+    return float(np.sqrt(np.diag(np.linalg.inv(np.array(fisher))).max()))
+
+
 @pytest.fixture
 def look() -> Callable[[str], LookCase]:
     """Return the maker of a named look."""
     return lambda name: CASES[name]()
+
+
+@pytest.fixture
+def measured() -> Callable[..., Sample]:
+    """Return what samples a routine on a look."""
+    return sample
+
+
+@pytest.fixture
+def expose_image() -> Callable[..., FloatArray]:
+    """Return what adds the camera's noise."""
+    return noisy

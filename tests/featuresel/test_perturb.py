@@ -1,0 +1,149 @@
+"""The perturbation design and its seeds."""
+
+from __future__ import annotations
+
+import math
+import pickle
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from featuresel.case import LookCase, nominal_render, scene
+from featuresel.perturb import design, image, words
+from optics.render import render
+from optics.scene import Illumination
+
+Look = Callable[[str], LookCase]
+
+
+def test_words_are_those_of_sha256() -> None:
+    assert words("")[0] == 0xE3B0C442  # sha256 of nothing
+    assert len(words("x")) == 8
+
+
+def test_more_trials_change_none(look: Look) -> None:
+    case = look("post")
+    many = design(case, 200, 7)
+    for count in (1, 2, 5, 33, 64):
+        assert design(case, count, 7) == many[:count]
+
+
+def test_other_keys_and_roots_give_other_trials(look: Look) -> None:
+    case = look("post")
+    first = design(case, 4, 7)
+    for other in (design(replace(case, key="else"), 4, 7), design(case, 4, 8)):
+        for a, b in zip(first, other, strict=True):
+            assert a.seed != b.seed
+            assert (a.dx_um, a.dy_um) != (b.dx_um, b.dy_um)
+
+
+def test_interior_follows_the_spreads(look: Look) -> None:
+    case = look("post")
+    trials = [t for t in design(case, 1024, 3) if t.index % 4 != 3]
+    n = len(trials)
+    spread = case.spread
+    # a normal cut at 3 sigma keeps .987 of its standard deviation; Sobol points are
+    # far more even than random ones, for which 4 standard errors would be .1
+    for name, sigma in (
+        ("dx_um", spread.pose_sigma_xy_um),
+        ("dy_um", spread.pose_sigma_xy_um),
+        ("dtheta_rad", spread.pose_sigma_theta_rad),
+        ("dz_um", spread.focus_sigma_um),
+    ):
+        values = np.array([getattr(t, name) for t in trials])
+        assert np.std(values) == pytest.approx(0.987 * sigma, rel=4 / math.sqrt(2 * n))
+        assert np.abs(values).max() <= 3 * sigma
+        assert abs(values.mean()) < 4 * sigma / math.sqrt(n)
+    gains = np.array([t.gain for t in trials])
+    assert 0.7 <= gains.min() < 0.71
+    assert 1.29 < gains.max() <= 1.3
+    steep = np.array([math.hypot(t.gradient_x, t.gradient_y) for t in trials])
+    assert steep.max() <= 0.3 * (1 + 1e-12)
+
+
+def test_each_fourth_trial_is_an_extreme(look: Look) -> None:
+    case = look("post")
+    extremes = [t for t in design(case, 128, 3) if t.index % 4 == 3]
+    far = [math.hypot(t.dx_um, t.dy_um) for t in extremes]
+    assert 9.0 <= min(far) <= max(far) <= 10.0
+    assert {round(abs(t.dz_um), 9) for t in extremes} == {8.0}
+    assert {t.gain for t in extremes} == {0.7, 1.3}
+    # 32 runs are the two-level design and its mirror image: every factor is balanced
+    assert sum(t.dz_um > 0 for t in extremes) == 16
+    assert sum(t.magnification > 1 for t in extremes) == 16
+
+
+def test_both_blur_laws_meet_interior_and_extremes(look: Look) -> None:
+    trials = design(look("post"), 64, 3)
+    for part in (0, 3):
+        laws = [t.model for t in trials if t.index % 4 == part]
+        assert laws.count("hopkins") == laws.count("stokseth") == 8
+    rough = design(replace(look("post"), model="product"), 8, 3)
+    assert {t.model for t in rough} == {"product", "hopkins"}
+
+
+def test_any_angle_means_the_whole_circle(look: Look) -> None:
+    turns = [t.dtheta_rad for t in design(look("find_gear"), 256, 1)]
+    counts, _ = np.histogram(turns, bins=8, range=(-math.pi, math.pi))
+    assert counts.sum() == 256
+    assert counts.min() > 16  # 32 expected; even random draws stay above 11
+
+
+def test_an_image_is_rebuilt_bit_for_bit(look: Look) -> None:
+    case = look("bore")
+    trial = design(case, 12, 5)[11]
+    again = design(pickle.loads(pickle.dumps(case)), 40, 5)[11]
+    np.testing.assert_array_equal(image(case, trial), image(case, again))
+    assert not np.array_equal(image(case, trial), image(case, design(case, 12, 6)[11]))
+
+
+def test_an_image_is_the_perturbed_scene_with_noise(look: Look) -> None:
+    case = look("post")
+    trial = design(case, 1, 5)[0]
+    calm = replace(
+        trial, dz_um=0.0, magnification=1.0, gain=1.0, gradient_x=0.0, gradient_y=0.0,
+        model=case.model,
+    )  # fmt: skip
+    place = {"dx_um": trial.dx_um, "dy_um": trial.dy_um, "theta_rad": trial.dtheta_rad}
+    clean = nominal_render(case)(**place)
+    noise = image(case, calm) - clean
+    # shot, read and rounding noise; the bright disc is a tenth of the region
+    variance = clean / 10_000 + 1e-6 + 1 / 255**2 / 12
+    assert np.mean(noise**2 / variance) == pytest.approx(1.0, abs=0.05)
+
+
+def test_zoom_scales_about_the_axis(look: Look) -> None:
+    case = replace(look("post"), x_um=40.0)
+    trial = replace(
+        design(case, 1, 5)[0], dx_um=0.0, dy_um=0.0, magnification=1.02, gain=1.0,
+        gradient_x=0.0, gradient_y=0.0, dz_um=0.0,
+    )  # fmt: skip
+    seen = image(case, trial)
+    bright = np.clip(seen - 0.4, 0, None)
+    columns = np.arange(seen.shape[1])
+    column = (bright.sum(axis=0) * columns).sum() / bright.sum()
+    x_um, _ = case.frame.to_world(float(column), 0.0)
+    assert x_um == pytest.approx(1.02 * 40.0, abs=0.1)
+
+
+@pytest.mark.parametrize(("count", "root"), [(0, 1), (-1, 1), (4, -1)])
+def test_nonsense_is_an_error(count: int, root: int, look: Look) -> None:
+    with pytest.raises(ValueError, match="must"):
+        design(look("post"), count, root)
+
+
+def test_nominal_render_is_the_renderers_image(look: Look) -> None:
+    case = replace(look("post"), light=Illumination(gain=0.8))
+    expected = render(
+        scene(case, 1.0, 2.0, 0.3),
+        case.microscope,
+        focus_um=0.0,
+        window=case.window,
+        light=case.light,
+    )
+    np.testing.assert_array_equal(
+        nominal_render(case)(dx_um=1.0, dy_um=2.0, theta_rad=0.3),
+        np.clip(expected, 0, 1),
+    )
