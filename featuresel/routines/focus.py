@@ -78,7 +78,9 @@ def score(image: FloatArray, mask: BoolArray | None = None) -> float:
     return energy / 64 / brightness**2  # Sobel's weights add up to 8 a pixel
 
 
-def peak(z_um: Sequence[float], scores: Sequence[float]) -> FocusPeak | Failure:
+def peak(
+    z_um: Sequence[float] | FloatArray, scores: Sequence[float] | FloatArray
+) -> FocusPeak | Failure:
     """Return where the scores peak, by a Gaussian through their upper half.
 
     One stop more on either side joins in, lightly weighted, so that coarse sweeps have

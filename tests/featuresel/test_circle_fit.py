@@ -44,7 +44,7 @@ def test_a_notch_is_trimmed_and_does_not_move_the_centre() -> None:
 def test_it_agrees_with_ransac() -> None:
     x, y, bad = points(0.05, 25)
     circle = fit_circle(x, y, (30, 30, 23))
-    model, inliers = ransac(
+    model, inliers = ransac(  # type: ignore[no-untyped-call] # skimage
         np.column_stack((x, y)), CircleModel, 3, 0.2, max_trials=200, rng=1
     )
     xc, yc = model.center

@@ -68,7 +68,7 @@ def test_the_whole_pixel_agrees_with_scikit_image(look: Look) -> None:
     artifact = prepared(case)
     image = nominal_render(case)(dx_um=4.7, dy_um=-3.9)
     template = artifact.arrays["templates"][0].astype(float)
-    scores = match_template(image, template)
+    scores = match_template(image, template)  # type: ignore[no-untyped-call] # skimage
     row, column = np.unravel_index(scores.argmax(), scores.shape)
     found = ncc.measure(image, artifact, start(case))
     assert isinstance(found, Measurement)

@@ -42,7 +42,9 @@ def test_a_seed_is_within_a_pixel(
 def test_area_agrees_with_scikit_image(look: Look) -> None:
     case = look("find_gear")
     image = nominal_render(case)()
-    blobs = regionprops(label(image > threshold_otsu(image), connectivity=1))
+    level = threshold_otsu(image)  # type: ignore[no-untyped-call] # skimage
+    labels = label(image > level, connectivity=1)  # type: ignore[no-untyped-call]
+    blobs = regionprops(labels)  # type: ignore[no-untyped-call] # skimage
     largest = max(blob.area for blob in blobs)
     # the routine smooths by one pixel first: corners of teeth move, 3 % of the area
     assert prepared(case).parameters["area_px"] == pytest.approx(largest, rel=0.03)

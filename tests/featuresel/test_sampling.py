@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from featuresel.routines import FloatArray
 from featuresel.routines.sampling import (
     STEP_PX,
     WIDTHS_PX,
@@ -25,7 +26,7 @@ def test_cubic_convolution_is_exact_for_quadratics() -> None:
     rng = np.random.default_rng(1)
     columns, rows = rng.uniform(1, 12, 50), rng.uniform(1, 10, 50)
 
-    def surface(u: np.ndarray, v: np.ndarray) -> np.ndarray:
+    def surface(u: FloatArray, v: FloatArray) -> FloatArray:
         return 0.3 + 0.2 * u - 0.1 * v + 0.05 * u * u - 0.02 * u * v + 0.03 * v * v
 
     values, inside = cubic(surface(x, y), columns, rows)

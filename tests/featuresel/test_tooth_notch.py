@@ -12,7 +12,7 @@ import pytest
 
 from featuresel.case import LookCase, nominal_render
 from featuresel.routines import Artifact, Failure, Guess, Measurement, tooth_notch
-from optics.outline import Outline
+from optics.outline import Arc, Outline
 
 Look = Callable[[str], LookCase]
 
@@ -30,7 +30,7 @@ def start(case: LookCase) -> Guess:
 def without_notch(case: LookCase) -> LookCase:
     gear = case.moving[0]
     teeth, bore = gear.outline.rings
-    arc = bore.edges[-1]
+    (arc,) = (edge for edge in bore.edges if isinstance(edge, Arc))
     full = replace(arc, start_rad=0.0, sweep_rad=-math.tau)
     plain = Outline(rings=(teeth, replace(bore, edges=(full,))))
     return replace(case, moving=(replace(gear, outline=plain),))

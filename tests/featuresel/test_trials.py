@@ -1,0 +1,115 @@
+"""Trials from image to outcome, on one worker and on several."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+from multiprocessing import get_context
+
+import pytest
+
+from featuresel.candidates import chains
+from featuresel.case import LookCase
+from featuresel.perturb import design, image
+from featuresel.routines import Artifact, Failure, Measurement
+from featuresel.routines.chain import measure_chain
+from featuresel.score import score
+from featuresel.select import select
+from featuresel.trials import is_wrong, prepare, run, start
+from featuresel.usable import usable_range
+
+Look = Callable[[str], LookCase]
+
+
+def test_a_process_pool_gives_the_same_outcomes(look: Look) -> None:
+    case = look("post")
+    ready = prepare(case, chains(case.target))
+    trials = design(case, 20, 1)
+    serial = run(case, ready, trials)
+    context = get_context("spawn")
+    with ProcessPoolExecutor(max_workers=2, mp_context=context) as pool:
+        assert run(case, ready, trials, map=pool.map) == serial
+    assert len(serial) == 20 * len(ready.chains)
+
+
+def test_fewer_chains_or_trials_change_no_outcome(look: Look) -> None:
+    case = look("find_gear")
+    all_chains = chains(case.target)
+    whole = run(case, prepare(case, all_chains), design(case, 8, 1))
+    chain = all_chains[0]
+    part = run(case, prepare(case, [chain]), design(case, 4, 1))
+    assert part == tuple(o for o in whole if o.chain == chain and o.trial < 4)
+
+
+def test_outcomes_are_those_of_the_chain_the_executor_runs(look: Look) -> None:
+    case = look("find_gear")
+    ready = prepare(case, chains(case.target))
+    trial = design(case, 4, 1)[3]
+    picture = image(case, trial)
+    for outcome in run(case, ready, [trial]):
+        stages = []
+        for name in outcome.chain:
+            artifact = ready.artifacts[name]
+            assert isinstance(artifact, Artifact)
+            stages.append((name, artifact))
+        found = measure_chain(picture, stages, start(case))
+        if isinstance(found, Failure):
+            assert outcome.failure == found.code
+            continue
+        assert isinstance(found, Measurement)
+        assert outcome.world_um is not None
+        x, y = case.frame.to_world(found.column, found.row)
+        assert outcome.world_um[0] == x - case.x_um - trial.dx_um
+        assert outcome.world_um[1] == y - case.y_um - trial.dy_um
+        assert outcome.target_um is not None
+        assert math.hypot(*outcome.target_um) == pytest.approx(outcome.distance_um)
+
+
+def test_a_routine_that_cannot_be_prepared_fails_aloud(look: Look) -> None:
+    case = look("bracket")  # the centroid of an L is no place to start from
+    ready = prepare(case, [("otsu",), ("circle_caliper",)])
+    assert isinstance(ready.artifacts["otsu"], Failure)
+    outcomes = run(case, ready, design(case, 2, 1))
+    assert {o.failure for o in outcomes} == {"not_prepared"}
+    assert not any(is_wrong(case, o) for o in outcomes)
+
+
+@pytest.mark.parametrize("name", ["find_gear", "between", "over_shaft", "jaws"])
+def test_each_look_of_the_job_finds_a_chain_without_silent_failures(
+    name: str, look: Look
+) -> None:
+    case = look(name)
+    limit = math.radians(1) if name == "find_gear" else None
+    case = replace(case, tolerance_theta_rad=limit)
+    ready = prepare(case, chains(case.target))
+    scores = score(case, ready.chains, run(case, ready, design(case, 24, 1998)))
+    found = select(scores, tolerance_um=1.0, tolerance_theta_rad=limit)
+    assert found.chosen is not None, found.advice
+    assert found.chosen.success == 24
+    assert found.chosen.need_um < 1.0
+    assert (found.chosen.angles == 24) or limit is None
+
+
+def test_focus_range_is_wider_for_a_looser_tolerance(look: Look) -> None:
+    case = look("post")
+    tight = replace(case, tolerance_um=0.02)
+    ready = prepare(case, [("circle_caliper",)])
+    wide = usable_range(case, ready, ("circle_caliper",), root_seed=1, draws=2)
+    narrow = usable_range(tight, ready, ("circle_caliper",), root_seed=1, draws=2)
+    assert wide.focus_um[0] <= narrow.focus_um[0] <= 0 <= narrow.focus_um[1]
+    assert narrow.focus_um[1] <= wide.focus_um[1]
+    assert wide.focus_um[1] >= 8
+    assert wide.magnification[0] < 1 < wide.magnification[1]
+    again = usable_range(case, ready, ("circle_caliper",), root_seed=1, draws=2)
+    assert again == wide
+
+
+def test_a_routine_that_never_answers_has_no_range(look: Look) -> None:
+    case = look("bracket")
+    found = usable_range(case, prepare(case, [("otsu",)]), ("otsu",), root_seed=1)
+    assert found.focus_um == (0.0, 0.0)
+    assert found.magnification == (1.0, 1.0)
+    with pytest.raises(ValueError, match="draws"):
+        usable_range(case, prepare(case, []), ("otsu",), root_seed=1, draws=0)
