@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 import sysconfig
@@ -112,9 +113,24 @@ def test_the_packages_come_from_the_wheel_alone(installed: Installed) -> None:
     assert owners == {name: ["microplan"] for name in PACKAGES}
 
 
-@pytest.mark.parametrize("command", ["microplan-run"])
+@pytest.mark.parametrize("command", ["microplan", "microplan-run"])
 def test_the_commands_start(installed: Installed, command: str) -> None:
     done = installed.run(command, "--help")
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith(f"usage: {command}")
     assert done.stderr == ""
+
+
+def test_the_installed_compiler_reads_the_example(installed: Installed) -> None:
+    example = installed.folder / "example"
+    shutil.copytree(ROOT / "examples" / "gear_on_shaft", example, dirs_exist_ok=True)
+    done = installed.run("microplan", "check", example / "task.yaml")
+    assert done.returncode == 0, done.stderr
+
+
+def test_the_installed_compiler_says_where_a_mistake_is(installed: Installed) -> None:
+    task = installed.folder / "broken.yaml"
+    task.write_text("microplan: 1\nnmae: x\n", encoding="utf-8")
+    done = installed.run("microplan", "check", task)
+    assert done.returncode == 2
+    assert "broken.yaml:2:1" in done.stderr
