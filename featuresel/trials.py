@@ -198,7 +198,7 @@ def _outcome(
     c, s = math.cos(theta), math.sin(theta)
     turned = None
     if found.theta_rad is not None:
-        turned = math.remainder(found.theta_rad - theta, _period(case))
+        turned = math.remainder(found.theta_rad - theta, period_rad(case))
     return Outcome(
         chain=chain,
         trial=trial.index,
@@ -211,7 +211,7 @@ def _outcome(
     )
 
 
-def _period(case: LookCase) -> float:
+def period_rad(case: LookCase) -> float:
     """Return the turn that leaves the target the same; a notch makes it a full one."""
     fold = case.target.symmetry if case.target.kind == "outline" else 1
     return 2 * math.pi / max(fold, 1)

@@ -11,7 +11,7 @@ from featuresel.candidates import Chain
 from featuresel.case import LookCase
 from featuresel.perturb import Trial, image, words
 from featuresel.routines import Failure
-from featuresel.trials import Prepared, measure_one
+from featuresel.trials import Prepared, measure_one, period_rad
 
 # Steps outward from nominal; the zoom's are of its ratio. A drift beyond the last is
 # no drift any more.
@@ -102,4 +102,4 @@ def _meets(case: LookCase, prepared: Prepared, chain: Chain, trial: Trial) -> bo
     if found.theta_rad is None:
         return False
     turned = found.theta_rad - case.theta_rad - trial.dtheta_rad
-    return abs(math.remainder(turned, 2 * math.pi)) <= case.tolerance_theta_rad
+    return abs(math.remainder(turned, period_rad(case))) <= case.tolerance_theta_rad

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,12 +17,18 @@ from featuresel.routines import (
     Target,
     TargetKind,
 )
+from featuresel.routines.faces import (
+    FAINT,
+    LINES_PX,
+    Face,
+    Found,
+    measure_face,
+    points,
+)
 from featuresel.routines.sampling import (
     STEP_PX,
     best_width,
     cubic,
-    find_edges,
-    line_samples,
 )
 
 NAME = "edge_caliper"
@@ -36,36 +41,11 @@ COST = 6.0
 # Faces: across the fingers' sides (normal along x) and the tips (normal along -y).
 _SIDES = ("inner_left", "inner_right", "outer_left", "outer_right")
 _TIPS = ("tip_left", "tip_right")
-_FAINT = 0.04  # step height below which an edge is not trusted
-_WEAKEST = 0.3  # of the predicted step
-_FEWEST = 0.5  # of a face's lines must meet its edge, and of those half must fit
 _TURN_STEP_RAD = math.radians(3)  # half of it moves a face's far end by 3 to 4 px
 _LOCKED_PX = 0.02  # edges along pixel rows share one sampling error; lines do not help
 _MOST_TURN_RAD = 0.3  # beyond, the stretches no longer lie on their faces
 _ZOOM = 0.02  # zoom error allowed for: far faces move by this part of their distance
-_LINES_PX = 1.5  # between neighbouring lines: closer ones share their pixels
 _OPENING_PX, _OPENING_PART = 2.0, 0.04  # accepted error of the opening
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Face:
-    """A straight edge in the grip's frame, px with y up: a normal and a stretch."""
-
-    normal: tuple[float, float]  # points out of the finger
-    offset_px: float  # of the face along the normal
-    low_px: float  # ends of the stretch, along the normal turned by +90 degrees
-    high_px: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Found:
-    """A face as measured: where, against the one predicted."""
-
-    offset_px: float  # at the middle of the stretch, along the normal
-    slope: float  # of the edge over the stretch
-    middle_px: float
-    rms_px: float
-    lines: int
 
 
 def prepare(render: Render, target: Target) -> Artifact | Failure:
@@ -100,7 +80,7 @@ def measure(
     p = artifact.parameters
     column, row = guess.column, guess.row
     theta = p["theta_rad"] + _rough_turn(image, p, guess)
-    found: dict[str, _Found] = {}
+    found: dict[str, Found] = {}
     for half in (p["search_px"], 4.0, 4.0):
         faces = _find(image, p, (column, row, theta), half)
         if isinstance(faces, Failure):
@@ -136,7 +116,7 @@ def _rough_turn(image: FloatArray, p: Mapping[str, float], guess: Guess) -> floa
         turn = k * _TURN_STEP_RAD
         at = (guess.column, guess.row, p["theta_rad"] + turn)
         faces = [
-            _measure_face(image, _numbers(p, name), at, p["search_px"], sparse=4)
+            measure_face(image, _numbers(p, name), at, p["search_px"], sparse=4)
             for name in _SIDES[:2]
         ]
         found = [face for face in faces if face is not None]
@@ -150,7 +130,7 @@ def _rough_turn(image: FloatArray, p: Mapping[str, float], guess: Guess) -> floa
     return best[2]
 
 
-def _faces(target: Target) -> dict[str, _Face]:
+def _faces(target: Target) -> dict[str, Face]:
     """Return the predicted faces; fingers reach up without end."""
     k, p = target.px_per_um, target.parameters
     half, wide = p["opening_um"] / 2 * k, p["finger_width_um"] * k
@@ -161,37 +141,35 @@ def _faces(target: Target) -> dict[str, _Face]:
     # for the normal n the stretch runs along n turned by +90 degrees: up for `right`,
     # down for `left`, right for `down`
     return {
-        "inner_left": _Face(normal=right, offset_px=-half, low_px=low, high_px=high),
-        "inner_right": _Face(normal=left, offset_px=-half, low_px=-high, high_px=-low),
-        "outer_left": _Face(
+        "inner_left": Face(normal=right, offset_px=-half, low_px=low, high_px=high),
+        "inner_right": Face(normal=left, offset_px=-half, low_px=-high, high_px=-low),
+        "outer_left": Face(
             normal=left, offset_px=half + wide, low_px=-high, high_px=-low
         ),
-        "outer_right": _Face(
+        "outer_right": Face(
             normal=right, offset_px=half + wide, low_px=low, high_px=high
         ),
-        "tip_left": _Face(
-            normal=down, offset_px=-tip, low_px=-outside, high_px=-inside
-        ),
-        "tip_right": _Face(normal=down, offset_px=-tip, low_px=inside, high_px=outside),
+        "tip_left": Face(normal=down, offset_px=-tip, low_px=-outside, high_px=-inside),
+        "tip_right": Face(normal=down, offset_px=-tip, low_px=inside, high_px=outside),
     }
 
 
 def _in_view(
-    face: _Face,
+    face: Face,
     shape: tuple[int, ...],
     at: tuple[float, float, float],
     search_px: float,
-) -> _Face | None:
+) -> Face | None:
     """Return the face cut to what stays in the image anywhere in the search."""
     room = search_px + 3.0
-    along = np.arange(face.low_px, face.high_px, _LINES_PX)
-    columns, rows = _points(face, at, along, np.zeros(1))
+    along = np.arange(face.low_px, face.high_px, LINES_PX)
+    columns, rows = points(face, at, along, np.zeros(1))
     inside = (columns > room) & (columns < shape[1] - 1 - room)
     inside &= (rows > room) & (rows < shape[0] - 1 - room)
     kept = along[inside[:, 0]]
     if len(kept) < 8:
         return None
-    return _Face(
+    return Face(
         normal=face.normal,
         offset_px=face.offset_px,
         low_px=float(kept[0]),
@@ -200,16 +178,16 @@ def _in_view(
 
 
 def _calibrate(
-    image: FloatArray, face: _Face, at: tuple[float, float, float]
+    image: FloatArray, face: Face, at: tuple[float, float, float]
 ) -> Mapping[str, float] | None:
     """Return the face's numbers, its place and slope as measured; None if too faint."""
-    along = np.arange(face.low_px, face.high_px, _LINES_PX)
+    along = np.arange(face.low_px, face.high_px, LINES_PX)
     span = np.arange(-24, 25, dtype=np.float64) * STEP_PX
-    profile = np.median(cubic(image, *_points(face, at, along, span))[0], axis=0)
+    profile = np.median(cubic(image, *points(face, at, along, span))[0], axis=0)
     width = best_width(profile)
     gap = min(int(1.5 * width / STEP_PX) + 1, 24)
     step = float(profile[24 - gap] - profile[24 + gap])  # bright inside, normal out
-    if step < _FAINT:
+    if step < FAINT:
         return None
     numbers = {
         "normal_x": face.normal[0],
@@ -221,7 +199,7 @@ def _calibrate(
         "offset_px": face.offset_px,
         "slope": 0.0,
     }
-    found = _measure_face(image, numbers, at, 4.0)
+    found = measure_face(image, numbers, at, 4.0)
     if found is None:
         return None
     return {**numbers, "offset_px": found.offset_px, "slope": found.slope}
@@ -232,13 +210,13 @@ def _find(
     p: Mapping[str, float],
     at: tuple[float, float, float],
     half_px: float,
-) -> dict[str, _Found] | Failure:
+) -> dict[str, Found] | Failure:
     """Return the faces that were found; the inner ones and a tip must be among them."""
     found = {}
     for name in (*_SIDES, *_TIPS):
         if f"{name}.step" in p:
             half = half_px + _ZOOM * abs(p[f"{name}.offset_px"])
-            face = _measure_face(image, _numbers(p, name), at, half)
+            face = measure_face(image, _numbers(p, name), at, half)
             if face is not None:
                 found[name] = face
     missing = [name for name in _SIDES[:2] if name not in found]
@@ -264,73 +242,8 @@ def _numbers(p: Mapping[str, float], name: str) -> dict[str, float]:
     return {key.removeprefix(start): v for key, v in p.items() if key.startswith(start)}
 
 
-def _measure_face(
-    image: FloatArray,
-    numbers: Mapping[str, float],
-    at: tuple[float, float, float],
-    half_px: float,
-    *,
-    sparse: int = 1,
-) -> _Found | None:
-    """Return the straight line through the edges on every `sparse`-th line, or None."""
-    face = _Face(
-        normal=(numbers["normal_x"], numbers["normal_y"]),
-        offset_px=numbers["offset_px"],
-        low_px=numbers["low_px"],
-        high_px=numbers["high_px"],
-    )
-    along = np.arange(face.low_px, face.high_px, _LINES_PX * sparse)
-    offsets = line_samples(half_px, numbers["width_px"])
-    columns, rows = _points(face, at, along, offsets)
-    edges = find_edges(image, columns, rows, width_px=numbers["width_px"], rising=False)
-    good = edges.found & (edges.strength > max(_WEAKEST * numbers["step"], _FAINT / 2))
-    if good.sum() < max(5, _FEWEST * len(along)):
-        return None
-    middle = (face.low_px + face.high_px) / 2
-    fitted = _line(along[good] - middle, edges.offset_px[good])
-    if fitted is None:
-        return None
-    intercept, slope, rms, used = fitted
-    return _Found(
-        offset_px=face.offset_px + intercept,
-        slope=slope,
-        middle_px=middle,
-        rms_px=rms,
-        lines=used,
-    )
-
-
-def _points(
-    face: _Face, at: tuple[float, float, float], along: FloatArray, out: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return (columns, rows), (N, L), of lines across the face, outwards."""
-    column, row, theta = at
-    nx, ny = face.normal
-    normal = face.offset_px + out
-    x = nx * normal - ny * along[:, None]
-    y = ny * normal + nx * along[:, None]
-    c, s = math.cos(theta), math.sin(theta)
-    return column + c * x - s * y, row - s * x - c * y
-
-
-def _line(x: FloatArray, y: FloatArray) -> tuple[float, float, float, int] | None:
-    """Return (intercept, slope, rms, used) of a trimmed line; None if half strays."""
-    used = np.ones(len(x), dtype=bool)
-    # a turn of .09 rad spreads true points this far about their median
-    used = np.abs(y - np.median(y)) <= max(3.0, 0.09 * float(np.ptp(x)))
-    for _ in range(8):
-        if used.sum() < max(5, _FEWEST * len(x)):
-            return None
-        slope, intercept = np.polyfit(x[used], y[used], 1)
-        residual = y - intercept - slope * x
-        robust = 1.4826 * float(np.median(np.abs(residual[used])))
-        used = np.abs(residual) <= max(3 * robust, 0.1)
-    rms = float(np.sqrt(np.mean(residual[used] ** 2)))
-    return float(intercept), float(slope), rms, int(used.sum())
-
-
 def _pose(
-    found: Mapping[str, _Found], p: Mapping[str, float]
+    found: Mapping[str, Found], p: Mapping[str, float]
 ) -> tuple[float, float, float]:
     """Return (x, y, turn) of the grip against where it was sought, its own frame.
 
@@ -357,7 +270,7 @@ def _pose(
     return float(np.mean(xs)), float(np.mean(ys)), -turn
 
 
-def _scale(found: Mapping[str, _Found], p: Mapping[str, float]) -> float:
+def _scale(found: Mapping[str, Found], p: Mapping[str, float]) -> float:
     """Return zoom over nominal by the widths of fingers seen whole, 1 if none is.
 
     The fingers' width is as made; the opening is the gripper's and proves nothing.
@@ -373,7 +286,7 @@ def _scale(found: Mapping[str, _Found], p: Mapping[str, float]) -> float:
 
 
 def _misplaced(
-    found: Mapping[str, _Found],
+    found: Mapping[str, Found],
     p: Mapping[str, float],
     guess: Guess,
     pose: tuple[float, float, float],
