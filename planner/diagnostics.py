@@ -63,7 +63,6 @@ TITLES: Mapping[str, str] = {
     "MP304": "part does not fit between the jaws",
     "MP305": "jaws do not reach the part",
     "MP306": "target is hidden or shaded",
-    "MP307": "jaws opening beyond the tool's range",
     "MP401": "target is larger than the field",
     "MP402": "focus out of reach",
     "MP403": "feature too fine for the pixels",
@@ -73,6 +72,8 @@ TITLES: Mapping[str, str] = {
     "MP602": "success below the goal",
     "MP603": "tolerance finer than the stage can meet",
     "MP604": "blocked insertion cannot be sensed",
+    "MP605": "no round hole over a post",
+    "MP404": "nothing to render",
     "MP701": "not a plan folder",
     "MP702": "output cannot be written",
 }

@@ -24,28 +24,29 @@ class CodecError(ValueError):
     """The data do not fit the type; the message starts with the path."""
 
 
-def to_data(value: Any) -> Any:
-    """Return plain JSON data for `value`; numbers are rounded to DIGITS digits."""
+def to_data(value: Any, digits: int = DIGITS) -> Any:
+    """Return plain JSON data for `value`; numbers are rounded to `digits` digits."""
     if isinstance(value, float):
-        return quantise(value)
+        return quantise(value, digits)
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         return {
-            f.name: to_data(getattr(value, f.name)) for f in dataclasses.fields(value)
+            f.name: to_data(getattr(value, f.name), digits)
+            for f in dataclasses.fields(value)
         }
     if isinstance(value, Mapping):
-        return {str(k): to_data(value[k]) for k in sorted(value)}
+        return {str(k): to_data(value[k], digits) for k in sorted(value)}
     if isinstance(value, (tuple, list)):
-        return [to_data(v) for v in value]
+        return [to_data(v, digits) for v in value]
     if value is None or isinstance(value, (bool, int, str)):
         return value
     raise TypeError(f"no JSON form for {type(value).__name__}")
 
 
-def quantise(value: float) -> float:
-    """Return `value` rounded to DIGITS significant digits; refuse nan and infinity."""
+def quantise(value: float, digits: int = DIGITS) -> float:
+    """Return `value` rounded to `digits` significant digits; refuse nan, infinity."""
     if not math.isfinite(value):
         raise ValueError(f"a plan holds finite numbers only, got {value}")
-    rounded = float(f"{value:.{DIGITS}g}")
+    rounded = float(f"{value:.{digits}g}")
     return rounded if rounded else 0.0  # never -0.0
 
 

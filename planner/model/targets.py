@@ -45,7 +45,9 @@ def shape_of(task: Task, state: State, name: str) -> Shape | None:
     if inner:
         return _feature(part, part.features[inner], name)
     teeth = [f for f in part.features.values() if f.kind == "teeth" and not f.avoid]
-    return _teeth(part, teeth[0], owner) if teeth else _whole(part)
+    if teeth:
+        return _teeth(part, teeth[0], f"{owner}.{teeth[0].name}")
+    return _whole(part)
 
 
 def target_layers(task: Task, state: State, shape: Shape) -> tuple[Layer, ...]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import shutil
 import tempfile
@@ -14,12 +13,13 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from planner.pictures import Picture
 from schemas.codec import to_data
 from schemas.plan import Plan, dump_plan
 from schemas.world import World
 
-Picture = npt.NDArray[np.uint8]
-FloatArray = npt.NDArray[np.float64]
+# Enough that rings written as numbers still close when they are read again.
+WORLD_DIGITS = 15
 
 
 class OutputError(Exception):
@@ -78,26 +78,12 @@ def check_folder(folder: Path) -> None:
         )
 
 
-def picture(image: FloatArray) -> Picture:
-    """Return an image in 0..1 as 8 bit, rounded and clipped."""
-    scaled: Picture = np.clip(np.rint(image * 255), 0, 255).astype(np.uint8)
-    return scaled
-
-
-def picture_sha256(pixels: Picture) -> str:
-    """Return the hash of an image's size and decoded pixels."""
-    rows, columns = pixels.shape
-    digest = hashlib.sha256(f"{rows}x{columns}:".encode())
-    digest.update(np.ascontiguousarray(pixels).tobytes())
-    return digest.hexdigest()
-
-
 def _fill(files: PlanFiles, folder: Path) -> None:
     """Write all files into an empty folder."""
     (folder / "images").mkdir()
     (folder / "artifacts").mkdir()
     _write_text(folder / "plan.json", dump_plan(files.plan))
-    _write_json(folder / "world.json", to_data(files.world))
+    _write_json(folder / "world.json", to_data(files.world, WORLD_DIGITS))
     _write_json(folder / "timings.json", dict(files.timings))
     _write_json(folder / "inputs.json", dict(files.inputs))
     for name, pixels in files.images.items():

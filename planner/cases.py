@@ -1,0 +1,138 @@
+"""A look as a case for the benchmark: scene, target, spreads and defocus law."""
+
+from __future__ import annotations
+
+import math
+
+from featuresel.case import LookCase, Spread
+from featuresel.routines import Target
+from optics.fidelity import law_error
+from optics.scene import Illumination, Layer
+from optics.sensor import Sensor
+from planner.inputs.task import Task
+from planner.model.assembly import Place
+from planner.model.requests import ANGLE_RAD, PERIOD_SHARE, Request
+from planner.model.scenes import relevant, world_scene
+from planner.model.sightings import needed_shape, search_um, spot_of
+from planner.model.targets import Shape, target_layers
+from planner.model.views import SEARCH_SIGMAS, ViewPlan
+
+# Defocus laws, cheapest first; the first whose predicted error fits the budget is used.
+LADDER = ("stokseth", "hopkins")
+
+
+def build_case(
+    task: Task, request: Request, view: ViewPlan, max_image_error: float
+) -> LookCase:
+    """Return the case that routines are tried on."""
+    shape = needed_shape(task, request)
+    spot = spot_of(task, request, shape)
+    static, moving = _layers(task, request, shape, view)
+    scope, camera = view.microscope, task.workcell.camera
+    return LookCase(
+        key=f"{task.name}/{request.id}@{scope.magnification:.6g}",
+        static=static,
+        moving=moving,
+        background=task.workcell.stage.reflectance,
+        x_um=spot.pose.x_um,
+        y_um=spot.pose.y_um,
+        theta_rad=spot.pose.theta_rad,
+        theta_any=spot.sigma_theta_rad >= math.pi,
+        microscope=scope,
+        focus_um=view.focus_um,
+        light=Illumination(gain=view.light),
+        window=view.region,
+        sensor=Sensor(
+            full_well_e=camera.full_well_e,
+            read_noise_e=camera.read_noise_e,
+            bits=camera.bits,
+        ),
+        target=_target(task, shape, spot, view),
+        model=choose_model(static + moving, view, max_image_error),
+        tolerance_um=request.tolerance_um or scope.um_per_px,
+        tolerance_theta_rad=_angle_tolerance(request, shape),
+        spread=_spread(task, spot),
+    )
+
+
+def choose_model(
+    layers: tuple[Layer, ...], view: ViewPlan, max_image_error: float
+) -> str:
+    """Return the cheapest defocus law whose predicted error fits, else the best."""
+    for model in LADDER:
+        errors = [
+            law_error(model, view.microscope, layer.z_um - view.focus_um)
+            for layer in layers
+        ]
+        if max(errors, default=0.0) <= max_image_error:
+            return model
+    return LADDER[-1]
+
+
+def _layers(
+    task: Task, request: Request, shape: Shape, view: ViewPlan
+) -> tuple[tuple[Layer, ...], tuple[Layer, ...]]:
+    """Return what stands still in the trials, and what moves with the target."""
+    scene = world_scene(task, request.state)
+    seen = relevant(scene.layers, view.microscope, view.focus_um, view.region)
+    own = {layer.name for layer in seen if layer.name.partition(".")[0] == shape.owner}
+    static = tuple(layer for layer in seen if layer.name not in own)
+    heights = {layer.name: layer.z_um for layer in seen}
+    moving = tuple(
+        Layer(
+            name=layer.name,
+            outline=layer.outline,
+            z_um=heights[layer.name],
+            reflectance=layer.reflectance,
+        )
+        for layer in target_layers(task, request.state, shape)
+        if layer.name in own
+    )
+    return static, moving
+
+
+def _target(task: Task, shape: Shape, spot: Place, view: ViewPlan) -> Target:
+    """Return the target in pixels of the region."""
+    scope, region = view.microscope, view.region
+    k = scope.px_per_um
+    return Target(
+        name=shape.name,
+        kind=shape.kind,
+        column=(scope.width_px - 1) / 2 + k * spot.pose.x_um - region.column,
+        row=(scope.height_px - 1) / 2 - k * spot.pose.y_um - region.row,
+        theta_rad=spot.pose.theta_rad,
+        px_per_um=k,
+        search_px=k * search_um(task, spot),
+        theta_range_rad=min(math.pi, SEARCH_SIGMAS * _sigma_theta(task, spot)),
+        symmetry=shape.symmetry,
+        bright=shape.bright,
+        parameters=shape.parameters,
+    )
+
+
+def _sigma_theta(task: Task, spot: Place) -> float:
+    """Return the spread of the target's angle in the trials."""
+    return math.hypot(spot.sigma_theta_rad, task.benchmark.pose_sigma_theta_rad)
+
+
+def _spread(task: Task, spot: Place) -> Spread:
+    """Return what the trials perturb: the task's benchmark and the target's spread."""
+    b = task.benchmark
+    return Spread(
+        focus_sigma_um=b.focus_sigma_um,
+        magnification_sigma=b.magnification_sigma,
+        light_gain=b.light_gain,
+        light_gradient=b.light_gradient,
+        pose_sigma_xy_um=math.hypot(spot.sigma_xy_um, b.pose_sigma_xy_um),
+        pose_sigma_theta_rad=min(_sigma_theta(task, spot), math.pi),
+        search_um=search_um(task, spot),
+    )
+
+
+def _angle_tolerance(request: Request, shape: Shape) -> float | None:
+    """Return how well the angle must be known, None if it need not be."""
+    if not request.wants_angle or shape.symmetry == 0 or shape.kind == "jaws":
+        return None
+    if shape.symmetry > 1:
+        return PERIOD_SHARE * 2 * math.pi / shape.symmetry
+    return ANGLE_RAD

@@ -1,0 +1,253 @@
+"""The compiler: a straight line from a task to a plan folder's content."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib.metadata import version
+
+from featuresel.trials import Map
+from planner.diagnostics import Report
+from planner.inputs.task import Task
+from planner.looks import Effects
+from planner.model.assembly import State, initial
+from planner.model.check import check_fits
+from planner.model.steps import StepState, unfold
+from planner.outputs.emit import PlanFiles
+from planner.outputs.world import build_world
+from planner.presets import PRESETS, Preset
+from planner.requirements import requirements
+from planner.steps import CompiledStep, Memory, compile_step
+from schemas import plan as p
+from schemas.codec import to_data
+from schemas.pose import Pose
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Options:
+    """What the command line may override; None leaves it to the task."""
+
+    preset: Preset | None = None
+    max_image_error: float | None = None
+    jobs: int = 1
+
+
+def compile_task(task: Task, report: Report, options: Options) -> PlanFiles | None:
+    """Return everything a plan folder holds, None if the task contradicts itself.
+
+    A task that is understood but cannot be done gives a plan whose status is
+    `infeasible`, with the reasons and the steps up to the first that failed.
+    """
+    started = time.perf_counter()
+    states = unfold(task, report)
+    check_fits(task, states, report)
+    if report.failed:
+        return None
+    preset = options.preset or task.optimise.prefer
+    limit = options.max_image_error or task.optimise.max_image_error
+    with mapper(options.jobs) as spread:
+        effects = Effects(effort=PRESETS[preset], max_image_error=limit, map=spread)
+        steps, timings = _steps(task, states, effects, report)
+    plan = build_plan(task, states, steps, report, preset=preset, limit=limit)
+    looks = [look for step in steps for look in step.looks]
+    return PlanFiles(
+        plan=plan,
+        world=build_world(task, initial(task)),
+        images={look.look.scene.image: look.picture for look in looks},
+        arrays={k: v for look in looks for k, v in look.arrays.items()},
+        timings={**timings, "total_s": time.perf_counter() - started},
+        inputs=_inputs(),
+    )
+
+
+def build_plan(
+    task: Task,
+    states: Sequence[StepState],
+    steps: Sequence[CompiledStep],
+    report: Report,
+    *,
+    preset: Preset,
+    limit: float,
+) -> p.Plan:
+    """Return the plan of the steps that could be compiled."""
+    start = initial(task)
+    compiled = tuple(step.step for step in steps)
+    chance = 1.0
+    for step in compiled:
+        chance *= step.budget.success_probability
+    complete = len(compiled) == len(states)
+    _report_goal(task, compiled, chance if complete else None, report)
+    reasons = _reasons(report)
+    return p.Plan(
+        format_version=p.FORMAT_VERSION,
+        name=task.name,
+        status="infeasible" if reasons else "feasible",
+        reasons=reasons,
+        provenance=_provenance(task, preset, limit),
+        requirements=requirements(task, states, compiled),
+        beliefs=_beliefs(task, start),
+        features=_features(task),
+        stage_start=p.AxisMove(
+            axes="stage",
+            x_um=start.stage.x_um,
+            y_um=start.stage.y_um,
+            z_um=start.stage.z_um,
+            theta_rad=start.stage.theta_rad,
+        ),
+        robot_start=_robot_start(start),
+        opening_start_um=start.opening_um if start.tool else None,
+        success_probability=chance if complete else 0.0,
+        success_goal=task.success_goal,
+        steps=compiled,
+    )
+
+
+@contextmanager
+def mapper(jobs: int) -> Iterator[Map]:
+    """Yield a `map` that spreads work over `jobs` processes; results keep order."""
+    if jobs <= 1:
+        yield map
+        return
+    with ProcessPoolExecutor(jobs) as pool:
+        yield pool.map
+
+
+def _steps(
+    task: Task, states: tuple[StepState, ...], effects: Effects, report: Report
+) -> tuple[list[CompiledStep], dict[str, float]]:
+    """Return the steps up to the first that cannot be done, and their times."""
+    low, _ = task.workcell.optics.magnification
+    memory = Memory(magnification=low, seen={}, within_um=0.0, key="")
+    found: list[CompiledStep] = []
+    timings: dict[str, float] = {}
+    for index, here in enumerate(states):
+        started = time.perf_counter()
+        step = compile_step(task, states, index, memory, effects, report)
+        timings[f"steps.{here.step.id}_s"] = time.perf_counter() - started
+        if step is None:
+            break
+        found.append(step)
+        memory = step.memory
+    return found, timings
+
+
+def _report_goal(
+    task: Task, steps: Sequence[p.Step], chance: float | None, report: Report
+) -> None:
+    """Report a plan whose chance of success is below the goal."""
+    goal = task.success_goal
+    if goal is None or chance is None or chance >= goal:
+        return
+    weakest = min(steps, key=lambda step: step.budget.success_probability)
+    report.refuse(
+        "MP602",
+        task.where.get("goal.success_probability", task.where["goal"]),
+        f"P(success) is {chance:.4g}, the goal {goal:g}; the weakest step is "
+        f"{weakest.id!r} with {weakest.budget.success_probability:.4g}",
+        weakest.budget.advice,
+    )
+
+
+def _reasons(report: Report) -> tuple[p.Reason, ...]:
+    """Return why the plan is infeasible; empty if it is not."""
+    return tuple(
+        p.Reason(code=d.code, step="", message=d.message)
+        for d in report.in_order
+        if d.severity == "infeasible"
+    )
+
+
+def _provenance(task: Task, preset: Preset, limit: float) -> p.Provenance:
+    """Return what the plan was made from."""
+    return p.Provenance(
+        microplan=version("microplan"),
+        task_sha256=_digest(task.normalised),
+        workcell_sha256=_digest(task.workcell.normalised),
+        drawings_sha256={
+            name: _digest(_part_entry(task, name)) for name in sorted(task.parts)
+        },
+        seed=task.seed,
+        preset=preset,
+        max_image_error=limit,
+    )
+
+
+def _part_entry(task: Task, name: str) -> Mapping[str, object]:
+    """Return a part's normalised entry, its outline included."""
+    parts = task.normalised["parts"]
+    if not isinstance(parts, Mapping):
+        raise TypeError("normalised parts must be a mapping")
+    entry: Mapping[str, object] = parts[name]
+    return entry
+
+
+def _digest(data: object) -> str:
+    """Return the sha256 of plain data, keys sorted."""
+    text = json.dumps(data, sort_keys=True, default=to_data)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _beliefs(task: Task, start: State) -> tuple[p.Belief, ...]:
+    """Return where everything is thought to be before step 1."""
+    found = [
+        p.Belief(
+            name=name,
+            carrier=part.carrier,
+            pose=part.pose,
+            sigma_xy_um=part.sigma_xy_um,
+            sigma_theta_rad=part.sigma_theta_rad,
+        )
+        for name, part in sorted(start.parts.items())
+    ]
+    if start.tool is not None:
+        axes = task.workcell.robot.axes
+        found.append(
+            p.Belief(
+                name=start.tool,
+                carrier="robot",
+                pose=Pose(x_um=0.0, y_um=0.0),
+                sigma_xy_um=axes.repeatability_xy_um,
+                sigma_theta_rad=axes.repeatability_theta_rad,
+            )
+        )
+    return tuple(found)
+
+
+def _features(task: Task) -> tuple[p.FeaturePlace, ...]:
+    """Return where named features sit in their owners."""
+    centers = {
+        f"{part.name}.{name}": (part.name, center)
+        for part in task.parts.values()
+        for name, center in (
+            *((f.name, f.center_um) for f in part.features.values()),
+            *((post.name, post.center_um) for post in part.posts.values()),
+        )
+    }
+    return tuple(
+        p.FeaturePlace(name=name, owner=owner, x_um=center[0], y_um=center[1])
+        for name, (owner, center) in sorted(centers.items())
+    )
+
+
+def _robot_start(start: State) -> p.AxisMove | None:
+    """Return the robot's readings before step 1, None without a tool."""
+    if start.tool is None:
+        return None
+    return p.AxisMove(
+        axes="robot",
+        x_um=start.robot.x_um,
+        y_um=start.robot.y_um,
+        z_um=start.robot.z_um,
+        theta_rad=start.robot.theta_rad,
+    )
+
+
+def _inputs() -> dict[str, object]:
+    """Return versions of what made the plan; never compared."""
+    names = ("microplan", "numpy", "scipy", "opencv-contrib-python-headless", "ezdxf")
+    return {"versions": {name: version(name) for name in names}}

@@ -1,0 +1,143 @@
+"""Which looks a step needs, and how good each must be."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from planner.diagnostics import Span
+from planner.inputs.task import Step, Task
+from planner.model.assembly import State, owner_of
+from planner.model.steps import StepState
+from planner.model.views import SEARCH_SIGMAS
+
+# A look may use up this share of the tolerance it serves, per axis, at two sigma.
+LOOK_SHARE = 0.5
+# A verification compares two looks and must not blur its own limit.
+VERIFY_SHARE = 0.25
+# Of the angular period of a pattern: well inside the half period where teeth swap.
+PERIOD_SHARE = 0.05
+ANGLE_RAD = math.radians(1.0)  # for outlines without a period
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Request:
+    """One look a step asks for."""
+
+    id: str
+    target: str
+    state: State  # of the world while it looks
+    tolerance_um: float | None  # None: a pixel of the magnification chosen
+    wants_angle: bool
+    where: Span
+
+
+def requests(
+    task: Task, states: tuple[StepState, ...], index: int, tolerance_um: float | None
+) -> tuple[Request, ...]:
+    """Return the looks of step `index`.
+
+    Parameters
+    ----------
+    task : Task
+        The task.
+    states : tuple of StepState
+        All steps' states.
+    index : int
+        Which step.
+    tolerance_um : float or None
+        What the step itself must meet (an alignment's tolerance), if it has one.
+    """
+    here = states[index]
+    step = here.step
+    if step.verb == "locate":
+        need = next_tolerance_um(task, states, index)
+        share = None if need is None else LOOK_SHARE * need
+        angle = here.at_look.parts.get(owner_of(step.target or ""))
+        turned = angle is not None and angle.sigma_theta_rad > 0
+        return (_request(step, here.at_look, step.target, "", share, angle=turned),)
+    if step.verb == "align":
+        share = LOOK_SHARE * (tolerance_um or 0.0)
+        angle_needed = step.tolerance_theta_rad is not None
+        return (
+            _request(step, here.at_look, step.target, "", share, angle=angle_needed),
+        )
+    if step.verb == "verify":
+        share = VERIFY_SHARE * (step.within_um or 0.0)
+        return (
+            _request(step, here.at_look, step.target, "target", share, angle=False),
+            _request(step, here.at_look, step.on, "seat", share, angle=False),
+        )
+    return ()
+
+
+def next_tolerance_um(
+    task: Task, states: tuple[StepState, ...], index: int
+) -> float | None:
+    """Return what the next mechanical step needs of what step `index` locates.
+
+    For what the next alignment moves, the range in which its own looks find it; for
+    what it aligns to, the alignment's tolerance, stated or from the fit; None if
+    nothing ever uses it.
+    """
+    owner = owner_of(states[index].step.target or "")
+    for later in states[index + 1 :]:
+        step = later.step
+        names = {owner_of(name) for name in (step.target, step.to) if name}
+        if step.verb == "align" and owner == owner_of(step.target or ""):
+            # the alignment looks again: this look only has to bring it into range
+            return SEARCH_SIGMAS * task.benchmark.pose_sigma_xy_um
+        if step.verb == "align" and owner in names:
+            return step.tolerance_xy_um or _fit_tolerance(task, states, later)
+        if step.verb in ("grasp", "insert") and owner in names:
+            return None
+    return None
+
+
+def insertion_after(states: tuple[StepState, ...], align: StepState) -> Step | None:
+    """Return the insertion that an alignment prepares, None if there is none."""
+    owners = {owner_of(n) for n in (align.step.target, align.step.to) if n}
+    position = states.index(align)
+    for later in states[position + 1 :]:
+        step = later.step
+        if step.verb == "insert":
+            mates = {owner_of(n) for n in (step.target, step.onto) if n}
+            return step if mates == owners else None
+    return None
+
+
+def _fit_tolerance(
+    task: Task, states: tuple[StepState, ...], align: StepState
+) -> float | None:
+    """Return half the clearance of the insertion that an alignment prepares."""
+    step = insertion_after(states, align)
+    if step is None:
+        return None
+    hole_part, _, hole = (step.target or "").partition(".")
+    shaft_part, _, shaft = (step.onto or "").partition(".")
+    feature = task.parts[hole_part].features.get(hole)
+    post = task.parts[shaft_part].posts.get(shaft)
+    if feature is None or post is None:
+        return None
+    room = (feature.radius_um - post.radius_um) / 2
+    return room if room > 0 else None
+
+
+def _request(
+    step: Step,
+    state: State,
+    target: str | None,
+    suffix: str,
+    share: float | None,
+    *,
+    angle: bool,
+) -> Request:
+    """Return one request; `suffix` tells the looks of one step apart."""
+    return Request(
+        id=f"{step.id}.{suffix}" if suffix else step.id,
+        target=target or "",
+        state=state,
+        tolerance_um=share,
+        wants_angle=angle,
+        where=step.spans.get("target", step.where),
+    )

@@ -1,0 +1,41 @@
+"""A plan in a few lines of text."""
+
+from __future__ import annotations
+
+from schemas.plan import Look, Plan, Step
+
+
+def plan_summary(plan: Plan) -> str:
+    """Return one line per step, and the verdict."""
+    width = max((len(step.id) for step in plan.steps), default=4)
+    lines = [f"{step.id:{width}}  {_step_line(step)}" for step in plan.steps]
+    goal = "" if plan.success_goal is None else f", goal {plan.success_goal:g}"
+    lines.append(
+        f"{plan.name}: {plan.status}, P(success) {plan.success_probability:.4f}{goal}"
+        " (simulated)"
+    )
+    return "\n".join(lines)
+
+
+def _step_line(step: Step) -> str:
+    """Return what matters of one step."""
+    parts = [step.verb]
+    parts += [_look_line(look) for look in step.looks]
+    if step.control is not None:
+        parts.append(
+            f"servo to {step.control.tolerance_xy_um:.3g} um, "
+            f"{step.control.expected_cycles:.1f} looks"
+        )
+    if step.budget.success_probability < 1 and step.budget.rows:
+        parts.append(f"P {step.budget.success_probability:.4f}")
+    return "; ".join(parts)
+
+
+def _look_line(look: Look) -> str:
+    """Return what finds the target, and how well."""
+    chain = " > ".join(use.id for use in look.measure.chain)
+    low, high = look.measure.usable_focus_um
+    return (
+        f"{look.target} by {chain} at {look.view.magnification:.3g} x, sigma "
+        f"{look.measure.sigma_xy_um:.2g} um, focus {low:+g}..{high:+g} um"
+    )

@@ -1,0 +1,221 @@
+"""One step's image to a file: what `microplan render` writes."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from featuresel.case import LookCase
+from featuresel.perturb import design, image
+from optics.microscope import Microscope
+from optics.otf import MODELS
+from optics.render import render
+from optics.scene import Illumination, Scene, Window
+from optics.sensor import Sensor, expose, to_unit
+from planner.cases import build_case
+from planner.diagnostics import Report
+from planner.inputs.task import Task
+from planner.model.assembly import State, locate_place
+from planner.model.requests import Request, requests
+from planner.model.scenes import relevant, world_scene
+from planner.model.sightings import views
+from planner.model.steps import StepState, unfold
+from planner.model.views import light_level, microscope_at
+from planner.pictures import picture
+
+FloatArray = npt.NDArray[np.float64]
+
+NOISE_SEED = 0  # of the one noisy frame that --noise shows
+
+
+class RenderError(Exception):
+    """The call cannot be met; `code` is MP4xx or MP7xx."""
+
+    def __init__(self, code: str, message: str) -> None:
+        super().__init__(message)
+        self.code = code
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RenderCall:
+    """What to render; None leaves it to the compiler's choice."""
+
+    step: str
+    magnification: float | None
+    focus_um: float | None
+    model: str | None
+    noise: bool
+    trial: int | None
+    out: Path
+
+
+def render_step(task: Task, call: RenderCall, report: Report) -> str:
+    """Write the image of a step and return a sentence about it.
+
+    Raises
+    ------
+    RenderError
+        If the step, the model or the trial does not exist, or the file cannot be
+        written.
+    """
+    if call.out.suffix not in (".png", ".npy"):
+        raise RenderError("MP702", f"{call.out}: only .png and .npy can be written")
+    if call.model is not None and call.model not in MODELS:
+        known = ", ".join(sorted(MODELS))
+        raise RenderError("MP404", f"no defocus law {call.model!r}; known: {known}")
+    states = unfold(task, report)
+    index = next((i for i, s in enumerate(states) if s.step.id == call.step), None)
+    if index is None:
+        known = ", ".join(s.step.id for s in states)
+        raise RenderError("MP404", f"no step {call.step!r}; known: {known}")
+    shown, said = _image(task, states, index, call, report)
+    _write(call.out, shown)
+    return f"{call.out}: {said}"
+
+
+def _image(
+    task: Task,
+    states: tuple[StepState, ...],
+    index: int,
+    call: RenderCall,
+    report: Report,
+) -> tuple[FloatArray, str]:
+    """Return the picture and what it shows."""
+    found = requests(task, states, index, None)
+    if call.trial is not None:
+        if not found:
+            raise RenderError("MP404", f"step {call.step!r} has no look to try")
+        return _trial(task, found[0], call, report)
+    state = found[0].state if found else states[index].after
+    scope, focus, level = _setting(task, states, index, call, report)
+    return _frame(task, state, scope, focus, level, call)
+
+
+def _frame(
+    task: Task,
+    state: State,
+    scope: Microscope,
+    focus_um: float,
+    level: float,
+    call: RenderCall,
+) -> tuple[FloatArray, str]:
+    """Return the whole frame of a state."""
+    full = Window(row=0, column=0, rows=scope.height_px, columns=scope.width_px)
+    scene = world_scene(task, state)
+    seen = relevant(scene.layers, scope, focus_um, full)
+    model = call.model or "hopkins"
+    shown = render(
+        Scene(layers=seen, background=scene.background),
+        scope,
+        focus_um=focus_um,
+        model=model,
+        light=Illumination(gain=level),
+    )
+    shown = np.clip(shown, 0.0, 1.0)
+    if call.noise:
+        shown = _noisy(task, shown)
+    said = f"{call.step} at {scope.magnification:.4g} x, focus {focus_um:g} um, {model}"
+    return shown, said
+
+
+def _setting(
+    task: Task,
+    states: tuple[StepState, ...],
+    index: int,
+    call: RenderCall,
+    report: Report,
+) -> tuple[Microscope, float, float]:
+    """Return microscope, focus and light level, as compiled where not overridden."""
+    found = requests(task, states, index, None)
+    low, high = task.workcell.optics.magnification
+    zoom, focus = low, _focus_of(task, states[index])
+    if found:
+        settings = views(task, found[0], low, report)
+        if settings:
+            zoom, focus = settings[0].microscope.magnification, settings[0].focus_um
+    if call.magnification is not None:
+        zoom = call.magnification
+        if not low <= zoom <= high:
+            raise RenderError(
+                "MP404", f"magnification {zoom:g} is outside {low:g} to {high:g}"
+            )
+    if call.focus_um is not None:
+        focus = call.focus_um
+    if not math.isfinite(focus):
+        raise RenderError("MP404", f"focus must be finite, got {focus}")
+    state = found[0].state if found else states[index].after
+    scene = world_scene(task, state)
+    return (
+        microscope_at(task.workcell, zoom),
+        focus,
+        light_level(task.workcell, scene.layers, task.benchmark),
+    )
+
+
+def _focus_of(task: Task, here: StepState) -> float:
+    """Return the face that a step without a look is about: its target, else the part
+    held, else the highest thing the next look may see."""
+    name = here.step.target or here.after.held or next(iter(sorted(here.after.parts)))
+    return locate_place(task, here.after, name).z_um
+
+
+def _trial(
+    task: Task, look: Request, call: RenderCall, report: Report
+) -> tuple[FloatArray, str]:
+    """Return the region of one trial, bit for bit as the benchmark had it."""
+    index = call.trial or 0
+    if index < 0:
+        raise RenderError("MP404", f"trials count from 0, got {index}")
+    case = _case(task, look, call, report)
+    trial = design(case, index + 1, task.seed)[index]
+    if call.focus_um is not None or call.model is not None:
+        raise RenderError("MP404", "--trial sets focus and model itself")
+    said = (
+        f"trial {index} of {look.id} at {case.microscope.magnification:.4g} x: "
+        f"target {trial.dx_um:+.3g}, {trial.dy_um:+.3g} um, focus {trial.dz_um:+.3g} "
+        f"um, zoom x {trial.magnification:.5g}, {trial.model}"
+    )
+    return image(case, trial), said
+
+
+def _case(task: Task, look: Request, call: RenderCall, report: Report) -> LookCase:
+    """Return the look's case at the first magnification, or the one asked for."""
+    low, _ = task.workcell.optics.magnification
+    settings = views(task, look, low, report)
+    for view in settings:
+        zoom = view.microscope.magnification
+        if call.magnification is None or math.isclose(zoom, call.magnification):
+            return build_case(task, look, view, task.optimise.max_image_error)
+    tried = ", ".join(f"{v.microscope.magnification:.6g}" for v in settings)
+    raise RenderError("MP404", f"{look.id} is tried at {tried or 'no'} x only")
+
+
+def _noisy(task: Task, shown: FloatArray) -> FloatArray:
+    """Return the image as the sensor gives it."""
+    camera = task.workcell.camera
+    sensor = Sensor(
+        full_well_e=camera.full_well_e,
+        read_noise_e=camera.read_noise_e,
+        bits=camera.bits,
+    )
+    rng = np.random.default_rng(NOISE_SEED)
+    return to_unit(expose(shown, sensor, rng), camera.bits)
+
+
+def _write(path: Path, shown: FloatArray) -> None:
+    """Write 8-bit PNG, or float64 npy in 0..1."""
+    try:
+        if path.suffix == ".npy":
+            np.save(path, shown)
+            return
+        ok, data = cv2.imencode(".png", picture(shown))
+        if not ok:
+            raise OSError("the image could not be encoded")
+        path.write_bytes(data.tobytes())
+    except OSError as error:
+        raise RenderError("MP702", f"{path} cannot be written: {error}") from error

@@ -1,0 +1,273 @@
+"""One step compiled: its looks, action, control, conditions and budget."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from planner.checks.budget import (
+    Sighted,
+    blind_rows,
+    empty_budget,
+    fit_of,
+    grasp_budget,
+    insert_budget,
+    release_budget,
+)
+from planner.control import control_of, insertion_travel_um, residual_of, tolerance_um
+from planner.diagnostics import Report
+from planner.inputs.task import Move, Step, Task
+from planner.looks import CompiledLook, Effects, compile_look
+from planner.model.assembly import locate_place, owner_of
+from planner.model.requests import requests
+from planner.model.steps import StepState
+from schemas import plan as p
+from schemas.codec import to_data
+
+IRREVERSIBLE = ("grasp", "insert", "release")
+PHYSICAL = (*IRREVERSIBLE, "move", "align")
+
+# What a look may be tried again for, and how often: noise is new every time.
+RETRIES = (
+    p.OnFailure(code="MP820", do="retry", times=2),
+    p.OnFailure(code="MP821", do="retry", times=2),
+    p.OnFailure(code="MP822", do="retry", times=1),
+)
+# A height sweep reaches this many limits to either side of the expected height, in
+# steps that put at least four stops on the peak of a routine at the lowest zoom.
+SWEEP_LIMITS, SWEEP_STOPS = 3.0, 13
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Memory:
+    """What earlier steps leave for later ones."""
+
+    magnification: float  # the microscope is at
+    seen: Mapping[str, Sighted]  # owner -> its last look
+    within_um: float  # of the last alignment
+    key: str  # journal key of the step before
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CompiledStep:
+    """A step as the plan has it, its looks with their files, and what it leaves."""
+
+    step: p.Step
+    looks: tuple[CompiledLook, ...]
+    memory: Memory
+
+
+def compile_step(
+    task: Task,
+    states: tuple[StepState, ...],
+    index: int,
+    memory: Memory,
+    effects: Effects,
+    report: Report,
+) -> CompiledStep | None:
+    """Return step `index`, None if one of its looks cannot be done."""
+    here = states[index]
+    goal = memory.seen.get(owner_of(here.step.to or ""))
+    within: float | None = None
+    if here.step.verb == "align":
+        within = tolerance_um(task, states, here, goal, report)
+    looks = []
+    for request in requests(task, states, index, within):
+        look = compile_look(task, request, effects, memory.magnification, report)
+        if look is None:
+            return None
+        looks.append(look)
+        memory = _remember(memory, look)
+    if within is not None:
+        memory = replace(memory, within_um=within)
+    step = _step(task, states, here, tuple(looks), memory)
+    step = replace(step, key=journal_key(step, memory.key))
+    return CompiledStep(
+        step=step, looks=tuple(looks), memory=replace(memory, key=step.key)
+    )
+
+
+def journal_key(step: p.Step, before: str) -> str:
+    """Return the sha256 of a step's content and the key of the step before it."""
+    content = json.dumps(to_data(replace(step, key="")), sort_keys=True)
+    return hashlib.sha256(f"{before}\n{content}".encode()).hexdigest()
+
+
+def axis_move(move: Move, speed_um_per_s: float | None = None) -> p.AxisMove:
+    """Return a task's move as the plan has it."""
+    return p.AxisMove(
+        axes=move.axes,
+        x_um=move.to.x_um,
+        y_um=move.to.y_um,
+        z_um=move.to.z_um,
+        theta_rad=move.to.theta_rad,
+        speed_um_per_s=speed_um_per_s,
+    )
+
+
+def _remember(memory: Memory, look: CompiledLook) -> Memory:
+    """Return the memory after a look."""
+    measure, view = look.look.measure, look.look.view
+    seen = Sighted(
+        name=look.look.target,
+        sigma_um=measure.sigma_xy_um,
+        bias_um=0.0,  # the executor takes the mean error off
+        magnification=view.magnification,
+        focus_um=view.focus_um,
+    )
+    return replace(
+        memory,
+        magnification=view.magnification,
+        seen={**memory.seen, owner_of(look.look.target): seen},
+    )
+
+
+def _step(
+    task: Task,
+    states: tuple[StepState, ...],
+    here: StepState,
+    looks: Sequence[CompiledLook],
+    memory: Memory,
+) -> p.Step:
+    """Return the plan's step, without its key."""
+    step = here.step
+    control = None
+    if step.verb == "align":
+        control = control_of(task, step, memory.within_um)
+    return p.Step(
+        id=step.id,
+        verb=step.verb,
+        key="",
+        physical=step.verb in PHYSICAL or bool(here.moves),
+        irreversible=step.verb in IRREVERSIBLE,
+        moves=tuple(axis_move(move) for move in here.moves),
+        looks=tuple(look.look for look in looks),
+        action=_action(task, here, looks),
+        control=control,
+        conditions=_conditions(task, here),
+        budget=_budget(task, states, here, memory),
+    )
+
+
+def _action(task: Task, here: StepState, looks: Sequence[CompiledLook]) -> p.Action:
+    """Return what the step does."""
+    step, target = here.step, here.step.target or ""
+    tool = step.tool or here.before.tool or ""
+    if step.verb == "locate":
+        return p.LocateAction(target=looks[0].look.target, look=looks[0].look.id)
+    if step.verb == "align":
+        return p.AlignAction(
+            target=target,
+            to=step.to or "",
+            look=looks[0].look.id,
+            axes=locate_place(task, here.before, target).carrier,
+            path=here.path,
+        )
+    if step.verb == "grasp":
+        opening = step.opening_um or 0.0
+        return p.GraspAction(target=owner_of(target), tool=tool, opening_um=opening)
+    if step.verb == "insert":
+        moves = tuple(axis_move(m, step.speed_um_per_s) for m in step.move)
+        return p.InsertAction(target=target, onto=step.onto or "", moves=moves)
+    if step.verb == "release":
+        opening = step.opening_um or here.before.opening_um
+        return p.ReleaseAction(target=owner_of(target), tool=tool, opening_um=opening)
+    if step.verb == "verify":
+        return _verify(step, looks)
+    return p.MoveAction()
+
+
+def _verify(step: Step, looks: Sequence[CompiledLook]) -> p.VerifyAction:
+    """Return the verification: offset, height and an empty tool."""
+    target, seat = looks[0], looks[1]
+    return p.VerifyAction(
+        target=step.target or "",
+        on=step.on or "",
+        look=target.look.id,
+        seat_look=seat.look.id,
+        within_um=step.within_um or 0.0,
+        height=_height_search(target, step.height_within_um),
+        empty=step.empty,
+    )
+
+
+def _height_search(
+    look: CompiledLook, within_um: float | None
+) -> p.HeightSearch | None:
+    """Return the focus sweep that measures the height of the target's face."""
+    if within_um is None:
+        return None
+    middle = look.look.view.focus_um
+    reach = SWEEP_LIMITS * within_um
+    stops = np.linspace(middle - reach, middle + reach, SWEEP_STOPS)
+    parameters = look.case.target.parameters
+    return p.HeightSearch(
+        look=look.look.id,
+        expected_um=middle,
+        within_um=within_um,
+        focus_um=tuple(float(z) for z in stops),
+        ring_radius_um=parameters.get("outer_um", parameters.get("radius_um", 0.0)),
+    )
+
+
+def _conditions(task: Task, here: StepState) -> p.Conditions:
+    """Return what must hold before and after, and the way back."""
+    step, verb = here.step, here.step.verb
+    before, after = _facts(here)
+    retreat: tuple[p.AxisMove, ...] = ()
+    if verb == "insert":
+        back = here.before.stage.z_um
+        retreat = (p.AxisMove(axes="stage", z_um=back),)
+    if step.verb == "grasp":
+        retreat = ()
+    del task
+    return p.Conditions(before=before, after=after, retreat=retreat, on_failure=RETRIES)
+
+
+def _facts(here: StepState) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return what is true before and after the step, as far as sensors can tell."""
+    step = here.step
+
+    def held(name: str | None) -> str:
+        return f"{name} is held" if name else "the tool holds nothing"
+
+    before = [held(here.before.held)] if here.before.tool else []
+    after = [held(here.after.held)] if here.after.tool else []
+    if step.verb in ("locate", "align"):
+        after.append(f"{step.target} is measured")
+    if step.verb == "align":
+        before.append(f"{step.target} and {step.to} are measured")
+        after.append(f"{step.target} is at {step.to}")
+    return tuple(before), tuple(after)
+
+
+def _budget(
+    task: Task, states: tuple[StepState, ...], here: StepState, memory: Memory
+) -> p.Budget:
+    """Return the error budget of the step's mechanical action."""
+    step = here.step
+    if step.verb == "grasp":
+        return grasp_budget(task, here.before, step)
+    if step.verb == "release":
+        return release_budget(task, here.before.tool or "")
+    if step.verb != "insert":
+        return empty_budget()
+    fit = fit_of(task, step)
+    if fit is None:
+        return empty_budget()
+    hole = memory.seen.get(owner_of(step.target or ""))
+    shaft = memory.seen.get(owner_of(step.onto or ""))
+    travel = insertion_travel_um(states, step)
+    within = memory.within_um if math.isfinite(memory.within_um) else 0.0
+    return insert_budget(
+        task,
+        fit,
+        residual_of(task, within),
+        blind_rows(task.workcell, travel, hole, shaft),
+        bias_um=0.0,
+    )
