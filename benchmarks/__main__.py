@@ -31,6 +31,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("names", nargs="*", metavar="NAME", help="figures; default all")
     parser.add_argument("--seeds", type=_seeds, default=Options().seeds)
     parser.add_argument("--jobs", type=int, default=Options().jobs)
+    parser.add_argument("--plan", type=Path, help="plan.json; default: compile it")
     parser.add_argument("--out", type=Path, default=RESULTS)
     call = parser.parse_args(argv)
     try:
@@ -38,7 +39,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     except ValueError as error:
         parser.error(str(error))
     figures: list[Figure] = []
-    for figure in run(chosen, Options(seeds=call.seeds, jobs=call.jobs)):
+    options = Options(seeds=call.seeds, jobs=call.jobs, plan=call.plan)
+    for figure in run(chosen, options):
         print(json.dumps(figure.form()), flush=True)
         figures.append(figure)
     write(figures, call.out)

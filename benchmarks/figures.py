@@ -49,6 +49,7 @@ class Options:
 
     seeds: range = range(100, 300)
     jobs: int = 2
+    plan: Path | None = None  # a compiled plan.json; None: compile it first
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -73,8 +73,10 @@ def perform_all(
 def _measure(options: Options) -> Iterator[Figure]:
     with TemporaryDirectory() as name:
         folder = Path(name)
-        compile_s(folder / "example.plan", options.jobs)
-        plan = folder / "example.plan" / "plan.json"
+        plan = options.plan
+        if plan is None:
+            compile_s(folder / "example.plan", options.jobs)
+            plan = folder / "example.plan" / "plan.json"
         predicted = json.loads(plan.read_text(encoding="utf-8"))["success_probability"]
         outcomes = perform_all(plan, folder, options.seeds, options.jobs)
     yield from figures(outcomes, predicted)

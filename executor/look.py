@@ -39,7 +39,8 @@ def look_at(rig: Rig, look: Look, on_failure: Sequence[OnFailure] = ()) -> Sight
     look : Look
         What to look at, and how.
     on_failure : sequence of OnFailure
-        How often a failure's code, or the routine's own, may be tried again.
+        How often a failure's code, or the routine's own, may be tried again. Every
+        try takes the view's next focus stop, and each stop is tried once at least.
 
     Raises
     ------
@@ -53,7 +54,8 @@ def look_at(rig: Rig, look: Look, on_failure: Sequence[OnFailure] = ()) -> Sight
             sighting = _sight(rig, look, tries)
         except ExecutorError as error:
             rig.journal.write("not_seen", look=look.id, code=error.code, why=str(error))
-            if tries > _retries(error, on_failure):
+            further = len(look.view.focus_stops_um)
+            if tries > max(_retries(error, on_failure), further):
                 raise
             continue
         rig.beliefs.update(
@@ -84,7 +86,8 @@ def _retries(error: ExecutorError, on_failure: Sequence[OnFailure]) -> int:
 def _sight(rig: Rig, look: Look, tries: int) -> Sighting:
     """Look once: the chain, then the fallback if the chain fails aloud."""
     rig.journal.write("look", look=look.id, target=look.target)
-    rig.set_view(look.view)
+    stops = (look.view.focus_um, *look.view.focus_stops_um)
+    rig.set_view(look.view, focus_um=stops[(tries - 1) % len(stops)])
     counts = rig.grab(look.measure.region)
     image = to_unit(counts, rig.plan.requirements.bits)
     try:

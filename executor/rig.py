@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from executor.artifacts import Artifacts
 from executor.beliefs import Beliefs, Readings
@@ -66,13 +66,7 @@ class Rig:
             lens.set_focus_um(focus)
         if old is None or old.light != view.light:
             self.station.light.set_level(view.light)
-        self.view = View(
-            magnification=view.magnification,
-            focus_um=focus,
-            light=view.light,
-            field_um=view.field_um,
-            um_per_px=view.um_per_px,
-        )
+        self.view = replace(view, focus_um=focus)
 
     def grab(self, region: Region | None, *, keep: bool = True) -> Counts:
         """Return a frame of `region`, by default kept for the record.

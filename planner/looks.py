@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -15,7 +16,7 @@ from featuresel.routines import Artifact, Failure, load
 from featuresel.score import Score, score
 from featuresel.select import Selection, select
 from featuresel.trials import Map, Outcome, Prepared, is_wrong, prepare, run
-from featuresel.usable import usable_range
+from featuresel.usable import UsableRange, usable_range
 from optics.fidelity import ledger
 from optics.jacobian import point_jacobian, to_px
 from optics.render import render
@@ -23,11 +24,12 @@ from optics.scene import Scene, Window
 from planner.cases import build_case
 from planner.diagnostics import Report
 from planner.inputs.task import Task
+from planner.model.assembly import height_sigma_um
 from planner.model.requests import Request
 from planner.model.scenes import relevant, shade_of, world_scene
 from planner.model.sightings import needed_shape, spot_of, views
 from planner.model.targets import Shape
-from planner.model.views import ViewPlan
+from planner.model.views import ViewPlan, focus_stops
 from planner.pictures import Picture, picture, picture_sha256
 from planner.presets import Effort
 from schemas import plan as p
@@ -122,16 +124,23 @@ def _finish(
 ) -> CompiledLook:
     """Return what the plan says of a look whose chain is chosen."""
     case, shape = tried.case, needed_shape(task, request)
+    usable = usable_range(
+        case,
+        tried.prepared,
+        chosen.chain,
+        root_seed=task.seed,
+        draws=effects.effort.range_draws,
+    )
     image = _reference_image(task, request, case)
     name = f"images/{request.id}.png"
     return CompiledLook(
         look=p.Look(
             id=request.id,
             target=shape.name,
-            view=_view(case),
+            view=_view(task, request, case, usable.focus_um),
             scene=_scene_record(task, request, case, shape, name, image),
             effects=_effects(case, effects.max_image_error),
-            measure=_measure(task, request, shape, tried, chosen, effects),
+            measure=_measure(request, shape, tried, chosen, usable),
             evidence=_evidence(tried, chosen),
         ),
         case=case,
@@ -140,11 +149,20 @@ def _finish(
     )
 
 
-def _view(case: LookCase) -> p.View:
+def _view(
+    task: Task, request: Request, case: LookCase, usable_um: tuple[float, float]
+) -> p.View:
     """Return how the microscope is set."""
+    focus = task.workcell.optics.focus
+    owner = needed_shape(task, request).owner
+    spread = math.hypot(
+        height_sigma_um(task, request.state, owner), focus.repeatability_um
+    )
+    limits = (focus.min_um, focus.max_um)
     return p.View(
         magnification=case.microscope.magnification,
         focus_um=case.focus_um,
+        focus_stops_um=focus_stops(case.focus_um, usable_um, spread, limits),
         light=case.light.gain,
         field_um=case.microscope.field_um,
         um_per_px=case.microscope.um_per_px,
@@ -264,22 +282,14 @@ def _use(look: str, tried: _Benchmark, name: str) -> p.RoutineUse:
 
 
 def _measure(
-    task: Task,
     request: Request,
     shape: Shape,
     tried: _Benchmark,
     chosen: Score,
-    effects: Effects,
+    usable: UsableRange,
 ) -> p.Measure:
     """Return how the look measures, with what the trials promise."""
     case, spare = tried.case, tried.selection.fallback
-    usable = usable_range(
-        case,
-        tried.prepared,
-        chosen.chain,
-        root_seed=task.seed,
-        draws=effects.effort.range_draws,
-    )
     return p.Measure(
         chain=tuple(_use(request.id, tried, name) for name in chosen.chain),
         fallback=tuple(

@@ -38,9 +38,13 @@ RETRIES = (
     p.OnFailure(code="MP821", do="retry", times=2),
     p.OnFailure(code="MP822", do="retry", times=1),
 )
-# A height sweep reaches this many limits to either side of the expected height, in
-# steps that put at least four stops on the peak of a routine at the lowest zoom.
-SWEEP_LIMITS, SWEEP_STOPS = 3.0, 13
+# A height sweep reaches this many limits to either side of the expected height.
+SWEEP_LIMITS = 3.0
+# Between stops the geometrical blur grows by this many pixels (or, where pixels are
+# finer, the height changes by a wave depth of field), which puts five stops and more on
+# the upper half of the focus curve.
+SWEEP_BLUR_PX = 2.5
+LEAST_STOPS = 9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -203,8 +207,10 @@ def _height_search(
     if within_um is None:
         return None
     middle = look.look.view.focus_um
-    reach = SWEEP_LIMITS * within_um
-    stops = np.linspace(middle - reach, middle + reach, SWEEP_STOPS)
+    reach, scope = SWEEP_LIMITS * within_um, look.case.microscope
+    pixels = SWEEP_BLUR_PX * scope.um_per_px / scope.blur_diameter_um(1.0)
+    count = math.ceil(2 * reach / max(pixels, scope.wave_depth_um)) + 1
+    stops = np.linspace(middle - reach, middle + reach, max(count, LEAST_STOPS))
     parameters = look.case.target.parameters
     return p.HeightSearch(
         look=look.look.id,

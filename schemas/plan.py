@@ -47,6 +47,7 @@ class View:
 
     magnification: float
     focus_um: float  # world height of the plane in focus
+    focus_stops_um: tuple[float, ...]  # tried in turn where nothing is found at first
     light: float  # level of the light [1]
     field_um: tuple[float, float]  # width, height
     um_per_px: float

@@ -173,6 +173,11 @@ def part_sigma_um(task: Task, state: State, name: str) -> float:
     return math.hypot(part.sigma_xy_um, task.workcell.robot.axes.repeatability_xy_um)
 
 
+def height_sigma_um(task: Task, state: State, owner: str) -> float:
+    """Return the spread of a part's or tool's height about nominal."""
+    return next(b.sigma_z_um for b in bodies(task, state) if b.owner == owner)
+
+
 def owner_of(name: str) -> str:
     """Return the part or tool that a dotted name belongs to."""
     return name.partition(".")[0]

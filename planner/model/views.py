@@ -10,7 +10,7 @@ from optics.microscope import Microscope
 from optics.scene import Layer, Window
 from planner.diagnostics import Report, Span
 from planner.inputs.task import Benchmark
-from planner.inputs.workcell import Workcell
+from planner.inputs.workcell import Interval, Workcell
 from planner.model.assembly import Place
 from planner.model.sweep import SIGMAS
 from planner.model.targets import Box, Shape
@@ -19,6 +19,7 @@ LADDER = math.sqrt(2.0)  # ratio of neighbouring magnifications that are tried
 FINEST_PX = 4.0  # pixels that the finest detail must cover
 SEARCH_SIGMAS = 3.0  # half-width of the search, in spreads of the target's place
 CONTEXT_UM = 20.0  # surroundings that calipers need beyond the target
+STOP_OVERLAP = 1.5  # of a usable side between stops: half of it is shared
 BRIGHTEST = 0.95  # share of full scale that the brightest face may reach
 
 
@@ -119,6 +120,40 @@ def focus_for(
         "bring it to another height, or widen optics.focus in the workcell",
     )
     return None
+
+
+def focus_stops(
+    focus_um: float, usable_um: Interval, spread_um: float, limits_um: Interval
+) -> tuple[float, ...]:
+    """Return further heights to focus on where the target's own height is uncertain.
+
+    Parameters
+    ----------
+    focus_um : float
+        The first height tried.
+    usable_um : (low, high)
+        Focus errors at which the routine still measures, low <= 0 <= high.
+    spread_um : float
+        One sigma of the target's height.
+    limits_um : (low, high)
+        What the focus drive reaches.
+
+    Returns
+    -------
+    tuple of float
+        Nearest first, until SEARCH_SIGMAS are covered; empty if `focus_um` covers them.
+        Neighbouring stops share half a usable side, so that none is left between them.
+    """
+    reach = SEARCH_SIGMAS * spread_um
+    side = min(-usable_um[0], usable_um[1])
+    if reach <= side or side <= 0:
+        return ()
+    count = math.ceil((reach - side) / (STOP_OVERLAP * side))
+    offsets = [
+        sign * k * STOP_OVERLAP * side for k in range(1, count + 1) for sign in (1, -1)
+    ]
+    low, high = limits_um
+    return tuple(focus_um + d for d in offsets if low <= focus_um + d <= high)
 
 
 def light_level(cell: Workcell, layers: Iterable[Layer], spread: Benchmark) -> float:

@@ -383,6 +383,7 @@ class Folder:
             view=View(
                 magnification=MAGNIFICATION,
                 focus_um=focus_um,
+                focus_stops_um=(),
                 light=1.0,
                 field_um=microscope.field_um,
                 um_per_px=microscope.um_per_px,

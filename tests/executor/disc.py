@@ -87,6 +87,7 @@ def look() -> tuple[Look, Artifacts]:
         view=View(
             magnification=7.5,
             focus_um=0.0,
+            focus_stops_um=(),
             light=1.0,
             field_um=(640.0, 480.0),
             um_per_px=PITCH_UM,
