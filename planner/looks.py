@@ -37,7 +37,6 @@ from schemas.pose import Pose
 
 Arrays = Mapping[str, Mapping[str, npt.NDArray[np.float32]]]
 
-MOST_VIEWS = 3  # magnifications tried before a look is given up
 # Gates lie outside what every accepted trial showed, by these margins.
 SCORE_MARGIN = 0.8
 SHIFT_MARGIN = 1.5
@@ -74,9 +73,8 @@ def compile_look(
     Magnifications are tried in order of preference until a chain of routines meets the
     tolerance; `current` is the one the microscope is at.
     """
-    for_view = views(task, request, current, report)
     failed: list[tuple[ViewPlan, Selection]] = []
-    for view in for_view[:MOST_VIEWS]:
+    for view in views(task, request, current, report):
         case = build_case(task, request, view, effects.max_image_error)
         trial = _benchmark(task, case, effects)
         if trial.selection.chosen is not None:
@@ -380,7 +378,7 @@ def _report_failure(
     request: Request, failed: list[tuple[ViewPlan, Selection]], report: Report
 ) -> None:
     """Report that no chain is good enough, with the best reason of each view."""
-    view, selection = failed[0]
+    view, selection = failed[-1]
     reasons = "; ".join(
         f"{' > '.join(chain)}: {why}" for chain, why in selection.reasons
     )
