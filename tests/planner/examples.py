@@ -1,0 +1,74 @@
+"""The gear-on-shaft example, whole or cut down, changed as a test needs it."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+from planner.diagnostics import Report
+from planner.inputs.read_task import load_task
+from planner.inputs.task import Task
+
+ROOT = Path(__file__).parents[2]
+EXAMPLE = ROOT / "examples" / "gear_on_shaft"
+ONE_LOOK = "{id: see_post, do: locate, target: shaft_plate.post, view_um: [0, 0]}"
+# A reading of the stage that puts the gear on the axis, for tasks without looks.
+GRASP = "{id: grasp, do: grasp, target: gear, with: tweezers, opening_um: 96}"
+
+
+def copy_example(folder: Path) -> Path:
+    """Return the task file of a copy of the example."""
+    return Path(shutil.copytree(EXAMPLE, folder)) / "task.yaml"
+
+
+def change(file: Path, old: str, new: str) -> None:
+    """Replace the only place where `old` stands in a file."""
+    text = file.read_text(encoding="utf-8")
+    assert text.count(old) == 1, f"{file.name} holds {old!r} {text.count(old)} times"
+    file.write_text(text.replace(old, new), encoding="utf-8")
+
+
+def cut(file: Path, *steps: str) -> None:
+    """Replace the steps of a task, each given as a YAML flow mapping."""
+    text = file.read_text(encoding="utf-8")
+    body = "".join(f"  - {step}\n" for step in steps)
+    fresh, count = re.subn(r"(?ms)^steps:\n.*?^$", f"steps:\n{body}", text)
+    assert count == 1
+    file.write_text(fresh, encoding="utf-8")
+
+
+def read(file: Path) -> Task:
+    """Return the task that a file holds, which must be in order."""
+    report = Report()
+    task = load_task(str(file), report)
+    assert task is not None, [d.message for d in report.found]
+    return task
+
+
+def between_jaws(file: Path) -> None:
+    """Start with the gear between the jaws, as if found and aligned."""
+    change(file, "{x_um: -600, y_um: 0, z_um: 0, theta_deg: 0}", "{x_um: -600}")
+    change(
+        file,
+        "theta: any, sigma_xy_um: 30, face: up}",
+        "theta: any, sigma_xy_um: 1, face: up}",
+    )
+    change(file, "y_um: 3000, z_um: 400, opening_um", "y_um: 0, z_um: 30, opening_um")
+
+
+def microplan(
+    *words: str, hash_seed: str = "0", folder: Path = ROOT
+) -> subprocess.CompletedProcess[str]:
+    """Return what `microplan` with these arguments did, in a process of its own."""
+    return subprocess.run(
+        [sys.executable, "-m", "planner.cli", *words],
+        cwd=folder,
+        env={**os.environ, "PYTHONHASHSEED": hash_seed},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
