@@ -16,7 +16,7 @@ $(STAMP): pyproject.toml constraints.txt
 	touch $@
 
 demo: install
-	$(BIN)/python -m examples.gear_on_shaft.demo --out $(DEMO)
+	$(BIN)/python examples/gear_on_shaft/demo.py --out $(DEMO)
 
 check: install
 	$(BIN)/ruff format --check .

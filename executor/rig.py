@@ -69,13 +69,29 @@ class Rig:
         self.view = replace(view, focus_um=focus)
 
     def grab(self, region: Region | None, *, keep: bool = True) -> Counts:
-        """Return a frame of `region`, by default kept for the record.
+        """Return a frame of `region`.
+
+        Where frames are kept for the record, the whole frame is taken, kept, and the
+        region cut out of it.
 
         Raises
         ------
         ExecutorError
             MP841 if the camera returns another size.
         """
+        if region is None or not (keep and self.frames.wanted):
+            counts = self._checked(region)
+            if keep:
+                self.frames.keep(counts)
+            return counts
+        whole = self._checked(None)
+        self.frames.keep(whole)
+        rows = slice(region.row, region.row + region.rows)
+        columns = slice(region.column, region.column + region.columns)
+        return whole[rows, columns]
+
+    def _checked(self, region: Region | None) -> Counts:
+        """Return the camera's frame if it has the size that was asked for."""
         counts = self.station.camera.grab(region)
         need = self.plan.requirements
         size = (need.height_px, need.width_px)
@@ -84,8 +100,6 @@ class Rig:
             raise ExecutorError(
                 "MP841", f"the camera gave {counts.shape} pixels, not {wanted}"
             )
-        if keep:
-            self.frames.keep(counts)
         return counts
 
     def frame_of(self, look: Look) -> RegionFrame:
