@@ -116,5 +116,9 @@ def _swap(fresh: Path, folder: Path) -> None:
         return
     old = fresh.with_name(fresh.name + ".old")
     folder.rename(old)
-    fresh.rename(folder)
+    try:
+        fresh.rename(folder)
+    except BaseException:
+        old.rename(folder)
+        raise
     shutil.rmtree(old)

@@ -1,0 +1,131 @@
+"""The plan folder is replaced whole or not at all."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from planner.cli import main
+from planner.compiler import Options, compile_task
+from planner.diagnostics import Report
+from planner.outputs.emit import OutputError, PlanFiles, write_folder
+from tests.planner.examples import GRASP, between_jaws, copy_example, cut, read
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory: pytest.TempPathFactory) -> PlanFiles:
+    """Return a plan without looks, and a picture."""
+    task = copy_example(tmp_path_factory.mktemp("emit") / "task")
+    between_jaws(task)
+    cut(task, GRASP)
+    found = compile_task(read(task), Report(), Options(preset="fast"))
+    assert found is not None
+    black = np.zeros((4, 6), dtype=np.uint8)
+    arrays = {"artifacts/a.npz": {"b": np.ones(3, np.float32)}}
+    return replace(found, images={"images/a.png": black}, arrays=arrays)
+
+
+def content(folder: Path) -> dict[str, bytes]:
+    """Return every file below a folder."""
+    return {
+        p.relative_to(folder).as_posix(): p.read_bytes()
+        for p in folder.rglob("*")
+        if p.is_file()
+    }
+
+
+def test_a_folder_holds_what_it_should(files: PlanFiles, tmp_path: Path) -> None:
+    folder = tmp_path / "deep" / "x.plan"
+    write_folder(files, folder)
+    assert sorted(content(folder)) == [
+        "artifacts/a.npz", "images/a.png", "inputs.json", "plan.json", "timings.json",
+        "world.json",
+    ]  # fmt: skip
+    assert list(folder.parent.iterdir()) == [folder]  # nothing is left beside it
+
+
+def test_the_same_files_give_the_same_bytes(files: PlanFiles, tmp_path: Path) -> None:
+    write_folder(files, tmp_path / "a")
+    write_folder(files, tmp_path / "b")
+    assert content(tmp_path / "a") == content(tmp_path / "b")
+
+
+def test_an_old_plan_is_replaced_whole(files: PlanFiles, tmp_path: Path) -> None:
+    folder = tmp_path / "x.plan"
+    write_folder(files, folder)
+    (folder / "images" / "stale.png").write_bytes(b"old")
+    write_folder(replace(files, images={}), folder)
+    assert "images/stale.png" not in content(folder)
+    assert "images/a.png" not in content(folder)
+    assert list(tmp_path.iterdir()) == [folder]
+
+
+def test_an_empty_folder_is_taken(files: PlanFiles, tmp_path: Path) -> None:
+    (tmp_path / "x.plan").mkdir()
+    write_folder(files, tmp_path / "x.plan")
+    assert "plan.json" in content(tmp_path / "x.plan")
+
+
+def test_a_foreign_folder_is_left_alone(files: PlanFiles, tmp_path: Path) -> None:
+    (tmp_path / "thesis").mkdir()
+    (tmp_path / "thesis" / "chapter.txt").write_text("years", encoding="utf-8")
+    (tmp_path / "file").write_text("x", encoding="utf-8")
+    for name in ("thesis", "file"):
+        with pytest.raises(OutputError) as caught:
+            write_folder(files, tmp_path / name)
+        assert caught.value.code == "MP701"
+    assert content(tmp_path) == {"thesis/chapter.txt": b"years", "file": b"x"}
+
+
+def test_the_command_leaves_a_foreign_folder_alone(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    task = copy_example(tmp_path / "task")
+    assert main(["compile", str(task), "-o", str(task.parent)]) == 2
+    assert "error[MP701]" in capsys.readouterr().err
+    assert not (task.parent / "plan.json").exists()
+
+
+def test_a_failed_write_leaves_the_old_plan(files: PlanFiles, tmp_path: Path) -> None:
+    folder = tmp_path / "x.plan"
+    write_folder(files, folder)
+    before = content(folder)
+    pixels = files.images["images/a.png"]
+    with pytest.raises(OutputError) as caught:
+        write_folder(replace(files, images={"nowhere/a.png": pixels}), folder)
+    assert caught.value.code == "MP702"
+    assert content(folder) == before
+    assert list(tmp_path.iterdir()) == [folder]
+
+
+def test_a_failed_move_into_place_brings_the_old_plan_back(
+    files: PlanFiles, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "x.plan"
+    write_folder(files, folder)
+    before = content(folder)
+    rename = Path.rename
+
+    def refuse(self: Path, target: Path) -> Path:
+        if target == folder and not self.name.endswith(".old"):
+            raise OSError("the disc is full")
+        return rename(self, target)
+
+    monkeypatch.setattr(Path, "rename", refuse)
+    with pytest.raises(OutputError) as caught:
+        write_folder(files, folder)
+    assert caught.value.code == "MP702"
+    assert content(folder) == before
+    assert list(tmp_path.iterdir()) == [folder]
+
+
+def test_a_plan_that_may_not_be_a_folder_is_said_so(
+    files: PlanFiles, tmp_path: Path
+) -> None:
+    (tmp_path / "file").write_text("x", encoding="utf-8")
+    with pytest.raises(OutputError) as caught:
+        write_folder(files, tmp_path / "file" / "x.plan")
+    assert caught.value.code == "MP702"
