@@ -189,14 +189,18 @@ def flatten(ring: Ring, chord_um: float) -> FloatArray:
     """
     if not chord_um > 0:
         raise ValueError(f"chord_um must be positive, got {chord_um}")
-    points: list[Point] = []
-    for edge in ring.edges:
-        if isinstance(edge, Segment):
-            points.append(edge.start)
-            continue
-        count = _chords(edge, chord_um)
-        points.extend(edge.at(i / count) for i in range(count))
-    return np.array(points, dtype=np.float64)
+    parts = [_chord_starts(edge, chord_um) for edge in ring.edges]
+    return np.concatenate(parts)
+
+
+def _chord_starts(edge: Edge, chord_um: float) -> FloatArray:
+    """Return where the chords of one edge begin, (N, 2) um."""
+    if isinstance(edge, Segment):
+        return np.array([edge.start], dtype=np.float64)
+    count = _chords(edge, chord_um)
+    angle = edge.start_rad + np.arange(count) / count * edge.sweep_rad
+    unit = np.column_stack([np.cos(angle), np.sin(angle)])
+    return np.array(edge.center) + edge.radius_um * unit
 
 
 def _chords(arc: Arc, chord_um: float) -> int:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 import numpy.typing as npt
 
@@ -68,6 +70,7 @@ def band_error(model: str, microscope: Microscope, z_um: float) -> FloatArray:
     return total
 
 
+@lru_cache(maxsize=64)
 def band_cut(model: str, microscope: Microscope, z_um: float) -> float:
     """Return the smallest share of the cutoff that keeps `BAND_ERROR`, 0..1."""
     error = band_error(model, microscope, z_um)

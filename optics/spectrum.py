@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 from scipy import fft
-from scipy.special import i0
 
 from optics.clip import Box, Edges, clip
 from optics.outline import Outline
+from optics.spreading import deposit, grid_size, kernel_transform, spread
 
 FloatArray = npt.NDArray[np.float64]
 ComplexArray = npt.NDArray[np.complex128]
@@ -25,12 +25,6 @@ _RULES = tuple(
     (limit, *np.polynomial.legendre.leggauss(size))
     for size, limit in ((2, 0.04), (4, 0.7), (8, 4.2), (16, 15.0), (32, 40.0))
 )
-_WIDTH = 8  # grid points under the spreading kernel
-_OVERSAMPLING = 1.25  # of the band grid
-# What the kernel folds in, exp(-pi width sqrt(1 - 1 / oversampling)), of the length of
-# all edges; in an image of a gear 1e-6.
-KERNEL_ERROR = math.exp(-math.pi * _WIDTH * math.sqrt(1 - 1 / _OVERSAMPLING))
-_BATCH = 1 << 13  # nodes spread at once, to bound memory
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -106,8 +100,8 @@ def spectrum(
     -------
     Spectrum
         A single coefficient where the tile is covered or empty. Else within
-        `KERNEL_ERROR` times the perimeter over 2 pi tile heights of the exact
-        coefficients.
+        `optics.spreading.KERNEL_ERROR` times the perimeter over 2 pi tile heights of
+        the exact coefficients.
 
     Raises
     ------
@@ -246,18 +240,20 @@ def _fill(values: ComplexArray, nodes: Nodes, tile: Tile) -> None:
     J, K = values.shape[1] - 1, values.shape[0] // 2
     X = (x - tile.left_um) / tile.width_um
     Y = (y - tile.bottom_um) / tile.height_um
-    gx, gy = _grid_size(J), _grid_size(K)
-    at_x, share_x = _spread(X, gx)
-    at_y, share_y = _spread(Y, gy)
+    gx, gy = grid_size(J), grid_size(K)
+    at_x, share_x = spread(X, gx)
+    at_y, share_y = spread(Y, gy)
     rows = np.r_[0 : K + 1, gy - K : gy]
     k = np.r_[0 : K + 1, -K:0]
-    level = _kernel_transform(k, gy)
+    level = kernel_transform(k, gy)
     if J > 0:
-        grid = _deposit(at_x, share_x, at_y, share_y, dy / tile.height_um, (gy, gx))
+        grid = deposit(at_x, share_x, at_y, share_y, dy / tile.height_um, (gy, gx))
         half = fft.rfft(grid, axis=1)[:, 1 : J + 1]
         j = np.arange(1, J + 1)
-        scale = 1j / (2 * np.pi * j * _kernel_transform(j, gx))
-        values[:, 1:] = fft.fft(half * scale, axis=0)[rows] / level[:, None]
+        lines = fft.fft(half, axis=0)
+        values[: K + 1, 1:], values[K + 1 :, 1:] = lines[: K + 1], lines[gy - K :]
+        values[:, 1:] *= 1j / (2 * np.pi * j * kernel_transform(j, gx))
+        values[:, 1:] *= 1 / level[:, None]
     if K > 0:  # along u = 0 the field must point along y
         line = np.bincount(
             at_y.ravel(),
@@ -265,57 +261,3 @@ def _fill(values: ComplexArray, nodes: Nodes, tile: Tile) -> None:
             minlength=gy,
         )
         values[1:, 0] = (fft.fft(line)[rows] / level)[1:] * -1j / (2 * np.pi * k[1:])
-
-
-def _grid_size(order: int) -> int:
-    """Return a fast grid length for orders up to `order`."""
-    wanted = max(math.ceil(_OVERSAMPLING * (2 * order + 1)), 2 * _WIDTH)
-    size = fft.next_fast_len(wanted, real=True)
-    if size is None:  # only if the length overflowed
-        raise ValueError(f"no transform of length {wanted}")
-    return size
-
-
-def _beta(oversampling: float) -> float:
-    """Return the kernel's shape, Beatty et al. (2005), eq. (5)."""
-    wide = (_WIDTH / oversampling * (oversampling - 0.5)) ** 2
-    return math.pi * math.sqrt(wide - 0.8)
-
-
-_BETA = _beta(_OVERSAMPLING)
-
-
-def _spread(place: FloatArray, size: int) -> tuple[npt.NDArray[np.intp], FloatArray]:
-    """Return grid indices and kernel values of points 0..1, (N, width) each."""
-    exact = place * size
-    first = np.ceil(exact - _WIDTH / 2)
-    grid = first[:, None] + np.arange(_WIDTH)
-    t = (grid - exact[:, None]) / (_WIDTH / 2)
-    kernel = i0(_BETA * np.sqrt(np.maximum(1 - t**2, 0))) / i0(_BETA)
-    return grid.astype(np.intp) % size, kernel
-
-
-def _kernel_transform(order: npt.NDArray[np.intp], size: int) -> FloatArray:
-    """Return the transform of the kernel at `order` cycles a grid, same shape."""
-    root = np.sqrt(_BETA**2 - (np.pi * _WIDTH * order / size) ** 2)
-    transform: FloatArray = _WIDTH * np.sinh(root) / (root * i0(_BETA))
-    return transform
-
-
-def _deposit(
-    at_x: npt.NDArray[np.intp],
-    share_x: FloatArray,
-    at_y: npt.NDArray[np.intp],
-    share_y: FloatArray,
-    weight: FloatArray,
-    shape: tuple[int, int],
-) -> FloatArray:
-    """Add weighted kernels (N,) to a grid of `shape`."""
-    grid = np.zeros(shape[0] * shape[1])
-    for begin in range(0, weight.size, _BATCH):
-        part = slice(begin, begin + _BATCH)
-        index = at_y[part, :, None] * shape[1] + at_x[part, None, :]
-        value = (share_y[part] * weight[part, None])[:, :, None]
-        value = value * share_x[part, None, :]
-        grid += np.bincount(index.ravel(), value.ravel(), minlength=grid.size)
-    return grid.reshape(shape)

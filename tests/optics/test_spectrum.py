@@ -11,7 +11,8 @@ from scipy.special import j1
 
 from optics.clip import CHORD_UM, clip, to_edges
 from optics.outline import Outline, Ring, Segment, flatten, place
-from optics.spectrum import KERNEL_ERROR, Spectrum, Tile, direct, spectrum
+from optics.spectrum import Spectrum, Tile, direct, spectrum
+from optics.spreading import KERNEL_ERROR
 from tests.optics.shapes import circle, disc, gear, polygon, rectangle
 
 FloatArray = npt.NDArray[np.float64]
