@@ -83,6 +83,10 @@ class Beliefs:
             return tool
         raise ValueError(f"nothing is known of {name!r}")
 
+    def anchor(self, name: str) -> tuple[str, Point]:
+        """Return the owner of `name` and its place in the owner's frame, um."""
+        return self.owner(name), self._offset(name)
+
     def world(self, name: str, readings: Readings) -> Pose:
         """Return where `name` is thought to be; its angle is its owner's."""
         belief = self._owners[self.owner(name)]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import shutil
 import sys
 from collections.abc import Sequence
@@ -141,6 +142,7 @@ def _perform(call: _Call, plan: Plan, cell: Cell, artifacts: Artifacts) -> int:
             journal=Journal(stream, cell.station.clock),
             frames=Frames(folder / "frames" if call.frames else None),
         )
+        errors = _watch(rig, cell)
         try:
             result = run_plan(rig)
         except KeyboardInterrupt:
@@ -148,15 +150,31 @@ def _perform(call: _Call, plan: Plan, cell: Cell, artifacts: Artifacts) -> int:
             rig.journal.write("stopped")
             raise ExecutorError("MP860", "stopped; nothing moves any more") from None
     verdict = _verdict(plan, cell)
-    _write_summary(folder, call, plan, result, verdict)
+    _write_summary(folder, call, plan, result, verdict, errors)
+    print(table(result, errors))
     return _report(call, plan, result, verdict, folder)
+
+
+def _watch(rig: Rig, cell: Cell) -> dict[str, float]:
+    """Return a record, filled while the rig runs: step -> its last look's true error.
+
+    Only a simulated cell knows the truth; a plan never sees it.
+    """
+    errors: dict[str, float] = {}
+
+    def note(target: str, x_um: float, y_um: float) -> None:
+        owner, offset = rig.beliefs.anchor(target)
+        true_x, true_y = cell.shown_um(owner, *offset)
+        errors[rig.journal.step] = math.hypot(x_um - true_x, y_um - true_y)
+
+    rig.watch = note
+    return errors
 
 
 def _report(
     call: _Call, plan: Plan, result: RunResult, verdict: Verdict | None, folder: Path
 ) -> int:
-    """Print table, findings and verdicts; return the exit status."""
-    print(table(result))
+    """Print findings and verdicts; return the exit status."""
     print(f"run folder: {folder}")
     if verdict is not None:
         truly = "seated" if verdict.success else "not seated"
@@ -176,7 +194,12 @@ def _report(
 
 
 def _write_summary(
-    folder: Path, call: _Call, plan: Plan, result: RunResult, verdict: Verdict | None
+    folder: Path,
+    call: _Call,
+    plan: Plan,
+    result: RunResult,
+    verdict: Verdict | None,
+    errors: dict[str, float],
 ) -> None:
     """Write summary.json and the table."""
     extra: dict[str, Any] = {
@@ -184,10 +207,11 @@ def _write_summary(
         "seed": call.seed,
         "faults": list(call.faults),
         "cell_verdict": None if verdict is None else to_data(verdict),
+        "true_look_error_um": to_data(errors),
     }
     text = summary_json(plan, result, extra)
     (folder / "summary.json").write_text(text, encoding="utf-8")
-    (folder / "summary.txt").write_text(table(result) + "\n", encoding="utf-8")
+    (folder / "summary.txt").write_text(table(result, errors) + "\n", encoding="utf-8")
 
 
 def _verdict(plan: Plan, cell: Cell) -> Verdict | None:

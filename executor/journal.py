@@ -18,6 +18,11 @@ class Journal:
         self._seq = 0
         self._step = ""
 
+    @property
+    def step(self) -> str:
+        """Return the step that events belong to, "" between steps."""
+        return self._step
+
     def enter(self, step: str) -> None:
         """Name the step that the events to come belong to."""
         self._step = step

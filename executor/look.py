@@ -66,6 +66,8 @@ def look_at(rig: Rig, look: Look, on_failure: Sequence[OnFailure] = ()) -> Sight
             sighting.theta_rad,
         )
         rig.journal.write("seen", look=look.id, at=sighting)
+        if rig.watch is not None:
+            rig.watch(look.target, sighting.x_um, sighting.y_um)
         return sighting
 
 

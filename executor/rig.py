@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from executor.artifacts import Artifacts
@@ -17,7 +18,11 @@ from schemas.plan import AxisMove, Look, Plan, Region, View
 
 @dataclass(slots=True, kw_only=True)
 class Rig:
-    """What every phase of a run works on; `view` is what the lens is set to."""
+    """What every phase of a run works on; `view` is what the lens is set to.
+
+    `watch` is told of every accepted sighting: a simulated cell compares it with the
+    truth. Nothing in a run depends on it.
+    """
 
     plan: Plan
     station: Station
@@ -26,6 +31,7 @@ class Rig:
     journal: Journal
     frames: Frames
     view: View | None = None
+    watch: Callable[[str, float, float], None] | None = None  # target, x um, y um
 
     def readings(self) -> Readings:
         """Return where the axes are now."""

@@ -3,13 +3,21 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from typing import Any
 
 from executor.run import RunResult, StepResult
 from schemas.codec import to_data
 from schemas.plan import Plan
 
-_HEAD = ("step", "result", "cycles", "error um", "sigma um", "time s")
+_HEAD = (
+    "step",
+    "result",
+    "looks / expected",
+    "error / limit um",
+    "look error / sigma um",
+    "time / expected s",
+)
 
 
 def summary_json(plan: Plan, result: RunResult, extra: dict[str, Any]) -> str:
@@ -24,9 +32,14 @@ def summary_json(plan: Plan, result: RunResult, extra: dict[str, Any]) -> str:
     return json.dumps(data, indent=2, ensure_ascii=False) + "\n"
 
 
-def table(result: RunResult) -> str:
-    """Return one line a step; actual / predicted where both exist."""
-    rows = [_HEAD, *(_row(step) for step in result.steps)]
+def table(result: RunResult, errors_um: Mapping[str, float] | None = None) -> str:
+    """Return one line a step: what happened / what the plan predicted.
+
+    `errors_um` are the true errors of the steps' last looks, which only a simulated
+    cell knows; without them the routines' own estimates stand in their place.
+    """
+    known = errors_um or {}
+    rows = [_HEAD, *(_row(step, known.get(step.id)) for step in result.steps)]
     widths = [max(len(row[i]) for row in rows) for i in range(len(_HEAD))]
     lines = (
         "  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip()
@@ -35,14 +48,15 @@ def table(result: RunResult) -> str:
     return "\n".join(lines)
 
 
-def _row(step: StepResult) -> tuple[str, ...]:
+def _row(step: StepResult, look_error_um: float | None) -> tuple[str, ...]:
     """Return the cells of one step."""
+    look = step.spread_um if look_error_um is None else look_error_um
     return (
         step.id,
         "ok" if step.code is None else step.code,
         _pair(step.cycles, step.expected_cycles),
         _pair(step.error_um, step.limit_um),
-        _pair(step.spread_um, step.expected_sigma_um),
+        _pair(look, step.expected_sigma_um),
         _pair(step.time_s, step.expected_s),
     )
 

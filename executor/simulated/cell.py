@@ -53,6 +53,7 @@ class Cell:
 
     truth: Truth
     station: Station
+    lens: SimLens
 
     def judge(self, target: str, on: str) -> Verdict:
         """Return whether the part of `target` truly sits on the post `on`.
@@ -66,6 +67,26 @@ class Cell:
             If there is no such part or post.
         """
         return judge(self.truth, target, on)
+
+    def shown_um(self, owner: str, x_um: float, y_um: float) -> tuple[float, float]:
+        """Return where a point of a part, or of the tool's grip, is truly shown now.
+
+        The lens' own sideways shift is in it: all looks share it, and what they differ
+        by has its own rows in the plan's budget.
+
+        Raises
+        ------
+        ValueError
+            If the cell has nothing of that name.
+        """
+        truth, (dx, dy) = self.truth, self.lens.shift_um
+        if owner in truth.bodies:
+            x, y = truth.pose(truth.bodies[owner]).apply(x_um, y_um)
+        elif truth.tool is not None and truth.tool.name == owner:
+            x, y = truth.grip_pose().apply(x_um, y_um)
+        else:
+            raise ValueError(f"the cell has no {owner!r}")
+        return (x + dx, y + dy)
 
 
 def build_cell(world: World, seed: int, faults: frozenset[Fault] = frozenset()) -> Cell:
@@ -101,7 +122,7 @@ def build_cell(world: World, seed: int, faults: frozenset[Fault] = frozenset()) 
         clock=SimClock(truth),
         offer=offer_of(world),
     )
-    return Cell(truth=truth, station=station)
+    return Cell(truth=truth, station=station, lens=lens)
 
 
 def judge(truth: Truth, target: str, on: str) -> Verdict:
