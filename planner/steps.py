@@ -18,6 +18,7 @@ from planner.checks.budget import (
     grasp_budget,
     insert_budget,
     release_budget,
+    verify_budget,
 )
 from planner.control import control_of, insertion_travel_um, residual_of, tolerance_um
 from planner.diagnostics import Report
@@ -153,7 +154,7 @@ def _step(
         looks=tuple(look.look for look in looks),
         action=_action(task, here, looks),
         control=control,
-        conditions=_conditions(task, here),
+        conditions=_conditions(here),
         budget=_budget(task, states, here, memory),
     )
 
@@ -221,17 +222,12 @@ def _height_search(
     )
 
 
-def _conditions(task: Task, here: StepState) -> p.Conditions:
+def _conditions(here: StepState) -> p.Conditions:
     """Return what must hold before and after, and the way back."""
-    step, verb = here.step, here.step.verb
     before, after = _facts(here)
     retreat: tuple[p.AxisMove, ...] = ()
-    if verb == "insert":
-        back = here.before.stage.z_um
-        retreat = (p.AxisMove(axes="stage", z_um=back),)
-    if step.verb == "grasp":
-        retreat = ()
-    del task
+    if here.step.verb == "insert":
+        retreat = (p.AxisMove(axes="stage", z_um=here.before.stage.z_um),)
     return p.Conditions(before=before, after=after, retreat=retreat, on_failure=RETRIES)
 
 
@@ -261,6 +257,9 @@ def _budget(
         return grasp_budget(task, here.before, step)
     if step.verb == "release":
         return release_budget(task, here.before.tool or "")
+    if step.verb == "verify":
+        seen = [memory.seen.get(owner_of(n or "")) for n in (step.target, step.on)]
+        return verify_budget(task.workcell, step, seen[0], seen[1])
     if step.verb != "insert":
         return empty_budget()
     fit = fit_of(task, step)

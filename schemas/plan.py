@@ -132,7 +132,8 @@ class Measure:
     region: Region
     reference: Reference
     bias_um: tuple[float, float]  # mean error, in the target's frame; subtract it
-    jacobian_px_per_um: tuple[tuple[float, ...], ...]  # rows u, v; columns x, y, theta
+    # rows column, row (down); columns x, y per um, theta per rad, relative zoom
+    jacobian_px_per_um: tuple[tuple[float, ...], ...]
     sigma_xy_um: float  # per axis, from the trials
     sigma_theta_rad: float | None  # None: the angle is not measured
     limit_xy_um: float | None  # Cramer-Rao bound per axis; None: not computed

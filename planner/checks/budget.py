@@ -159,6 +159,19 @@ def release_budget(task: Task, tool: str) -> Budget:
     )
 
 
+def verify_budget(
+    cell: Workcell, step: Step, target: Sighted | None, seat: Sighted | None
+) -> Budget:
+    """Return what blurs a verification; it can refuse, but it moves nothing.
+
+    A good assembly that is refused is no mechanical miss, so P stays 1.
+    """
+    rows = () if target is None or seat is None else _looking_rows(cell, target, seat)
+    return Budget(
+        rows=tuple(rows), limit_um=step.within_um, success_probability=1.0, advice=""
+    )
+
+
 def empty_budget() -> Budget:
     """Return the budget of a step that cannot miss mechanically."""
     return Budget(rows=(), limit_um=None, success_probability=1.0, advice="")

@@ -1,7 +1,8 @@
 """Swept motion touches nothing: what a move covers, and what it would hit.
 
 Moving bodies are taken as their convex hulls, which errs on the safe side. Every
-clearance must hold at two sigma of the bodies' relative place.
+clearance must hold at two sigma of the bodies' relative place. The stage's surface is
+taken as unbounded: whatever the robot carries must stay above it.
 """
 
 from __future__ import annotations
@@ -17,6 +18,8 @@ from planner.model.assembly import Body, Carrier, State, bodies, carrier_pose
 from planner.model.shapes import hull, polygon, swept
 
 SIGMAS = 2.0  # at which clearances must hold
+SURFACE = "the stage"
+ROUNDING_UM = 1e-6  # what sums of readings may miss contact by
 
 Box = tuple[float, float, float, float]
 
@@ -27,7 +30,7 @@ class Hit:
 
     moving: str
     still: str
-    gap_um: float  # what is left between them sideways, at nominal place
+    gap_um: float  # what is left between them, sideways or in height, at nominal place
     needed_um: float  # two sigma
 
 
@@ -72,7 +75,33 @@ def sweep_hits(
         if frozenset((body.owner, other.owner)) not in exempt
         and (hit := _hit(body, ends[body.name], other, shift, deviation)) is not None
     ]
+    seating = {owner for pair in exempt for owner in pair}
+    hits += [
+        hit
+        for body in all_before
+        if body.carrier == "robot"
+        and body.owner not in seating
+        and (hit := _surface_hit(task, before, after, body, ends[body.name]))
+        is not None
+    ]
     return tuple(sorted(hits, key=lambda h: (h.moving, h.still)))
+
+
+def _surface_hit(
+    task: Task, before: State, after: State, body: Body, end: Body
+) -> Hit | None:
+    """Return the hit of a body on the robot with the stage's surface, if any.
+
+    What rests on the surface may leave it.
+    """
+    stage = task.workcell.stage
+    start_um = body.z_low_um - stage.datum_z_um - before.stage.z_um
+    end_um = end.z_low_um - stage.datum_z_um - after.stage.z_um
+    needed_um = SIGMAS * math.hypot(body.sigma_z_um, stage.axes.repeatability_z_um)
+    gap_um = min(start_um, end_um)
+    if gap_um > needed_um or end_um > start_um > -ROUNDING_UM:
+        return None
+    return Hit(moving=body.name, still=SURFACE, gap_um=gap_um, needed_um=needed_um)
 
 
 def _travel(

@@ -1,0 +1,44 @@
+"""Declared moves: what they do to the state, and what they would touch."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from planner.diagnostics import Report
+from planner.inputs.task import Move, Reading, Step, Task
+from planner.model.assembly import Carrier, State
+from planner.model.sweep import sweep_hits
+
+
+def apply_reading(task: Task, state: State, axes: Carrier, to: Reading) -> State:
+    """Return the state after an absolute move of one axis group."""
+    if axes == "robot":
+        return replace(state, robot=state.robot.moved(to))
+    stage = state.stage.moved(to)
+    if to.x_um is None and to.y_um is None and to.theta_rad is None:
+        return replace(state, stage=stage)
+    sigma_um = task.workcell.stage.axes.repeatability_xy_um
+    return replace(state, stage=stage, stage_sigma_um=sigma_um, pinned={})
+
+
+def apply_move(
+    task: Task,
+    state: State,
+    move: Move,
+    step: Step,
+    report: Report,
+    exempt: frozenset[frozenset[str]] = frozenset(),
+) -> State:
+    """Return the state after a declared move; report what it would touch."""
+    after = apply_reading(task, state, move.axes, move.to)
+    hits = sweep_hits(task, state, after, carrier=move.axes, exempt=exempt)
+    for hit in hits:
+        report.refuse(
+            "MP303",
+            move.where,
+            f"step {step.id!r}: {hit.moving} would touch {hit.still}: "
+            f"{hit.gap_um:.3g} um apart at the nominal place, "
+            f"{hit.needed_um:.3g} um needed at 2 sigma",
+            "move another axis first, or by another way",
+        )
+    return after
