@@ -1,0 +1,147 @@
+"""Compiled plans on the simulated cell, judged by its true poses and heights."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+from ezdxf import document
+from scipy.stats import binomtest
+
+import executor.cli
+from planner.cli import main as microplan_main
+from tests.planner.examples import copy_example
+
+SEEDS = range(20)
+# An L of lines, 120 x 80 um; an arc rounds one corner and a circle is its hole.
+BRACKET = (
+    ((0, 0), (120, 0)),
+    ((120, 0), (120, 30)),
+    ((120, 30), (40, 30)),
+    ((40, 30), (40, 80)),
+    ((40, 80), (20, 80)),
+    ((0, 60), (0, 0)),
+)
+
+
+def run(plan: Path, folder: Path, seed: int, *more: str) -> tuple[int, dict[str, Any]]:
+    """Run a plan on the simulated cell; return the exit status and the summary."""
+    call = [str(plan / "plan.json"), "--station", "sim", "--seed", str(seed)]
+    status = executor.cli.main([*call, "--run-dir", str(folder), "--no-frames", *more])
+    summary: dict[str, Any] = json.loads((folder / "summary.json").read_text())
+    return status, summary
+
+
+def good(runs: Sequence[tuple[int, dict[str, Any]]]) -> int:
+    """Return how many runs truly succeeded."""
+    return sum(summary["cell_verdict"]["success"] for _, summary in runs)
+
+
+def test_the_example_ends_with_the_gear_on_its_post(
+    compiled_example: Path, tmp_path: Path
+) -> None:
+    runs = [run(compiled_example, tmp_path / str(seed), seed) for seed in SEEDS]
+    plan = json.loads((compiled_example / "plan.json").read_text())
+    done = [summary for status, summary in runs if status == 0]
+    assert len(done) >= len(SEEDS) - 1
+    assert all(summary["cell_verdict"]["success"] for summary in done)  # none false
+    chance = plan["success_probability"]
+    assert binomtest(good(runs), len(runs), chance).pvalue > 0.01
+
+
+def test_looks_err_as_the_trials_promised(
+    compiled_example: Path, tmp_path: Path
+) -> None:
+    runs = [run(compiled_example, tmp_path / str(seed), seed) for seed in SEEDS[:10]]
+    plan = json.loads((compiled_example / "plan.json").read_text())
+    for step in (s for s in plan["steps"] if s["looks"]):
+        sigma = step["looks"][-1]["measure"]["sigma_xy_um"]
+        errors = [s["true_look_error_um"][step["id"]] for _, s in runs]
+        # an rms over both axes above 2 sigma sqrt(2) has a chance below 1e-9 in 10 runs
+        assert math.hypot(*errors) / math.sqrt(len(errors)) < 2 * math.sqrt(2) * sigma
+
+
+@pytest.mark.parametrize("fault", ["stick", "block"])
+def test_a_gear_that_is_not_seated_is_caught(
+    compiled_example: Path, tmp_path: Path, fault: str
+) -> None:
+    status, summary = run(compiled_example, tmp_path / "run", 3, "--inject", fault)
+    assert status == 1
+    assert summary["step"] == "check_seated"
+    assert summary["code"] in ("MP850", "MP851", "MP852", "MP853")
+    assert not summary["cell_verdict"]["success"]
+    where = summary["cell_verdict"]
+    assert where["held"] if fault == "stick" else where["height_um"] > 200
+
+
+def test_a_mirrored_camera_is_stopped_before_anything_is_held(
+    compiled_example: Path, tmp_path: Path
+) -> None:
+    status, summary = run(
+        compiled_example, tmp_path / "run", 5, "--inject", "mirror_camera"
+    )
+    assert status in (1, 3)
+    assert summary["step"] in ("find_gear", "see_fingers", "bring_between")
+
+
+def test_the_same_seed_gives_the_same_log(
+    compiled_example: Path, tmp_path: Path
+) -> None:
+    for name in ("one", "two"):
+        run(compiled_example, tmp_path / name, 7)
+    one, two = ((tmp_path / n / "events.jsonl").read_bytes() for n in ("one", "two"))
+    assert one == two
+
+
+def test_a_bracket_of_lines_and_an_arc_is_located(tmp_path: Path) -> None:
+    task = bracket_task(tmp_path)
+    folder = tmp_path / "bracket.plan"
+    call = ["compile", str(task), "-o", str(folder), "--preset", "fast"]
+    assert microplan_main(call) == 0
+    look = json.loads((folder / "plan.json").read_text())["steps"][0]["looks"][0]
+    for seed in range(3):
+        status, summary = run(folder, tmp_path / "run", seed)
+        assert status == 0
+        error = summary["true_look_error_um"]["find"]
+        assert error < 5 * math.sqrt(2) * look["measure"]["sigma_xy_um"]
+
+
+def bracket_task(folder: Path) -> Path:
+    """Write a one-look task around a bracket; return the task file."""
+    copy_example(folder / "task")
+    folder = folder / "task"
+    drawing = document.Drawing.new("R2010")
+    space = drawing.modelspace()
+    for start, end in BRACKET:
+        space.add_line(start, end)
+    space.add_arc((20, 60), 20, 90, 180)
+    space.add_circle((20, 20), 8)
+    drawing.saveas(folder / "parts" / "bracket.dxf")
+    task = folder / "bracket.yaml"
+    task.write_text(
+        """\
+microplan: 1
+name: bracket
+workcell: workcell.yaml
+seed: 11
+parts:
+  bracket:
+    drawing: {file: parts/bracket.dxf, units: um, layers: ["0"]}
+    thickness_um: 20
+    reflectance: 0.7
+    origin: outline
+start:
+  stage: {x_um: 0, y_um: 0, z_um: 0, theta_deg: 0}
+  bracket: {on: stage, x_um: 0, y_um: 0, theta_deg: 25, sigma_xy_um: 5,
+    sigma_theta_deg: 2}
+steps:
+  - {id: find, do: locate, target: bracket, view_um: [0, 0]}
+benchmark: {pose_sigma_theta_deg: 2}
+""",
+        encoding="utf-8",
+    )
+    return task
