@@ -206,8 +206,8 @@ def move_tooth(file: Path) -> None:
     script = file.parent / "make_parts.py"
     change(script, "    for k in range(TEETH):\n", "    for k in range(TEETH):\n"
            "        off, after = 0.25 * (k == 3), 0.25 * (k == 2)\n")  # fmt: skip
-    change(script, "(pitch * k - TIP_DEG / 2, pitch * k + TIP_DEG / 2)",
-           "(pitch * k + off - TIP_DEG / 2, pitch * k + off + TIP_DEG / 2)")  # fmt: skip
+    for sign in "-+":
+        change(script, f"pitch * k {sign} TIP", f"pitch * k + off {sign} TIP")
     change(script, "tip[0] + pitch)", "tip[0] - off + pitch + after)")
     done = subprocess.run(
         [sys.executable, str(script), str(file.parent / "parts")],
