@@ -1,0 +1,314 @@
+"""What a look sees: field at two sigma, magnifications, focus stops, hidden edges."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from functools import cache
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from optics.outline import Arc, Outline, Ring, Segment
+from planner.diagnostics import Report, Span
+from planner.inputs.task import Part, Task
+from planner.model.assembly import Axis4, Place, State, initial
+from planner.model.requests import requests
+from planner.model.scenes import shade_of
+from planner.model.sightings import needed_shape, spot_of, views
+from planner.model.steps import unfold
+from planner.model.targets import Shape, shape_of
+from planner.model.views import (
+    FINEST_PX,
+    LADDER,
+    SEARCH_SIGMAS,
+    focus_for,
+    focus_stops,
+    in_field,
+    light_level,
+    magnifications,
+    microscope_at,
+    region_for,
+    useful_magnification,
+)
+from schemas.pose import Pose
+from tests.planner.examples import EXAMPLE, read
+
+HERE = Span(file="task.yaml", line=1)
+LOW = 6.9
+
+
+@cache
+def example() -> Task:
+    return read(EXAMPLE / "task.yaml")
+
+
+@pytest.fixture
+def task() -> Task:
+    return example()
+
+
+def spot(x_um: float, y_um: float, sigma_um: float, z_um: float = 100.0) -> Place:
+    return Place(
+        name="gear.teeth",
+        owner="gear",
+        carrier="stage",
+        pose=Pose(x_um=x_um, y_um=y_um),
+        z_um=z_um,
+        sigma_xy_um=sigma_um,
+        sigma_theta_rad=math.pi,
+    )
+
+
+def gear(task: Task) -> Shape:
+    shape = shape_of(task, initial(task), "gear")
+    assert shape is not None
+    return shape
+
+
+def zooms(
+    task: Task, where: Place, current: float = LOW
+) -> tuple[tuple[float, ...], list[str]]:
+    """Return the magnifications that show the gear, and the codes reported."""
+    report = Report()
+    found = magnifications(task.workcell, gear(task), where, current, report, HERE)
+    return found, [d.code for d in report.found]
+
+
+def test_every_look_of_the_example_has_a_view_that_holds_its_target(task: Task) -> None:
+    report = Report()
+    states = unfold(task, report)
+    looks = [r for i in range(len(states)) for r in requests(task, states, i, None)]
+    assert [look.id for look in looks] == [
+        "find_gear", "see_fingers", "bring_between", "gear_in_fingers", "find_shaft",
+        "over_shaft", "check_seated.target", "check_seated.seat",
+    ]  # fmt: skip
+    for look in looks:
+        found = views(task, look, LOW, report)
+        assert found
+        shape = needed_shape(task, look)
+        for view in found:
+            assert in_field(view.microscope, shape.box_um, spot_of(task, look, shape))
+            assert -500 <= view.focus_um <= 500
+            assert 0 < view.light <= 1
+    assert report.found == []
+
+
+@pytest.mark.parametrize("margin_um", [-0.1, 0.1])
+@pytest.mark.parametrize("side", [(1, 0), (-1, 0), (0, 1), (0, -1)])
+def test_the_target_is_in_the_field_at_two_sigma(
+    task: Task, side: tuple[int, int], margin_um: float
+) -> None:
+    sigma_um, radius_um = 30.0, 50.0
+    half = (4800 / LOW / 2, 3600 / LOW / 2)  # of the sensor, in object space
+    room = [h - radius_um - 2 * sigma_um - margin_um for h in half]
+    where = spot(side[0] * room[0], side[1] * room[1], sigma_um)
+    assert in_field(microscope_at(task.workcell, LOW), gear(task).box_um, where) is (
+        margin_um > 0
+    )
+
+
+@pytest.mark.parametrize(
+    ("x_um", "sigma_um"), [(300.0, 30.0), (0.0, 110.0)], ids=["moved out", "spread"]
+)
+def test_what_may_be_outside_the_field_is_refused(
+    task: Task, x_um: float, sigma_um: float
+) -> None:
+    assert zooms(task, spot(0.0, 0.0, 30.0))[1] == []
+    assert zooms(task, spot(x_um, 0.0, sigma_um)) == ((), ["MP401"])
+
+
+def test_the_ladder_climbs_by_root_two_while_the_target_fits(task: Task) -> None:
+    found, codes = zooms(task, spot(0.0, 0.0, 30.0))
+    assert codes == []
+    assert found[0] == LOW
+    for before, after in pairwise(found):
+        assert after / before == pytest.approx(LADDER)
+    # 2 x 110 um have to fit into 3600 um / m
+    assert found[-1] <= 3600 / 220 < found[-1] * LADDER
+    tight, _ = zooms(task, spot(0.0, 0.0, 0.5))
+    assert tight[: len(found)] == found
+    assert len(tight) > len(found)
+
+
+def test_the_present_magnification_comes_first_if_it_qualifies(task: Task) -> None:
+    usual, _ = zooms(task, spot(0.0, 0.0, 10.0))
+    found, _ = zooms(task, spot(0.0, 0.0, 10.0), current=usual[2])
+    assert found[0] == usual[2]
+    assert sorted(found) == sorted(usual)
+    assert zooms(task, spot(0.0, 0.0, 10.0), current=43.21)[0] == usual
+
+
+def test_no_magnification_beyond_what_the_aperture_resolves(task: Task) -> None:
+    # two pixels to a period of the cutoff 2 A / lambda: m = 4 pitch A / lambda
+    assert useful_magnification(task.workcell, LOW) == pytest.approx(
+        4 * 7.5 * 0.42 / 0.6
+    )
+    small = replace(gear(task), box_um=(-1, -1, 1, 1))
+    found = magnifications(task.workcell, small, spot(0, 0, 0.1), LOW, Report(), HERE)
+    assert max(found) <= 21
+    assert max(found) * LADDER > 21
+
+
+def test_a_detail_below_four_pixels_asks_for_zoom_or_is_refused(task: Task) -> None:
+    pitch_um = task.workcell.camera.pitch_um
+    fine = replace(gear(task), finest_um=FINEST_PX * pitch_um / 12.0)
+    found = magnifications(task.workcell, fine, spot(0, 0, 1), LOW, Report(), HERE)
+    assert found
+    assert min(found) >= 12.0
+    report = Report()
+    finer = replace(gear(task), finest_um=FINEST_PX * pitch_um / 60.0)
+    assert not magnifications(task.workcell, finer, spot(0, 0, 1), LOW, report, HERE)
+    assert [d.code for d in report.found] == ["MP403"]
+
+
+def test_focus_out_of_reach_is_refused(task: Task) -> None:
+    report = Report()
+    assert focus_for(task.workcell, spot(0, 0, 1, z_um=500.0), report, HERE) == 500.0
+    assert report.found == []
+    assert focus_for(task.workcell, spot(0, 0, 1, z_um=500.1), report, HERE) is None
+    assert [d.code for d in report.found] == ["MP402"]
+
+
+@given(
+    focus_um=st.floats(-400, 400),
+    low_um=st.floats(0.5, 50),
+    high_um=st.floats(0.5, 50),
+    spread_um=st.floats(0, 40),
+)
+def test_focus_stops_leave_no_gap_in_three_sigma(
+    focus_um: float, low_um: float, high_um: float, spread_um: float
+) -> None:
+    limits = (-1e4, 1e4)
+    stops = focus_stops(focus_um, (-low_um, high_um), spread_um, limits)
+    covered = sorted((z - low_um, z + high_um) for z in (focus_um, *stops))
+    reach = SEARCH_SIGMAS * spread_um
+    assert covered[0][0] <= focus_um - reach + 1e-9
+    assert max(end for _, end in covered) >= focus_um + reach - 1e-9
+    for (_, end), (start, _) in pairwise(covered):
+        assert start < end
+    away = [abs(z - focus_um) for z in stops]
+    assert np.all(np.diff(away) > -1e-9)  # nearest first
+    if reach <= min(low_um, high_um):
+        assert stops == ()
+
+
+@given(focus_um=st.floats(-500, 500), spread_um=st.floats(0, 100))
+def test_focus_stops_stay_within_the_drive(focus_um: float, spread_um: float) -> None:
+    stops = focus_stops(focus_um, (-10.0, 10.0), spread_um, (-500.0, 500.0))
+    assert all(-500 <= z <= 500 for z in stops)
+    assert len(set(stops)) == len(stops)
+
+
+@given(
+    x_um=st.floats(-200, 200), y_um=st.floats(-150, 150), sigma_um=st.floats(0.1, 30)
+)
+def test_the_region_holds_the_target_within_the_frame(
+    x_um: float, y_um: float, sigma_um: float
+) -> None:
+    task = example()
+    scope = microscope_at(task.workcell, LOW)
+    box = gear(task).box_um
+    region = region_for(scope, box, spot(x_um, y_um, sigma_um))
+    k = scope.px_per_um
+    room = SEARCH_SIGMAS * sigma_um
+    left = max(0.0, 319.5 + k * (x_um + box[0] - room))
+    right = min(639.0, 319.5 + k * (x_um + box[2] + room))
+    top = max(0.0, 239.5 - k * (y_um + box[3] + room))
+    assert 0 <= region.column <= left
+    assert right <= region.column + region.columns - 1 <= 639
+    assert 0 <= region.row <= top
+    assert region.row + region.rows <= 480
+
+
+def test_the_brightest_face_stays_below_full_scale_in_the_worst_light(
+    task: Task,
+) -> None:
+    look = next(iter(requests(task, unfold(task, Report()), 0, None)))
+    (view, *_) = views(task, look, LOW, Report())
+    worst = 0.80 * 1.3 * (1 + 0.3 / 2)  # reflectance, gain, half the gradient
+    assert view.light * worst == pytest.approx(0.95)
+    assert light_level(task.workcell, (), task.benchmark) == pytest.approx(
+        0.95 / (1.3 * 1.15)
+    )
+
+
+# --- hidden and shaded edges, against circle and half-plane
+
+HIGH_UM, HOLE_UM = 60.0, 25.0
+SLOPE = math.tan(math.asin(0.42))
+
+
+def disc(radius_um: float) -> Outline:
+    arc = Arc(center=(0.0, 0.0), radius_um=radius_um, start_rad=0.0,
+              sweep_rad=2 * math.pi)  # fmt: skip
+    return Outline(rings=(Ring(edges=(arc,), layer=""),))
+
+
+def slab(x_um: float) -> Outline:
+    """Return a large rectangle whose left face stands at `x_um`."""
+    points = [(x_um, -500.0), (x_um + 900, -500.0), (x_um + 900, 500.0), (x_um, 500.0)]
+    edges = tuple(
+        Segment(start=a, end=b)
+        for a, b in zip(points, points[1:] + points[:1], strict=True)
+    )
+    return Outline(rings=(Ring(edges=edges, layer=""),))
+
+
+def under(task: Task, face: float) -> tuple[Task, State]:
+    """Return a disc-shaped part below a slab that is HIGH_UM above its face."""
+
+    def part(name: str, outline: Outline, thickness_um: float) -> Part:
+        return replace(
+            task.parts["gear"], name=name, outline=outline, features={}, posts={},
+            thickness_um=thickness_um,
+        )  # fmt: skip
+
+    state = initial(task)
+    low = replace(state.parts["gear"], pose=Pose(x_um=0.0, y_um=0.0), sigma_xy_um=0.0)
+    parts = {
+        "coin": part("coin", disc(HOLE_UM), 10.0),
+        "roof": part("roof", slab(face), 10.0 + HIGH_UM),
+    }
+    changed = replace(task, parts=parts)
+    return changed, replace(
+        state, stage=Axis4(), tool=None, parts={"coin": low, "roof": low}
+    )
+
+
+@pytest.mark.parametrize("face_um", [-20.0, -5.0, 0.0, 10.0, 24.0, 40.0, 60.0])
+def test_hidden_and_shaded_arcs_have_a_closed_form(task: Task, face_um: float) -> None:
+    changed, state = under(task, face_um)
+    shape = shape_of(changed, state, "coin")
+    assert shape is not None
+    where = Place(
+        name="coin", owner="coin", carrier="stage", pose=Pose(x_um=0.0, y_um=0.0),
+        z_um=10.0, sigma_xy_um=0.0, sigma_theta_rad=0.0,
+    )  # fmt: skip
+
+    def beyond(x_um: float) -> float:
+        """Return the share of the rim right of a line."""
+        return math.acos(max(-1.0, min(1.0, x_um / HOLE_UM))) / math.pi
+
+    hidden, reached = beyond(face_um), beyond(face_um - HIGH_UM * SLOPE)
+    shades = shade_of(changed, state, shape, where, 0.42, 1.0)
+    # points on the rim are about 7 degrees apart: one more or less on either side
+    atol = 2 / 50
+    if reached == 0:
+        assert shades == ()
+        return
+    (shade,) = shades
+    assert (shade.target, shade.by) == ("coin.outline", "roof")
+    assert shade.hidden == pytest.approx(hidden, abs=atol)
+    assert shade.hidden + shade.shaded == pytest.approx(reached, abs=atol)
+
+
+def test_nothing_lower_hides_anything(task: Task) -> None:
+    changed, state = under(task, -20.0)
+    shape = shape_of(changed, state, "roof")
+    assert shape is not None
+    where = replace(spot(0, 0, 0), name="roof", owner="roof", z_um=10.0 + HIGH_UM)
+    assert shade_of(changed, state, shape, where, 0.42, 1.0) == ()
