@@ -12,7 +12,7 @@ from featuresel.routines import Target
 from featuresel.routines.frame import RegionFrame
 from optics.microscope import Microscope
 from optics.outline import place
-from optics.render import render
+from optics.render import Covered, cover, render
 from optics.scene import Illumination, Layer, Scene, Window
 from optics.sensor import Sensor
 
@@ -107,8 +107,16 @@ def scene(case: LookCase, dx_um: float, dy_um: float, dtheta_rad: float) -> Scen
     dtheta_rad : float
         Turn of the target about its reference point.
     """
+    moved = moved_layers(case, dx_um, dy_um, dtheta_rad)
+    return Scene(layers=case.static + moved, background=case.background)
+
+
+def moved_layers(
+    case: LookCase, dx_um: float, dy_um: float, dtheta_rad: float
+) -> tuple[Layer, ...]:
+    """Return the layers that move with the target, displaced as in `scene`."""
     x, y = case.x_um + dx_um, case.y_um + dy_um
-    moved = tuple(
+    return tuple(
         Layer(
             name=layer.name,
             outline=place(layer.outline, x, y, case.theta_rad + dtheta_rad),
@@ -117,7 +125,6 @@ def scene(case: LookCase, dx_um: float, dy_um: float, dtheta_rad: float) -> Scen
         )
         for layer in case.moving
     )
-    return Scene(layers=case.static + moved, background=case.background)
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,6 +132,7 @@ class NominalRender:
     """Renders a case's region at nominal focus, zoom and light; a `Render`."""
 
     case: LookCase
+    static: tuple[Covered, ...]  # what every image shares
 
     def __call__(
         self, *, dx_um: float = 0.0, dy_um: float = 0.0, theta_rad: float = 0.0
@@ -133,13 +141,15 @@ class NominalRender:
 
         `theta_rad` is the turn away from the nominal angle.
         """
+        moved = moved_layers(self.case, dx_um, dy_um, theta_rad)
         image = render(
-            scene(self.case, dx_um, dy_um, theta_rad),
+            Scene(layers=moved, background=self.case.background),
             self.case.microscope,
             focus_um=self.case.focus_um,
             model=self.case.model,
             window=self.case.window,
             light=self.case.light,
+            also=self.static,
         )
         clipped: FloatArray = np.clip(image, 0.0, 1.0)
         return clipped
@@ -147,4 +157,11 @@ class NominalRender:
 
 def nominal_render(case: LookCase) -> NominalRender:
     """Return the renderer that routines prepare with."""
-    return NominalRender(case)
+    static = cover(
+        case.static,
+        case.microscope,
+        focus_um=case.focus_um,
+        model=case.model,
+        window=case.window,
+    )
+    return NominalRender(case=case, static=static)

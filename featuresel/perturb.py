@@ -12,9 +12,10 @@ import numpy.typing as npt
 from scipy.linalg import hadamard
 from scipy.stats import qmc, truncnorm
 
-from featuresel.case import LookCase, scene
-from optics.render import render
-from optics.scene import Illumination
+from featuresel.case import LookCase, moved_layers
+from optics.microscope import Microscope
+from optics.render import Covered, cover, render
+from optics.scene import Illumination, Scene
 from optics.sensor import expose, to_unit
 
 FloatArray = npt.NDArray[np.float64]
@@ -89,19 +90,19 @@ def design(case: LookCase, count: int, root_seed: int) -> tuple[Trial, ...]:
     return tuple(found)
 
 
-def image(case: LookCase, trial: Trial) -> FloatArray:
+def image(
+    case: LookCase, trial: Trial, backdrop: tuple[Covered, ...] | None = None
+) -> FloatArray:
     """Return the trial's region as the camera gives it, (rows, columns), 0..1.
 
     The zoom error scales about the optical axis; the truth stays the target's world
-    pose, so an estimator that trusts the nominal zoom errs by ratio x distance.
+    pose, so an estimator that trusts the nominal zoom errs by ratio x distance. Trials
+    of one focus, zoom and blur law may share their `backdrop`.
     """
-    zoomed = replace(
-        case.microscope,
-        magnification=case.microscope.magnification * trial.magnification,
-    )
+    moved = moved_layers(case, trial.dx_um, trial.dy_um, trial.dtheta_rad)
     noiseless = render(
-        scene(case, trial.dx_um, trial.dy_um, trial.dtheta_rad),
-        zoomed,
+        Scene(layers=moved, background=case.background),
+        _zoomed(case, trial),
         focus_um=case.focus_um + trial.dz_um,
         model=trial.model,
         window=case.window,
@@ -110,9 +111,27 @@ def image(case: LookCase, trial: Trial) -> FloatArray:
             gradient_x=case.light.gradient_x + trial.gradient_x,
             gradient_y=case.light.gradient_y + trial.gradient_y,
         ),
+        also=still(case, trial) if backdrop is None else backdrop,
     )
     rng = np.random.default_rng(np.random.SeedSequence(trial.seed))
     return to_unit(expose(noiseless, case.sensor, rng), case.sensor.bits)
+
+
+def still(case: LookCase, trial: Trial) -> tuple[Covered, ...]:
+    """Return what stands still in a trial, blurred; only focus, zoom and law matter."""
+    return cover(
+        case.static,
+        _zoomed(case, trial),
+        focus_um=case.focus_um + trial.dz_um,
+        model=trial.model,
+        window=case.window,
+    )
+
+
+def _zoomed(case: LookCase, trial: Trial) -> Microscope:
+    """Return the case's microscope at the trial's zoom."""
+    magnification = case.microscope.magnification * trial.magnification
+    return replace(case.microscope, magnification=magnification)
 
 
 def _interior(case: LookCase, index: int, point: FloatArray, root: int) -> Trial:

@@ -21,7 +21,7 @@ from featuresel.routines import (
 )
 from featuresel.routines.chain import Progress, advance
 
-_CHUNK = 8  # trials handed to one worker at a time
+_CHUNK = 2  # trials handed to one worker at a time: 24 keep 4 workers busy to the end
 
 # An answer more than this many tolerances off is wrong. A chain that only just passes
 # (2 sigma + bias = tolerance) comes there by 4 sigma, so what is counted are outliers,

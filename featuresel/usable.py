@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from featuresel.candidates import Chain
 from featuresel.case import LookCase
-from featuresel.perturb import Trial, image, words
-from featuresel.routines import Failure
-from featuresel.trials import Prepared, measure_one, period_rad
+from featuresel.perturb import Trial, image, still, words
+from featuresel.routines import Failure, FloatArray
+from featuresel.trials import Map, Prepared, measure_one, period_rad
 
 # Steps outward from nominal; the zoom's are of its ratio. A drift beyond the last is
 # no drift any more.
@@ -34,12 +35,14 @@ def usable_range(
     *,
     root_seed: int,
     draws: int = 3,
+    map: Map = map,  # noqa: A002 - it is the builtin, or a pool's
 ) -> UsableRange:
     """Return the drifts of focus and zoom that `chain` stands.
 
     Each direction is searched outward on `FOCUS_UM` or `ZOOM` until one of `draws`
     noisy images, with the target at a random place of its pose spread, is not measured
-    within the tolerance; the last step before that is the answer.
+    within the tolerance; the last step before that is the answer. `map` gets one
+    direction at a time, as in `featuresel.trials.run`.
 
     Raises
     ------
@@ -49,20 +52,40 @@ def usable_range(
     if draws < 1:
         raise ValueError(f"draws must be at least 1, got {draws}")
 
-    def reach(name: str, steps: tuple[float, ...], sign: int) -> float:
-        last = 0.0
-        for step in steps:
-            drift = sign * step
-            trials = (_trial(case, name, drift, k, root_seed) for k in range(draws))
-            if not all(_meets(case, prepared, chain, trial) for trial in trials):
-                break
-            last = drift
-        return last
-
-    return UsableRange(
-        focus_um=(reach("focus", FOCUS_UM, -1), reach("focus", FOCUS_UM, 1)),
-        magnification=(1 + reach("zoom", ZOOM, -1), 1 + reach("zoom", ZOOM, 1)),
+    needed = Prepared(
+        chains=(chain,), artifacts={name: prepared.artifacts[name] for name in chain}
     )
+    search = partial(_reach, case, needed, chain, root_seed, draws)
+    # focus goes farther and takes longer: those two first
+    found = map(search, [("focus", -1), ("focus", 1), ("zoom", -1), ("zoom", 1)])
+    nearer, farther, smaller, larger = found
+    return UsableRange(
+        focus_um=(nearer, farther), magnification=(1 + smaller, 1 + larger)
+    )
+
+
+def _reach(
+    case: LookCase,
+    prepared: Prepared,
+    chain: Chain,
+    root_seed: int,
+    draws: int,
+    direction: tuple[str, int],
+) -> float:
+    """Return the last drift in one direction at which every draw meets."""
+    name, sign = direction
+    last = 0.0
+    for step in FOCUS_UM if name == "focus" else ZOOM:
+        drift = sign * step
+        trials = [_trial(case, name, drift, k, root_seed) for k in range(draws)]
+        backdrop = still(case, trials[0])
+        if not all(
+            _meets(case, prepared, chain, trial, image(case, trial, backdrop))
+            for trial in trials
+        ):
+            break
+        last = drift
+    return last
 
 
 def _trial(case: LookCase, name: str, drift: float, draw: int, root: int) -> Trial:
@@ -88,9 +111,11 @@ def _trial(case: LookCase, name: str, drift: float, draw: int, root: int) -> Tri
     )
 
 
-def _meets(case: LookCase, prepared: Prepared, chain: Chain, trial: Trial) -> bool:
-    """Return whether the trial is measured within every tolerance."""
-    found = measure_one(case, prepared, chain, image(case, trial))
+def _meets(
+    case: LookCase, prepared: Prepared, chain: Chain, trial: Trial, picture: FloatArray
+) -> bool:
+    """Return whether the trial's picture is measured within every tolerance."""
+    found = measure_one(case, prepared, chain, picture)
     if isinstance(found, Failure):
         return False
     x, y = case.frame.to_world(found.column, found.row)

@@ -34,6 +34,7 @@ def render(
     window: Window | None = None,
     light: Illumination | None = None,
     shift_um: tuple[float, float] = (0.0, 0.0),
+    also: Sequence[Covered] = (),
 ) -> FloatArray:
     """Return the noise-free image of a scene.
 
@@ -53,6 +54,8 @@ def render(
         Gain and gradient of the light; the gradient refers to the full field.
     shift_um : (x, y)
         Displacement of the whole image, um in object space.
+    also : sequence of Covered
+        More layers of the scene, blurred already by `cover` with the same arguments.
 
     Returns
     -------
@@ -70,16 +73,45 @@ def render(
     highest, image = (1 - a) image + reflectance a. Layers of equal height share one
     step. Errors of band and margin: `optics.sampling`.
     """
-    image: FloatArray = render_stack(
-        scene,
+    frame = window or _full(microscope)
+    fresh = cover(
+        scene.layers,
         microscope,
-        focus_um=(focus_um,),
+        focus_um=focus_um,
         model=model,
-        window=window,
-        light=light,
+        window=frame,
         shift_um=shift_um,
-    )[0]
-    return image
+    )
+    lit = _light(microscope, frame, light or Illumination())
+    return _laid([*also, *fresh], scene.background, frame) * lit
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Covered:
+    """A layer with its blurred indicator at the pixels of a window."""
+
+    layer: Layer
+    coverage: FloatArray  # (rows, columns), 0..1 but for errors of band and margin
+
+
+def cover(
+    layers: Sequence[Layer],
+    microscope: Microscope,
+    *,
+    focus_um: float,
+    model: str = "hopkins",
+    window: Window | None = None,
+    shift_um: tuple[float, float] = (0.0, 0.0),
+) -> tuple[Covered, ...]:
+    """Return layers blurred, for images that share them; arguments as in `render`."""
+    find_model(model)
+    _check((focus_um,), shift_um)
+    frame = window or _full(microscope)
+    prepared = [
+        _prepare(layer, microscope, (focus_um,), model, frame, shift_um)
+        for layer in layers
+    ]
+    return tuple(p.covered(microscope, focus_um) for p in prepared)
 
 
 def render_stack(
@@ -100,20 +132,17 @@ def render_stack(
     """
     find_model(model)
     _check(focus_um, shift_um)
-    frame = _full(microscope) if window is None else window
-    groups = [
-        [_prepare(layer, microscope, focus_um, model, frame, shift_um) for layer in g]
-        for _, g in itertools.groupby(_by_height(scene), key=lambda layer: layer.z_um)
+    frame = window or _full(microscope)
+    prepared = [
+        _prepare(layer, microscope, focus_um, model, frame, shift_um)
+        for layer in scene.layers
     ]
     lit = _light(microscope, frame, light or Illumination())
-    images = np.empty((len(focus_um), frame.rows, frame.columns))
-    for plane, focus in enumerate(focus_um):
-        image = images[plane]
-        image[:] = scene.background
-        for group in groups:
-            _blend(image, [(p.layer, p.coverage(microscope, focus)) for p in group])
-        images[plane] *= lit
-    return images
+    images = [
+        _laid([p.covered(microscope, z) for p in prepared], scene.background, frame)
+        for z in focus_um
+    ]
+    return np.stack(images) * lit
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -126,11 +155,11 @@ class _Prepared:
     tile: PixelTile | None  # None where nothing of the layer comes near
     spectrum: Spectrum | None
 
-    def coverage(self, microscope: Microscope, focus_um: float) -> FloatArray:
-        """Return the blurred indicator at the pixels of the frame."""
+    def covered(self, microscope: Microscope, focus_um: float) -> Covered:
+        """Return the layer with its blurred indicator."""
         image = np.zeros((self.frame.rows, self.frame.columns))
         if self.tile is None or self.spectrum is None:
-            return image
+            return Covered(layer=self.layer, coverage=image)
         z_um = self.layer.z_um - focus_um
         cut = band_cut(self.model, microscope, z_um)
         part = self.spectrum.cut(cut * microscope.cutoff_per_um)
@@ -140,11 +169,7 @@ class _Prepared:
         seen = sample(blurred, self.tile)
         rows, columns = seen.shape
         image[r0 : r0 + rows, c0 : c0 + columns] = seen
-        return image
-
-
-def _by_height(scene: Scene) -> list[Layer]:
-    return sorted(scene.layers, key=lambda layer: (layer.z_um, layer.name))
+        return Covered(layer=self.layer, coverage=image)
 
 
 def _full(microscope: Microscope) -> Window:
@@ -200,17 +225,26 @@ def _filter(
     return filtered
 
 
-def _blend(image: FloatArray, group: list[tuple[Layer, FloatArray]]) -> None:
+def _laid(layers: Sequence[Covered], background: float, frame: Window) -> FloatArray:
+    """Return the layers laid over a background from the lowest to the highest."""
+    image = np.full((frame.rows, frame.columns), background)
+    ordered = sorted(layers, key=lambda c: (c.layer.z_um, c.layer.name))
+    for _, group in itertools.groupby(ordered, key=lambda c: c.layer.z_um):
+        _blend(image, list(group))
+    return image
+
+
+def _blend(image: FloatArray, group: list[Covered]) -> None:
     """Lay the layers of one height over `image`, in place."""
-    total = sum((cover for _, cover in group), np.zeros_like(image))
+    total = sum((each.coverage for each in group), np.zeros_like(image))
     if total.max() <= 1 + _OVERLAP:  # bodies side by side: exact for one height
         image *= 1 - total
-        for layer, cover in group:
-            image += layer.reflectance * cover
+        for each in group:
+            image += each.layer.reflectance * each.coverage
         return
-    for layer, cover in group:
-        image *= 1 - cover
-        image += layer.reflectance * cover
+    for each in group:
+        image *= 1 - each.coverage
+        image += each.layer.reflectance * each.coverage
 
 
 def _light(microscope: Microscope, frame: Window, light: Illumination) -> FloatArray:

@@ -128,6 +128,7 @@ def _finish(
         chosen.chain,
         root_seed=task.seed,
         draws=effects.effort.range_draws,
+        map=effects.map,
     )
     image = _reference_image(task, request, case)
     name = f"images/{request.id}.png"

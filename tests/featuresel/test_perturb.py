@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from featuresel.case import LookCase, nominal_render, scene
-from featuresel.perturb import design, image, words
+from featuresel.perturb import design, image, still, words
 from optics.render import render
 from optics.scene import Illumination
 
@@ -97,6 +97,15 @@ def test_an_image_is_rebuilt_bit_for_bit(look: Look) -> None:
     again = design(pickle.loads(pickle.dumps(case)), 40, 5)[11]
     np.testing.assert_array_equal(image(case, trial), image(case, again))
     assert not np.array_equal(image(case, trial), image(case, design(case, 12, 6)[11]))
+
+
+def test_trials_that_differ_in_pose_share_what_stands_still(look: Look) -> None:
+    case = look("bore")
+    trial = design(case, 3, 5)[2]
+    beside = replace(trial, dx_um=trial.dx_um + 1)
+    np.testing.assert_array_equal(
+        image(case, trial, still(case, beside)), image(case, trial)
+    )
 
 
 def test_an_image_is_the_perturbed_scene_with_noise(look: Look) -> None:

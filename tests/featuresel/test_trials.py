@@ -102,7 +102,10 @@ def test_focus_range_is_wider_for_a_looser_tolerance(look: Look) -> None:
     assert narrow.focus_um[1] <= wide.focus_um[1]
     assert wide.focus_um[1] >= 8
     assert wide.magnification[0] < 1 < wide.magnification[1]
-    again = usable_range(case, ready, ("circle_caliper",), root_seed=1, draws=2)
+    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
+        again = usable_range(
+            case, ready, ("circle_caliper",), root_seed=1, draws=2, map=pool.map
+        )
     assert again == wide
 
 
