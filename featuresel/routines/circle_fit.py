@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from featuresel.routines import FloatArray
-from featuresel.routines.sampling import BoolArray
+from featuresel.routines.sampling import BoolArray, median
 
 _ROUNDS = 12  # of reweighting: it settles to 1e-6 px in fewer
+_SETTLED_PX = 1e-10  # a step after which the next changes nothing that is seen
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,17 +75,20 @@ def fit_circle(
     for k in range(2 * _ROUNDS):
         ux, uy, distance = _rays(columns - pose[0], rows - pose[1])
         residual = distance - pose[2]
-        middle = float(np.median(residual))
-        scale = max(1.4826 * float(np.median(np.abs(residual - middle))), 0.05 / 3)
+        middle = median(residual)
+        scale = max(1.4826 * median(np.abs(residual - middle)), 0.05 / 3)
         # soft weights first: trimming too early keeps a whole notch
         weight = 1 / (1 + ((residual - middle) / scale) ** 2)
-        used = np.abs(residual - middle) <= 3 * scale
+        before, used = used, np.abs(residual - middle) <= 3 * scale
         if k >= _ROUNDS:
             weight = used.astype(np.float64)
         jacobian = np.column_stack((ux, uy, np.ones_like(ux)))
         root = np.sqrt(weight)
         step, *_ = np.linalg.lstsq(jacobian * root[:, None], residual * root)
         pose = pose + step
+        settled = float(np.abs(step).max()) < _SETTLED_PX
+        if k > _ROUNDS and settled and np.array_equal(used, before):
+            break
     rms = float(np.sqrt(np.mean((residual[used] - residual[used].mean()) ** 2)))
     inverse = np.linalg.pinv(jacobian[used].T @ jacobian[used])
     spread = rms * float(np.sqrt((inverse[0, 0] + inverse[1, 1]) / 2))

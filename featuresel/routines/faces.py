@@ -9,11 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from featuresel.routines import FloatArray
-from featuresel.routines.sampling import find_edges, line_samples
+from featuresel.routines.sampling import find_edges, line_samples, median
 
 FAINT = 0.04  # step height below which an edge is not trusted
 LINES_PX = 1.5  # between neighbouring lines: closer ones share their pixels
 _WEAKEST = 0.3  # of the predicted step
+_ROUNDS = 8  # of trimming
 _FEWEST = 0.5  # of a face's lines must meet its edge, and of those half must fit
 
 
@@ -89,15 +90,24 @@ def points(
 
 def _line(x: FloatArray, y: FloatArray) -> tuple[float, float, float, int] | None:
     """Return (intercept, slope, rms, used) of a trimmed line; None if half strays."""
-    used = np.ones(len(x), dtype=bool)
     # a turn of .09 rad spreads true points this far about their median
-    used = np.abs(y - np.median(y)) <= max(3.0, 0.09 * float(np.ptp(x)))
-    for _ in range(8):
+    used = np.abs(y - median(y)) <= max(3.0, 0.09 * float(np.ptp(x)))
+    for _ in range(_ROUNDS):
         if used.sum() < max(5, _FEWEST * len(x)):
             return None
-        slope, intercept = np.polyfit(x[used], y[used], 1)
+        intercept, slope = _least_squares(x[used], y[used])
         residual = y - intercept - slope * x
-        robust = 1.4826 * float(np.median(np.abs(residual[used])))
-        used = np.abs(residual) <= max(3 * robust, 0.1)
+        robust = 1.4826 * median(np.abs(residual[used]))
+        before, used = used, np.abs(residual) <= max(3 * robust, 0.1)
+        if np.array_equal(used, before):  # so would be every round from here
+            break
     rms = float(np.sqrt(np.mean(residual[used] ** 2)))
-    return float(intercept), float(slope), rms, int(used.sum())
+    return intercept, slope, rms, int(used.sum())
+
+
+def _least_squares(x: FloatArray, y: FloatArray) -> tuple[float, float]:
+    """Return (intercept, slope) of the line through points (N,), N >= 2."""
+    mean_x, mean_y = float(x.mean()), float(y.mean())
+    away = x - mean_x
+    slope = float(away @ (y - mean_y)) / float(away @ away)
+    return mean_y - slope * mean_x, slope

@@ -18,6 +18,7 @@ from featuresel.routines.sampling import (
     edge_kernel,
     find_edges,
     line_samples,
+    median,
 )
 
 
@@ -82,3 +83,8 @@ def test_filter_width_follows_the_blur() -> None:
     assert widths == sorted(widths)
     assert widths[0] < 1.5
     assert widths[-1] > 3
+
+
+@given(st.lists(st.floats(-1e3, 1e3), min_size=1, max_size=9))
+def test_median_is_numpys(values: list[float]) -> None:
+    assert median(np.array(values)) == np.median(values)
