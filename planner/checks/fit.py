@@ -20,11 +20,12 @@ FloatArray = npt.NDArray[np.float64]
 
 NODES = 48  # Gauss nodes over the residual: doubling them moves P by less than 1e-12
 SIZE_NODES = 6  # per piece of the sizes' law; exact for degree 10 in the edge offset
+SAME_SIZE_UM = 1e-9  # sizes that vary by less do not vary
 ANGLE_NODES = 8  # of the bias' direction, over half a turn; periodic, so enough
 # Beyond this many sigmas from the edge a double holds nothing but 0 or 1.
 SURE_SIGMAS = 40.0
-# Beyond this offset the edge is straight: the curvature's effect is below 3e-6.
-STRAIGHT_SIGMAS = 1e5
+# Beyond this offset the edge is nearly straight, and the series converge badly.
+STRAIGHT_SIGMAS = 1e3
 # Share of the failures allowed to the whole task that the servo may use up.
 SERVO_SHARE = 0.1
 # Below this many stage sigmas the expected number of moves climbs beyond 6.
@@ -57,7 +58,7 @@ class Fit:
         """
         sides = sorted((self.hole_tolerance_um, self.shaft_tolerance_um))
         reach, flat = sides[1] + sides[0], sides[1] - sides[0]
-        if reach <= 0:
+        if reach <= SAME_SIZE_UM:
             return np.array([self.capture_um]), np.ones(1)
         cuts = np.unique(
             np.clip([-reach, -flat, flat, reach, -self.capture_um], -reach, reach)
@@ -182,7 +183,18 @@ def _rice_tail(radius: FloatArray, offset: FloatArray, sigma_um: float) -> Float
     near = (radius > 0) & (np.abs(radius - offset) < SURE_SIGMAS * sigma_um)
     r, a = radius[near] / (sigma_um or 1.0), offset[near] / (sigma_um or 1.0)
     straight = a > STRAIGHT_SIGMAS
-    tail = stats.norm.sf(r - a)
+    tail = _straight_tail(r, a)
     tail[~straight] = stats.ncx2.sf(r[~straight] ** 2, 2, a[~straight] ** 2)
     outside[near] = tail
     return outside
+
+
+def _straight_tail(radius: FloatArray, offset: FloatArray) -> FloatArray:
+    """Return P(|offset + n| >= radius) for unit n, offset >> 1, radius about as large.
+
+    The mean over n across the offset of the normal tail along it.
+    """
+    nodes, weights = np.polynomial.hermite_e.hermegauss(SIZE_NODES)
+    edge = np.sqrt(np.maximum(radius[:, None] ** 2 - nodes**2, 0.0)) - offset[:, None]
+    tail: FloatArray = stats.norm.sf(edge) @ (weights / weights.sum())
+    return tail

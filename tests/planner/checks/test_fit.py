@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-import mpmath
+import mpmath  # type: ignore[import-untyped]  # has no stubs
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -106,6 +106,9 @@ def marcum(a: float, b: float) -> float:
         (3.0, 0.5, 0.115),
         (22.0, 0.3, 1.0),
         (3.0, 5.0, 0.4),
+        (3.0, 3.0, 0.0025),  # the edge is nearly straight
+        (3.0, 2.98, 0.0025),
+        (3.0, 3.01, 0.0025),
     ],
 )
 def test_tails_keep_their_digits(
@@ -258,7 +261,7 @@ def test_the_servo_tolerance_keeps_its_share_and_its_bounds(
     floor = min(EASY_SIGMAS * move_um, ceiling)
     assert floor * (1 - 1e-12) <= within <= ceiling * (1 + 1e-12)
     residual = Residual(sigma_um=move_um, within_um=within)
-    if within > floor:
+    if within > floor * (1 + 1e-9):
         miss = miss_probability(found, residual, sigma_um)
         assert miss <= SERVO_SHARE * (1 - goal)
     # more of what the servo cannot see, or a higher goal: never a looser tolerance
