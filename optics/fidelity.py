@@ -186,8 +186,23 @@ def _gap_um(one: Layer, other: Layer) -> float:
         x, y, _, _ = boundary_nodes(to_edges(layer.outline), density)
         clouds.append(np.column_stack([x, y]))
         spacing += 0.65 / density / 2
-    distance, _ = cKDTree(clouds[0]).query(clouds[1])
-    return max(float(np.min(distance)) - spacing, 0.0)
+    return max(_nearest_um(*clouds) - spacing, 0.0)
+
+
+def _nearest_um(one: FloatArray, other: FloatArray) -> float:
+    """Return the smallest distance between points of two clouds, (N, 2) um each.
+
+    The tree is over the smaller body, as all of a large ring is about equally far from
+    its middle; and no point farther off than the best of a few is looked for.
+    """
+    small, large = sorted(
+        (one, other), key=lambda cloud: float(np.ptp(cloud, axis=0).max())
+    )
+    tree = cKDTree(small)
+    few, _ = tree.query(large[:: math.isqrt(len(large))])
+    bound = float(np.min(few))
+    distance, _ = tree.query(large, distance_upper_bound=math.nextafter(bound, 1e300))
+    return float(min(np.min(distance), bound))
 
 
 def _sampling_rows(limit: float) -> tuple[LedgerRow, ...]:

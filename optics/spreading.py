@@ -16,7 +16,7 @@ _OVERSAMPLING = 1.25  # of the band grid
 # What the kernel folds in, exp(-pi width sqrt(1 - 1 / oversampling)), of the length of
 # all edges; in an image of a gear 1e-6.
 KERNEL_ERROR = math.exp(-math.pi * _WIDTH * math.sqrt(1 - 1 / _OVERSAMPLING))
-_BATCH = 1 << 13  # nodes spread at once, to bound memory
+_BATCH = 1 << 10  # nodes spread at once: their 64 products each stay in the cache
 _DEGREE = 14  # of the kernel's polynomials: 4e-15 off it, as it is entire
 
 
@@ -63,7 +63,7 @@ def deposit(
         index = at_y[part, :, None] * shape[1] + at_x[part, None, :]
         value = (share_y[part] * weight[part, None])[:, :, None]
         value = value * share_x[part, None, :]
-        grid += np.bincount(index.ravel(), value.ravel(), minlength=grid.size)
+        np.add.at(grid, index.ravel(), value.ravel())
     return grid.reshape(shape)
 
 

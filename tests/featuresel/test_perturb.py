@@ -100,8 +100,9 @@ def test_an_image_is_rebuilt_bit_for_bit(look: Look) -> None:
 
 
 def test_trials_that_differ_in_pose_share_what_stands_still(look: Look) -> None:
-    case = look("bore")
+    case = look("between")
     trial = design(case, 3, 5)[2]
+    assert still(case, trial)
     beside = replace(trial, dx_um=trial.dx_um + 1)
     np.testing.assert_array_equal(
         image(case, trial, still(case, beside)), image(case, trial)
