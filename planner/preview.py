@@ -133,11 +133,14 @@ def _setting(
     """Return microscope, focus and light level, as compiled where not overridden."""
     found = requests(task, states, index, None)
     low, high = task.workcell.optics.magnification
+    state = found[0].state if found else states[index].after
     zoom, focus = low, _focus_of(task, states[index])
-    if found:
-        settings = views(task, found[0], low, report)
-        if settings:
-            zoom, focus = settings[0].microscope.magnification, settings[0].focus_um
+    layers = world_scene(task, state).layers
+    level = light_level(task.workcell, layers, task.benchmark)
+    settings = views(task, found[0], low, report) if found else ()
+    if settings:
+        zoom, focus = settings[0].microscope.magnification, settings[0].focus_um
+        level = settings[0].light
     if call.magnification is not None:
         zoom = call.magnification
         if not low <= zoom <= high:
@@ -148,13 +151,7 @@ def _setting(
         focus = call.focus_um
     if not math.isfinite(focus):
         raise RenderError("MP404", f"focus must be finite, got {focus}")
-    state = found[0].state if found else states[index].after
-    scene = world_scene(task, state)
-    return (
-        microscope_at(task.workcell, zoom),
-        focus,
-        light_level(task.workcell, scene.layers, task.benchmark),
-    )
+    return microscope_at(task.workcell, zoom), focus, level
 
 
 def _focus_of(task: Task, here: StepState) -> float:
