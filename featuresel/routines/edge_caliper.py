@@ -17,19 +17,8 @@ from featuresel.routines import (
     Target,
     TargetKind,
 )
-from featuresel.routines.faces import (
-    FAINT,
-    LINES_PX,
-    Face,
-    Found,
-    measure_face,
-    points,
-)
-from featuresel.routines.sampling import (
-    STEP_PX,
-    best_width,
-    cubic,
-)
+from featuresel.routines.faces import Found, measure_face
+from featuresel.routines.jaw_faces import SIDES, TIPS, calibrate, in_view, predicted
 
 NAME = "edge_caliper"
 VERSION = "1"
@@ -38,9 +27,6 @@ GIVES: tuple[str, ...] = ("xy", "theta")
 NEEDS: tuple[str, ...] = ()
 COST = 6.0
 
-# Faces: across the fingers' sides (normal along x) and the tips (normal along -y).
-_SIDES = ("inner_left", "inner_right", "outer_left", "outer_right")
-_TIPS = ("tip_left", "tip_right")
 _TURN_STEP_RAD = math.radians(3)  # half of it moves a face's far end by 3 to 4 px
 _LOCKED_PX = 0.02  # edges along pixel rows share one sampling error; lines do not help
 _MOST_TURN_RAD = 0.3  # beyond, the stretches no longer lie on their faces
@@ -60,13 +46,13 @@ def prepare(render: Render, target: Target) -> Artifact | Failure:
         "range_rad": min(target.theta_range_rad, _MOST_TURN_RAD),
         "opening_px": target.parameters["opening_um"] * target.px_per_um,
     }
-    for name, whole in _faces(target).items():
-        face = _in_view(whole, image.shape, at, target.search_px)
-        numbers = None if face is None else _calibrate(image, face, at)
+    for name, whole in predicted(target).items():
+        face = in_view(whole, image.shape, at, target.search_px)
+        numbers = None if face is None else calibrate(image, face, at)
         if numbers is not None:
             parameters |= {f"{name}.{key}": value for key, value in numbers.items()}
-    missing = [name for name in _SIDES[:2] if f"{name}.step" not in parameters]
-    if not any(f"{name}.step" in parameters for name in _TIPS):
+    missing = [name for name in SIDES[:2] if f"{name}.step" not in parameters]
+    if not any(f"{name}.step" in parameters for name in TIPS):
         missing.append("tips")
     if missing:
         return Failure(code="no_edge", message=f"not to be seen: {', '.join(missing)}")
@@ -93,12 +79,12 @@ def measure(
     problem = _misplaced(found, p, guess, (column, row, theta))
     if problem is not None:
         return problem
-    inner = [found[name] for name in _SIDES[:2]]
+    inner = [found[name] for name in SIDES[:2]]
     spread = math.sqrt(sum(f.rms_px**2 / f.lines for f in inner)) / 2
-    tips = [found[name] for name in _TIPS if name in found]
+    tips = [found[name] for name in TIPS if name in found]
     tip_spread = math.sqrt(sum(f.rms_px**2 / f.lines for f in tips)) / len(tips)
-    seen = sum(name in found for name in (*_SIDES, *_TIPS))
-    known = sum(f"{name}.step" in p for name in (*_SIDES, *_TIPS))
+    seen = sum(name in found for name in (*SIDES, *TIPS))
+    known = sum(f"{name}.step" in p for name in (*SIDES, *TIPS))
     return Measurement(
         column=column,
         row=row,
@@ -117,7 +103,7 @@ def _rough_turn(image: FloatArray, p: Mapping[str, float], guess: Guess) -> floa
         at = (guess.column, guess.row, p["theta_rad"] + turn)
         faces = [
             measure_face(image, _numbers(p, name), at, p["search_px"], sparse=4)
-            for name in _SIDES[:2]
+            for name in SIDES[:2]
         ]
         found = [face for face in faces if face is not None]
         if found:
@@ -130,81 +116,6 @@ def _rough_turn(image: FloatArray, p: Mapping[str, float], guess: Guess) -> floa
     return best[2]
 
 
-def _faces(target: Target) -> dict[str, Face]:
-    """Return the predicted faces; fingers reach up without end."""
-    k, p = target.px_per_um, target.parameters
-    half, wide = p["opening_um"] / 2 * k, p["finger_width_um"] * k
-    tip = -p["grip_from_tip_um"] * k
-    low, high = tip + 0.15 * wide, tip + 3 * wide  # off the tip's corner
-    right, left, down = (1.0, 0.0), (-1.0, 0.0), (0.0, -1.0)
-    inside, outside = half + 0.15 * wide, half + 0.8 * wide
-    # for the normal n the stretch runs along n turned by +90 degrees: up for `right`,
-    # down for `left`, right for `down`
-    return {
-        "inner_left": Face(normal=right, offset_px=-half, low_px=low, high_px=high),
-        "inner_right": Face(normal=left, offset_px=-half, low_px=-high, high_px=-low),
-        "outer_left": Face(
-            normal=left, offset_px=half + wide, low_px=-high, high_px=-low
-        ),
-        "outer_right": Face(
-            normal=right, offset_px=half + wide, low_px=low, high_px=high
-        ),
-        "tip_left": Face(normal=down, offset_px=-tip, low_px=-outside, high_px=-inside),
-        "tip_right": Face(normal=down, offset_px=-tip, low_px=inside, high_px=outside),
-    }
-
-
-def _in_view(
-    face: Face,
-    shape: tuple[int, ...],
-    at: tuple[float, float, float],
-    search_px: float,
-) -> Face | None:
-    """Return the face cut to what stays in the image anywhere in the search."""
-    room = search_px + 3.0
-    along = np.arange(face.low_px, face.high_px, LINES_PX)
-    columns, rows = points(face, at, along, np.zeros(1))
-    inside = (columns > room) & (columns < shape[1] - 1 - room)
-    inside &= (rows > room) & (rows < shape[0] - 1 - room)
-    kept = along[inside[:, 0]]
-    if len(kept) < 8:
-        return None
-    return Face(
-        normal=face.normal,
-        offset_px=face.offset_px,
-        low_px=float(kept[0]),
-        high_px=float(kept[-1]),
-    )
-
-
-def _calibrate(
-    image: FloatArray, face: Face, at: tuple[float, float, float]
-) -> Mapping[str, float] | None:
-    """Return the face's numbers, its place and slope as measured; None if too faint."""
-    along = np.arange(face.low_px, face.high_px, LINES_PX)
-    span = np.arange(-24, 25, dtype=np.float64) * STEP_PX
-    profile = np.median(cubic(image, *points(face, at, along, span))[0], axis=0)
-    width = best_width(profile)
-    gap = min(int(1.5 * width / STEP_PX) + 1, 24)
-    step = float(profile[24 - gap] - profile[24 + gap])  # bright inside, normal out
-    if step < FAINT:
-        return None
-    numbers = {
-        "normal_x": face.normal[0],
-        "normal_y": face.normal[1],
-        "low_px": face.low_px,
-        "high_px": face.high_px,
-        "width_px": width,
-        "step": step,
-        "offset_px": face.offset_px,
-        "slope": 0.0,
-    }
-    found = measure_face(image, numbers, at, 4.0)
-    if found is None:
-        return None
-    return {**numbers, "offset_px": found.offset_px, "slope": found.slope}
-
-
 def _find(
     image: FloatArray,
     p: Mapping[str, float],
@@ -213,14 +124,14 @@ def _find(
 ) -> dict[str, Found] | Failure:
     """Return the faces that were found; the inner ones and a tip must be among them."""
     found = {}
-    for name in (*_SIDES, *_TIPS):
+    for name in (*SIDES, *TIPS):
         if f"{name}.step" in p:
             half = half_px + _ZOOM * abs(p[f"{name}.offset_px"])
             face = measure_face(image, _numbers(p, name), at, half)
             if face is not None:
                 found[name] = face
-    missing = [name for name in _SIDES[:2] if name not in found]
-    if not any(name in found for name in _TIPS):
+    missing = [name for name in SIDES[:2] if name not in found]
+    if not any(name in found for name in TIPS):
         missing.append("tips")
     whole = [_pair(side) for side in ("left", "right")]
     known = [pair for pair in whole if all(f"{name}.step" in p for name in pair)]
@@ -251,7 +162,7 @@ def _pose(
     part along the normal, and the turn moves the stretch's middle by t times its lever.
     Lines weigh by their number; the pairs of faces keep x free of the opening.
     """
-    sides = [name for name in _SIDES if name in found]
+    sides = [name for name in SIDES if name in found]
     turn = float(
         np.average(
             [found[n].slope - p[f"{n}.slope"] for n in sides],
@@ -266,7 +177,7 @@ def _pose(
     xs = [(shift[a] - shift[b]) / 2 for a, b in pairs if a in shift and b in shift]
     # at another zoom the tips are farther from the grip than predicted
     lever = _scale(found, p) - 1
-    ys = [lever * p[f"{n}.offset_px"] - shift[n] for n in _TIPS if n in shift]
+    ys = [lever * p[f"{n}.offset_px"] - shift[n] for n in TIPS if n in shift]
     return float(np.mean(xs)), float(np.mean(ys)), -turn
 
 

@@ -18,6 +18,7 @@ from featuresel.routines import (
     Target,
     TargetKind,
 )
+from featuresel.routines.peak import Float32Array, find_peak
 from featuresel.routines.template_fit import refine
 
 NAME = "ncc"
@@ -29,13 +30,10 @@ COST = 12.0
 
 _MARGIN_PX = 4.0  # around the target, so that its edge is in the template
 _LEAST_SCORE = 0.6  # correlation; noise, blur and gradients leave .8 and more
-_RIVAL = 0.95  # of the best score, the most a peak elsewhere may reach
 _COARSE_PX = 16.0  # half the template's side where angles are searched
 _STEP_PX = 1.0  # of the rim between two templates: half of it blurs, no more
 _MOST = 96  # templates
 _NO_TURN_RAD = 1e-3  # below this range the angle is not searched
-
-Float32Array = npt.NDArray[np.float32]
 
 
 def prepare(render: Render, target: Target) -> Artifact | Failure:
@@ -204,7 +202,7 @@ def _match(
     surface = maps[best]
     if float(surface.max()) < _LEAST_SCORE:
         return _low(float(surface.max()))
-    peak = _peak(surface)
+    peak = find_peak(surface)
     if isinstance(peak, Failure):
         return peak
     turned = float(artifact.arrays["turned_rad"][best])
@@ -234,39 +232,6 @@ def _part(
         return None
     part = small[top : bottom + size[0], left : right + size[1]]
     return left, top, np.ascontiguousarray(part, dtype=np.float32)
-
-
-def _peak(surface: Float32Array) -> tuple[float, float] | Failure:
-    """Return the peak (column, row) of a score map by a quadratic through 9 values."""
-    row, column = divmod(int(surface.argmax()), surface.shape[1])
-    rows, columns = surface.shape
-    if not (0 < row < rows - 1 and 0 < column < columns - 1):
-        return Failure(code="outside", message="the best match is at the search's rim")
-    rival = _rival(surface, column, row)
-    if rival > _RIVAL * float(surface[row, column]):
-        return Failure(
-            code="ambiguous",
-            message=f"scores {surface[row, column]:.3f} and {rival:.3f} at two places",
-        )
-    near = surface[row - 1 : row + 2, column - 1 : column + 2].astype(np.float64)
-    dx = (near[:, 2] - near[:, 0]).sum() / 6
-    dy = (near[2] - near[0]).sum() / 6
-    xx = (near[:, 0] - 2 * near[:, 1] + near[:, 2]).sum() / 3
-    yy = (near[0] - 2 * near[1] + near[2]).sum() / 3
-    xy = (near[0, 0] + near[2, 2] - near[0, 2] - near[2, 0]) / 4
-    determinant = xx * yy - xy * xy
-    if not (determinant > 0 and xx < 0):
-        return Failure(code="no_peak", message="the scores have no maximum")
-    u, v = (xy * dy - yy * dx) / determinant, (xy * dx - xx * dy) / determinant
-    return column + float(np.clip(u, -1, 1)), row + float(np.clip(v, -1, 1))
-
-
-def _rival(surface: Float32Array, column: int, row: int) -> float:
-    """Return the highest local maximum that is not the peak's own hill, else -1."""
-    lifted = cv2.dilate(surface, np.ones((5, 5), np.uint8))
-    tops = surface >= lifted
-    tops[max(row - 3, 0) : row + 4, max(column - 3, 0) : column + 4] = False
-    return float(surface[tops].max()) if tops.any() else -1.0
 
 
 def _low(score: float) -> Failure:
