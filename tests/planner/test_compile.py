@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import shutil
 import subprocess
 import sys
 import time
@@ -17,12 +18,17 @@ import numpy as np
 import pytest
 
 import schemas
+from executor.artifacts import Artifacts
+from executor.simulated.cell import build_cell
+from executor.station import preflight
 from planner.cli import main
 from planner.compiler import Options, compile_task
 from planner.diagnostics import Report
 from planner.outputs.emit import PlanFiles
 from planner.pictures import picture_sha256
+from schemas.codec import from_data
 from schemas.plan import Plan, dump_plan, parse_plan
+from schemas.world import World
 from tests.golden.compare import differences
 from tests.planner.examples import (
     GRASP,
@@ -294,3 +300,20 @@ def test_a_task_at_fault_writes_nothing_and_ends_with_two(
     assert main(["compile", str(file)]) == 2
     assert "error[MP301]" in capsys.readouterr().err
     assert not (file.parent / "gear-on-shaft.plan").exists()
+
+
+def test_the_executor_needs_no_world_of_the_compilers(
+    compiled_example: Path, tmp_path: Path
+) -> None:
+    """A station that is given from elsewhere runs from the plan and its arrays."""
+    world = json.loads((compiled_example / "world.json").read_text(encoding="utf-8"))
+    folder = Path(shutil.copytree(compiled_example, tmp_path / "bare.plan"))
+    (folder / "world.json").unlink()
+    plan = parse_plan((folder / "plan.json").read_text(encoding="utf-8"))
+    station = build_cell(from_data(World, world), 0, frozenset()).station
+    preflight(plan, station)
+    artifacts = Artifacts.from_folder(plan, folder)
+    looks = [look for step in plan.steps for look in step.looks]
+    for look in looks:
+        stages = artifacts.stages(look.id, look.measure.chain)
+        assert [name for name, _ in stages] == [use.id for use in look.measure.chain]
