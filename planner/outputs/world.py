@@ -5,7 +5,7 @@ from __future__ import annotations
 from optics.outline import Outline, Segment
 from planner.inputs.task import Part, Task
 from planner.inputs.workcell import Axes, Interval, Tool
-from planner.model.assembly import Axis4, State
+from planner.model.assembly import Axis4, Carrier, State
 from planner.model.shapes import squeeze_minima_rad
 from schemas.plan import AxisMove
 from schemas.pose import Pose
@@ -28,13 +28,13 @@ def build_world(task: Task, start: State) -> World:
     return World(
         name=task.name,
         optics=_optics(task),
-        stage=_axes(cell.stage.axes, start.stage),
+        stage=_axes("stage", cell.stage.axes, start.stage),
         stage_datum_z_um=cell.stage.datum_z_um,
         stage_reflectance=cell.stage.reflectance,
         stage_theta_axis_um=cell.stage.theta_axis_um,
         stage_tilt_sigma_rad=cell.stage.axis_tilt_sigma_rad,
         stage_drift_um_per_min=cell.stage.drift_um_per_min,
-        robot=_axes(cell.robot.axes, start.robot),
+        robot=_axes("robot", cell.robot.axes, start.robot),
         robot_theta_axis_to_tip_um=cell.robot.theta_axis_to_tip_um,
         parts=tuple(_part(task, task.parts[name]) for name in sorted(start.parts)),
         tools=tuple(
@@ -119,12 +119,12 @@ def _tool(tool: Tool, opening_um: float) -> WorldTool:
     )
 
 
-def _axes(axes: Axes, start: Axis4) -> WorldAxes:
+def _axes(name: Carrier, axes: Axes, start: Axis4) -> WorldAxes:
     """Return one axis group with its start readings."""
     limits: dict[str, Interval] = {key: axes.limits[key] for key in sorted(axes.limits)}
     return WorldAxes(
         start=AxisMove(
-            axes="stage",
+            axes=name,
             x_um=start.x_um,
             y_um=start.y_um,
             z_um=start.z_um,
