@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from importlib.metadata import version
 
 from featuresel.trials import Map
-from planner.diagnostics import Report
+from planner.diagnostics import Report, Span
 from planner.inputs.task import Task
 from planner.looks import Effects
 from planner.model.assembly import State, initial
@@ -82,7 +82,7 @@ def build_plan(
         chance *= step.budget.success_probability
     complete = len(compiled) == len(states)
     _report_goal(task, compiled, chance if complete else None, report)
-    reasons = _reasons(report)
+    reasons = _reasons(task, report)
     return p.Plan(
         format_version=p.FORMAT_VERSION,
         name=task.name,
@@ -153,13 +153,22 @@ def _report_goal(
     )
 
 
-def _reasons(report: Report) -> tuple[p.Reason, ...]:
+def _reasons(task: Task, report: Report) -> tuple[p.Reason, ...]:
     """Return why the plan is infeasible; empty if it is not."""
     return tuple(
-        p.Reason(code=d.code, step="", message=d.message)
+        p.Reason(code=d.code, step=_step_at(task, d.where), message=d.message)
         for d in report.in_order
         if d.severity == "infeasible"
     )
+
+
+def _step_at(task: Task, where: Span) -> str:
+    """Return the step whose declaration a finding points into, "" if none."""
+    for step in task.steps:
+        places = (step.where, *step.spans.values(), *(m.where for m in step.move))
+        if (where.file, where.line) in {(at.file, at.line) for at in places}:
+            return step.id
+    return ""
 
 
 def _provenance(task: Task, preset: Preset, limit: float) -> p.Provenance:

@@ -82,11 +82,11 @@ def check(source: Source, name: str, version_key: str, report: Report) -> Checke
         found.setdefault((finding.where, finding.message), finding)
     unknown = {f.where: f.hint for f in found.values() if f.code == "MP104"}
     for f in found.values():
-        if _follows(f, unknown):
+        if _follows(f, unknown) or f.where in source.faults:
             continue
         span = source.key(*f.where) if f.on_key else source.value(*f.where)
         report.error(f.code, span, f.message, f.hint)
-    return Checked(source, frozenset(f.fault for f in found.values()))
+    return Checked(source, source.faults | {f.fault for f in found.values()})
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:

@@ -47,6 +47,7 @@ class Source:
     data: Any
     values: dict[Where, Span]
     keys: dict[Where, Span]
+    faults: frozenset[Where] = frozenset()  # nodes already reported; data are made up
 
     def value(self, *where: Key) -> Span:
         """Return the place of the value at `where`, or of what encloses it."""
@@ -107,8 +108,11 @@ def read_source(path: Path, file: str, report: Report, at: Span) -> Source | Non
 
 
 def parse(text: str, path: Path, file: str, report: Report) -> Source | None:
-    """Return `text` as a Source, or None if it cannot be taken for one document."""
-    before = len(report.found)
+    """Return `text` as a Source, or None if it cannot be taken for one document.
+
+    What is wrong with a single value is reported, and the rest still read, so that all
+    mistakes of a file come out at once.
+    """
     builder = _Builder(file, _BREAK.split(text), report)
     try:
         data = builder.document(yaml.parse(text, Loader=yaml.SafeLoader))
@@ -129,10 +133,13 @@ def parse(text: str, path: Path, file: str, report: Report) -> Source | None:
             f"not valid YAML: the character {error.character!r} is not allowed",
         )
         return None
-    if len(report.found) > before:
-        return None
     return Source(
-        file=file, path=path, data=data, values=builder.values, keys=builder.keys
+        file=file,
+        path=path,
+        data=data,
+        values=builder.values,
+        keys=builder.keys,
+        faults=frozenset(builder.faults),
     )
 
 
@@ -171,6 +178,7 @@ class _Builder:
         self.report = report
         self.values: dict[Where, Span] = {}
         self.keys: dict[Where, Span] = {}
+        self.faults: set[Where] = set()
         self.nodes = 0
 
     def document(self, stream: Iterator[Any]) -> Any:
@@ -215,7 +223,7 @@ class _Builder:
             items, end = self._sequence(stream, where)
             self._widen(where, event, end)
             return items
-        return self._scalar(event, span)
+        return self._scalar(event, span, where)
 
     def _widen(self, where: Where, start: Any, end: Any) -> None:
         """Let the span of a list or mapping in brackets reach the closing one."""
@@ -233,13 +241,11 @@ class _Builder:
             message = f"alias '*{event.anchor}' is not allowed"
             raise _RefusedError("MP005", span, message, "write the value out")
         if event.anchor:
-            self.report.error(
-                "MP005", span, f"anchor '&{event.anchor}' is not allowed", "remove it"
-            )
+            message = f"anchor '&{event.anchor}' is not allowed"
+            self._fault("MP005", where, span, message, "remove it")
         if event.tag and event.tag != "!":
-            self.report.error(
-                "MP006", span, f"tag '{event.tag}' is not allowed", "remove it"
-            )
+            message = f"tag '{event.tag}' is not allowed"
+            self._fault("MP006", where, span, message, "remove it")
 
     def _mapping(
         self, stream: Iterator[Any], where: Where
@@ -260,7 +266,7 @@ class _Builder:
             if key in data:
                 first = self.keys[inner].line
                 message = f"key '{key}' is already given in line {first}"
-                self.report.error("MP004", span, message, "remove one of them")
+                self._fault("MP004", inner, span, message, "remove one of them")
                 self.node(next(stream), stream, (*where, f"{key}#{self.nodes}"))
                 continue
             self.keys[inner] = span
@@ -276,7 +282,14 @@ class _Builder:
             data.append(self.node(event, stream, (*where, len(data))))
         return data, event
 
-    def _scalar(self, event: Any, span: Span) -> str | float | bool | None:
+    def _fault(self, code: str, where: Where, span: Span, *words: str) -> None:
+        """Report a node and remember it."""
+        self.report.error(code, span, *words)
+        self.faults.add(where)
+
+    def _scalar(
+        self, event: Any, span: Span, where: Where
+    ) -> str | float | bool | None:
         """Return a scalar by YAML 1.2 core; report numbers that are not finite."""
         text: str = event.value
         if event.style or event.tag == "!":
@@ -284,7 +297,7 @@ class _Builder:
         if text in _WORDS:
             return _WORDS[text]
         if _ODD.fullmatch(text):
-            self.report.error("MP008", span, f"{text} is not a finite number")
+            self._fault("MP008", where, span, f"{text} is not a finite number")
             return 0
         if _RADIX.fullmatch(text):
             return int(text, 0)
@@ -292,6 +305,6 @@ class _Builder:
             return text
         number = float(text)
         if not math.isfinite(number):
-            self.report.error("MP008", span, f"{text} is too large for a number")
+            self._fault("MP008", where, span, f"{text} is too large for a number")
             return 0
         return int(text) if _INT.fullmatch(text) and abs(number) < 1e15 else number
