@@ -80,7 +80,9 @@ def _parse(argv: Sequence[str] | None) -> _Call:
     parser.add_argument(
         "--station", required=True, choices=["sim"], help="simulated cell"
     )
-    parser.add_argument("--seed", type=_seed, default=0, help="of the simulated cell")
+    parser.add_argument(
+        "--seed", type=seed_number, default=0, help="of the simulated cell"
+    )
     parser.add_argument(
         "--mode",
         choices=["run", "check", "dry-run"],
@@ -107,7 +109,7 @@ def _parse(argv: Sequence[str] | None) -> _Call:
     )
 
 
-def _seed(text: str) -> int:
+def seed_number(text: str) -> int:
     """Return a seed, a whole number from 0 on."""
     value = int(text)
     if value < 0:

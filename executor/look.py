@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from executor.drivers import Counts
 from executor.errors import ExecutorError
@@ -98,7 +98,17 @@ def _sight(rig: Rig, look: Look, tries: int) -> Sighting:
         if not look.measure.fallback:
             raise
         rig.journal.write("fallback", look=look.id, code=error.code, why=str(error))
-        return _measure(rig, look, look.measure.fallback, image, tries)
+        return _measure(rig, _spare(look), look.measure.fallback, image, tries)
+
+
+def _spare(look: Look) -> Look:
+    """Return the look as its fallback measures it: with that chain's bias and gate."""
+    measure = look.measure
+    gates = replace(measure.gates, min_score=measure.fallback_min_score)
+    return replace(
+        look,
+        measure=replace(measure, bias_um=measure.fallback_bias_um, gates=gates),
+    )
 
 
 def _measure(

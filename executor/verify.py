@@ -43,7 +43,9 @@ def verify(
     by_id = {look.id: look for look in looks}
     part = _find(rig, by_id[action.look], on_failure)
     seat = _find(rig, by_id[action.seat_look], on_failure)
-    offset_um = math.hypot(part.x_um - seat.x_um, part.y_um - seat.y_um)
+    # the look re-anchored the part; what must be on the seat may be off its middle
+    mating = rig.beliefs.world(action.target, rig.readings())
+    offset_um = math.hypot(mating.x_um - seat.x_um, mating.y_um - seat.y_um)
     if not offset_um <= action.within_um:
         raise ExecutorError(
             "MP851",

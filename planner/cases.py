@@ -11,7 +11,7 @@ from optics.scene import Illumination, Layer
 from optics.sensor import Sensor
 from planner.inputs.task import Task
 from planner.model.assembly import Place
-from planner.model.requests import ANGLE_RAD, PERIOD_SHARE, Request
+from planner.model.requests import ANGLE_RAD, LOOK_SHARE, PERIOD_SHARE, Request
 from planner.model.scenes import relevant, world_scene
 from planner.model.sightings import needed_shape, search_um, spot_of
 from planner.model.targets import Shape, target_layers
@@ -131,6 +131,8 @@ def _spread(task: Task, spot: Place) -> Spread:
 
 def _angle_tolerance(request: Request, shape: Shape) -> float | None:
     """Return how well the angle must be known, None if it need not be."""
+    if request.needs_angle_rad is not None:
+        return LOOK_SHARE * request.needs_angle_rad
     if not request.wants_angle or shape.symmetry == 0 or shape.kind == "jaws":
         return None
     if shape.symmetry > 1:

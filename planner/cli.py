@@ -62,10 +62,10 @@ def _add_compile(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `microplan compile`."""
     parser.add_argument("task", help="task.yaml")
     parser.add_argument("-o", "--out", type=Path, help="default: <name>.plan beside it")
-    parser.add_argument("--jobs", type=_count, default=1, help="worker processes")
+    parser.add_argument("--jobs", type=count, default=1, help="worker processes")
     parser.add_argument("--preset", choices=sorted(PRESETS), help="how much to spend")
     parser.add_argument(
-        "--max-image-error", type=_share, help="of unit contrast, above 0 and below 1"
+        "--max-image-error", type=share, help="of unit contrast, above 0 and below 1"
     )
     parser.set_defaults(run=_compile)
 
@@ -167,7 +167,7 @@ def _tell(report: Report, result: str) -> int:
     return NO if refused else DONE
 
 
-def _count(text: str) -> int:
+def count(text: str) -> int:
     """Return a whole number from 1 on."""
     value = int(text)
     if not 1 <= value <= 256:
@@ -175,7 +175,7 @@ def _count(text: str) -> int:
     return value
 
 
-def _share(text: str) -> float:
+def share(text: str) -> float:
     """Return a number above 0 and below 1."""
     value = float(text)
     if not 0 < value < 1:

@@ -18,6 +18,7 @@ from planner.looks import Effects
 from planner.model.assembly import State, initial
 from planner.model.check import check_fits
 from planner.model.steps import StepState, unfold
+from planner.model.targets import middle_um
 from planner.outputs.emit import PlanFiles
 from planner.outputs.world import build_world
 from planner.presets import PRESETS, Preset
@@ -234,6 +235,7 @@ def _features(task: Task) -> tuple[p.FeaturePlace, ...]:
         for part in task.parts.values()
         for name, center in (
             *((f.name, f.center_um) for f in part.features.values()),
+            ("outline", middle_um(part)),  # as looks at a whole part measure it
             *((post.name, post.center_um) for post in part.posts.values()),
         )
     }

@@ -58,11 +58,13 @@ def control_of(task: Task, step: Step, within_um: float) -> Control:
     """Return how the alignment is run."""
     cell = task.workcell
     axes = cell.stage.axes
+    single = step.method == "look_then_move"
     residual = residual_of(task, within_um)
-    looks = expected_looks(residual)
+    looks = 1.0 if single else expected_looks(residual)
     cycle_s = axes.settle_s + 1 / cell.camera.rate_hz * (1 + cell.camera.latency_frames)
     return Control(
-        method="servo",  # `auto` means servo until look-then-move is compared with it
+        # `auto` means servo until look-then-move is compared with it
+        method="look_then_move" if single else "servo",
         gain=gain_of(task),
         gain_limit=gain_limit(0),
         tolerance_xy_um=within_um,
@@ -84,6 +86,12 @@ def residual_of(task: Task, within_um: float) -> Residual:
     sigma = task.workcell.stage.axes.repeatability_xy_um
     settled = sigma * math.sqrt(2 / (2 - gain_of(task)))
     return Residual(sigma_um=settled, within_um=within_um)
+
+
+def single_residual(task: Task) -> Residual:
+    """Return what one correction leaves: the errors of two moves, nothing cut off."""
+    sigma = task.workcell.stage.axes.repeatability_xy_um
+    return Residual(sigma_um=sigma * math.sqrt(2), within_um=math.inf)
 
 
 def gain_of(task: Task) -> float:

@@ -309,6 +309,8 @@ def _measure(
         else "",
         usable_focus_um=usable.focus_um,
         usable_magnification=usable.magnification,
+        fallback_bias_um=(spare.bias_um if spare else None) or (0.0, 0.0),
+        fallback_min_score=0.0 if spare is None else _min_score(tried, spare),
     )
 
 
@@ -332,18 +334,23 @@ def _reference(case: LookCase) -> p.Reference:
 
 def _gates(tried: _Benchmark, chosen: Score) -> p.Gates:
     """Return what a measurement must meet: what every good trial met, and a margin."""
-    scores = [
-        outcome.score
-        for outcome in tried.outcomes
-        if outcome.chain == chosen.chain
-        and outcome.score is not None
-        and not is_wrong(tried.case, outcome)
-    ]
     return p.Gates(
-        min_score=SCORE_MARGIN * min(scores, default=0.0),
+        min_score=_min_score(tried, chosen),
         max_shift_um=SHIFT_MARGIN * tried.case.spread.search_um,
         max_turn_rad=None,
     )
+
+
+def _min_score(tried: _Benchmark, chain: Score) -> float:
+    """Return the least score a chain may have, a margin below its good trials."""
+    scores = [
+        outcome.score
+        for outcome in tried.outcomes
+        if outcome.chain == chain.chain
+        and outcome.score is not None
+        and not is_wrong(tried.case, outcome)
+    ]
+    return SCORE_MARGIN * min(scores, default=0.0)
 
 
 def _jacobian(case: LookCase) -> tuple[tuple[float, ...], ...]:

@@ -155,9 +155,12 @@ def _setting(
 
 
 def _focus_of(task: Task, here: StepState) -> float:
-    """Return the face that a step without a look is about: its target, else the part
-    held, else the highest thing the next look may see."""
-    name = here.step.target or here.after.held or next(iter(sorted(here.after.parts)))
+    """Return the face a step without a look is about: its target's, the held part's,
+    the first part's by name, or the stage."""
+    known = (here.step.target, here.after.held, *sorted(here.after.parts))
+    name = next((name for name in known if name), None)
+    if name is None:
+        return task.workcell.stage.datum_z_um + here.after.stage.z_um
     return locate_place(task, here.after, name).z_um
 
 

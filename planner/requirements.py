@@ -41,6 +41,7 @@ def requirements(
 def _focus_stops(steps: Sequence[p.Step]) -> list[float]:
     """Return every height the plan focuses on."""
     stops = [look.view.focus_um for step in steps for look in step.looks]
+    stops += [z for s in steps for look in s.looks for z in look.view.focus_stops_um]
     for step in steps:
         if isinstance(step.action, p.VerifyAction) and step.action.height:
             stops += step.action.height.focus_um

@@ -20,12 +20,19 @@ from planner.checks.budget import (
     release_budget,
     verify_budget,
 )
-from planner.control import control_of, insertion_travel_um, residual_of, tolerance_um
+from planner.checks.fit import Residual
+from planner.control import (
+    control_of,
+    insertion_travel_um,
+    residual_of,
+    single_residual,
+    tolerance_um,
+)
 from planner.diagnostics import Report
 from planner.inputs.task import Move, Step, Task
 from planner.looks import CompiledLook, Effects, compile_look
-from planner.model.assembly import locate_place, owner_of
-from planner.model.requests import requests
+from planner.model.assembly import locate_place, owner_of, part_sigma_um
+from planner.model.requests import insertion_after, requests
 from planner.model.steps import StepState
 from schemas import plan as p
 from schemas.codec import to_data
@@ -183,15 +190,27 @@ def _action(task: Task, here: StepState, looks: Sequence[CompiledLook]) -> p.Act
         opening = step.opening_um or here.before.opening_um
         return p.ReleaseAction(target=owner_of(target), tool=tool, opening_um=opening)
     if step.verb == "verify":
-        return _verify(step, looks)
+        return _verify(step, looks, _mating(task, step))
     return p.MoveAction()
 
 
-def _verify(step: Step, looks: Sequence[CompiledLook]) -> p.VerifyAction:
+def _mating(task: Task, verify: Step) -> str:
+    """Return what must sit on the seat: the hole that was put onto it, if one was."""
+    holes = [
+        step.target
+        for step in task.steps
+        if step.verb == "insert"
+        and step.onto == verify.on
+        and owner_of(step.target or "") == owner_of(verify.target or "")
+    ]
+    return (holes[-1] if holes else verify.target) or ""
+
+
+def _verify(step: Step, looks: Sequence[CompiledLook], mating: str) -> p.VerifyAction:
     """Return the verification: offset, height and an empty tool."""
     target, seat = looks[0], looks[1]
     return p.VerifyAction(
-        target=step.target or "",
+        target=mating,
         on=step.on or "",
         look=target.look.id,
         seat_look=seat.look.id,
@@ -268,11 +287,29 @@ def _budget(
     hole = memory.seen.get(owner_of(step.target or ""))
     shaft = memory.seen.get(owner_of(step.onto or ""))
     travel = insertion_travel_um(states, step)
-    within = memory.within_um if math.isfinite(memory.within_um) else 0.0
     return insert_budget(
         task,
         fit,
-        residual_of(task, within),
+        _residual(task, states, step, memory),
         blind_rows(task.workcell, travel, hole, shaft),
         bias_um=0.0,
     )
+
+
+def _residual(
+    task: Task, states: tuple[StepState, ...], insert: Step, memory: Memory
+) -> Residual:
+    """Return what the alignment before an insertion leaves.
+
+    Without one nothing is cut off: all that is known of both parts' places is left.
+    """
+    aligns = [s for s in states if s.step.verb == "align"]
+    align = next((s for s in aligns if insertion_after(states, s) is insert), None)
+    if align is None:
+        here = next(s for s in states if s.step is insert)
+        names = (owner_of(insert.target or ""), owner_of(insert.onto or ""))
+        spread = [part_sigma_um(task, here.before, name) for name in names]
+        return Residual(sigma_um=math.hypot(*spread), within_um=math.inf)
+    if align.step.method == "look_then_move":
+        return single_residual(task)
+    return residual_of(task, memory.within_um)

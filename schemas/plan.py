@@ -143,6 +143,8 @@ class Measure:
     symmetry_broken_by: str  # "" if nothing does, or nothing needs to
     usable_focus_um: tuple[float, float]  # focus error that still meets the tolerance
     usable_magnification: tuple[float, float]  # ratio to nominal that still does
+    fallback_bias_um: tuple[float, float] = (0.0, 0.0)  # as bias_um, of the fallback
+    fallback_min_score: float = 0.0  # as gates.min_score, of the fallback
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

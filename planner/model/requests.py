@@ -29,6 +29,7 @@ class Request:
     state: State  # of the world while it looks
     tolerance_um: float | None  # None: a pixel of the magnification chosen
     wants_angle: bool
+    needs_angle_rad: float | None  # what an alignment must meet; None: no need
     where: Span
 
 
@@ -139,5 +140,6 @@ def _request(
         state=state,
         tolerance_um=share,
         wants_angle=angle,
+        needs_angle_rad=step.tolerance_theta_rad if step.verb == "align" else None,
         where=step.spans.get("target", step.where),
     )

@@ -87,6 +87,8 @@ def _top_um(start: tuple[float, float], end: tuple[float, float]) -> float:
     """
     (a, width_a), (b, width_b) = start, end
     rows = [[math.cos(a), math.sin(a)], [math.cos(b), math.sin(b)]]
+    if math.isclose(math.sin(b - a), 0.0, abs_tol=1e-9):
+        return max(width_a, width_b)  # the same position twice, half a turn apart
     c, s = np.linalg.solve(np.array(rows), np.array([width_a, width_b]))
     peak = a + math.remainder(math.atan2(s, c) - a, 2 * math.pi)
     return float(math.hypot(c, s)) if a < peak < b else max(width_a, width_b)

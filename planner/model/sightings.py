@@ -36,6 +36,14 @@ def views(
             "target its part, or a feature of kind circle, teeth or outline",
         )
         return ()
+    if request.needs_angle_rad is not None and not shape.has_angle:
+        report.refuse(
+            "MP502",
+            request.where,
+            f"no routine measures the angle of {request.target}",
+            "leave tolerance_theta_deg out, or target something with an angle",
+        )
+        return ()
     spot = spot_of(task, request, shape)
     focus = focus_for(cell, spot, report, request.where)
     zooms = magnifications(cell, shape, spot, current, report, request.where)
@@ -45,7 +53,7 @@ def views(
     found = []
     for zoom in zooms:
         scope = microscope_at(cell, zoom)
-        region = region_for(scope, shape.box_um, spot)
+        region = region_for(scope, shape.box_um, spot, search_um(task, spot))
         seen = relevant(scene.layers, scope, focus, region)
         level = light_level(cell, seen, task.benchmark)
         found.append(

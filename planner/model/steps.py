@@ -37,6 +37,11 @@ def unfold(task: Task, report: Report) -> tuple[StepState, ...]:
     cannot close are reasons why the task cannot be done.
     """
     state, found = initial(task), []
+    for tool in list(task.tool_starts.values())[1:]:
+        message = (
+            f"{tool.name} is a second tool on the robot; one at a time is modelled"
+        )
+        report.error("MP301", tool.where, message, "leave it out of start")
     for step in task.steps:
         if not _possible(task, state, step, report):
             break

@@ -7,17 +7,19 @@ taken as unbounded: whatever the robot carries must stay above it.
 
 from __future__ import annotations
 
+import itertools
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import shapely
 from shapely.geometry.base import BaseGeometry
 
 from planner.inputs.task import Task
-from planner.model.assembly import Body, Carrier, State, bodies, carrier_pose
+from planner.model.assembly import Axis4, Body, Carrier, State, bodies
 from planner.model.shapes import hull, polygon, swept
 
 SIGMAS = 2.0  # at which clearances must hold
+TURN_RAD = math.radians(1.0)
 SURFACE = "the stage"
 ROUNDING_UM = 1e-6  # what sums of readings may miss contact by
 
@@ -63,17 +65,27 @@ def sweep_hits(
     tuple of Hit
         In order of names; empty if everything stays clear.
     """
+    legs = _legs(before, after, carrier)
+    if len(legs) > 2:
+        found = [
+            hit
+            for start, end in itertools.pairwise(legs)
+            for hit in sweep_hits(
+                task, start, end, carrier=carrier, deviation=deviation, exempt=exempt
+            )
+        ]
+        worst = {(h.moving, h.still): h for h in sorted(found, key=_least_gap_last)}
+        return tuple(worst[pair] for pair in sorted(worst))
     all_before, all_after = bodies(task, before), bodies(task, after)
     ends = {b.name: b for b in all_after}
     moving = [b for b in all_before if b.carrier == carrier]
     still = [b for b in all_before if b.carrier != carrier]
-    shift = _travel(task, before, after, carrier)
     hits = [
         hit
         for body in moving
         for other in still
         if frozenset((body.owner, other.owner)) not in exempt
-        and (hit := _hit(body, ends[body.name], other, shift, deviation)) is not None
+        and (hit := _hit(body, ends[body.name], other, deviation)) is not None
     ]
     seating = {owner for pair in exempt for owner in pair}
     hits += [
@@ -104,28 +116,45 @@ def _surface_hit(
     return Hit(moving=body.name, still=SURFACE, gap_um=gap_um, needed_um=needed_um)
 
 
-def _travel(
-    task: Task, before: State, after: State, carrier: Carrier
-) -> tuple[float, float]:
-    """Return how far the carrier's frame moves sideways."""
-    a, b = carrier_pose(task, before, carrier), carrier_pose(task, after, carrier)
-    return (b.x_um - a.x_um, b.y_um - a.y_um)
+def _legs(before: State, after: State, carrier: Carrier) -> tuple[State, ...]:
+    """Return the states between which a move is as good as straight.
+
+    A turn is cut into legs of at most TURN_RAD: the hull of a leg's ends misses less
+    than a micrometre of the arc at the far end of a 20 mm finger.
+    """
+    start = before.stage if carrier == "stage" else before.robot
+    end = after.stage if carrier == "stage" else after.robot
+    count = max(1, math.ceil(abs(end.theta_rad - start.theta_rad) / TURN_RAD))
+    states = [before]
+    for k in range(1, count):
+        part = k / count
+        axis = Axis4(
+            x_um=start.x_um + part * (end.x_um - start.x_um),
+            y_um=start.y_um + part * (end.y_um - start.y_um),
+            z_um=start.z_um + part * (end.z_um - start.z_um),
+            theta_rad=start.theta_rad + part * (end.theta_rad - start.theta_rad),
+        )
+        states.append(
+            replace(before, stage=axis)
+            if carrier == "stage"
+            else replace(before, robot=axis)
+        )
+    return (*states, after)
 
 
-def _hit(
-    body: Body,
-    end: Body,
-    other: Body,
-    shift: tuple[float, float],
-    deviation: Box | None,
-) -> Hit | None:
+def _least_gap_last(hit: Hit) -> float:
+    """Return what sorts hits so that the closest comes last."""
+    return -hit.gap_um
+
+
+def _hit(body: Body, end: Body, other: Body, deviation: Box | None) -> Hit | None:
     """Return the hit of two bodies, or None if they stay clear."""
     if not _heights_meet(body, end, other):
         return None
     sigma = other.sigma_xy_um
     if deviation is None:
         sigma = math.hypot(sigma, body.sigma_xy_um)
-    covered = _covered(body, shift, deviation or (0.0, 0.0, 0.0, 0.0))
+    covered = _covered(body, end, deviation or (0.0, 0.0, 0.0, 0.0))
     gap_um = covered.distance(polygon(other.outline))
     needed_um = SIGMAS * sigma
     if gap_um > needed_um:
@@ -133,11 +162,10 @@ def _hit(
     return Hit(moving=body.name, still=other.name, gap_um=gap_um, needed_um=needed_um)
 
 
-def _covered(body: Body, shift: tuple[float, float], deviation: Box) -> BaseGeometry:
+def _covered(body: Body, end: Body, deviation: Box) -> BaseGeometry:
     """Return what the body's hull covers sideways: start, end and all between."""
-    start = swept(hull(body.outline), deviation)
-    end = shapely.affinity.translate(start, *shift)
-    covered: BaseGeometry = shapely.union_all([start, end]).convex_hull
+    ends = [swept(hull(b.outline), deviation) for b in (body, end)]
+    covered: BaseGeometry = shapely.union_all(ends).convex_hull
     return covered
 
 

@@ -33,6 +33,11 @@ class Shape:
     symmetry_broken_by: str
     parameters: Mapping[str, float] = field(default_factory=dict)
 
+    @property
+    def has_angle(self) -> bool:
+        """Return whether a routine can tell which way the target is turned."""
+        return self.symmetry == 1 or bool(self.symmetry_broken_by)
+
 
 def shape_of(task: Task, state: State, name: str) -> Shape | None:
     """Return the shape of a named target, None if no routine knows its kind."""
@@ -196,7 +201,7 @@ def _whole(part: Part) -> Shape:
         name=f"{part.name}.outline",
         owner=part.name,
         kind="outline",
-        center_um=((x0 + x1) / 2, (y0 + y1) / 2),
+        center_um=middle_um(part),
         box_um=_disc(extent),
         finest_um=min(x1 - x0, y1 - y0),
         bright=True,
@@ -204,6 +209,12 @@ def _whole(part: Part) -> Shape:
         symmetry_broken_by="",
         parameters={"extent_um": extent},
     )
+
+
+def middle_um(part: Part) -> tuple[float, float]:
+    """Return the middle of a part's bounds, where its whole outline is measured."""
+    x0, y0, x1, y1 = part.outline.bounds_um
+    return ((x0 + x1) / 2, (y0 + y1) / 2)
 
 
 def outline_of(task: Task, shape: Shape) -> Outline:

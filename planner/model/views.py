@@ -158,15 +158,23 @@ def focus_stops(
 
 def light_level(cell: Workcell, layers: Iterable[Layer], spread: Benchmark) -> float:
     """Return the light level at which the brightest face keeps below full scale."""
-    brightest = max((layer.reflectance for layer in layers), default=1.0)
+    faces = [layer.reflectance for layer in layers]
+    brightest = max([*faces, cell.stage.reflectance])
     worst = brightest * spread.light_gain[1] * (1 + spread.light_gradient[1] / 2)
     low, high = cell.light.level
-    return max(low, min(high, BRIGHTEST / worst))
+    return max(low, min(high, BRIGHTEST / worst)) if worst > 0 else high
 
 
-def region_for(microscope: Microscope, box_um: Box, place: Place) -> Window:
-    """Return the part of the frame that holds the target wherever it may be."""
-    room = SEARCH_SIGMAS * place.sigma_xy_um + CONTEXT_UM
+def region_for(
+    microscope: Microscope, box_um: Box, place: Place, search_um: float
+) -> Window:
+    """Return the part of the frame that holds the target wherever it may be.
+
+    Trials reach `search_um`, and there half the surroundings will do.
+    """
+    room = max(
+        SEARCH_SIGMAS * place.sigma_xy_um + CONTEXT_UM, search_um + CONTEXT_UM / 2
+    )
     k = microscope.px_per_um
     x0, y0, x1, y1 = box_um
     cx = (microscope.width_px - 1) / 2 + k * place.pose.x_um

@@ -14,7 +14,29 @@ def plan_summary(plan: Plan) -> str:
         f"{plan.name}: {plan.status}, P(success) {plan.success_probability:.4f}{goal}"
         " (simulated)"
     )
-    return "\n".join(lines)
+    return "\n".join([*lines, *_worst_effect(plan)])
+
+
+def _worst_effect(plan: Plan) -> list[str]:
+    """Return what the pictures may be wrong by, where that is above the limit."""
+    over = [
+        (row.predicted_error, row.effect, look.id)
+        for step in plan.steps
+        for look in step.looks
+        for row in look.effects
+        if row.limit is not None and (row.predicted_error or 0.0) > row.limit
+    ]
+    if not over:
+        return []
+    error, effect, look = max(over)
+    limit = plan.provenance.max_image_error
+    looks = len({name for _, _, name in over})
+    text = (
+        f"note: {looks} looks may err by more than max_image_error {limit:g} of unit "
+        f"contrast, at most by {error:.2g} ({effect}, {look}); plan.json lists every "
+        "effect"
+    )
+    return [text]
 
 
 def _step_line(step: Step) -> str:

@@ -150,3 +150,17 @@ def test_a_deviation_stands_for_the_moving_spread(task: Task) -> None:
     room_um = 130.0 / 2 - GEAR_UM - 2 * ROBOT_UM
     assert hits(room_um - 0.1) == ()
     assert {h.moving for h in hits(room_um + 0.1)} == {"gear"}
+
+
+def test_a_turn_is_swept_and_not_only_its_ends(task: Task) -> None:
+    start = initial(task)
+    aside = replace(
+        start,
+        stage=Axis4(),
+        robot=Axis4(x_um=1500, z_um=60, theta_rad=-math.pi / 2),
+        opening_um=130.0,
+    )
+    turned = replace(aside, robot=replace(aside.robot, theta_rad=math.pi / 2))
+    assert not sweep_hits(task, aside, aside, carrier="robot")
+    hits = sweep_hits(task, aside, turned, carrier="robot")
+    assert "shaft_plate.post" in {hit.still for hit in hits}
