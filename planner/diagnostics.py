@@ -63,6 +63,7 @@ TITLES: Mapping[str, str] = {
     "MP304": "part does not fit between the jaws",
     "MP305": "jaws do not reach the part",
     "MP306": "target is hidden or shaded",
+    "MP307": "key has no effect",
     "MP401": "target is larger than the field",
     "MP402": "focus out of reach",
     "MP403": "feature too fine for the pixels",

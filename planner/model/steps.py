@@ -16,6 +16,7 @@ from planner.model.assembly import (
 )
 from planner.model.holding import grasp, release
 from planner.model.moves import apply_move
+from planner.model.unused import report_faces, report_unused
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,9 +35,10 @@ def unfold(task: Task, report: Report) -> tuple[StepState, ...]:
     """Return the states of every step, up to the first that cannot happen.
 
     Steps out of order are errors; motions that would touch something and grasps that
-    cannot close are reasons why the task cannot be done.
+    cannot close are reasons why the task cannot be done. What has no effect is said.
     """
     state, found = initial(task), []
+    report_faces(task, report)
     for tool in list(task.tool_starts.values())[1:]:
         message = (
             f"{tool.name} is a second tool on the robot; one at a time is modelled"
@@ -45,6 +47,7 @@ def unfold(task: Task, report: Report) -> tuple[StepState, ...]:
     for step in task.steps:
         if not _possible(task, state, step, report):
             break
+        report_unused(task, state, step, report)
         found.append(_unfold_step(task, state, step, report))
         state = found[-1].after
     return tuple(found)

@@ -9,7 +9,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from planner.diagnostics import Report
+from planner.diagnostics import Diagnostic, Report
 from planner.inputs.read_task import load_task
 from planner.inputs.task import Task
 
@@ -52,6 +52,11 @@ def read(file: Path) -> Task:
     task = load_task(str(file), report)
     assert task is not None, [d.message for d in report.found]
     return task
+
+
+def beyond_notes(report: Report) -> list[Diagnostic]:
+    """Return what is more than worth knowing: warnings, refusals and errors."""
+    return [finding for finding in report.in_order if finding.severity != "note"]
 
 
 def between_jaws(file: Path) -> None:

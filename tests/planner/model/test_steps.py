@@ -20,7 +20,7 @@ from planner.model.assembly import (
     part_z_um,
 )
 from planner.model.steps import StepState, unfold
-from tests.planner.examples import EXAMPLE, change, copy_example, read
+from tests.planner.examples import EXAMPLE, beyond_notes, change, copy_example, read
 
 
 @cache
@@ -28,7 +28,7 @@ def example() -> tuple[Task, dict[str, StepState]]:
     """Return the example and its steps' states by id."""
     task, report = read(EXAMPLE / "task.yaml"), Report()
     states = unfold(task, report)
-    assert report.found == []
+    assert beyond_notes(report) == []
     return task, {s.step.id: s for s in states}
 
 
@@ -156,7 +156,7 @@ def test_a_grasp_centres_the_part_and_turns_it_flat(tmp_path: Path) -> None:
     change(file, "x_um: 600, y_um: 0, theta: any", "x_um: 600, y_um: 0, theta_deg: 7")
     task, report = read(file), Report()
     grasp = next(s for s in unfold(task, report) if s.step.verb == "grasp")
-    assert report.found == []
+    assert beyond_notes(report) == []
     held = grasp.after.parts["gear"]
     # 18 teeth: the hull's edges, and so its flat positions, lie 10 degrees off a tooth
     assert held.pose.theta_rad == pytest.approx(math.radians(10), abs=1e-9)
@@ -190,7 +190,7 @@ def test_motion_that_touches_something_is_refused(
     change(task_file.with_name(file), old, new)
     report = Report()
     unfold(read(task_file), report)
-    first = report.found[0]
+    first = beyond_notes(report)[0]
     assert (first.code, first.severity) == (code, "infeasible")
     assert repr(step) in first.message
     assert first.where.line > 0
@@ -203,7 +203,7 @@ def test_a_wide_start_needs_x_first_and_a_narrow_one_does_not(tmp_path: Path) ->
     report = Report()
     states = unfold(read(file), report)
     align = next(s for s in states if s.step.id == "bring_between")
-    assert report.found == []
+    assert beyond_notes(report) == []
     assert align.path == ("xy",)
 
 
@@ -212,4 +212,4 @@ def test_every_path_blocked_is_refused_and_says_so(tmp_path: Path) -> None:
     change(file, "{robot: {z_um: 30}}]}", "{robot: {z_um: 30}}, {stage: {y_um: 180}}]}")
     report = Report()
     unfold(read(file), report)
-    assert {d.code for d in report.found} == {"MP303"}
+    assert {d.code for d in beyond_notes(report)} == {"MP303"}
