@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 
 from optics.clip import to_edges
 from optics.microscope import Microscope
-from optics.otf import find_model
+from optics.models import find_model
 from optics.sampling import BAND_ERROR, margin_error
 from optics.scene import Layer, Scene
 from optics.spectrum import boundary_nodes
@@ -30,6 +30,7 @@ LAW_ERROR: Mapping[str, tuple[float, ...]] = MappingProxyType(
         "product": (0.0, 0.016, 0.053, 0.121, 0.077, 0.036, 0.023, 0.036, 0.024, 0.02),
         "stokseth": (0.0, 4e-4, 0.002, 0.007, 0.012, 0.01, 0.009, 0.018, 0.028, 0.01),
         "hopkins": (0.0, 2e-4, 4e-4, 0.0011, 0.003, 0.006, 0.008, 0.017, 0.027, 0.01),
+        "exact": (2e-5,) * 10,  # its table
     }
 )
 _TABLE = Microscope(
@@ -87,7 +88,7 @@ def ledger(
     focus_um : float
         World height of the plane in focus.
     model : str
-        A key of `optics.otf.MODELS`.
+        A key of `optics.models.MODELS`.
     limit : float
         Image error the step can bear, of unit contrast.
 

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from optics.microscope import Microscope
-from optics.otf import find_model, tabulate
+from optics.models import find_model, tabulate
 from optics.pixels import PixelTile, axis_px, choose_tile, sample, to_world
 from optics.sampling import band_cut, margin_um
 from optics.scene import Illumination, Layer, Scene, Window
@@ -30,7 +30,7 @@ def render(
     microscope: Microscope,
     *,
     focus_um: float,
-    model: str = "hopkins",
+    model: str = "exact",
     window: Window | None = None,
     light: Illumination | None = None,
     shift_um: tuple[float, float] = (0.0, 0.0),
@@ -47,7 +47,7 @@ def render(
     focus_um : float
         World height of the plane in focus.
     model : str
-        The defocus law, a key of `optics.otf.MODELS`.
+        The defocus law, a key of `optics.models.MODELS`.
     window : Window, optional
         The part of the frame wanted; it may reach beyond the frame. Default: all.
     light : Illumination, optional
@@ -99,7 +99,7 @@ def cover(
     microscope: Microscope,
     *,
     focus_um: float,
-    model: str = "hopkins",
+    model: str = "exact",
     window: Window | None = None,
     shift_um: tuple[float, float] = (0.0, 0.0),
 ) -> tuple[Covered, ...]:
@@ -119,7 +119,7 @@ def render_stack(
     microscope: Microscope,
     *,
     focus_um: Sequence[float],
-    model: str = "hopkins",
+    model: str = "exact",
     window: Window | None = None,
     light: Illumination | None = None,
     shift_um: tuple[float, float] = (0.0, 0.0),

@@ -8,7 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from optics.microscope import Microscope
-from optics.otf import diffraction, find_model
+from optics.models import find_model
+from optics.otf import diffraction
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -39,7 +40,7 @@ def band_error(model: str, microscope: Microscope, z_um: float) -> FloatArray:
     Parameters
     ----------
     model : str
-        A key of `optics.otf.MODELS`.
+        A key of `optics.models.MODELS`.
     microscope : Microscope
         The optical setting.
     z_um : float

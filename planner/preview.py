@@ -13,7 +13,7 @@ import numpy.typing as npt
 from featuresel.case import LookCase
 from featuresel.perturb import design, image
 from optics.microscope import Microscope
-from optics.otf import MODELS
+from optics.models import MODELS
 from optics.render import render
 from optics.scene import Illumination, Scene, Window
 from optics.sensor import Sensor, expose, to_unit

@@ -18,7 +18,7 @@ from optics.fidelity import (
     ledger,
 )
 from optics.microscope import Microscope
-from optics.otf import MODELS, tabulate
+from optics.models import MODELS, tabulate
 from optics.sampling import BAND_ERROR, CUTS, band_cut, band_error, margin_error
 from optics.scene import Layer, Scene
 from optics.spectrum import Tile, spectrum

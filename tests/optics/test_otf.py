@@ -10,15 +10,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from optics.models import MODELS, tabulate, transfer
 from optics.otf import (
-    MODELS,
     diffraction,
     geometric,
     hopkins,
     product,
     stokseth,
-    tabulate,
-    transfer,
 )
 from tests.optics.shapes import microscope
 
