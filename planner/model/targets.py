@@ -12,6 +12,7 @@ from optics.scene import Layer
 from planner.inputs.task import Feature, Part, Post, Task
 from planner.inputs.workcell import Tool
 from planner.model.assembly import State, face_um, owner_of
+from schemas.pose import Pose
 
 Box = tuple[float, float, float, float]
 
@@ -26,7 +27,7 @@ class Shape:
     owner: str
     kind: TargetKind
     center_um: tuple[float, float]  # reference point in the owner's frame
-    box_um: Box  # what must be in the field, about the reference point at any angle
+    box_um: Box  # what must be in the field, about the reference point, as it is turned
     finest_um: float  # smallest detail that a routine needs resolved
     bright: bool  # brighter than what surrounds it
     symmetry: int
@@ -43,7 +44,8 @@ def shape_of(task: Task, state: State, name: str) -> Shape | None:
     """Return the shape of a named target, None if no routine knows its kind."""
     owner, _, inner = name.partition(".")
     if owner in task.workcell.tools:
-        return _jaws(task.workcell.tools[owner], state.opening_um)
+        turn_rad = state.robot.theta_rad
+        return _jaws(task.workcell.tools[owner], state.opening_um, turn_rad)
     part = task.parts[owner]
     if inner in part.posts:
         return _post(part, part.posts[inner], name)
@@ -100,15 +102,25 @@ def _disc(radius_um: float) -> Box:
     return (-radius_um, -radius_um, radius_um, radius_um)
 
 
-def _jaws(tool: Tool, opening_um: float) -> Shape:
-    """Return the jaws seen from the grip: both fingers from the tips on."""
+def _jaws(tool: Tool, opening_um: float, turn_rad: float) -> Shape:
+    """Return the jaws seen from the grip: both fingers from the tips on.
+
+    The box is that of the fingers as the robot has turned them.
+    """
     half = opening_um / 2 + tool.finger_width_um
+    turn = Pose(x_um=0.0, y_um=0.0, theta_rad=turn_rad)
+    corners = [
+        turn.apply(x, y)
+        for x in (-half, half)
+        for y in (-tool.grip_from_tip_um, JAWS_SEEN_UM)
+    ]
+    xs, ys = zip(*corners, strict=True)
     return Shape(
         name=f"{tool.name}.grip",
         owner=tool.name,
         kind="jaws",
         center_um=(0.0, 0.0),
-        box_um=(-half, -tool.grip_from_tip_um, half, JAWS_SEEN_UM),
+        box_um=(min(xs), min(ys), max(xs), max(ys)),
         finest_um=min(tool.finger_width_um, opening_um),
         bright=True,
         symmetry=1,
