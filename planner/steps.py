@@ -273,7 +273,7 @@ def _budget(
     """Return the error budget of the step's mechanical action."""
     step = here.step
     if step.verb == "grasp":
-        return grasp_budget(task, here.before, step)
+        return grasp_budget(task, here.at_look, step)
     if step.verb == "release":
         return release_budget(task, here.before.tool or "")
     if step.verb == "verify":

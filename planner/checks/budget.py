@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from planner.checks.fit import Fit, Residual, combine, miss_probability
 from planner.inputs.task import Step, Task
 from planner.inputs.workcell import Workcell
-from planner.model.assembly import State, locate_place, owner_of, part_sigma_um
-from planner.model.shapes import squeeze_width_um
+from planner.model.assembly import State, locate_place
+from planner.model.holding import between_jaws
 from schemas.plan import Budget, BudgetRow
 
 NOT_MODELLED = (
@@ -126,21 +126,26 @@ def insert_budget(
 
 def grasp_budget(task: Task, state: State, step: Step) -> Budget:
     """Return the budget of a grasp: does the part stand free between the jaws."""
-    name = owner_of(step.target or "")
+    stands = between_jaws(task, state, step)
     grip = locate_place(task, state, f"{step.tool}.grip")
-    width = squeeze_width_um(task.parts[name].outline, state.parts[name].pose.theta_rad)
-    room = (state.opening_um - width) / 2
-    sigma = part_sigma_um(task, state, name)
     rows = (
-        BudgetRow(term="place of the part", sigma_um=sigma, source="alignment before"),
+        BudgetRow(
+            term="place of the part",
+            sigma_um=stands.sigma_um,
+            source="alignment before",
+        ),
         BudgetRow(
             term="place of the jaws", sigma_um=grip.sigma_xy_um, source="workcell"
         ),
         BudgetRow(term="adhesion and hold force", sigma_um=None, source="not modelled"),
     )
-    total = math.hypot(sigma, grip.sigma_xy_um)
-    inside = 1.0 if total <= 0 else math.erf(max(room, 0.0) / total / math.sqrt(2))
-    return Budget(rows=rows, limit_um=room, success_probability=inside, advice="")
+    total = math.hypot(stands.sigma_um, grip.sigma_xy_um)
+    return Budget(
+        rows=rows,
+        limit_um=stands.room_um,
+        success_probability=_inside(stands.half_room_um, stands.local.x_um, total),
+        advice="",
+    )
 
 
 def release_budget(task: Task, tool: str) -> Budget:
@@ -175,6 +180,16 @@ def verify_budget(
 def empty_budget() -> Budget:
     """Return the budget of a step that cannot miss mechanically."""
     return Budget(rows=(), limit_um=None, success_probability=1.0, advice="")
+
+
+def _inside(half_um: float, offset_um: float, sigma_um: float) -> float:
+    """Return the chance that a normal place about `offset_um` is within +-half."""
+    if half_um <= 0:
+        return 0.0
+    if sigma_um <= 0:
+        return float(abs(offset_um) <= half_um)
+    sides = (half_um - offset_um, half_um + offset_um)
+    return sum(math.erf(side / sigma_um / math.sqrt(2)) for side in sides) / 2
 
 
 def _truncated_sigma(residual: Residual) -> float:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from planner.diagnostics import Report
 from planner.inputs.task import Step, Task
@@ -22,30 +23,57 @@ from planner.model.shapes import squeeze_minima_rad, squeeze_width_um
 from planner.model.sweep import SIGMAS
 from schemas.pose import Pose
 
+TAIL_SIGMAS = 9.0  # beyond, a normal tail is below 1e-18 and a double adds nothing
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Between:
+    """A part between open jaws, about to be squeezed."""
+
+    local: Pose  # of the part in the tool's frame, nominal
+    turn_rad: float  # of the part in the tool's frame once it lies flat
+    width_um: float  # along x, at that turn
+    half_room_um: float  # half of what the jaws leave open around that width
+    sigma_um: float  # spread of the part's place, per axis
+
+    @property
+    def room_um(self) -> float:
+        """Return what is left on the narrower side."""
+        return self.half_room_um - abs(self.local.x_um)
+
+
+def between_jaws(task: Task, state: State, step: Step) -> Between:
+    """Return how the part of a grasp stands between the jaws before they close."""
+    name, tool = owner_of(step.target or ""), step.tool or ""
+    outline = task.parts[name].outline
+    grip = locate_place(task, state, f"{tool}.grip").pose
+    local = grip.inverse().compose(part_pose(task, state, name))
+    turn = _nearest(squeeze_minima_rad(outline), local.theta_rad)
+    width = squeeze_width_um(outline, turn)
+    return Between(
+        local=local,
+        turn_rad=turn,
+        width_um=width,
+        half_room_um=(state.opening_um - width) / 2,
+        sigma_um=part_sigma_um(task, state, name),
+    )
+
 
 def grasp(task: Task, state: State, step: Step, report: Report) -> State:
     """Return the state with the part between the jaws, centred and turned flat."""
-    name, tool = owner_of(step.target or ""), task.workcell.tools[step.tool or ""]
-    part = task.parts[name]
-    grip = locate_place(task, state, f"{tool.name}.grip").pose
-    world = part_pose(task, state, name)
-    local = grip.inverse().compose(world)
-    turn = _nearest(squeeze_minima_rad(part.outline), local.theta_rad)
-    _check_grasp(task, state, step, report, local=local, turn_rad=turn)
-    minima = squeeze_minima_rad(part.outline)
-    sigma_theta = math.pi / max(len(minima), 1) / 2 / math.sqrt(3)
+    name = owner_of(step.target or "")
+    stands = between_jaws(task, state, step)
+    _check_grasp(task, state, step, report, stands)
     held = PartState(
         carrier="robot",
-        pose=Pose(x_um=0.0, y_um=local.y_um, theta_rad=turn),
+        pose=Pose(x_um=0.0, y_um=stands.local.y_um, theta_rad=stands.turn_rad),
         z_um=state.parts[name].z_um
         + state.stage.z_um
         + task.workcell.stage.datum_z_um
         - state.robot.z_um,
-        sigma_xy_um=part_sigma_um(task, state, name),
+        sigma_xy_um=stands.sigma_um,
         sigma_z_um=task.workcell.stage.axes.repeatability_z_um,
-        sigma_theta_rad=math.pi
-        if state.parts[name].sigma_theta_rad >= math.pi
-        else sigma_theta,
+        sigma_theta_rad=_held_sigma_rad(task, state, name, stands.local.theta_rad),
     )
     lost = frozenset(n for n in state.located if owner_of(n) != name)
     return replace(
@@ -57,19 +85,71 @@ def grasp(task: Task, state: State, step: Step, report: Report) -> State:
     )
 
 
+def _held_sigma_rad(task: Task, state: State, name: str, theta_rad: float) -> float:
+    """Return the spread of a part's angle once flat jaws have turned it.
+
+    It lies flat as `squeeze_minima_rad` says, but one start may end in another minimum
+    than the next. What no jaw turns, and any angle, stays as uncertain as it was.
+    """
+    sigma = state.parts[name].sigma_theta_rad
+    robot = task.workcell.robot.axes.repeatability_theta_rad
+    minima = squeeze_minima_rad(task.parts[name].outline)
+    if sigma >= math.pi:
+        return math.pi
+    before = math.hypot(sigma, robot, task.workcell.stage.axes.repeatability_theta_rad)
+    if not minima:
+        return min(before, math.pi)
+    return math.hypot(settled_sigma_rad(minima, theta_rad, before), robot)
+
+
+def settled_sigma_rad(
+    minima: tuple[float, ...], theta_rad: float, sigma_rad: float
+) -> float:
+    """Return the spread about the nearest minimum of a turn that ends in one of them.
+
+    Parameters
+    ----------
+    minima : tuple of float
+        Turns in [0, pi), repeated every half turn.
+    theta_rad, sigma_rad : float
+        Where the turn starts: normal about `theta_rad`.
+
+    Returns
+    -------
+    float
+        Root mean square of (minimum reached - minimum nearest to `theta_rad`). Each
+        start goes to the minimum nearest to it.
+    """
+    reach = math.ceil(TAIL_SIGMAS * sigma_rad / math.pi) + 1
+    base = theta_rad - math.fmod(theta_rad, math.pi)
+    turns = sorted(
+        base + m + k * math.pi for k in range(-reach, reach + 1) for m in minima
+    )
+    cuts = [(a + b) / 2 for a, b in itertools.pairwise(turns)]
+    below = [0.0, *(_below(cut - theta_rad, sigma_rad) for cut in cuts), 1.0]
+    nearest = min(turns, key=lambda turn: abs(turn - theta_rad))
+    return math.sqrt(
+        sum(
+            (high - low) * (turn - nearest) ** 2
+            for turn, (low, high) in zip(turns, itertools.pairwise(below), strict=True)
+        )
+    )
+
+
+def _below(offset_rad: float, sigma_rad: float) -> float:
+    """Return the chance that a normal deviation stays below `offset_rad`."""
+    if sigma_rad <= 0:
+        return float(offset_rad > 0)
+    return math.erfc(-offset_rad / sigma_rad / math.sqrt(2)) / 2
+
+
 def _check_grasp(
-    task: Task,
-    state: State,
-    step: Step,
-    report: Report,
-    *,
-    local: Pose,
-    turn_rad: float,
+    task: Task, state: State, step: Step, report: Report, stands: Between
 ) -> None:
     """Report jaws that cannot close on the part."""
     name, tool = owner_of(step.target or ""), task.workcell.tools[step.tool or ""]
     where = step.spans.get("opening_um", step.where)
-    width = squeeze_width_um(task.parts[name].outline, turn_rad)
+    width, room = stands.width_um, stands.room_um
     opening = step.opening_um or 0.0
     if opening >= width:
         report.refuse(
@@ -79,8 +159,7 @@ def _check_grasp(
             f"which is {width:.4g} um wide where it is narrowest",
             f"close to less than {width:.4g} um",
         )
-    room = (state.opening_um - width) / 2 - abs(local.x_um)
-    spread = SIGMAS * part_sigma_um(task, state, name)
+    spread = SIGMAS * stands.sigma_um
     if room < spread:
         report.refuse(
             "MP304",
@@ -90,12 +169,12 @@ def _check_grasp(
             f"{spread:.3g} um needed at 2 sigma",
             "open the jaws further before, or align more finely",
         )
-    if local.y_um < -tool.grip_from_tip_um:
+    if stands.local.y_um < -tool.grip_from_tip_um:
         report.refuse(
             "MP305",
             step.where,
-            f"step {step.id!r}: {name} lies {-local.y_um:.3g} um before the grip, "
-            f"beyond the tips at {tool.grip_from_tip_um:g} um",
+            f"step {step.id!r}: {name} lies {-stands.local.y_um:.3g} um before the "
+            f"grip, beyond the tips at {tool.grip_from_tip_um:g} um",
             f"align it to {tool.name}.grip first",
         )
 
