@@ -4,13 +4,9 @@ from __future__ import annotations
 
 from planner.diagnostics import Report
 from planner.inputs.task import Task
-from planner.model.requests import Request, requests
-from planner.model.scenes import shade_of
-from planner.model.sightings import needed_shape, spot_of, views
+from planner.model.requests import requests
+from planner.model.sightings import views
 from planner.model.steps import StepState, unfold
-
-# Part of a target's edges that may be covered before a look is called into question.
-HIDDEN_SHARE = 0.5
 
 
 def check_task(task: Task, report: Report) -> str:
@@ -20,31 +16,11 @@ def check_task(task: Task, report: Report) -> str:
         return ""
     check_fits(task, states, report)
     looks = [r for i in range(len(states)) for r in requests(task, states, i, None)]
+    low, _ = task.workcell.optics.magnification
     for look in looks:
-        check_look(task, look, report)
+        views(task, look, low, report)
     parts = ", ".join(sorted(task.parts))
     return f"{task.name}: {len(states)} steps, {len(looks)} looks, parts {parts}"
-
-
-def check_look(task: Task, look: Request, report: Report) -> None:
-    """Report a target that no setting shows, or that others cover or shade."""
-    low, _ = task.workcell.optics.magnification
-    settings = views(task, look, low, report)
-    if not settings:
-        return
-    scope = settings[0].microscope
-    shape = needed_shape(task, look)
-    spot = spot_of(task, look, shape)
-    shades = shade_of(task, look.state, shape, spot, scope.aperture, scope.medium_index)
-    for shade in shades:
-        text = (
-            f"look {look.id!r}: {shade.by} hides {shade.hidden:.0%} and shades "
-            f"{shade.shaded:.0%} of the edges of {shade.target}"
-        )
-        if shade.hidden > HIDDEN_SHARE:
-            report.warning("MP306", look.where, text, "look from where it is clear")
-        else:
-            report.note("MP306", look.where, text)
 
 
 def check_fits(task: Task, states: tuple[StepState, ...], report: Report) -> None:

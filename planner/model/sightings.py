@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 
+from optics.microscope import Microscope
 from planner.diagnostics import Report
 from planner.inputs.task import Task
 from planner.model.assembly import Place, locate_place
 from planner.model.requests import Request
-from planner.model.scenes import relevant, world_scene
+from planner.model.scenes import relevant, shade_of, world_scene
 from planner.model.targets import Shape, shape_of
 from planner.model.views import (
     SEARCH_SIGMAS,
@@ -21,11 +22,17 @@ from planner.model.views import (
 )
 from schemas.pose import Pose
 
+# Part of a target's edges that may be covered before a look is called into question.
+HIDDEN_SHARE = 0.5
+
 
 def views(
     task: Task, request: Request, current: float, report: Report
 ) -> tuple[ViewPlan, ...]:
-    """Return the settings that show the target, the preferred one first."""
+    """Return the settings that show the target, the preferred one first.
+
+    Reports why there is none, and what stands in the way of those there are.
+    """
     cell = task.workcell
     shape = shape_of(task, request.state, request.target)
     if shape is None:
@@ -59,7 +66,48 @@ def views(
         found.append(
             ViewPlan(microscope=scope, focus_um=focus, light=level, region=region)
         )
+    if found:
+        widest = max((v.microscope for v in found), key=lambda scope: scope.aperture)
+        _report_shade(task, request, shape, spot, widest, report)
     return tuple(found)
+
+
+def _report_shade(
+    task: Task,
+    request: Request,
+    shape: Shape,
+    spot: Place,
+    scope: Microscope,
+    report: Report,
+) -> None:
+    """Report what stands over a target's edges, or reaches into their light cones."""
+    shades = shade_of(
+        task, request.state, shape, spot, scope.aperture, scope.medium_index
+    )
+    if not shades:
+        return
+    covering = [f"{s.by} {s.hidden:.0%}" for s in shades if s.hidden]
+    hidden = sum(shade.hidden for shade in shades)
+    if hidden > HIDDEN_SHARE:
+        report.warning(
+            "MP306",
+            request.where,
+            f"look {request.id!r}: most edges of {shape.name} are hidden: "
+            f"{', '.join(covering)}",
+            "look where nothing stands over it: another view_um, or the tool away",
+        )
+        return
+    names = ", ".join(shade.by for shade in shades)
+    reached = max(shade.hidden + shade.shaded for shade in shades)
+    report.note(
+        "MP306",
+        request.where,
+        f"look {request.id!r}: higher than {shape.name}: {names}; "
+        f"hidden of its edges: {', '.join(covering) or 'none'}; losing light on one "
+        f"side: up to {reached:.0%}",
+        "trials show what is hidden but not the lost light; if the look fails on the "
+        "cell, look from where nothing higher stands near",
+    )
 
 
 def spot_of(task: Task, request: Request, shape: Shape) -> Place:

@@ -16,6 +16,7 @@ from optics.outline import Arc, Outline, Ring, Segment
 from planner.diagnostics import Report, Span
 from planner.inputs.task import Part, Task
 from planner.model.assembly import Axis4, Place, State, initial
+from planner.model.check import check_task
 from planner.model.requests import requests
 from planner.model.scenes import shade_of
 from planner.model.sightings import needed_shape, spot_of, views
@@ -303,6 +304,40 @@ def test_hidden_and_shaded_arcs_have_a_closed_form(task: Task, face_um: float) -
     assert (shade.target, shade.by) == ("coin.outline", "roof")
     assert shade.hidden == pytest.approx(hidden, abs=atol)
     assert shade.hidden + shade.shaded == pytest.approx(reached, abs=atol)
+
+
+def test_a_look_says_once_what_stands_in_its_way_at_any_present_zoom(
+    task: Task,
+) -> None:
+    """So `check`, which starts low, and `compile`, which may not, say the same."""
+    states = unfold(task, Report())
+    looks = [r for i in range(len(states)) for r in requests(task, states, i, None)]
+    said = []
+    for current in (LOW, 2 * LOW):
+        report = Report()
+        for look in looks:
+            views(task, look, current, report)
+        said.append(report.in_order)
+    assert said[0] == said[1]
+    checked = Report()
+    check_task(task, checked)
+    assert [d for d in checked.in_order if d.code == "MP306"] == said[0]
+    shaded = {d.message.partition(":")[0] for d in said[0]}
+    wanted = ("bring_between", "gear_in_fingers", "over_shaft", "check_seated.target")
+    assert shaded == {f"look {name!r}" for name in wanted}
+    assert len(said[0]) == len(wanted)
+    assert all(d.severity == "note" and d.hint for d in said[0])
+
+
+def test_edges_mostly_hidden_are_a_warning(task: Task) -> None:
+    report, states = Report(), unfold(task, Report())
+    look = next(r for i in range(len(states)) for r in requests(task, states, i, None)
+                if r.id == "find_shaft")  # fmt: skip
+    over = replace(look, state=replace(look.state, stage=Axis4(x_um=90.0, z_um=-260.0)))
+    assert views(task, over, LOW, report)
+    (finding,) = beyond_notes(report)
+    assert (finding.code, finding.severity) == ("MP306", "warning")
+    assert "tweezers.right 100%" in finding.message
 
 
 def test_nothing_lower_hides_anything(task: Task) -> None:
