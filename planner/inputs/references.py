@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from planner.diagnostics import Report
+from planner.diagnostics import Report, Span
 from planner.inputs.schema import Checked, did_you_mean
 from planner.inputs.source import Key
 
@@ -32,14 +32,26 @@ class Names:
     whole: bool  # False if the workcell could not be read, so that tools are unknown
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Lost:
+    """One use of a name that leads nowhere."""
+
+    name: str
+    at: Span
+    message: str
+    hint: str
+
+
 def check_references(task: Checked, cell: Checked | None, report: Report) -> None:
     """Report names that lead nowhere, to the wrong kind, or are given twice."""
     names = _names(task, cell)
+    lost: list[_Lost] = []
     _check_clashes(task, cell, report)
     for where, kinds in _uses(task):
         if task.good(*where):
-            _check_use(task, names, where, kinds, report)
-    _check_starts(task, names, report)
+            _check_use(task, names, where, kinds, report, lost)
+    _check_starts(task, names, report, lost)
+    _report_lost(names, lost, report)
     _check_ids(task, report)
 
 
@@ -93,9 +105,14 @@ def _uses(task: Checked) -> Iterator[tuple[tuple[Key, ...], str]]:
 
 
 def _check_use(
-    task: Checked, names: Names, where: tuple[Key, ...], kinds: str, report: Report
+    task: Checked,
+    names: Names,
+    where: tuple[Key, ...],
+    kinds: str,
+    report: Report,
+    lost: list[_Lost],
 ) -> None:
-    """Report a name that leads nowhere or to the wrong kind of thing."""
+    """Report a name that leads to the wrong kind of thing; note one that is lost."""
     name = task.source.get(*where)
     at = task.source.value(*where)
     full = name
@@ -114,15 +131,18 @@ def _check_use(
     known = ", ".join(sorted(near)) or "none"
     hint = did_you_mean(name, near) or f"known: {known}"
     if kind is None:
-        report.error("MP110", at, f"nothing is called '{name}'", hint)
+        message = f"nothing is called '{name}'"
+        lost.append(_Lost(name=full, at=at, message=message, hint=hint))
     else:
         wanted = " or ".join(kinds.split())
         message = f"'{name}' is a {kind}, a {wanted} is needed here"
         report.error("MP112", at, message, f"known: {known}")
 
 
-def _check_starts(task: Checked, names: Names, report: Report) -> None:
-    """Report starts of unknown things, and things in use that start nowhere."""
+def _check_starts(
+    task: Checked, names: Names, report: Report, lost: list[_Lost]
+) -> None:
+    """Report things in use that start nowhere; note starts of unknown things."""
     starts = task.source.mapping("start")
     for name, raw in starts.items():
         if name == "stage" or not task.good("start", name):
@@ -132,7 +152,8 @@ def _check_starts(task: Checked, names: Names, report: Report) -> None:
         if kind is None and (wanted == "part" or names.whole):
             near = [known for known, k in names.kinds.items() if k == wanted]
             hint = did_you_mean(name, near) or f"known: {', '.join(sorted(near))}"
-            report.error("MP110", at, f"no {wanted} is called '{name}'", hint)
+            message = f"no {wanted} is called '{name}'"
+            lost.append(_Lost(name=name, at=at, message=message, hint=hint))
         elif kind not in (None, wanted):
             message = f"'{name}' is a {kind}, on the {raw['on']} stands a {wanted}"
             report.error("MP112", at, message)
@@ -146,6 +167,22 @@ def _check_starts(task: Checked, names: Names, report: Report) -> None:
             told.add(owner)  # once is enough
             message = f"'{owner}' is used here and has no entry in start"
             report.error("MP115", task.source.value(*where), message, f"add {owner}")
+
+
+def _report_lost(names: Names, lost: list[_Lost], report: Report) -> None:
+    """Report each lost name once, where it stands first.
+
+    Of an unknown part everything is unknown: its features are not named one by one.
+    """
+    groups: dict[str, list[_Lost]] = {}
+    for use in sorted(lost, key=lambda use: (use.at.line, use.at.column)):
+        owner = use.name.partition(".")[0]
+        root = use.name if owner in names.kinds else owner
+        groups.setdefault(root, []).append(use)
+    for first, *rest in groups.values():
+        lines = ", ".join(str(line) for line in sorted({use.at.line for use in rest}))
+        more = f"; it is also used in line {lines}" if rest else ""
+        report.error("MP110", first.at, f"{first.message}{more}", first.hint)
 
 
 def _check_ids(task: Checked, report: Report) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import shutil
 import subprocess
 import sys
@@ -147,6 +148,24 @@ def test_all_mistakes_of_all_files_are_found_at_once(folder: Path) -> None:
     assert codes(folder) == [
         "MP103", "MP104", "MP222", "MP001", "MP110", "MP105", "MP010",
     ]  # fmt: skip
+
+
+def test_a_renamed_part_is_one_finding_that_names_every_use(folder: Path) -> None:
+    edit(folder, "task.yaml", "  gear:\n", "  wheel:\n")
+    edit(folder, "task.yaml", "onto: shaft_plate.post", "onto: shaft_plate.pots")
+    report = Report()
+    assert load_task(folder / "task.yaml", report) is None
+    part, post = report.in_order
+    assert (part.code, post.code) == ("MP110", "MP110")
+    text = (folder / "task.yaml").read_text(encoding="utf-8").splitlines()
+    named = re.compile(r"\bgear(\.bore)?[:, }]")
+    start = next(k for k, line in enumerate(text) if line.startswith("start:"))
+    uses = [k for k, line in enumerate(text, 1) if k > start and named.search(line)]
+    assert part.where.line == uses[0]
+    lines = ", ".join(str(k) for k in uses[1:])
+    assert part.message == f"no part is called 'gear'; it is also used in line {lines}"
+    assert "wheel" in part.hint
+    assert "'shaft_plate.post'" in post.hint
 
 
 def test_a_finding_reads_like_the_design(
