@@ -13,7 +13,7 @@ import numpy.typing as npt
 from optics.microscope import Microscope
 from optics.models import find_model, tabulate
 from optics.pixels import PixelTile, axis_px, choose_tile, sample, to_world
-from optics.sampling import band_cut, margin_um
+from optics.sampling import Sampling, band_cut, margin_um
 from optics.scene import Illumination, Layer, Scene, Window
 from optics.spectrum import Spectrum, spectrum
 
@@ -23,6 +23,7 @@ ComplexArray = npt.NDArray[np.complex128]
 # Coverages of one height add up to 1 at most unless bodies overlap; the rest is error
 # of the band and the margin.
 _OVERLAP = 0.01
+_USUAL = Sampling()
 
 
 def render(
@@ -35,6 +36,7 @@ def render(
     light: Illumination | None = None,
     shift_um: tuple[float, float] = (0.0, 0.0),
     also: Sequence[Covered] = (),
+    sampling: Sampling = _USUAL,
 ) -> FloatArray:
     """Return the noise-free image of a scene.
 
@@ -56,6 +58,8 @@ def render(
         Displacement of the whole image, um in object space.
     also : sequence of Covered
         More layers of the scene, blurred already by `cover` with the same arguments.
+    sampling : Sampling
+        Band and margin to compute with.
 
     Returns
     -------
@@ -81,6 +85,7 @@ def render(
         model=model,
         window=frame,
         shift_um=shift_um,
+        sampling=sampling,
     )
     lit = _light(microscope, frame, light or Illumination())
     return _laid([*also, *fresh], scene.background, frame) * lit
@@ -102,13 +107,14 @@ def cover(
     model: str = "exact",
     window: Window | None = None,
     shift_um: tuple[float, float] = (0.0, 0.0),
+    sampling: Sampling = _USUAL,
 ) -> tuple[Covered, ...]:
     """Return layers blurred, for images that share them; arguments as in `render`."""
     find_model(model)
     _check((focus_um,), shift_um)
     frame = window or _full(microscope)
     prepared = [
-        _prepare(layer, microscope, (focus_um,), model, frame, shift_um)
+        _prepare(layer, microscope, (focus_um,), model, frame, shift_um, sampling)
         for layer in layers
     ]
     return tuple(p.covered(microscope, focus_um) for p in prepared)
@@ -123,6 +129,7 @@ def render_stack(
     window: Window | None = None,
     light: Illumination | None = None,
     shift_um: tuple[float, float] = (0.0, 0.0),
+    sampling: Sampling = _USUAL,
 ) -> FloatArray:
     """Return images of a scene at several focus heights, (planes, rows, columns).
 
@@ -134,7 +141,7 @@ def render_stack(
     _check(focus_um, shift_um)
     frame = window or _full(microscope)
     prepared = [
-        _prepare(layer, microscope, focus_um, model, frame, shift_um)
+        _prepare(layer, microscope, focus_um, model, frame, shift_um, sampling)
         for layer in scene.layers
     ]
     lit = _light(microscope, frame, light or Illumination())
@@ -151,6 +158,7 @@ class _Prepared:
 
     layer: Layer
     model: str
+    band_error: float
     frame: Window
     tile: PixelTile | None  # None where nothing of the layer comes near
     spectrum: Spectrum | None
@@ -161,7 +169,7 @@ class _Prepared:
         if self.tile is None or self.spectrum is None:
             return Covered(layer=self.layer, coverage=image)
         z_um = self.layer.z_um - focus_um
-        cut = band_cut(self.model, microscope, z_um)
+        cut = band_cut(self.model, microscope, z_um, self.band_error)
         part = self.spectrum.cut(cut * microscope.cutoff_per_um)
         blurred = _filter(part, microscope, self.model, z_um, cut)
         r0 = self.tile.rows.seen.start - self.frame.row
@@ -193,18 +201,26 @@ def _prepare(
     model: str,
     frame: Window,
     shift_um: tuple[float, float],
+    sampling: Sampling,
 ) -> _Prepared:
     """Choose the layer's tile and transform its outline."""
     defocus = [layer.z_um - focus for focus in focus_um]
-    margin = max(margin_um(microscope, z) for z in defocus)
+    margin = max(margin_um(microscope, z, sampling.margin) for z in defocus)
     tile = choose_tile(layer.outline, microscope, margin, frame, shift_um)
     found = None
     if tile is not None:
-        cut = max(band_cut(model, microscope, z) for z in defocus)
+        cut = max(band_cut(model, microscope, z, sampling.band_error) for z in defocus)
         world, box = to_world(tile, microscope, shift_um)
         top_per_um = cut * microscope.cutoff_per_um
         found = spectrum(layer.outline, world, top_per_um, box=box)
-    return _Prepared(layer=layer, model=model, frame=frame, tile=tile, spectrum=found)
+    return _Prepared(
+        layer=layer,
+        model=model,
+        band_error=sampling.band_error,
+        frame=frame,
+        tile=tile,
+        spectrum=found,
+    )
 
 
 def _filter(

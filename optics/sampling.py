@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -20,18 +22,32 @@ MARGIN = 40.0
 CUTS: FloatArray = np.geomspace(1e-6, 1.0, 1200)  # shares of the cutoff
 
 
-def margin_um(microscope: Microscope, z_um: float) -> float:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sampling:
+    """How much band and how much margin an image is computed with."""
+
+    band_error: float = BAND_ERROR  # of unit contrast, what cutting the band may cost
+    margin: float = MARGIN  # around all that spreads light, in wavelengths / A
+
+    def __post_init__(self) -> None:
+        for name in ("band_error", "margin"):
+            value = getattr(self, name)
+            if not (value > 0 and math.isfinite(value)):
+                raise ValueError(f"{name} must be positive and finite, got {value}")
+
+
+def margin_um(microscope: Microscope, z_um: float, margin: float = MARGIN) -> float:
     """Return how far light spreads sideways from a layer `z_um` out of focus, um.
 
-    The radius of the marginal ray's blur circle, and `MARGIN` wavelengths over A.
+    The radius of the marginal ray's blur circle, and `margin` wavelengths over A.
     """
-    tail = MARGIN * microscope.wavelength_um / microscope.aperture
+    tail = margin * microscope.wavelength_um / microscope.aperture
     return microscope.blur_diameter_um(z_um) / 2 + tail
 
 
-def margin_error() -> float:
+def margin_error(margin: float = MARGIN) -> float:
     """Return what the margin costs where an endless edge leaves the tile [1]."""
-    return 1 / (np.pi**3 * MARGIN)
+    return float(1 / (np.pi**3 * margin))
 
 
 def band_error(model: str, microscope: Microscope, z_um: float) -> FloatArray:
@@ -71,8 +87,10 @@ def band_error(model: str, microscope: Microscope, z_um: float) -> FloatArray:
     return total
 
 
-@lru_cache(maxsize=64)
-def band_cut(model: str, microscope: Microscope, z_um: float) -> float:
-    """Return the smallest share of the cutoff that keeps `BAND_ERROR`, 0..1."""
-    error = band_error(model, microscope, z_um)
-    return float(CUTS[np.flatnonzero(error <= BAND_ERROR)[0]])
+@lru_cache(maxsize=256)
+def band_cut(
+    model: str, microscope: Microscope, z_um: float, error: float = BAND_ERROR
+) -> float:
+    """Return the smallest share of the cutoff that costs `error` at most, 0..1."""
+    cost = band_error(model, microscope, z_um)
+    return float(CUTS[np.flatnonzero(cost <= error)[0]])
