@@ -64,7 +64,7 @@ TITLES: Mapping[str, str] = {
     "MP305": "jaws do not reach the part",
     "MP306": "target is hidden or shaded",
     "MP307": "key has no effect",
-    "MP401": "target is larger than the field",
+    "MP401": "target does not stay inside the field",
     "MP402": "focus out of reach",
     "MP403": "feature too fine for the pixels",
     "MP404": "nothing to render",

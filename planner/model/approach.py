@@ -7,7 +7,14 @@ from dataclasses import replace
 
 from planner.diagnostics import Report
 from planner.inputs.task import Step, Task
-from planner.model.assembly import Axis4, Carrier, Place, State, locate_place
+from planner.model.assembly import (
+    Axis4,
+    Carrier,
+    Place,
+    State,
+    locate_place,
+    owner_of,
+)
 from planner.model.sweep import SIGMAS, Box, sweep_hits
 
 # Order of the axes in the first approach of an alignment, cheapest first.
@@ -32,9 +39,20 @@ def approach(
         step.where,
         f"step {step.id!r}: {moving} would touch {still} at 2 sigma on every path to "
         f"{step.to} (straight, x then y, y then x)",
-        "open the jaws further, or start from another side",
+        _way_out(task, moving, still),
     )
     return after, PATHS[0]
+
+
+def _way_out(task: Task, moving: str, still: str) -> str:
+    """Return what may clear the way: only open fingers can be opened further."""
+    tools = {owner_of(name) for name in (moving, still)} & set(task.workcell.tools)
+    if tools:
+        return "open the jaws further, or start from another side"
+    return (
+        "pass above: move the stage or robot in z in an earlier step, or start from "
+        "another side"
+    )
 
 
 def _aligned(

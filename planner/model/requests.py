@@ -31,6 +31,7 @@ class Request:
     wants_angle: bool
     needs_angle_rad: float | None  # what an alignment must meet; None: no need
     where: Span
+    view_where: Span | None  # of the `view_um` that brought the target there
 
 
 def requests(
@@ -142,4 +143,5 @@ def _request(
         wants_angle=angle,
         needs_angle_rad=step.tolerance_theta_rad if step.verb == "align" else None,
         where=step.spans.get("target", step.where),
+        view_where=step.spans.get("view_um"),
     )

@@ -13,6 +13,7 @@ from planner.model.scenes import relevant, shade_of, world_scene
 from planner.model.targets import Shape, shape_of
 from planner.model.views import (
     SEARCH_SIGMAS,
+    Origin,
     ViewPlan,
     focus_for,
     light_level,
@@ -53,7 +54,8 @@ def views(
         return ()
     spot = spot_of(task, request, shape)
     focus = focus_for(cell, spot, report, request.where)
-    zooms = magnifications(cell, shape, spot, current, report, request.where)
+    origin = _origin(task, request, spot)
+    zooms = magnifications(cell, shape, spot, current, report, origin)
     if focus is None:
         return ()
     scene = world_scene(task, request.state)
@@ -70,6 +72,17 @@ def views(
         widest = max((v.microscope for v in found), key=lambda scope: scope.aperture)
         _report_shade(task, request, shape, spot, widest, report)
     return tuple(found)
+
+
+def _origin(task: Task, request: Request, spot: Place) -> Origin:
+    """Return where the file says what the look is about and what puts it there."""
+    start = task.where.get(f"start.{spot.owner}.sigma_xy_um")
+    return Origin(
+        look=request.id,
+        target=request.where,
+        view=request.view_where,
+        spread=start if spot.carrier == "stage" else None,
+    )
 
 
 def _report_shade(

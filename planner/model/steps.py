@@ -114,11 +114,15 @@ def _possible_align(task: Task, state: State, step: Step, report: Report) -> boo
             return False
     carriers = {locate_place(task, state, name).carrier for name in (target, to)}
     if len(carriers) == 1:
+        (carrier,) = carriers
         report.error(
             "MP301",
             step.where,
             f"step {step.id!r} cannot happen: {target} and {to} are both on the "
-            f"{carriers.pop()} and move together",
+            f"{carrier} and move together",
+            "grasp one of them in an earlier step"
+            if carrier == "stage"
+            else "align to something on the stage",
         )
         return False
     return True

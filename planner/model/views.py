@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from optics.microscope import Microscope
 from optics.scene import Layer, Window
@@ -21,6 +21,16 @@ SEARCH_SIGMAS = 3.0  # half-width of the search, in spreads of the target's plac
 CONTEXT_UM = 20.0  # surroundings that calipers need beyond the target
 STOP_OVERLAP = 1.5  # of a usable side between stops: half of it is shared
 BRIGHTEST = 0.95  # share of full scale that the brightest face may reach
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Origin:
+    """Where the file asks for a look, and what put its target where it is."""
+
+    look: str  # id
+    target: Span
+    view: Span | None = None  # of the `view_um` that brought the target there
+    spread: Span | None = None  # of the spread that it starts with
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,7 +63,7 @@ def magnifications(
     place: Place,
     current: float,
     report: Report,
-    where: Span,
+    origin: Origin,
 ) -> tuple[float, ...]:
     """Return the magnifications that show the target, the present one first.
 
@@ -67,7 +77,7 @@ def magnifications(
         m for m in rungs if in_field(microscope_at(cell, m), shape.box_um, place)
     ]
     if not fitting:
-        _report_field(cell, shape, place, report, where)
+        _report_field(cell, shape, place, report, origin)
         return ()
     sharp = [
         m for m in fitting if shape.finest_um * m / cell.camera.pitch_um >= FINEST_PX
@@ -76,7 +86,7 @@ def magnifications(
         finest = FINEST_PX * cell.camera.pitch_um / max(fitting)
         report.refuse(
             "MP403",
-            where,
+            origin.target,
             f"the finest detail of {shape.name}, {shape.finest_um:.3g} um, is below "
             f"the {finest:.3g} um of {FINEST_PX:g} pixels at {max(fitting):g} x",
             "locate a larger feature first",
@@ -195,18 +205,38 @@ def _ladder(cell: Workcell) -> list[float]:
 
 
 def _report_field(
-    cell: Workcell, shape: Shape, place: Place, report: Report, where: Span
+    cell: Workcell,
+    shape: Shape,
+    place: Place,
+    report: Report,
+    origin: Origin,
 ) -> None:
-    """Report a target that is outside the field at every magnification."""
+    """Report a target that is outside the field at every magnification, and why."""
     lowest = microscope_at(cell, cell.optics.magnification[0])
     width, height = lowest.field_um
     x0, y0, x1, y1 = shape.box_um
+    middle = (-(x0 + x1) / 2, -(y0 + y1) / 2)  # where the box is in the middle
+    centred = replace(place, pose=replace(place.pose, x_um=middle[0], y_um=middle[1]))
+    if not in_field(lowest, shape.box_um, replace(centred, sigma_xy_um=0.0)):
+        at, what = None, "too large for"
+        hint = "allow a lower magnification, or target a smaller feature"
+    elif not in_field(lowest, shape.box_um, centred):
+        at, what = origin.spread, "too uncertain for"
+        hint = "place it better at the start, or locate something larger on it first"
+    else:
+        at, what = origin.view, "not inside"
+        away = (place.pose.x_um - middle[0], place.pose.y_um - middle[1])
+        hint = (
+            f"bring it nearer the middle of the field, by up to ({-away[0]:.4g}, "
+            f"{-away[1]:.4g}) um: with 'view_um' if it is on the stage"
+        )
     report.refuse(
         "MP401",
-        where,
-        f"{shape.name} is {x1 - x0:.4g} x {y1 - y0:.4g} um at ({place.pose.x_um:.4g}, "
-        f"{place.pose.y_um:.4g}) um with a spread of {place.sigma_xy_um:.3g} um: "
-        f"outside the field of {width:.4g} x {height:.4g} um at the lowest "
+        at or origin.target,
+        f"look {origin.look!r}: {shape.name} is {x1 - x0:.4g} x {y1 - y0:.4g} um at "
+        f"({place.pose.x_um:.4g}, {place.pose.y_um:.4g}) um, give or take "
+        f"{SIGMAS * place.sigma_xy_um:.3g} um: "
+        f"{what} the field of {width:.4g} x {height:.4g} um at the lowest "
         f"magnification {lowest.magnification:g}",
-        "lower the magnification, choose another view_um, or target a smaller feature",
+        hint,
     )

@@ -215,3 +215,30 @@ def test_every_path_blocked_is_refused_and_says_so(tmp_path: Path) -> None:
     report = Report()
     unfold(read(file), report)
     assert {d.code for d in beyond_notes(report)} == {"MP303"}
+
+
+def test_the_way_out_of_an_approach_fits_what_would_touch(tmp_path: Path) -> None:
+    """Fingers can be opened further; a gear in the way of a post cannot."""
+    jaws, lift = (copy_example(tmp_path / name) for name in ("jaws", "lift"))
+    change(jaws, "z_um: 400, opening_um: 130", "z_um: 400, opening_um: 102")
+    change(lift, "{stage: {z_um: -260}}", "{stage: {z_um: -200}}")
+    hints = []
+    for file, step in ((jaws, "bring_between"), (lift, "over_shaft")):
+        report = Report()
+        unfold(read(file), report)
+        hints += [d.hint for d in report.found
+                  if d.code == "MP303" and repr(step) in d.message]  # fmt: skip
+    of_jaws, of_gear = hints
+    assert "jaws" in of_jaws
+    assert "jaws" not in of_gear
+    assert "z" in of_gear.split()
+
+
+def test_parts_that_move_together_come_with_a_way_out(tmp_path: Path) -> None:
+    file = copy_example(tmp_path / "task")
+    change(file, "  - {id: grasp, ", "  # {id: grasp, ")
+    report = Report()
+    unfold(read(file), report)
+    (finding,) = [d for d in report.found if d.code == "MP301"]
+    assert "move together" in finding.message
+    assert "grasp" in finding.hint

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
 from functools import cache
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -26,6 +28,7 @@ from planner.model.views import (
     FINEST_PX,
     LADDER,
     SEARCH_SIGMAS,
+    Origin,
     focus_for,
     focus_stops,
     in_field,
@@ -36,9 +39,14 @@ from planner.model.views import (
     useful_magnification,
 )
 from schemas.pose import Pose
-from tests.planner.examples import EXAMPLE, beyond_notes, read
+from tests.planner.examples import EXAMPLE, beyond_notes, change, copy_example, read
 
-HERE = Span(file="task.yaml", line=1)
+HERE = Origin(
+    look="see",
+    target=Span(file="task.yaml", line=1),
+    view=Span(file="task.yaml", line=2),
+    spread=Span(file="task.yaml", line=3),
+)
 LOW = 6.9
 
 
@@ -113,13 +121,50 @@ def test_the_target_is_in_the_field_at_two_sigma(
 
 
 @pytest.mark.parametrize(
-    ("x_um", "sigma_um"), [(300.0, 30.0), (0.0, 110.0)], ids=["moved out", "spread"]
+    ("x_um", "sigma_um", "scale", "line", "says"),
+    [
+        (300.0, 30.0, 1, 2, "not inside"),
+        (0.0, 110.0, 1, 3, "too uncertain"),
+        (300.0, 110.0, 1, 3, "too uncertain"),  # the middle would not mend it
+        (0.0, 30.0, 8, 1, "too large"),
+        (300.0, 110.0, 8, 1, "too large"),
+    ],
 )
-def test_what_may_be_outside_the_field_is_refused(
-    task: Task, x_um: float, sigma_um: float
+def test_what_may_be_outside_the_field_is_refused_at_its_cause(
+    task: Task, x_um: float, sigma_um: float, scale: float, line: int, says: str
 ) -> None:
     assert zooms(task, spot(0.0, 0.0, 30.0))[1] == []
-    assert zooms(task, spot(x_um, 0.0, sigma_um)) == ((), ["MP401"])
+    x0, y0, x1, y1 = gear(task).box_um
+    shape = replace(gear(task), box_um=(scale * x0, scale * y0, scale * x1, scale * y1))
+    report, where = Report(), spot(x_um, 0.0, sigma_um)
+    found = magnifications(task.workcell, shape, where, LOW, report, HERE)
+    (finding,) = report.found
+    assert (found, finding.code, finding.where.line) == ((), "MP401", line)
+    assert says in finding.message
+    assert "'see'" in finding.message
+    shift = re.search(r"by up to \((\S+), (\S+)\) um", finding.hint)
+    assert (shift is not None) == (says == "not inside")
+    if shift:
+        there = Pose(x_um=x_um + float(shift[1]), y_um=float(shift[2]))
+        near = replace(where, pose=there)
+        assert magnifications(task.workcell, shape, near, LOW, Report(), HERE)
+
+
+def test_a_view_beside_the_field_is_found_where_it_is_asked_for(
+    tmp_path: Path,
+) -> None:
+    file = copy_example(tmp_path / "task")
+    change(file, "target: gear, view_um: [0, 0]", "target: gear, view_um: [320, 0]")
+    report = Report()
+    check_task(read(file), report)
+    finding = next(d for d in report.in_order if d.code == "MP401")
+    assert finding.where.text[finding.where.column - 1 :].startswith("[320, 0]")
+    change(file, "view_um: [320, 0]", "view_um: [0, 0]")
+    change(file, "theta: any, sigma_xy_um: 30", "theta: any, sigma_xy_um: 110")
+    report = Report()
+    check_task(read(file), report)
+    finding = next(d for d in report.in_order if d.code == "MP401")
+    assert finding.where.text[finding.where.column - 1 :].startswith("110")
 
 
 def test_the_ladder_climbs_by_root_two_while_the_target_fits(task: Task) -> None:
@@ -168,9 +213,14 @@ def test_a_detail_below_four_pixels_asks_for_zoom_or_is_refused(task: Task) -> N
 
 def test_focus_out_of_reach_is_refused(task: Task) -> None:
     report = Report()
-    assert focus_for(task.workcell, spot(0, 0, 1, z_um=500.0), report, HERE) == 500.0
+    assert (
+        focus_for(task.workcell, spot(0, 0, 1, z_um=500.0), report, HERE.target)
+        == 500.0
+    )
     assert report.found == []
-    assert focus_for(task.workcell, spot(0, 0, 1, z_um=500.1), report, HERE) is None
+    assert (
+        focus_for(task.workcell, spot(0, 0, 1, z_um=500.1), report, HERE.target) is None
+    )
     assert [d.code for d in report.found] == ["MP402"]
 
 
