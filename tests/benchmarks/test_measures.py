@@ -1,19 +1,15 @@
 """What the benchmarks compare with: vectors, exact images, naive images, odds."""
 
-from functools import partial
-
 import numpy as np
 import pytest
 
 from benchmarks.naive import Naive
-from benchmarks.oracle import Oracle, tabulated
 from benchmarks.runs import NAMES, Outcome, figures
 from benchmarks.vectors import worst_error
-from optics.otf import diffraction, hopkins
+from optics.oracle import Oracle
 from optics.render import render
 from optics.sampling import BAND_ERROR, margin_error
-from tests.optics.exact_phase import exact_otf
-from tests.optics.shapes import brute_force, disc, gear, microscope, one_layer
+from tests.optics.shapes import gear, microscope, one_layer
 
 
 def test_optics_meets_every_vector() -> None:
@@ -21,41 +17,12 @@ def test_optics_meets_every_vector() -> None:
     assert worst_error() < 1e-12
 
 
-def test_brute_force_closes_in_on_the_oracle() -> None:
-    optics = microscope(6.9, 96, 72)
-    found = Oracle.of(disc(15.0, (3.0, -2.0)), optics).image(diffraction)
-    errors = []
-    for samples in (4, 8, 16):  # the raster errs with the square of its step
-        raster = brute_force(
-            lambda x, y: 15.0 - np.hypot(x - 3.0, y + 2.0),
-            optics,
-            diffraction,
-            samples=samples,
-        )
-        errors.append(float(np.abs(raster - found).max()))
-    assert errors[0] > 3 * errors[1] > 9 * errors[2]
-    assert errors[2] < BAND_ERROR / 2
-
-
 @pytest.mark.parametrize("magnification", [6.9, 44.5])
 def test_the_renderer_meets_the_oracle(magnification: float) -> None:
     optics = microscope(magnification)  # the gear is larger than the frame at 44.5
-    waves = optics.rim_w20_um(10.0) / optics.wavelength_um
-    exact = Oracle.of(gear(), optics).image(
-        tabulated(lambda x: hopkins(x, waves), waves)
-    )
+    exact = Oracle.of(gear(), optics, wrap_error=1e-4).image("exact", 10.0)
     found = render(one_layer(gear(), 10.0), optics, focus_um=0.0)
     np.testing.assert_allclose(found, exact, rtol=0, atol=BAND_ERROR + margin_error())
-
-
-def test_a_table_of_the_exact_phase_errs_by_less_than_1e_5() -> None:
-    optics, x = microscope(), np.linspace(0, 1, 400)
-    for z_um in (0.0, 2.5, 50.0):
-        waves = optics.rim_w20_um(z_um) / optics.wavelength_um
-        table = tabulated(partial(exact_otf, optics=optics, z_um=z_um), waves)
-        np.testing.assert_allclose(
-            table(x), exact_otf(x, optics, z_um), rtol=0, atol=1e-5
-        )
 
 
 @pytest.mark.parametrize("z_um", [0.0, 20.0])
