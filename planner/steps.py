@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from planner.checks.budget import (
+    Left,
     Sighted,
     blind_rows,
     empty_budget,
@@ -23,17 +24,19 @@ from planner.checks.budget import (
 from planner.checks.fit import Residual
 from planner.control import (
     control_of,
-    insertion_travel_um,
+    moved_by,
     residual_of,
     single_residual,
     tolerance_um,
+    travel_of,
 )
 from planner.diagnostics import Report
 from planner.inputs.task import Move, Step, Task
 from planner.looks import CompiledLook, Effects, compile_look
-from planner.model.assembly import locate_place, owner_of, part_sigma_um
+from planner.model.assembly import Axis4, locate_place, owner_of, part_sigma_um
 from planner.model.requests import insertion_after, requests
 from planner.model.steps import StepState
+from planner.model.sweep import ROUNDING_UM
 from schemas import plan as p
 from schemas.codec import to_data
 
@@ -150,7 +153,7 @@ def _step(
     step = here.step
     control = None
     if step.verb == "align":
-        control = control_of(task, step, memory.within_um)
+        control = control_of(task, here, memory.within_um)
     return p.Step(
         id=step.id,
         verb=step.verb,
@@ -244,10 +247,24 @@ def _height_search(
 def _conditions(here: StepState) -> p.Conditions:
     """Return what must hold before and after, and the way back."""
     before, after = _facts(here)
-    retreat: tuple[p.AxisMove, ...] = ()
-    if here.step.verb == "insert":
-        retreat = (p.AxisMove(axes="stage", z_um=here.before.stage.z_um),)
+    retreat = _retreat(here) if here.step.verb == "insert" else ()
     return p.Conditions(before=before, after=after, retreat=retreat, on_failure=RETRIES)
+
+
+def _retreat(insert: StepState) -> tuple[p.AxisMove, ...]:
+    """Return the insertion's moves backwards: each back to the reading before it."""
+    at: dict[str, Axis4] = {"stage": insert.before.stage, "robot": insert.before.robot}
+    back = []
+    for move in insert.step.move:
+        start = at[move.axes]
+        held = {
+            name: getattr(start, name)
+            for name in ("x_um", "y_um", "z_um", "theta_rad")
+            if getattr(move.to, name) is not None
+        }
+        back.append(p.AxisMove(axes=move.axes, **held))
+        at[move.axes] = start.moved(move.to)
+    return tuple(reversed(back))
 
 
 def _facts(here: StepState) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -286,30 +303,53 @@ def _budget(
         return empty_budget()
     hole = memory.seen.get(owner_of(step.target or ""))
     shaft = memory.seen.get(owner_of(step.onto or ""))
-    travel = insertion_travel_um(states, step)
     return insert_budget(
         task,
         fit,
-        _residual(task, states, step, memory),
-        blind_rows(task.workcell, travel, hole, shaft),
-        bias_um=0.0,
+        _left(task, states, here, memory),
+        blind_rows(task.workcell, travel_of(here), hole, shaft),
+        bias_um=_off_um(task, here),
     )
 
 
-def _residual(
-    task: Task, states: tuple[StepState, ...], insert: Step, memory: Memory
-) -> Residual:
+def _off_um(task: Task, insert: StepState) -> float:
+    """Return how far hole and shaft are nominally apart once the moves are done."""
+    hole, shaft = (
+        locate_place(task, insert.after, name or "").pose
+        for name in (insert.step.target, insert.step.onto)
+    )
+    off_um = math.hypot(hole.x_um - shaft.x_um, hole.y_um - shaft.y_um)
+    return off_um if off_um > ROUNDING_UM else 0.0
+
+
+def _left(
+    task: Task, states: tuple[StepState, ...], insert: StepState, memory: Memory
+) -> Left:
     """Return what the alignment before an insertion leaves.
 
     Without one nothing is cut off: all that is known of both parts' places is left.
     """
     aligns = [s for s in states if s.step.verb == "align"]
-    align = next((s for s in aligns if insertion_after(states, s) is insert), None)
+    align = next((s for s in aligns if insertion_after(states, s) is insert.step), None)
     if align is None:
-        here = next(s for s in states if s.step is insert)
-        names = (owner_of(insert.target or ""), owner_of(insert.onto or ""))
-        spread = [part_sigma_um(task, here.before, name) for name in names]
-        return Residual(sigma_um=math.hypot(*spread), within_um=math.inf)
+        names = (insert.step.target, insert.step.onto)
+        spread = [
+            part_sigma_um(task, insert.before, owner_of(name or "")) for name in names
+        ]
+        return Left(
+            residual=Residual(sigma_um=math.hypot(*spread), within_um=math.inf),
+            term="places of both parts",
+            source="no alignment since something last moved sideways",
+        )
+    carrier = moved_by(task, align)
     if align.step.method == "look_then_move":
-        return single_residual(task)
-    return residual_of(task, memory.within_um)
+        return Left(
+            residual=single_residual(task, carrier),
+            term=f"{carrier} repeatability left by two moves",
+            source="workcell repeatability_xy_um, nothing cut off",
+        )
+    return Left(
+        residual=residual_of(task, memory.within_um, carrier),
+        term=f"{carrier} repeatability left by the servo",
+        source=f"workcell repeatability_xy_um, cut off at {memory.within_um:.3g} um",
+    )

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from planner.checks.fit import Fit, Residual, combine, miss_probability
 from planner.inputs.task import Step, Task
 from planner.inputs.workcell import Workcell
-from planner.model.assembly import State, locate_place
+from planner.model.assembly import Carrier, State, locate_place
 from planner.model.holding import between_jaws
 from schemas.plan import Budget, BudgetRow
 
@@ -30,6 +31,15 @@ class Sighted:
     focus_um: float
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Left:
+    """What is left sideways before an insertion, with its name in the budget."""
+
+    residual: Residual
+    term: str
+    source: str
+
+
 def fit_of(task: Task, step: Step) -> Fit | None:
     """Return the fit of an insertion, None if its hole or shaft is not round."""
     hole_part, _, hole = (step.target or "").partition(".")
@@ -47,16 +57,33 @@ def fit_of(task: Task, step: Step) -> Fit | None:
 
 
 def blind_rows(
-    cell: Workcell, travel_um: float, hole: Sighted | None, shaft: Sighted | None
+    cell: Workcell,
+    travel_um: Mapping[Carrier, float],
+    hole: Sighted | None,
+    shaft: Sighted | None,
 ) -> tuple[BudgetRow, ...]:
-    """Return the terms of an insertion that the servo cannot see."""
-    rows = [
-        BudgetRow(
-            term="stage axis tilt over the travel",
-            sigma_um=cell.stage.axis_tilt_sigma_rad * abs(travel_um),
-            source=f"workcell axis_tilt_sigma_mrad x {abs(travel_um):g} um",
+    """Return the terms of an insertion that the servo cannot see.
+
+    `travel_um` is how far stage and robot go in z, each along an axis of its own tilt.
+    """
+    rows = []
+    if travel_um["stage"] or not travel_um["robot"]:
+        rows.append(
+            BudgetRow(
+                term="stage axis tilt over the travel",
+                sigma_um=cell.stage.axis_tilt_sigma_rad * travel_um["stage"],
+                source=f"workcell axis_tilt_sigma_mrad x {travel_um['stage']:g} um",
+            )
         )
-    ]
+    if travel_um["robot"]:
+        rows.append(
+            BudgetRow(
+                term="robot axis tilt over the travel",
+                sigma_um=None,
+                source="not modelled: the workcell states no tilt of the robot, which "
+                f"goes {travel_um['robot']:g} um",
+            )
+        )
     if hole is not None and shaft is not None:
         rows += _looking_rows(cell, hole, shaft)
     rows += [BudgetRow(term=t, sigma_um=None, source=s) for t, s in NOT_MODELLED]
@@ -95,19 +122,24 @@ def _looking_rows(cell: Workcell, hole: Sighted, shaft: Sighted) -> list[BudgetR
 def insert_budget(
     task: Task,
     fit: Fit,
-    residual: Residual,
+    left: Left,
     blind: tuple[BudgetRow, ...],
     bias_um: float,
 ) -> Budget:
-    """Return the budget of an insertion after a servo."""
+    """Return the budget of an insertion; nobody corrects an offset of `bias_um`."""
+    residual = left.residual
     sigma = combine([row.sigma_um or 0.0 for row in blind])
     miss = miss_probability(fit, residual, sigma, bias_um)
     servo = BudgetRow(
-        term="stage repeatability left by the servo",
+        term=left.term,
         sigma_um=_truncated_sigma(residual),
-        source=f"workcell repeatability_xy_um, cut off at {residual.within_um:.3g} um",
+        source=left.source,
     )
-    bias = BudgetRow(term="measurement bias", sigma_um=bias_um, source="trials")
+    bias = BudgetRow(
+        term="offset that the moves leave" if bias_um else "measurement bias",
+        sigma_um=bias_um,
+        source="the task" if bias_um else "trials",
+    )
     size = BudgetRow(
         term="size of hole and shaft",
         sigma_um=combine([fit.hole_tolerance_um, fit.shaft_tolerance_um])

@@ -12,6 +12,7 @@ from planner.model.assembly import (
     Carrier,
     Place,
     State,
+    axes_of,
     locate_place,
     owner_of,
 )
@@ -59,9 +60,10 @@ def _aligned(
     task: Task, state: State, target: Place, goal: Place, shift: tuple[float, float]
 ) -> State:
     """Return the state after the carrier of `target` moved by `shift`."""
-    spread = math.hypot(goal.sigma_xy_um, task.workcell.stage.axes.repeatability_xy_um)
     if target.carrier == "robot":
         return replace(state, robot=_shifted(state.robot, shift))
+    axes = axes_of(task, target.carrier)
+    spread = math.hypot(goal.sigma_xy_um, axes.repeatability_xy_um)
     return replace(
         state,
         stage=_shifted(state.stage, shift),
@@ -82,7 +84,7 @@ def _path_hits(
     The target starts anywhere within two sigma of its nominal place and ends at the
     goal: each leg takes up the deviation along its own axes.
     """
-    rest = task.workcell.stage.axes.repeatability_xy_um * SIGMAS
+    rest = axes_of(task, target.carrier).repeatability_xy_um * SIGMAS
     left = [SIGMAS * target.sigma_xy_um] * 2
     here, found = state, []
     for leg in path:

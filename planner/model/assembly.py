@@ -13,7 +13,7 @@ from typing import Literal
 
 from optics.outline import Outline, place
 from planner.inputs.task import Part, Reading, Task
-from planner.inputs.workcell import Tool
+from planner.inputs.workcell import Axes, Tool
 from schemas.pose import Pose
 
 Carrier = Literal["stage", "robot"]
@@ -176,6 +176,13 @@ def part_sigma_um(task: Task, state: State, name: str) -> float:
 def height_sigma_um(task: Task, state: State, owner: str) -> float:
     """Return the spread of a part's or tool's height about nominal."""
     return next(b.sigma_z_um for b in bodies(task, state) if b.owner == owner)
+
+
+def axes_of(task: Task, carrier: Carrier) -> Axes:
+    """Return the axes that move what is on `carrier`."""
+    if carrier == "stage":
+        return task.workcell.stage.axes
+    return task.workcell.robot.axes
 
 
 def owner_of(name: str) -> str:

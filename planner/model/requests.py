@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from planner.diagnostics import Span
-from planner.inputs.task import Step, Task
+from planner.inputs.task import Move, Step, Task
 from planner.model.assembly import State, owner_of
 from planner.model.steps import StepState
 from planner.model.views import SEARCH_SIGMAS
@@ -97,15 +97,28 @@ def next_tolerance_um(
 
 
 def insertion_after(states: tuple[StepState, ...], align: StepState) -> Step | None:
-    """Return the insertion that an alignment prepares, None if there is none."""
+    """Return the insertion that an alignment prepares, None if there is none.
+
+    What moves sideways or turns after the alignment undoes it, even on its way back.
+    """
     owners = {owner_of(n) for n in (align.step.target, align.step.to) if n}
     position = states.index(align)
     for later in states[position + 1 :]:
         step = later.step
+        if step.verb == "align" or any(
+            _sideways(m) for m in (*later.moves, *step.move)
+        ):
+            return None
         if step.verb == "insert":
             mates = {owner_of(n) for n in (step.target, step.onto) if n}
             return step if mates == owners else None
     return None
+
+
+def _sideways(move: Move) -> bool:
+    """Return whether a move names any axis but z."""
+    to = move.to
+    return not (to.x_um is None and to.y_um is None and to.theta_rad is None)
 
 
 def _fit_tolerance(

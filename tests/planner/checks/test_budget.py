@@ -3,15 +3,23 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 
 import pytest
 
-from planner.checks.budget import Sighted, blind_rows, fit_of, insert_budget
+from planner.checks.budget import (
+    Left,
+    Sighted,
+    blind_rows,
+    fit_of,
+    insert_budget,
+)
 from planner.checks.fit import Residual, combine, miss_probability
 from planner.control import control_of, residual_of, tolerance_um
 from planner.diagnostics import Report
 from planner.inputs.task import Task
+from planner.model.assembly import Carrier
 from planner.model.steps import StepState, unfold
 from tests.planner.examples import EXAMPLE, read
 
@@ -36,6 +44,7 @@ def seen(name: str, sigma_um: float, focus_um: float, magnification: float) -> S
     )
 
 
+DOWN: Mapping[Carrier, float] = {"stage": 260.0, "robot": 0.0}
 HOLE = seen("gear.bore", 0.05, 100.0, 6.9)
 SHAFT = seen("shaft_plate.post", 0.08, -10.0, 6.9)
 
@@ -54,12 +63,12 @@ def test_what_the_servo_cannot_see_is_listed_with_its_source(
     job: tuple[Task, tuple[StepState, ...]],
 ) -> None:
     cell = job[0].workcell
-    rows = {row.term: row for row in blind_rows(cell, 260.0, HOLE, SHAFT)}
+    rows = {row.term: row for row in blind_rows(cell, DOWN, HOLE, SHAFT)}
     assert rows["stage axis tilt over the travel"].sigma_um == pytest.approx(0.52)
     assert rows["measurement of gear.bore"].sigma_um == 0.05
     assert rows["lateral shift with focus"].sigma_um == pytest.approx(0.002 * 110)
     assert rows["parcentric jump of the zoom"].sigma_um == 0.0
-    zoomed = blind_rows(cell, 260.0, HOLE, replace(SHAFT, magnification=13.8))
+    zoomed = blind_rows(cell, DOWN, HOLE, replace(SHAFT, magnification=13.8))
     assert {r.term: r.sigma_um for r in zoomed}["parcentric jump of the zoom"] == 1.0
     assert all(row.source for row in rows.values())
     unknown = [row for row in rows.values() if row.sigma_um is None]
@@ -73,17 +82,18 @@ def test_the_budget_of_an_insertion_names_the_cheapest_change(
     task, states = job
     fit = fit_of(task, step_of(states, "insert").step)
     assert fit is not None
-    residual = residual_of(task, 1.5)
-    blind = blind_rows(task.workcell, 260.0, replace(HOLE, sigma_um=1.4), SHAFT)
-    budget = insert_budget(task, fit, residual, blind, bias_um=0.0)
+    residual = residual_of(task, 1.5, "stage")
+    left = Left(residual=residual, term="left by the servo", source="workcell")
+    blind = blind_rows(task.workcell, DOWN, replace(HOLE, sigma_um=1.4), SHAFT)
+    budget = insert_budget(task, fit, left, blind, bias_um=0.0)
     sigma_um = combine([row.sigma_um or 0.0 for row in blind])
     miss = miss_probability(fit, residual, sigma_um)
     assert budget.success_probability == pytest.approx(1 - miss)
     assert budget.success_probability < 0.95
     assert budget.limit_um == pytest.approx(3.0, abs=1e-6)
     assert "halving 'measurement of gear.bore' (1.4 um)" in budget.advice
-    fine = blind_rows(task.workcell, 260.0, HOLE, SHAFT)
-    assert insert_budget(task, fit, residual, fine, bias_um=0.0).advice == ""
+    fine = blind_rows(task.workcell, DOWN, HOLE, SHAFT)
+    assert insert_budget(task, fit, left, fine, bias_um=0.0).advice == ""
 
 
 def test_the_servo_is_stable_and_gives_up_only_when_it_must(
@@ -94,9 +104,9 @@ def test_the_servo_is_stable_and_gives_up_only_when_it_must(
     within = tolerance_um(task, states, align, HOLE, report)
     assert report.found == []
     assert 0.9 <= within <= 1.5  # between easy for the stage and half the clearance
-    control = control_of(task, align.step, within)
+    control = control_of(task, align, within)
     assert 0 < control.gain <= control.gain_limit / 2
-    residual = residual_of(task, within)
+    residual = residual_of(task, within, "stage")
     assert residual.sigma_um == pytest.approx(math.sqrt(2 / (2 - control.gain)))
     outside = 1 - residual.inside
     assert (
