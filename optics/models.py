@@ -18,9 +18,11 @@ from optics.otf import exact, geometric, hopkins, product, stokseth
 FloatArray = npt.NDArray[np.float64]
 Curve = Callable[[FloatArray], FloatArray]  # x -> transfer
 
-# One table step turns the phase by this much at most; the interpolation then errs
-# by less than 2e-5 of the contrast for w up to 300 (tested).
-_STEP_RAD = 0.15
+# What cubic interpolation errs by at most, as a transfer, up to z = 1e6 um and
+# A = .999 n (`benchmarks/error_maps.py`), if a step turns the marginal ray's phase by:
+TABLE_ERROR = 2e-5
+_STEP_RAD = 0.24
+TABLE_ERROR = 2e-5  # of reading a table instead of the law, tested
 
 
 def _rim_waves(microscope: Microscope, z_um: float) -> float:
@@ -138,12 +140,16 @@ def tabulate(
 ) -> RadialTable:
     """Return the table of `transfer` for x in 0..`x_max`.
 
-    Its cubic interpolation errs by less than 2e-5; see `transfer` for the rest.
+    Its cubic interpolation errs by less than `TABLE_ERROR`; see `transfer` for the
+    rest.
     """
     if not 0 < x_max <= 1:
         raise ValueError(f"x_max must be in (0, 1], got {x_max}")
     first = math.sqrt(1 - x_max)
-    rate = 16 * math.pi * abs(_rim_waves(microscope, z_um))  # rad per sqrt(1 - x)
+    # the phase of the marginal ray turns by 2 pi per cycle over the blur's radius, and
+    # x by at most 2 per sqrt(1 - x)
+    blur_um = microscope.blur_diameter_um(z_um)
+    rate = 2 * math.pi * blur_um * microscope.cutoff_per_um
     count = 96 + math.ceil(rate * (1 - first) / _STEP_RAD)
     s = np.linspace(first, 1.0, count)
     spline = CubicSpline(s, find_model(model).curve(microscope, z_um)(1 - s**2))
