@@ -182,9 +182,14 @@ def _rice_tail(radius: FloatArray, offset: FloatArray, sigma_um: float) -> Float
     outside: FloatArray = (offset >= radius).astype(np.float64)
     near = (radius > 0) & (np.abs(radius - offset) < SURE_SIGMAS * sigma_um)
     r, a = radius[near] / (sigma_um or 1.0), offset[near] / (sigma_um or 1.0)
-    straight = a > STRAIGHT_SIGMAS
     tail = _straight_tail(r, a)
-    tail[~straight] = stats.ncx2.sf(r[~straight] ** 2, 2, a[~straight] ** 2)
+    # area times the greatest density: below rounding nothing is inside, where the
+    # series overflow
+    gap = np.maximum(a - r, 0.0)
+    empty = r**2 / 2 * np.exp(-(gap**2) / 2) < np.finfo(float).eps / 4
+    tail[empty] = 1.0
+    bent = ~empty & (a <= STRAIGHT_SIGMAS)
+    tail[bent] = stats.ncx2.sf(r[bent] ** 2, 2, a[bent] ** 2)
     outside[near] = tail
     return outside
 

@@ -158,6 +158,13 @@ def test_without_clearance_nothing_goes_in(capture_um: float) -> None:
     assert miss_probability(fit(capture_um), NONE, 0.0) == 1.0
 
 
+@pytest.mark.parametrize("capture_um", [1e-15, 8.7e-14, 1e-9, 1e-4, 1e-2])
+@pytest.mark.parametrize("bias_um", [0.5, 1.0, 1.2])
+def test_a_hole_of_no_room_is_always_missed(capture_um: float, bias_um: float) -> None:
+    """16 to 39 sigmas off, the chance inside is below exp(-16**2 / 2) = 2e-56."""
+    assert miss_probability(fit(capture_um), NONE, 0.03125, bias_um) == 1.0
+
+
 lengths = st.floats(0.0, 20.0)
 
 
