@@ -1,83 +1,74 @@
-"""The effects ledger: which optical effect is modelled, at what level and cost."""
+"""The cheapest way to an image that keeps an error budget, and the error it will make.
+
+The error is predicted on the scene itself: its image computed the cheap way is compared
+with one that has the exact law, a wider band and a wider margin, and bounds of what the
+second image still lacks are added.
+"""
 
 from __future__ import annotations
 
-import itertools
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
-from types import MappingProxyType
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import cKDTree
 
-from optics.clip import to_edges
 from optics.microscope import Microscope
-from optics.models import find_model
-from optics.sampling import BAND_ERROR, margin_error
-from optics.scene import Layer, Scene
-from optics.spectrum import boundary_nodes
+from optics.models import TABLE_ERROR, find_model
+from optics.render import render
+from optics.sampling import Sampling
+from optics.scene import Scene, Window
+from optics.wrapping import MARGINS, margin_for, wrap_error
 
 FloatArray = npt.NDArray[np.float64]
 
-# Largest image error against the exact phase over the whole image of an 18-tooth gear
-# of 100 um at m = 44.5, A = .42, .6 um, n = 1, by defocus; tests measure it again.
-LAW_DEFOCUS_UM: FloatArray = np.array([0, 0.5, 1, 2.5, 5, 10, 25, 50, 100, 250.0])
-LAW_ERROR: Mapping[str, tuple[float, ...]] = MappingProxyType(
-    {
-        "geometric": (0.45, 0.367, 0.20, 0.13, 0.088, 0.066, 0.037, 0.045, 0.028, 0.02),
-        "product": (0.0, 0.016, 0.053, 0.121, 0.077, 0.036, 0.023, 0.036, 0.024, 0.02),
-        "stokseth": (0.0, 4e-4, 0.002, 0.007, 0.012, 0.01, 0.009, 0.018, 0.028, 0.01),
-        "hopkins": (0.0, 2e-4, 4e-4, 0.0011, 0.003, 0.006, 0.008, 0.017, 0.027, 0.01),
-        "exact": (2e-5,) * 10,  # its table
-    }
-)
-_TABLE = Microscope(
-    aperture=0.42,
-    wavelength_um=0.6,
-    medium_index=1.0,
-    magnification=44.5,
-    pitch_um=7.5,
-    width_px=640,
-    height_px=480,
-)
-
-# Blending two layers by coverage, front in focus, edges touching, by the defocus of
-# the back (wave calculation), and both in focus by the gap between the edges.
-_BACK_UM, _BACK_ERROR = (
-    (0.0, 1.0, 2.5, 5.0, 10.0, 25.0),
-    (0.25, 0.16, 0.1, 0.05, 0.03, 0.014),
-)
-_GAP_UM, _GAP_ERROR = (0.0, 1.0, 3.0), (0.25, 0.03, 0.01)
-_TWO_BLURS = 0.2  # two defocused edges that overlap, geometrical optics
-_COHERENT_EDGE = 0.26  # worst of coherence .1, .5 and 1 on an amplitude edge
-_COHERENT_SHIFT = 0.108  # of its 50 % point, in wavelength / A
-_VECTORIAL_OTF = 0.019  # at A = .42; grows with A**2
-_BAND_30_PERCENT = 0.0013  # a flat 30 % band of wavelengths, in an edge
-_SAMPLES = 4000  # boundary points a layer when gaps are measured
+LADDER = ("stokseth", "hopkins", "exact")  # defocus laws, the cheapest table first
+# Shares of the limit that band and margin may take; the law has what they leave.
+_BAND_SHARE = 0.25
+_WRAP_SHARE = 0.15
+_BANDS = (1e-5, 5e-3)  # below them tables err more, above them nothing is gained
+# The image compared with: all of the band, since what a cut costs is known for edges
+# and corners, but adds up in the middle of circles; and a wider margin.
+_WHOLE = 1e-12  # band error that leaves nothing out
+_WIDER = 2.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LedgerRow:
-    """One effect, how it is treated, and what leaving the rest out costs.
+class Refusal:
+    """A cheaper law that was tried and not taken."""
 
-    `predicted_error` and `limit` are in the unit that `unit` names; None where nobody
-    predicts it yet, and then `level` says `not modelled`.
-    """
-
-    effect: str
-    level: str
-    predicted_error: float | None
-    limit: float | None
-    unit: str  # "unit contrast", "um", ...
-    reason: str
+    model: str
+    predicted_error: float  # of unit contrast
 
 
-def ledger(
-    scene: Scene, microscope: Microscope, focus_um: float, model: str, limit: float
-) -> tuple[LedgerRow, ...]:
-    """Return what a rendered image models, and what the rest may cost.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fidelity:
+    """How an image is computed, and the largest error that makes, of unit contrast."""
+
+    model: str  # a key of `optics.models.MODELS`
+    sampling: Sampling
+    predicted_error: float  # law, band, margin and tables together
+    sampling_error: float  # the part of it that stays with the exact law
+    limit: float
+    refused: tuple[Refusal, ...]
+
+    @property
+    def keeps_limit(self) -> bool:
+        """Return whether the predicted error is within the limit."""
+        return self.predicted_error <= self.limit
+
+
+def choose(
+    scene: Scene,
+    microscope: Microscope,
+    *,
+    focus_um: Sequence[float],
+    limit: float,
+    window: Window | None = None,
+    ladder: Sequence[str] = LADDER,
+) -> Fidelity:
+    """Return the cheapest law, band and margin whose predicted error fits.
 
     Parameters
     ----------
@@ -85,173 +76,125 @@ def ledger(
         What is rendered.
     microscope : Microscope
         The optical setting.
-    focus_um : float
-        World height of the plane in focus.
-    model : str
-        A key of `optics.models.MODELS`.
+    focus_um : sequence of float
+        World heights in focus that the choice must hold for, at least one.
     limit : float
-        Image error the step can bear, of unit contrast.
+        Image error that may be made, of unit contrast.
+    window : Window, optional
+        The part of the frame that matters; default all.
+    ladder : sequence of str
+        Laws to choose from, the cheapest first. If none fits, the last is taken.
 
     Returns
     -------
-    tuple of LedgerRow
-        Always the same effects in the same order. Predictions are bounds of single
-        effects; they do not add up to a bound of the image.
+    Fidelity
+        The prediction is of law and sampling; what blending layers costs comes on
+        top, see `optics.ledger`.
 
     Raises
     ------
     ValueError
-        If the model is unknown or `limit` is not positive.
+        If a law is unknown, `limit` is not positive and finite, or no focus is given.
     """
-    find_model(model)
     if not (limit > 0 and math.isfinite(limit)):
         raise ValueError(f"limit must be positive and finite, got {limit}")
-    law = max(
-        (law_error(model, microscope, layer.z_um - focus_um) for layer in scene.layers),
-        default=0.0,
-    )
-    blend, why = blend_error(scene, microscope, focus_um)
-    return (
-        _row("defocus law", model, law, limit, "table against the exact phase"),
-        _row("layer blending", "coverage, back to front", blend, limit, why),
-        *_sampling_rows(limit),
-        *_missing_rows(microscope, limit),
-    )
-
-
-def law_error(model: str, microscope: Microscope, z_um: float) -> float:
-    """Return the predicted image error of a defocus law, of unit contrast.
-
-    The larger of the two entries of `LAW_ERROR` around the same defocus in waves;
-    that of `hopkins` and `stokseth` grows with (A / n)**2 beyond the table's A. Beyond
-    the last entry the larger of the last two is held.
-    """
-    find_model(model)
-    waves = abs(microscope.rim_w20_um(z_um)) / microscope.wavelength_um
-    z = waves * _TABLE.wavelength_um / _TABLE.rim_w20_um(1.0)
-    above = int(np.searchsorted(LAW_DEFOCUS_UM, z * (1 - 1e-9)))
-    above = min(above, LAW_DEFOCUS_UM.size - 1)
-    below = above if z == 0 else max(above - 1, 0)
-    error = max(LAW_ERROR[model][below], LAW_ERROR[model][above])
-    steep = (microscope.aperture / microscope.medium_index / _TABLE.aperture) ** 2
-    return min(error * max(steep, 1.0), 1.0)
-
-
-def blend_error(
-    scene: Scene, microscope: Microscope, focus_um: float
-) -> tuple[float, str]:
-    """Return what blending the worst pair of layers costs, and which pair that is.
-
-    Edges farther apart than both blurs and three Airy units err by .01 at most; layers
-    of equal height are added before they are blended and err by nothing.
-    """
-    worst, why = 0.0, "no two layers of different height"
-    for one, other in itertools.combinations(scene.layers, 2):
-        if one.z_um == other.z_um or not (one.outline.rings and other.outline.rings):
-            continue
-        back, front = sorted((one, other), key=lambda layer: (layer.z_um, layer.name))
-        error, gap = _pair_error(back, front, microscope, focus_um)
-        if error > worst:
-            worst = error
-            why = f"{front.name} over {back.name}, edges {gap:.3g} um apart"
-    return worst, why
-
-
-def _pair_error(
-    back: Layer, front: Layer, microscope: Microscope, focus_um: float
-) -> tuple[float, float]:
-    """Return the blending error of two layers and the gap between their edges, um."""
-    gap = _gap_um(back, front)
-    z_back, z_front = (abs(layer.z_um - focus_um) for layer in (back, front))
-    reach = (
-        microscope.blur_diameter_um(z_back) + microscope.blur_diameter_um(z_front)
-    ) / 2 + 3 * microscope.wavelength_um / microscope.aperture
-    if gap > reach:
-        return _GAP_ERROR[-1], gap
-    depth = microscope.wave_depth_um / 2
-    if z_front > depth:
-        return _TWO_BLURS, gap
-    if z_back > depth:
-        return float(np.interp(z_back, _BACK_UM, _BACK_ERROR)), gap
-    return float(np.interp(gap, _GAP_UM, _GAP_ERROR)), gap
-
-
-def _gap_um(one: Layer, other: Layer) -> float:
-    """Return the smallest distance between edges of two layers, um, never too large.
-
-    Nodes for a frequency f lie at most .65 / f apart, so that much is taken off.
-    """
-    clouds, spacing = [], 0.0
-    for layer in (one, other):
-        density = _SAMPLES / layer.outline.perimeter_um
-        x, y, _, _ = boundary_nodes(to_edges(layer.outline), density)
-        clouds.append(np.column_stack([x, y]))
-        spacing += 0.65 / density / 2
-    return max(_nearest_um(*clouds) - spacing, 0.0)
-
-
-def _nearest_um(one: FloatArray, other: FloatArray) -> float:
-    """Return the smallest distance between points of two clouds, (N, 2) um each.
-
-    The tree is over the smaller body, as all of a large ring is about equally far from
-    its middle; and no point farther off than the best of a few is looked for.
-    """
-    small, large = sorted(
-        (one, other), key=lambda cloud: float(np.ptp(cloud, axis=0).max())
-    )
-    tree = cKDTree(small)
-    few, _ = tree.query(large[:: math.isqrt(len(large))])
-    bound = float(np.min(few))
-    distance, _ = tree.query(large, distance_upper_bound=math.nextafter(bound, 1e300))
-    return float(min(np.min(distance), bound))
-
-
-def _sampling_rows(limit: float) -> tuple[LedgerRow, ...]:
-    return (
-        _row("pixel integration", "area of a pixel", 0.0, limit, "exact in the band"),
-        _row("band", "cut by envelope", BAND_ERROR, limit, "predicted when cut"),
-        _row(
-            "tile margin",
-            "blur and a fixed margin",
-            margin_error(),
-            limit,
-            "an endless straight edge; parts inside the field cost less",
-        ),
-    )
-
-
-def _missing_rows(microscope: Microscope, limit: float) -> tuple[LedgerRow, ...]:
-    """Return the effects left out, with their size where it is known."""
-    airy = microscope.wavelength_um / microscope.aperture
-    steep = (microscope.aperture / microscope.medium_index / _TABLE.aperture) ** 2
-    known = (
-        ("partial coherence", _COHERENT_EDGE, "full-contrast amplitude edge, worst"),
-        ("vectorial field", _VECTORIAL_OTF * steep, "of the transfer function"),
-        ("spectrum of the light", _BAND_30_PERCENT, "flat 30 % band, in an edge"),
-    )
-    unknown = ("side walls", "shading by taller bodies", "aberrations of the lens")
-    return (
-        *(_row(e, "not modelled", size, limit, why) for e, size, why in known),
-        LedgerRow(
-            effect="edge offset by coherence",
-            level="not modelled",
-            predicted_error=_COHERENT_SHIFT * airy,
-            limit=None,
-            unit="um",
-            reason="shift of the 50 % point; centroids of symmetric parts stay",
-        ),
-        *(_row(e, "not modelled", None, limit, "nobody predicts it") for e in unknown),
-    )
-
-
-def _row(
-    effect: str, level: str, error: float | None, limit: float, reason: str
-) -> LedgerRow:
-    return LedgerRow(
-        effect=effect,
-        level=level,
+    if not ladder or not focus_um:
+        raise ValueError("at least one law and one focus are needed")
+    for model in ladder:
+        find_model(model)
+    pilot = Pilot(scene=scene, microscope=microscope, window=window)
+    sampling = pilot.sampling(limit)
+    refused: list[Refusal] = []
+    for model in ladder:
+        error = rounded_up(max(pilot.error(model, sampling, z) for z in focus_um))
+        if error <= limit or model == ladder[-1]:
+            break
+        refused.append(Refusal(model=model, predicted_error=error))
+    kept = max(pilot.error("exact", sampling, z) for z in focus_um)
+    return Fidelity(
+        model=model,
+        sampling=sampling,
         predicted_error=error,
+        sampling_error=min(rounded_up(kept), error),
         limit=limit,
-        unit="unit contrast",
-        reason=reason,
+        refused=tuple(refused),
     )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pilot:
+    """Images of one scene, to compare ways of computing them."""
+
+    scene: Scene
+    microscope: Microscope
+    window: Window | None = None
+    _images: dict[tuple[str, Sampling, float], FloatArray] = field(
+        default_factory=dict, repr=False, compare=False
+    )
+
+    def sampling(self, limit: float) -> Sampling:
+        """Return the least band and margin that keep their shares of `limit`."""
+        band = min(max(_BAND_SHARE * limit, _BANDS[0]), _BANDS[1])
+        return Sampling(band_error=band, margin=self._margin(_WRAP_SHARE * limit))
+
+    def error(self, model: str, sampling: Sampling, focus_um: float) -> float:
+        """Return the predicted error of one way of computing, of unit contrast."""
+        finer = Sampling(band_error=_WHOLE, margin=sampling.margin * _WIDER)
+        found = self._image(model, sampling, focus_um)
+        better = self._image("exact", finer, focus_um)
+        return float(np.abs(found - better).max()) + self.rest(finer.margin)
+
+    def rest(self, margin: float) -> float:
+        """Return a bound of what the exact law with all of its band still lacks."""
+        rest = 0.0
+        for layer, step in zip(self.scene.layers, steps(self.scene), strict=True):
+            wrap = wrap_error(layer.outline, self.microscope, margin, self.window)
+            rest += step * (wrap + TABLE_ERROR)
+        return rest
+
+    def _margin(self, share: float) -> float:
+        """Return the margin with which all layers together wrap `share` at most."""
+        least = 0.0
+        for layer, step in zip(self.scene.layers, steps(self.scene), strict=True):
+            if step > 0:
+                allowed = share / (step * len(self.scene.layers))
+                margin = margin_for(
+                    layer.outline, self.microscope, allowed, self.window
+                )
+                least = max(least, margin)
+        return least or float(MARGINS[0])
+
+    def _image(self, model: str, sampling: Sampling, focus_um: float) -> FloatArray:
+        key = (model, sampling, focus_um)
+        if key not in self._images:
+            self._images[key] = render(
+                self.scene,
+                self.microscope,
+                focus_um=focus_um,
+                model=model,
+                window=self.window,
+                sampling=sampling,
+            )
+        return self._images[key]
+
+
+def steps(scene: Scene) -> tuple[float, ...]:
+    """Return for each layer the largest step of reflectance that its edges can make."""
+    found = []
+    for layer in scene.layers:
+        behind = [scene.background]
+        behind += [o.reflectance for o in scene.layers if o.z_um <= layer.z_um]
+        found.append(max(abs(layer.reflectance - other) for other in behind))
+    return tuple(found)
+
+
+def rounded_up(error: float) -> float:
+    """Return `error` with two digits, never less.
+
+    Machines differ in the last bits of an image; what is decided by a prediction, and
+    what a plan says of it, should not.
+    """
+    if error <= 0:
+        return 0.0
+    unit = 10.0 ** (math.floor(math.log10(error)) - 1)
+    return math.ceil(error / unit * (1 - 1e-9)) * unit

@@ -6,7 +6,7 @@ import math
 
 from featuresel.case import LookCase, Spread
 from featuresel.routines import Target
-from optics.fidelity import law_error
+from optics.ledger import law_error
 from optics.scene import Illumination, Layer
 from optics.sensor import Sensor
 from planner.inputs.task import Task

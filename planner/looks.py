@@ -17,7 +17,7 @@ from featuresel.score import Score, score
 from featuresel.select import Selection, select
 from featuresel.trials import Map, Outcome, Prepared, is_wrong, prepare, run
 from featuresel.usable import UsableRange, usable_range
-from optics.fidelity import ledger
+from optics.ledger import ledger
 from optics.jacobian import point_jacobian, to_px
 from optics.render import render
 from optics.scene import Scene, Window

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.interpolate import CubicSpline
 
-from optics.fidelity import (
+from optics.ledger import (
     LAW_DEFOCUS_UM,
     LAW_ERROR,
     blend_error,
