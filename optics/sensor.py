@@ -14,11 +14,12 @@ CountArray = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sensor:
-    """Numbers of one sensor; full well is full scale of the counts."""
+    """Numbers of one sensor; at gain 1 full well is full scale of the counts."""
 
     full_well_e: float
     read_noise_e: float  # one standard deviation
     bits: int
+    gain: float = 1.0  # full well over the electrons that give the top count [1]
 
     def __post_init__(self) -> None:
         if not (self.full_well_e > 0 and math.isfinite(self.full_well_e)):
@@ -29,6 +30,13 @@ class Sensor:
             )
         if not 1 <= self.bits <= 16:
             raise ValueError(f"bits must be in 1..16, got {self.bits}")
+        if not (self.gain > 0 and math.isfinite(self.gain)):
+            raise ValueError(f"gain must be positive and finite, got {self.gain}")
+
+    @property
+    def counts_per_e(self) -> float:
+        """Return the counts that one electron gives, before rounding."""
+        return self.gain * self.top_count / self.full_well_e
 
     @property
     def top_count(self) -> int:
@@ -42,7 +50,7 @@ def expose(image: FloatArray, sensor: Sensor, rng: np.random.Generator) -> Count
     Parameters
     ----------
     image : (...) float array
-        Share of full scale; below 0 counts as 0, above 1 saturates.
+        Share of full well; below 0 counts as 0, above 1 saturates.
     sensor : Sensor
         The sensor.
     rng : numpy.random.Generator
@@ -51,7 +59,8 @@ def expose(image: FloatArray, sensor: Sensor, rng: np.random.Generator) -> Count
     Returns
     -------
     (...) uint8 or uint16 array
-        Counts 0..2**bits - 1, uint8 up to 8 bits.
+        Counts 0..2**bits - 1, uint8 up to 8 bits. Above gain 1 the top count is reached
+        at 1 / gain of full well; below it the well is full at gain times the top.
 
     Raises
     ------
@@ -60,10 +69,12 @@ def expose(image: FloatArray, sensor: Sensor, rng: np.random.Generator) -> Count
     """
     if not np.isfinite(image).all():
         raise ValueError("image must be finite")
-    light = np.clip(image, 0.0, 2.0)  # twice full scale saturates just the same
+    light = np.clip(image, 0.0, 2.0)  # twice full well saturates just the same
     electrons = rng.poisson(light * sensor.full_well_e).astype(np.float64)
+    if sensor.gain < 1:  # else the converter is at its top before
+        electrons = np.minimum(electrons, sensor.full_well_e)
     electrons += sensor.read_noise_e * rng.standard_normal(np.shape(image))
-    counts = np.rint(electrons / sensor.full_well_e * sensor.top_count)
+    counts = np.rint(electrons / sensor.full_well_e * sensor.gain * sensor.top_count)
     counts = np.clip(counts, 0, sensor.top_count)
     return counts.astype(np.uint8) if sensor.bits <= 8 else counts.astype(np.uint16)
 
