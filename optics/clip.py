@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from optics.outline import Arc, Edge, Outline, Ring, Segment, edge_bounds, flatten
+from optics.outline import Arc, Outline, Ring, Segment, flatten
 
 FloatArray = npt.NDArray[np.float64]
 Box = tuple[float, float, float, float]  # x_min, y_min, x_max, y_max, um
@@ -32,18 +33,45 @@ class Edges:
         swept = r * (cx * (np.sin(b) - np.sin(a)) - cy * (np.cos(b) - np.cos(a)))
         return float((x0 * y1 - x1 * y0).sum() / 2 + (swept + r**2 * s).sum() / 2)
 
+    @property
+    def bounds_um(self) -> Box:
+        """Return the box around all edges, exact for arcs; there must be an edge."""
+        boxes = np.concatenate([self.segments, _arc_bounds(self.arcs)])
+        x, y = boxes[:, 0::2], boxes[:, 1::2]
+        return (float(x.min()), float(y.min()), float(x.max()), float(y.max()))
+
+    def placed(self, x_um: float, y_um: float, theta_rad: float = 0.0) -> Edges:
+        """Return the edges turned about the origin, then shifted."""
+        c, s = math.cos(theta_rad), math.sin(theta_rad)
+        turn, shift = np.array([[c, s], [-s, c]]), np.array([x_um, y_um])  # of rows
+        arcs = self.arcs.copy()
+        arcs[:, :2] = arcs[:, :2] @ turn + shift
+        arcs[:, 3] += theta_rad
+        ends = self.segments.reshape(-1, 2) @ turn + shift
+        return Edges(segments=ends.reshape(-1, 4), arcs=arcs)
+
 
 def to_edges(outline: Outline) -> Edges:
     """Return the edges of `outline` as they are."""
-    return _pack([edge for ring in outline.rings for edge in ring.edges])
+    edges = [edge for ring in outline.rings for edge in ring.edges]
+    segments = [(*e.start, *e.end) for e in edges if isinstance(e, Segment)]
+    arcs = [
+        (*e.center, e.radius_um, e.start_rad, e.sweep_rad)
+        for e in edges
+        if isinstance(e, Arc)
+    ]
+    return Edges(
+        segments=np.array(segments, dtype=np.float64).reshape(-1, 4),
+        arcs=np.array(arcs, dtype=np.float64).reshape(-1, 5),
+    )
 
 
-def clip(outline: Outline, box: Box) -> Edges:
-    """Return the edges of `outline` cut to a rectangle.
+def clip(outline: Outline | Edges, box: Box) -> Edges:
+    """Return the edges of an outline cut to a rectangle.
 
     Parameters
     ----------
-    outline : Outline
+    outline : Outline or Edges
         Closed rings, um.
     box : (x_min, y_min, x_max, y_max)
         The rectangle, um.
@@ -55,111 +83,78 @@ def clip(outline: Outline, box: Box) -> Edges:
         inside stay arcs; one that reaches over the box becomes chords of `CHORD_UM`
         sagitta.
 
-    References
-    ----------
-    Sutherland & Hodgman (1974), Commun. ACM 17, 32. Their double edges along the
-    box cancel in every boundary integral.
+    Notes
+    -----
+    Every edge is split where it meets a side's line, and what lies beyond a side is
+    moved onto it. No point of a ring crosses the inside of the box on its way there,
+    so windings about points inside stay, and double edges along the box cancel in
+    every boundary integral, as after Sutherland & Hodgman (1974), Commun. ACM 17, 32.
     """
-    segments, arcs = [], []
-    for ring in outline.rings:
-        part = _clip_ring(ring, box)
-        segments.append(part.segments)
-        arcs.append(part.arcs)
+    edges = outline if isinstance(outline, Edges) else to_edges(outline)
+    inside = _within(_arc_bounds(edges.arcs), box)
+    chords = [_chords(arc) for arc in edges.arcs[~inside]]
+    segments = np.concatenate([edges.segments, *chords])
+    ends = segments.reshape(-1, 2, 2)
+    boxes = np.concatenate([ends.min(axis=1), ends.max(axis=1)], axis=1)
+    whole = _within(boxes, box)
+    cut = _cut(segments[~whole], box)
     return Edges(
-        segments=np.concatenate([np.empty((0, 4)), *segments]),
-        arcs=np.concatenate([np.empty((0, 5)), *arcs]),
+        segments=np.concatenate([segments[whole], cut]), arcs=edges.arcs[inside]
     )
 
 
-def _clip_ring(ring: Ring, box: Box) -> Edges:
-    """Cut one ring."""
-    bounds = [edge_bounds(edge) for edge in ring.edges]
-    if all(_within(b, box) for b in bounds):
-        return _pack(list(ring.edges))
-    points, kinds, arcs = _corners(ring, bounds, box)
-    for axis, limit, sign in ((0, 0, 1), (1, 1, 1), (0, 2, -1), (1, 3, -1)):
-        points, kinds = _cut(points, kinds, axis, box[limit], sign)
-    straight = kinds < 0
-    after = np.roll(points, -1, axis=0)
-    return Edges(
-        segments=np.concatenate([points, after], axis=1)[straight],
-        arcs=arcs[kinds[~straight]],
-    )
+def _cut(segments: FloatArray, box: Box) -> FloatArray:
+    """Split segments at the sides' lines, move what lies beyond onto the box."""
+    start, step = segments[:, None, :2], segments[:, None, 2:] - segments[:, None, :2]
+    low, high = np.array(box[:2]), np.array(box[2:])
+    sides = np.concatenate([low - start, high - start], axis=1)  # (S, 2, 2)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        at = (sides / step).reshape(len(segments), 4)
+    at = np.clip(np.where(np.isfinite(at), at, 0.0), 0.0, 1.0)
+    ends = np.broadcast_to([0.0, 1.0], (len(segments), 2))
+    at = np.sort(np.concatenate([ends, at], axis=1), axis=1)
+    points = np.clip(start + at[:, :, None] * step, low, high)  # (S, 6, 2)
+    points[:, -1] = np.clip(segments[:, 2:], low, high)  # without rounding
+    pieces = np.concatenate([points[:, :-1], points[:, 1:]], axis=2).reshape(-1, 4)
+    moved: FloatArray = pieces[(pieces[:, :2] != pieces[:, 2:]).any(axis=1)]
+    return moved
 
 
-def _corners(
-    ring: Ring, bounds: list[Box], box: Box
-) -> tuple[FloatArray, npt.NDArray[np.intp], FloatArray]:
-    """Return corners (N, 2), the arc that leaves each (N,) or -1, the arcs (M, 5)."""
-    points: list[FloatArray] = []
-    kinds: list[npt.NDArray[np.intp]] = []
-    for index, (edge, bound) in enumerate(zip(ring.edges, bounds, strict=True)):
-        if isinstance(edge, Arc) and not _within(bound, box):
-            chords = _chord_points(edge)
-            points.append(chords)
-            kinds.append(np.full(len(chords), -1))
-        else:
-            points.append(np.array([edge.start]))
-            kinds.append(np.array([index if isinstance(edge, Arc) else -1]))
-    arcs = np.array([_row(edge) for edge in ring.edges])
-    return np.concatenate(points), np.concatenate(kinds), arcs
-
-
-def _chord_points(arc: Arc) -> FloatArray:
-    """Return the corners of an arc's chords but the last, (N, 2) um."""
+def _chords(row: FloatArray) -> FloatArray:
+    """Return the chords of one arc (5,), (N, 4) um."""
+    cx, cy, radius, start, sweep = (float(value) for value in row)
+    arc = Arc(center=(cx, cy), radius_um=radius, start_rad=start, sweep_rad=sweep)
     back = Segment(start=arc.end, end=arc.start)
-    edges: tuple[Edge, ...] = (arc,) if arc.is_circle else (arc, back)
-    points = flatten(Ring(edges=edges), CHORD_UM)
-    return points if arc.is_circle else points[:-1]
+    ring = Ring(edges=(arc,) if arc.is_circle else (arc, back))
+    points = flatten(ring, CHORD_UM)
+    after = np.roll(points, -1, axis=0)
+    chords = np.concatenate([points, after], axis=1)
+    return chords if arc.is_circle else chords[:-1]
 
 
-def _cut(
-    points: FloatArray,
-    kinds: npt.NDArray[np.intp],
-    axis: int,
-    limit_um: float,
-    sign: int,
-) -> tuple[FloatArray, npt.NDArray[np.intp]]:
-    """Keep what lies at sign * (coordinate - limit) >= 0."""
-    if not len(points):
-        return points, kinds
-    side = sign * (points[:, axis] - limit_um)
-    inside = side >= 0
-    if inside.all():
-        return points, kinds
-    crosses = inside != np.roll(inside, -1)
-    step = np.roll(points, -1, axis=0) - points
-    share = np.where(crosses, side / np.where(crosses, side - np.roll(side, -1), 1), 0)
-    crossing = points + share[:, None] * step
-    crossing[:, axis] = limit_um
-    both = np.stack([points, crossing], axis=1).reshape(-1, 2)
-    kind = np.stack([kinds, np.full_like(kinds, -1)], axis=1).ravel()
-    keep = np.stack([inside, crosses], axis=1).ravel()
-    return both[keep], kind[keep]
+def _arc_bounds(arcs: FloatArray) -> FloatArray:
+    """Return the boxes around arcs, (M, 4) um."""
+    cx, cy, radius, start, sweep = arcs.T
+    low, high = np.minimum(start, start + sweep), np.maximum(start, start + sweep)
+    bounds = np.empty((len(arcs), 4))
+    for column, (center, wave, quarter, sign) in enumerate(
+        (
+            (cx, np.cos, 2, -1),
+            (cy, np.sin, 3, -1),
+            (cx, np.cos, 0, 1),
+            (cy, np.sin, 1, 1),
+        )
+    ):
+        turn = quarter * np.pi / 2  # where a circle reaches farthest
+        first = low + np.mod(turn - low, 2 * np.pi)
+        ends = np.stack([wave(low), wave(high)])
+        far = sign * np.where(first <= high, 1.0, (sign * ends).max(axis=0))
+        bounds[:, column] = center + radius * far
+    return bounds
 
 
-def _within(bounds: Box, box: Box) -> bool:
-    """Tell whether `bounds` lies in `box`."""
-    return (
-        bounds[0] >= box[0]
-        and bounds[1] >= box[1]
-        and bounds[2] <= box[2]
-        and bounds[3] <= box[3]
-    )
-
-
-def _row(edge: Edge) -> tuple[float, ...]:
-    """Return an arc's numbers, zeros for a segment."""
-    if isinstance(edge, Segment):
-        return (0.0,) * 5
-    return (*edge.center, edge.radius_um, edge.start_rad, edge.sweep_rad)
-
-
-def _pack(edges: list[Edge]) -> Edges:
-    """Sort edges into the two arrays."""
-    segments = [(*e.start, *e.end) for e in edges if isinstance(e, Segment)]
-    arcs = [_row(e) for e in edges if isinstance(e, Arc)]
-    return Edges(
-        segments=np.array(segments, dtype=np.float64).reshape(-1, 4),
-        arcs=np.array(arcs, dtype=np.float64).reshape(-1, 5),
-    )
+def _within(bounds: FloatArray, box: Box) -> npt.NDArray[np.bool_]:
+    """Tell which boxes (N, 4) lie in `box`, (N,)."""
+    low, high = np.array(box[:2]), np.array(box[2:])
+    held = np.concatenate([bounds[:, :2] >= low, bounds[:, 2:] <= high], axis=1)
+    return np.asarray(held.all(axis=1))

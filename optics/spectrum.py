@@ -63,13 +63,18 @@ class Spectrum:
         """Return (J, K), the highest orders along x and y."""
         return (self.values.shape[1] - 1, self.values.shape[0] // 2)
 
+    def within(self, f_per_um: float) -> tuple[int, int]:
+        """Return the highest orders along x and y up to a frequency, cycles/um."""
+        J, K = self.orders
+        j, k = band_orders(self.tile, f_per_um)
+        return min(j, J), min(k, K)
+
     def cut(self, f_per_um: float) -> Spectrum:
         """Return the part of the coefficients up to a frequency, cycles/um."""
         J, K = self.orders
-        j, k = band_orders(self.tile, f_per_um)
-        if j >= J and k >= K:
+        j, k = self.within(f_per_um)
+        if (j, k) == (J, K):
             return self
-        j, k = min(j, J), min(k, K)
         rows = np.r_[0 : k + 1, 2 * K + 1 - k : 2 * K + 1]
         return Spectrum(tile=self.tile, values=self.values[rows, : j + 1])
 
@@ -80,13 +85,17 @@ def band_orders(tile: Tile, f_per_um: float) -> tuple[int, int]:
 
 
 def spectrum(
-    outline: Outline, tile: Tile, cut_per_um: float, *, box: Box | None = None
+    outline: Outline | Edges,
+    tile: Tile,
+    cut_per_um: float,
+    *,
+    box: Box | None = None,
 ) -> Spectrum:
     """Return the Fourier coefficients of an outline, repeated tile by tile.
 
     Parameters
     ----------
-    outline : Outline
+    outline : Outline or Edges
         Closed rings, um.
     tile : Tile
         The period.
