@@ -6,8 +6,18 @@ import math
 
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial import cKDTree
 
-from optics.outline import JOIN_UM, Arc, Edge, Outline, Point, Ring, Segment
+from optics.outline import (
+    JOIN_UM,
+    Arc,
+    Edge,
+    Outline,
+    Point,
+    Ring,
+    Segment,
+    edge_bounds,
+)
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -36,7 +46,7 @@ def offset(outline: Outline, distance_um: float) -> Outline:
         a radius of R + d or R - d, so arcs stay arcs. Corners on the side the edges
         move to are rounded with the radius |d|, which makes a grown body exactly the
         points within d of the old one; on the other side edges are cut where they
-        meet. Time grows with the square of the number of edges.
+        meet.
 
     Raises
     ------
@@ -244,10 +254,14 @@ def _check_clear(old: Outline, new: Outline, distance_um: float) -> None:
     points = np.concatenate([_along(edge) for ring in new.rings for edge in ring.edges])
     edges = [edge for ring in old.rings for edge in ring.edges]
     least = distance_um - _SLACK_UM
-    for edge in edges:
-        near = _distance(points, edge)
+    boxes = np.array([edge_bounds(edge) for edge in edges])
+    middles = (boxes[:, :2] + boxes[:, 2:]) / 2
+    reaches = np.hypot(*(boxes[:, 2:] - boxes[:, :2]).T) / 2 + distance_um
+    close = cKDTree(points).query_ball_point(middles, reaches)
+    for edge, which in zip(edges, close, strict=True):
+        near = _distance(points[which], edge)
         if not (near >= least).all():
-            x, y = points[int(np.argmin(near))]
+            x, y = points[which][int(np.argmin(near))]
             raise ValueError(
                 f"a wall or gap at ({x:.6g}, {y:.6g}) um is narrower than twice the "
                 f"offset of {distance_um} um"

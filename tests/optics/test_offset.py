@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import cKDTree
+from shapely.geometry import Polygon
 
 from optics.offset import offset
 from optics.outline import Arc, Edge, Outline, Ring, Segment, flatten
@@ -140,6 +141,30 @@ def test_growing_what_was_shrunk_gives_convex_bodies_back(d: float) -> None:
         bound = body.area_um2 - (4 - math.pi) * d**2  # of corners that were rounded
         again = offset(offset(body, -d), d)
         assert bound - 1e-9 <= again.area_um2 <= body.area_um2 + 1e-9
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_random_polygons_agree_with_shapely_or_are_refused(seed: int) -> None:
+    rng, kept = np.random.default_rng(seed), 0
+    for _ in range(25):
+        count = int(rng.integers(3, 14))
+        angle = np.sort(rng.uniform(0, 2 * np.pi, count))
+        radius = rng.uniform(2, 10, count)
+        points = np.column_stack([radius * np.cos(angle), radius * np.sin(angle)])
+        rival = Polygon(points)
+        if np.diff([*angle, angle[0] + 2 * np.pi]).max() > 3:
+            continue  # the axis is outside, the polygon may be the wrong way round
+        distance_um = float(rng.choice([-1, 1]) * 10 ** rng.uniform(-2, 0.3))
+        try:
+            found = offset(polygon([(x, y) for x, y in points.tolist()]), distance_um)
+        except ValueError:
+            continue
+        kept += 1
+        # shapely's quarter circles have 512 chords: short by 1.6e-6 of d**2 each
+        atol = 4 * count * 1.6e-6 * distance_um**2 + 1e-9
+        exact = rival.buffer(distance_um, quad_segs=512).area
+        assert found.area_um2 == pytest.approx(exact, abs=atol)
+    assert kept >= 10  # refusals are the exception
 
 
 def test_the_gear_grows_by_its_perimeter() -> None:
