@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from optics.displacement import corner_um, displaced
 from optics.gradient import (
     centroid_shift_um,
     relative_gradient,
@@ -15,7 +16,7 @@ from optics.gradient import (
     steepest_shift_um,
     threshold_shift_um,
 )
-from optics.lens import LensErrors, corner_um, displaced
+from optics.lens import LensErrors
 from optics.lensing import curvature_rest_um
 from optics.microscope import Microscope
 from optics.outline import Outline

@@ -10,7 +10,8 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from optics.lens import REACH, LensErrors, corner_um, displaced_far
+from optics.displacement import REACH, corner_um, displaced_far
+from optics.lens import LensErrors
 from optics.microscope import Microscope
 from optics.offset import offset
 from optics.outline import Arc, Edge, Outline
@@ -20,8 +21,8 @@ from optics.warp import scaled, warped
 FloatArray = npt.NDArray[np.float64]
 Box = tuple[float, float, float, float]  # x_min, y_min, x_max, y_max, um
 
-# Edges in focus that are farther apart than this, in wavelength / A, blend within .01
-# (`optics.fidelity`).
+# Edges in focus that are farther apart than this, in wavelength / A, can be blended
+# one over the other: that errs by .01 at most, as the ledger says.
 _BESIDE = 3.0
 
 
@@ -45,7 +46,7 @@ def lens_scene(
     -------
     Scene
         The same object where nothing known changes it. Else edges are offset, then
-        displaced as in `optics.lens.displaced_far`, by arcs within
+        displaced as in `optics.displacement.displaced_far`, by arcs within
         `optics.warp.WARP_UM` unless the map is a similarity, which keeps every edge;
         and layers are raised by `curvature_um`. Aperture and light are not of the
         scene: `optics.lens.with_aperture`, `with_gradient`.

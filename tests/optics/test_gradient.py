@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -135,6 +136,13 @@ def test_the_slope_is_that_of_a_rendered_edge(z: float) -> None:
     found = float(make_interp_spline(x, image, k=7).derivative(1)(0.0))
     # BAND_ERROR over the shortest wave of the band, 2 pi 1.4 per um, at most
     assert found == pytest.approx(slope_per_um(FINE, z), abs=5e-4 * 8.8)
+
+
+def test_the_slope_in_focus_is_its_closed_form() -> None:
+    # the integral of the transfer over x is 4 / (3 pi); no pixel
+    optics = replace(microscope(), fill_factor=1e-12)
+    exact = 16 * optics.aperture / (3 * math.pi * optics.wavelength_um)
+    assert slope_per_um(optics, 0.0) == pytest.approx(exact, rel=1e-8)
 
 
 @pytest.mark.parametrize("z", [0.0, 2.0, 10.0, 100.0])

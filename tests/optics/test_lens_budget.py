@@ -11,7 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from optics.lens import LensErrors, corner_um, displaced
+from optics.displacement import corner_um, displaced
+from optics.lens import LensErrors
 from optics.lens_budget import LEVELS, LensRow, predict
 from optics.outline import Outline
 from tests.optics.shapes import disc, gear, microscope

@@ -11,8 +11,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from optics.displacement import corner_um, displaced, undisplaced
 from optics.jacobian import to_px
-from optics.lens import LensErrors, corner_um, displaced, undisplaced
+from optics.lens import LensErrors
 from optics.lensing import curvature_rest_um, curvature_um, imaged, lens_scene
 from optics.microscope import Microscope
 from optics.otf import diffraction

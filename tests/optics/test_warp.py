@@ -11,7 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
-from optics.lens import LensErrors, displaced_far
+from optics.displacement import displaced_far
+from optics.lens import LensErrors
 from optics.outline import Arc, Outline, flatten
 from optics.warp import WARP_UM, Map, scaled, warped
 from tests.optics.shapes import disc, gear, microscope, polygon, rectangle
