@@ -22,7 +22,6 @@ Curve = Callable[[FloatArray], FloatArray]  # x -> transfer
 # A = .999 n (`benchmarks/error_maps.py`), if a step turns the marginal ray's phase by:
 TABLE_ERROR = 2e-5
 _STEP_RAD = 0.24
-TABLE_ERROR = 2e-5  # of reading a table instead of the law, tested
 
 
 def _rim_waves(microscope: Microscope, z_um: float) -> float:

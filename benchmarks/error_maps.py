@@ -1,0 +1,264 @@
+"""Maps of what the defocus laws and their tables err by, over their whole domain.
+
+Measured against the exact phase for W20 of .01 to 1000 waves and A of .05 to .95 n:
+in the transfer, and in images of unit contrast of shapes of every size (a straight
+edge, slots, discs, gratings), next to what `optics.law_error` predicts for any shape.
+Maps go to `build/error_maps`, as numbers (npz) and as pictures (png).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import matplotlib as mpl
+import matplotlib.pyplot as plt
+import numpy as np
+import numpy.typing as npt
+from matplotlib.colors import LogNorm
+from scipy.special import j1
+
+from benchmarks.figures import Benchmark, Figure, Options
+from benchmarks.law_bounds import (
+    LAWS,
+    bounds,
+    defocus_um,
+    differences,
+    frequencies,
+    pixel_bounds,
+    reach_um,
+    setting,
+)
+from optics.law_error import law_error
+from optics.microscope import Microscope
+from optics.models import MODELS, TABLE_ERROR, tabulate, transfer
+
+FloatArray = npt.NDArray[np.float64]
+Maps = dict[str, FloatArray]  # (waves, steepness), by "law.kind" or by model
+
+FOLDER = Path(__file__).parents[1] / "build" / "error_maps"
+WAVES = np.geomspace(0.01, 1000, 16)
+STEEPNESS = np.array([0.05, 0.1, 0.2, 0.3, 0.42, 0.55, 0.7, 0.8, 0.9, 0.95])
+SHAPES = ("edge", "slot", "disc", "grating")
+KINDS = ("transfer", *SHAPES, "predicted")
+DEFOCUS_UM = np.array([0, 1e-12, 1e-3, 0.1, 1, 10, 100, 1e3, 1e4, 1e5, 1e6])
+TABLE_STEEPNESS = np.array([1e-3, 0.05, 0.2, 0.42, 0.7, 0.9, 0.95, 0.99, 0.999])
+_SIZES = 300  # of each shape, from a third of the Airy radius to beyond the blur
+_PLACES = 200  # where fresh integrals are compared with the law table
+_PHASE_WAVES = 100.0  # beyond it tables reach up to a share of the cutoff only
+
+
+def law_maps() -> Maps:
+    """Return measured and predicted errors as "law.kind": (waves, steepness)."""
+    shape = (WAVES.size, STEEPNESS.size)
+    maps = {f"{law}.{kind}": np.zeros(shape) for law in LAWS for kind in KINDS}
+    for i, waves in enumerate(WAVES):
+        for j, steepness in enumerate(STEEPNESS):
+            for name, error in errors(float(waves), float(steepness)).items():
+                maps[name][i, j] = error
+    return maps
+
+
+def errors(waves: float, steepness: float) -> dict[str, float]:
+    """Return the errors of all laws at one place of the map, by "law.kind"."""
+    optics = setting(steepness)
+    z_um = defocus_um(optics, waves)
+    reach = reach_um(optics, z_um)
+    f, weight = frequencies(optics.cutoff_per_um, reach)
+    changes = differences(optics, z_um, f / optics.cutoff_per_um)
+    stack = np.stack([changes[law] for law in LAWS], axis=1)
+    sizes = np.geomspace(0.2, reach, _SIZES)
+    found = {
+        "transfer": np.abs(stack).max(axis=0),
+        "edge": np.abs(_edges(sizes, f, weight, stack)).max(axis=0),
+        "disc": np.abs(_discs(sizes, f, weight, stack)).max(axis=0),
+        "grating": _gratings(optics, z_um, sizes),
+    }
+    # of width d, at x: the edge's error at x + d / 2 less that at x - d / 2; it is odd
+    found["slot"] = 2 * found["edge"]
+    predicted = [law_error(law, optics, z_um) for law in LAWS]
+    found["predicted"] = np.array(predicted)
+    return {
+        f"{law}.{kind}": float(found[kind][k])
+        for k, law in enumerate(LAWS)
+        for kind in KINDS
+    }
+
+
+def table_maps() -> Maps:
+    """Return what each model's table errs by as a transfer, (defocus, steepness)."""
+    maps = {
+        model: np.zeros((DEFOCUS_UM.size, TABLE_STEEPNESS.size)) for model in MODELS
+    }
+    for i, z_um in enumerate(DEFOCUS_UM):
+        for j, steepness in enumerate(TABLE_STEEPNESS):
+            for model in MODELS:
+                maps[model][i, j] = table_error(model, float(z_um), float(steepness))
+    return maps
+
+
+def table_error(model: str, z_um: float, steepness: float) -> float:
+    """Return the largest error of a table at random frequencies, fine and coarse."""
+    optics = Microscope(
+        aperture=steepness,
+        wavelength_um=0.6,
+        medium_index=1.0,
+        magnification=10,
+        pitch_um=7.5,
+        width_px=1,
+        height_px=1,
+    )
+    turns = optics.blur_diameter_um(z_um) * optics.cutoff_per_um / 8  # W20 if small
+    x_max = min(1.0, _PHASE_WAVES / max(turns, 1e-300))
+    table = tabulate(model, optics, z_um, x_max)
+    rng = np.random.default_rng(7)
+    x = x_max * np.concatenate(
+        [
+            rng.random(800),
+            10 ** rng.uniform(-9, 0, 800),
+            1 - 10 ** rng.uniform(-9, 0, 99),
+        ]
+    )
+    exact = transfer(model, optics, z_um, x * optics.cutoff_per_um)
+    return float(np.abs(table.read(x) - exact).max())
+
+
+def bound_shares(count: int) -> FloatArray:
+    """Return fresh integrals over predictions, between the table's nodes at random.
+
+    (count, laws, 2): alone, and averaged over a random pixel.
+    """
+    rng = np.random.default_rng(3)
+    shares = np.zeros((count, len(LAWS), 2))
+    for place in shares:
+        waves, steepness = 10 ** rng.uniform(-2.3, 1), rng.uniform(0.05, 0.95)
+        pixel = 10 ** rng.uniform(-0.6, 1.5)
+        optics = setting(steepness)
+        coarse = replace(optics, pitch_um=pixel)
+        z_um = defocus_um(optics, waves)
+        alone = bounds(waves, steepness)
+        averaged = pixel_bounds(waves, steepness, np.array([pixel]))
+        for share, law in zip(place, LAWS, strict=True):
+            share[0] = min(alone[law], 1.0) / law_error(law, optics, z_um)
+            share[1] = min(averaged[law][0], 1.0) / law_error(law, coarse, z_um)
+    return shares
+
+
+def _edges(
+    x_um: FloatArray, f: FloatArray, weight: FloatArray, change: FloatArray
+) -> FloatArray:
+    """Return the change of an edge's image `x_um` from it, (N, laws)."""
+    terms = (weight / (np.pi * f))[:, None] * change
+    found: FloatArray = _by_parts(np.sin, x_um, f, terms)
+    return found
+
+
+def _discs(
+    radius_um: FloatArray, f: FloatArray, weight: FloatArray, change: FloatArray
+) -> FloatArray:
+    """Return the change in the middle of a disc, (N, laws)."""
+    terms = 2 * np.pi * weight[:, None] * change
+    found: FloatArray = radius_um[:, None] * _by_parts(j1, radius_um, f, terms)
+    return found
+
+
+def _by_parts(
+    wave: np.ufunc, at_um: FloatArray, f: FloatArray, terms: FloatArray
+) -> FloatArray:
+    """Return wave(2 pi at f) @ terms without holding all of it."""
+    parts = np.array_split(np.arange(f.size), 1 + f.size * at_um.size // 4_000_000)
+    return np.asarray(
+        sum(wave(2 * np.pi * at_um[:, None] * f[part]) @ terms[part] for part in parts)
+    )
+
+
+def _gratings(optics: Microscope, z_um: float, period_um: FloatArray) -> FloatArray:
+    """Return the largest change in the middle of a bar of even gratings, (laws,)."""
+    order = np.arange(1, 60, 2)
+    x = order / period_um[:, None] / optics.cutoff_per_um
+    sign = np.where(order % 4 == 1, 1.0, -1.0) * 2 / (np.pi * order)
+    changes = differences(optics, z_um, np.minimum(x, 1.0).ravel())
+    values = (np.where(x < 1, changes[law].reshape(x.shape), 0) for law in LAWS)
+    return np.array([np.abs(value @ sign).max() for value in values])
+
+
+def _measure(_options: Options) -> Iterator[Figure]:
+    laws, tables = law_maps(), table_maps()
+    _keep(laws, tables)
+    worst, ratios = [], []
+    for law in LAWS:
+        shapes = np.max([laws[f"{law}.{shape}"] for shape in SHAPES], axis=0)
+        predicted = laws[f"{law}.predicted"]
+        worst.append(float((shapes / predicted).max()))
+        ratios.append(predicted / shapes)
+        for kind in ("transfer", "edge"):
+            value = float(laws[f"{law}.{kind}"].max())
+            yield Figure(name=f"maps.{law}.{kind}", value=value, unit="1")
+    median = float(np.median(np.concatenate([ratio.ravel() for ratio in ratios])))
+    table = max(float(value.max()) for value in tables.values())
+    yield Figure(name="maps.laws.worst_share", value=max(worst), unit="1")
+    share = float(bound_shares(_PLACES).max())
+    yield Figure(name="maps.laws.worst_bound_share", value=share, unit="1")
+    yield Figure(name="maps.laws.median_overestimate", value=median, unit="1")
+    yield Figure(name="maps.tables.max_error", value=table, unit="1")
+
+
+BENCHMARK = Benchmark(
+    names=(
+        *(f"maps.{law}.{kind}" for law in LAWS for kind in ("transfer", "edge")),
+        "maps.laws.worst_share",
+        "maps.laws.worst_bound_share",
+        "maps.laws.median_overestimate",
+        "maps.tables.max_error",
+    ),
+    measure=_measure,
+)
+
+
+def _keep(laws: Maps, tables: Maps) -> None:
+    """Write the maps as numbers and pictures."""
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    _save("laws", laws | {"waves": WAVES, "steepness": STEEPNESS})
+    axes = {"defocus_um": DEFOCUS_UM, "steepness": TABLE_STEEPNESS}
+    _save("tables", tables | axes)
+    mpl.use("Agg")
+    figure, panels = plt.subplots(
+        len(LAWS), len(KINDS), figsize=(18, 11), sharex=True, sharey=True
+    )
+    for row, law in zip(panels, LAWS, strict=True):
+        for panel, kind in zip(row, KINDS, strict=True):
+            values = np.maximum(laws[f"{law}.{kind}"], 1e-6)
+            image = panel.pcolormesh(STEEPNESS, WAVES, values, norm=LogNorm(1e-5, 1))
+            panel.set(yscale="log", title=f"{law}, {kind}")
+    figure.supxlabel("A / n")
+    figure.supylabel("W20, waves")
+    figure.colorbar(image, ax=panels, label="error, of unit contrast")
+    figure.savefig(FOLDER / "laws.png", dpi=80)
+    plt.close(figure)
+    _draw_tables(tables)
+
+
+def _save(name: str, arrays: Maps) -> None:
+    np.savez(FOLDER / f"{name}.npz", allow_pickle=False, **arrays)
+
+
+def _draw_tables(tables: Maps) -> None:
+    figure, panels = plt.subplots(1, len(tables), figsize=(18, 4), sharey=True)
+    rows = np.arange(DEFOCUS_UM.size)
+    columns = np.arange(TABLE_STEEPNESS.size)
+    for panel, (model, values) in zip(panels, tables.items(), strict=True):
+        shares = np.maximum(values / TABLE_ERROR, 1e-6)
+        image = panel.pcolormesh(columns, rows, shares, norm=LogNorm(1e-4, 1))
+        panel.set(title=model, xlabel="A / n")
+        panel.set_xticks(columns, [f"{a:g}" for a in TABLE_STEEPNESS], rotation=90)
+        panel.set_yticks(rows, [f"{z:g}" for z in DEFOCUS_UM])
+    panels[0].set_ylabel("defocus, um")
+    figure.colorbar(image, ax=panels, label=f"share of {TABLE_ERROR:g}")
+    figure.savefig(FOLDER / "tables.png", dpi=80, bbox_inches="tight")
+    plt.close(figure)
+
+
+if __name__ == "__main__":
+    for each in _measure(Options()):
+        print(each.form())
