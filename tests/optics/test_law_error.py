@@ -34,9 +34,10 @@ def test_between_the_nodes_the_table_bounds_the_integral(
     for law, integral in bounds(waves, steepness).items():
         predicted = law_error(law, optics, z_um)
         assert predicted >= min(integral, 1.0)
-        # rounded up by a tenth twice and by a last place, .1 of it at most; rays are
-        # given up below half a wave
-        assert predicted <= 1.34 * integral + TABLE_ERROR or predicted == 1
+        # rounded up by a tenth, for what lies between the nodes by a tenth (rays: a
+        # quarter), and by a last place, .1 of it at most; rays are given up below .5
+        slack = 1.34 if MODELS[law].diffracts else 1.52
+        assert predicted <= slack * integral + TABLE_ERROR or predicted == 1
 
 
 @pytest.mark.parametrize(("waves", "steepness"), PLACES[:6])
