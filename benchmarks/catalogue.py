@@ -2,11 +2,21 @@
 
 from __future__ import annotations
 
-from benchmarks import example, imports, rendering, runs, vectors
+from benchmarks import (
+    error_maps,
+    example,
+    extremes,
+    imports,
+    rendering,
+    runs,
+    vectors,
+)
 from benchmarks.figures import Benchmark
 
 BENCHMARKS: tuple[Benchmark, ...] = (
     vectors.BENCHMARK,
+    extremes.BENCHMARK,
+    error_maps.BENCHMARK,
     rendering.BENCHMARK,
     imports.BENCHMARK,
     example.BENCHMARK,
