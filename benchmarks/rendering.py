@@ -1,91 +1,197 @@
-"""Rendering the gear through focus: time against a floor and a rival, and error."""
+"""Rendering the gear through focus: time against floor and rivals, error, memory.
+
+Times are CPU times of one thread, so that a busy machine spoils no ratio.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import sys
+import tracemalloc
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 
 import numpy as np
 import numpy.typing as npt
 from scipy import fft
 
+from benchmarks import peers
 from benchmarks.figures import Benchmark, Figure, Options
 from benchmarks.naive import Naive
-from benchmarks.timing import best_s, once_s
+from benchmarks.timing import cpu_s
 from optics.microscope import Microscope
 from optics.oracle import Oracle
-from optics.render import render_stack
-from tests.optics.shapes import gear, microscope, one_layer
+from optics.raster import coverage
+from optics.render import render, render_stack
+from tests.optics.shapes import gear, microscope, one_layer, polygon
 
 FloatArray = npt.NDArray[np.float64]
 
 PLANES_UM = np.linspace(-50, 50, 41)
 CHECKED_UM = (0.0, 2.5, 10.0, 25.0, 50.0)  # planes compared with the oracle
-RIVAL_UM = (0.0, 25.0, 50.0)  # the rival's time grows with defocus, hence its mean
+RIVAL_UM = (0.0, 25.0, 50.0)  # a rival's time may grow with defocus, hence its mean
 MAGNIFICATIONS = (6.9, 44.5)
-KINDS = ("ms_per_image", "cold_ms", "max_error", "rival_max_error")
+SIZES = (1024, 2048)
+VERTICES = (1_000, 10_000, 100_000)
+KINDS = ("ms_per_image", "cold_ms", "max_error", "rms_error", "peak_mib")
+RIVALS = ("naive", *peers.available())
+RIVAL_KINDS = ("ms_per_image", "setup_ms", "max_error", "rms_error", "peak_mib")
 
 
-def floor_ms() -> float:
-    """Return the time of one float64 640 x 480 real transform pair, ms."""
-    image = np.random.default_rng(1).random((480, 640))
+def floor_ms(rows: int = 480, columns: int = 640) -> float:
+    """Return the time of one float64 real transform pair of a frame, ms."""
+    image = np.random.default_rng(1).random((rows, columns))
 
-    def pair() -> FloatArray:
-        back: FloatArray = fft.irfft2(fft.rfft2(image), s=image.shape)
-        return back
+    def pairs() -> None:
+        for _ in range(10):
+            fft.irfft2(fft.rfft2(image), s=image.shape)
 
-    return 1000 * best_s(pair, 20)
+    return _best_ms(pairs, 5) / 10
 
 
 def _measure(_options: Options) -> Iterator[Figure]:
+    if not peers.available():
+        print(f"no peers to compare with, see {peers.__name__}", file=sys.stderr)
     for magnification in MAGNIFICATIONS:
         optics = microscope(magnification, 640, 480)
         yield from _figures(optics, f"rendering.m{magnification:g}")
+    for size in SIZES:
+        yield from _large(size)
+    yield from _many_vertices()
 
 
 BENCHMARK = Benchmark(
-    names=tuple(f"rendering.m{m:g}.{kind}" for m in MAGNIFICATIONS for kind in KINDS),
+    names=(
+        *(
+            f"rendering.m{m:g}.{kind}"
+            for m in MAGNIFICATIONS
+            for kind in (
+                *KINDS,
+                *(f"{rival}.{kind}" for rival in RIVALS for kind in RIVAL_KINDS),
+            )
+        ),
+        *(
+            f"rendering.size{n}.{kind}"
+            for n in SIZES
+            for kind in ("ms_per_image", "peak_mib")
+        ),
+        *(
+            f"rendering.{kind}{n}.ms"
+            for n in VERTICES
+            for kind in ("vertices", "raster")
+        ),
+    ),
     measure=_measure,
 )
 
 
 def _figures(optics: Microscope, name: str) -> Iterator[Figure]:
     """Measure one magnification; the first stack of the process counts as cold."""
-    scene, naive = one_layer(gear()), Naive(outline=gear(), microscope=optics)
-
-    def stack() -> FloatArray:
-        # an object z above the plane in focus: focus at -z
-        return render_stack(scene, optics, focus_um=tuple(-PLANES_UM))
-
-    cold_s = once_s(stack)
-    warm_s = best_s(stack, 3)
-    rival_s = float(np.mean([once_s(partial(naive.image, z)) for z in RIVAL_UM]))
-    floor = floor_ms()
+    stack = _stack(optics, tuple(PLANES_UM))
+    cold_ms = 1000 * cpu_s(stack) / PLANES_UM.size
+    # floor and stack by turns, the best of each: both meet the machine's quiet moments
+    pairs = [(_best_ms(stack, 2), floor_ms()) for _ in range(3)]
+    warm_ms = min(warm for warm, _ in pairs) / PLANES_UM.size
+    oracle = Oracle.of(gear(), optics)
+    exact = oracle.images([("exact", z) for z in CHECKED_UM])
+    truth = exact[[CHECKED_UM.index(z) for z in RIVAL_UM]]
+    rivals = {rival: _rival(rival, optics, truth) for rival in RIVALS}
     yield Figure(
         name=f"{name}.ms_per_image",
-        value=1000 * warm_s / PLANES_UM.size,
+        value=warm_ms,
         unit="ms",
-        floor=floor,
-        rival=1000 * rival_s,
+        floor=min(floor for _, floor in pairs),
+        rival=min(found["ms_per_image"] for found in rivals.values()),
+    )
+    yield Figure(name=f"{name}.cold_ms", value=cold_ms, unit="ms")
+    # two planes at the ends keep the tile of the whole stack
+    found = _stack(optics, (*CHECKED_UM, -50.0))()[:-1]
+    yield from _errors(f"{name}.", found, exact)
+    yield Figure(name=f"{name}.peak_mib", value=_peak_mib(stack), unit="MiB")
+    units = dict(zip(RIVAL_KINDS, ("ms", "ms", *["unit contrast"] * 2, "MiB"),
+                     strict=True))  # fmt: skip
+    for rival, figures in rivals.items():
+        for kind in RIVAL_KINDS:
+            yield Figure(
+                name=f"{name}.{rival}.{kind}", value=figures[kind], unit=units[kind]
+            )
+
+
+def _stack(optics: Microscope, z_um: Sequence[float]) -> Callable[[], FloatArray]:
+    """Return a renderer of the gear at heights above the plane in focus."""
+    focus = tuple(-z for z in z_um)
+    return partial(render_stack, one_layer(gear()), optics, focus_um=focus)
+
+
+def _rival(rival: str, optics: Microscope, truth: FloatArray) -> dict[str, float]:
+    """Return the figures of one rival."""
+    if rival == "naive":
+        naive = Naive(outline=gear(), microscope=optics)
+        first_ms = 1000 * cpu_s(partial(naive.image, 0.0))
+        times = [1000 * cpu_s(partial(naive.image, z)) for z in RIVAL_UM]
+        images = np.stack([naive.image(z) for z in RIVAL_UM])
+        peak = _peak_mib(partial(naive.image, RIVAL_UM[-1]))
+        mean_ms = float(np.mean(times))
+        figures = {"ms_per_image": mean_ms, "setup_ms": first_ms, "peak_mib": peak}
+    else:
+        result = peers.run(rival, gear(), optics, RIVAL_UM)
+        images = result.images
+        figures = {
+            "ms_per_image": 1000 * result.seconds,
+            "setup_ms": 1000 * result.setup_s,
+            "peak_mib": result.peak_mib,
+        }
+    return figures | {f.name: f.value for f in _errors("", images, truth)}
+
+
+def _errors(name: str, found: FloatArray, exact: FloatArray) -> Iterator[Figure]:
+    """Compare with the exact phase, summed exactly."""
+    error = np.abs(found - exact)
+    rms = float(np.sqrt(np.mean(error**2)))
+    for kind, value in (("max_error", float(error.max())), ("rms_error", rms)):
+        yield Figure(name=f"{name}{kind}", value=value, unit="unit contrast")
+
+
+def _large(size: int) -> Iterator[Figure]:
+    """Measure a larger frame; the part is seen whole."""
+    optics, planes = microscope(44.5, size, size), tuple(PLANES_UM[::5])
+    stack = _stack(optics, planes)
+    stack()
+    yield Figure(
+        name=f"rendering.size{size}.ms_per_image",
+        value=_best_ms(stack, 3) / len(planes),
+        unit="ms",
+        floor=floor_ms(size, size),
     )
     yield Figure(
-        name=f"{name}.cold_ms", value=1000 * cold_s / PLANES_UM.size, unit="ms"
+        name=f"rendering.size{size}.peak_mib", value=_peak_mib(stack), unit="MiB"
     )
-    yield from _errors(optics, naive, name)
 
 
-def _errors(optics: Microscope, naive: Naive, name: str) -> Iterator[Figure]:
-    """Compare with the exact phase, summed exactly."""
-    oracle = Oracle.of(gear(), optics)
-    focus = tuple(-z for z in CHECKED_UM)
-    ours = render_stack(one_layer(gear()), optics, focus_um=focus)
-    exact = list(oracle.images([("exact", z) for z in CHECKED_UM]))
-    rival = [naive.image(z) for z in RIVAL_UM]
-    truth = [exact[CHECKED_UM.index(z)] for z in RIVAL_UM]
-    for kind, found, expected in (
-        ("max_error", list(ours), exact),
-        ("rival_max_error", rival, truth),
-    ):
-        pairs = zip(found, expected, strict=True)
-        worst = max(float(np.abs(a - b).max()) for a, b in pairs)
-        yield Figure(name=f"{name}.{kind}", value=worst, unit="unit contrast")
+def _many_vertices() -> Iterator[Figure]:
+    """Measure one image of wheels with more and more teeth, read anew each time."""
+    optics = microscope(6.9, 640, 480)
+    for count in VERTICES:
+        angle = np.arange(count) * 2 * np.pi / count
+        radius = np.where(np.arange(count) % 2, 50.0, 49.5)
+        corners = np.column_stack([radius * np.cos(angle), radius * np.sin(angle)])
+        wheel = polygon([(float(x), float(y)) for x, y in corners])
+        for kind, work in (
+            ("vertices", partial(render, one_layer(wheel), optics, focus_um=0.0)),
+            ("raster", partial(coverage, wheel, optics)),
+        ):
+            yield Figure(
+                name=f"rendering.{kind}{count}.ms", value=_best_ms(work, 3), unit="ms"
+            )
+
+
+def _best_ms(work: Callable[[], object], repeats: int) -> float:
+    return 1000 * min(cpu_s(work) for _ in range(repeats))
+
+
+def _peak_mib(work: Callable[[], object]) -> float:
+    """Return the most memory that a call holds at once, its result included, MiB."""
+    tracemalloc.start()
+    work()
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    return peak / 2**20
