@@ -13,6 +13,7 @@ from featuresel.routines.frame import RegionFrame
 from optics.microscope import Microscope
 from optics.outline import place
 from optics.render import Covered, cover, render
+from optics.sampling import Sampling
 from optics.scene import Illumination, Layer, Scene, Window
 from optics.sensor import Sensor
 
@@ -53,7 +54,7 @@ class LookCase:
     """A look before a routine is chosen for it; picklable.
 
     The target's frame has its origin at the target's reference point. The model is the
-    compiler's rung of the defocus law.
+    compiler's rung of the defocus law, the sampling its band and margin.
     """
 
     key: str  # names the case; seeds depend on it
@@ -71,6 +72,7 @@ class LookCase:
     sensor: Sensor
     target: Target
     model: str
+    sampling: Sampling
     tolerance_um: float  # what the look has to meet per axis, 2 sigma and bias
     tolerance_theta_rad: float | None  # None: the angle is not needed
     spread: Spread
@@ -150,6 +152,7 @@ class NominalRender:
             window=self.case.window,
             light=self.case.light,
             also=self.static,
+            sampling=self.case.sampling,
         )
         clipped: FloatArray = np.clip(image, 0.0, 1.0)
         return clipped
@@ -163,5 +166,6 @@ def nominal_render(case: LookCase) -> NominalRender:
         focus_um=case.focus_um,
         model=case.model,
         window=case.window,
+        sampling=case.sampling,
     )
     return NominalRender(case=case, static=static)

@@ -26,7 +26,7 @@ _CUT = 3.0  # normal spreads end at 3 sigma: trials stand for a working station
 _CORNER = 2.0  # sigmas at the extremes, all at once: already far out together
 _MOST_SOBOL = 20  # 2**20 points are more than any look gets
 # The estimator's blur law must not always be the truth.
-_OTHER_MODEL = {"hopkins": "stokseth"}
+_OTHER_MODEL = {"hopkins": "stokseth", "exact": "stokseth"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -112,6 +112,7 @@ def image(
             gradient_y=case.light.gradient_y + trial.gradient_y,
         ),
         also=still(case, trial) if backdrop is None else backdrop,
+        sampling=case.sampling,
     )
     rng = np.random.default_rng(np.random.SeedSequence(trial.seed))
     return to_unit(expose(noiseless, case.sensor, rng), case.sensor.bits)
@@ -125,6 +126,7 @@ def still(case: LookCase, trial: Trial) -> tuple[Covered, ...]:
         focus_um=case.focus_um + trial.dz_um,
         model=trial.model,
         window=case.window,
+        sampling=case.sampling,
     )
 
 
@@ -207,7 +209,7 @@ def _trial(
         gain=float(gain),
         gradient_x=float(gradient * math.cos(direction_rad)),
         gradient_y=float(gradient * math.sin(direction_rad)),
-        model=_OTHER_MODEL.get(case.model, "hopkins") if other else case.model,
+        model=_OTHER_MODEL.get(case.model, "exact") if other else case.model,
         seed=(root, *words(f"{case.key}/trial {index}")),
     )
 

@@ -26,7 +26,7 @@ FloatArray = npt.NDArray[np.float64]
 LADDER = ("stokseth", "hopkins", "exact")  # defocus laws, the cheapest table first
 # Shares of the limit that band and margin may take; the law has what they leave.
 _BAND_SHARE = 0.25
-_WRAP_SHARE = 0.15
+_WRAP_SHARE = 0.25
 _BANDS = (1e-5, 5e-3)  # below them tables err more, above them nothing is gained
 # The image compared with: all of the band, since what a cut costs is known for edges
 # and corners, but adds up in the middle of circles; and a wider margin.

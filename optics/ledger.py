@@ -4,44 +4,19 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 
 import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from optics.clip import to_edges
+from optics.fidelity import Fidelity
 from optics.microscope import Microscope
-from optics.models import find_model
-from optics.sampling import BAND_ERROR, margin_error
 from optics.scene import Layer, Scene
 from optics.spectrum import boundary_nodes
 
 FloatArray = npt.NDArray[np.float64]
-
-# Largest image error against the exact phase over the whole image of an 18-tooth gear
-# of 100 um at m = 44.5, A = .42, .6 um, n = 1, by defocus; tests measure it again.
-LAW_DEFOCUS_UM: FloatArray = np.array([0, 0.5, 1, 2.5, 5, 10, 25, 50, 100, 250.0])
-LAW_ERROR: Mapping[str, tuple[float, ...]] = MappingProxyType(
-    {
-        "geometric": (0.45, 0.367, 0.20, 0.13, 0.088, 0.066, 0.037, 0.045, 0.028, 0.02),
-        "product": (0.0, 0.016, 0.053, 0.121, 0.077, 0.036, 0.023, 0.036, 0.024, 0.02),
-        "stokseth": (0.0, 4e-4, 0.002, 0.007, 0.012, 0.01, 0.009, 0.018, 0.028, 0.01),
-        "hopkins": (0.0, 2e-4, 4e-4, 0.0011, 0.003, 0.006, 0.008, 0.017, 0.027, 0.01),
-        "exact": (2e-5,) * 10,  # its table
-    }
-)
-_TABLE = Microscope(
-    aperture=0.42,
-    wavelength_um=0.6,
-    medium_index=1.0,
-    magnification=44.5,
-    pitch_um=7.5,
-    width_px=640,
-    height_px=480,
-)
 
 # Blending two layers by coverage, front in focus, edges touching, by the defocus of
 # the back (wave calculation), and both in focus by the gap between the edges.
@@ -53,7 +28,8 @@ _GAP_UM, _GAP_ERROR = (0.0, 1.0, 3.0), (0.25, 0.03, 0.01)
 _TWO_BLURS = 0.2  # two defocused edges that overlap, geometrical optics
 _COHERENT_EDGE = 0.26  # worst of coherence .1, .5 and 1 on an amplitude edge
 _COHERENT_SHIFT = 0.108  # of its 50 % point, in wavelength / A
-_VECTORIAL_OTF = 0.019  # at A = .42; grows with A**2
+_VECTORIAL_OTF = 0.019  # at `_VECTORIAL_APERTURE` in air; grows with A**2
+_VECTORIAL_APERTURE = 0.42
 _BAND_30_PERCENT = 0.0013  # a flat 30 % band of wavelengths, in an edge
 _SAMPLES = 4000  # boundary points a layer when gaps are measured
 
@@ -75,7 +51,7 @@ class LedgerRow:
 
 
 def ledger(
-    scene: Scene, microscope: Microscope, focus_um: float, model: str, limit: float
+    scene: Scene, microscope: Microscope, focus_um: float, fidelity: Fidelity
 ) -> tuple[LedgerRow, ...]:
     """Return what a rendered image models, and what the rest may cost.
 
@@ -87,54 +63,37 @@ def ledger(
         The optical setting.
     focus_um : float
         World height of the plane in focus.
-    model : str
-        A key of `optics.models.MODELS`.
-    limit : float
-        Image error the step can bear, of unit contrast.
+    fidelity : Fidelity
+        How it is rendered, see `optics.fidelity.choose`.
 
     Returns
     -------
     tuple of LedgerRow
         Always the same effects in the same order. Predictions are bounds of single
         effects; they do not add up to a bound of the image.
-
-    Raises
-    ------
-    ValueError
-        If the model is unknown or `limit` is not positive.
     """
-    find_model(model)
-    if not (limit > 0 and math.isfinite(limit)):
-        raise ValueError(f"limit must be positive and finite, got {limit}")
-    law = max(
-        (law_error(model, microscope, layer.z_um - focus_um) for layer in scene.layers),
-        default=0.0,
-    )
+    limit = fidelity.limit
     blend, why = blend_error(scene, microscope, focus_um)
     return (
-        _row("defocus law", model, law, limit, "table against the exact phase"),
+        _law_row(fidelity),
         _row("layer blending", "coverage, back to front", blend, limit, why),
-        *_sampling_rows(limit),
+        *_sampling_rows(fidelity),
         *_missing_rows(microscope, limit),
     )
 
 
-def law_error(model: str, microscope: Microscope, z_um: float) -> float:
-    """Return the predicted image error of a defocus law, of unit contrast.
-
-    The larger of the two entries of `LAW_ERROR` around the same defocus in waves;
-    that of `hopkins` and `stokseth` grows with (A / n)**2 beyond the table's A. Beyond
-    the last entry the larger of the last two is held.
-    """
-    find_model(model)
-    waves = abs(microscope.rim_w20_um(z_um)) / microscope.wavelength_um
-    z = waves * _TABLE.wavelength_um / _TABLE.rim_w20_um(1.0)
-    above = int(np.searchsorted(LAW_DEFOCUS_UM, z * (1 - 1e-9)))
-    above = min(above, LAW_DEFOCUS_UM.size - 1)
-    below = above if z == 0 else max(above - 1, 0)
-    error = max(LAW_ERROR[model][below], LAW_ERROR[model][above])
-    steep = (microscope.aperture / microscope.medium_index / _TABLE.aperture) ** 2
-    return min(error * max(steep, 1.0), 1.0)
+def _law_row(fidelity: Fidelity) -> LedgerRow:
+    """Return the row of law and sampling, with the cheaper laws that were refused."""
+    refused = ", ".join(
+        f"{r.model} errs by {r.predicted_error:.2g}" for r in fidelity.refused
+    )
+    return _row(
+        "defocus law",
+        fidelity.model,
+        fidelity.predicted_error,
+        fidelity.limit,
+        f"measured on this scene; {refused or 'the cheapest law will do'}",
+    )
 
 
 def blend_error(
@@ -206,16 +165,16 @@ def _nearest_um(one: FloatArray, other: FloatArray) -> float:
     return float(min(np.min(distance), bound))
 
 
-def _sampling_rows(limit: float) -> tuple[LedgerRow, ...]:
+def _sampling_rows(fidelity: Fidelity) -> tuple[LedgerRow, ...]:
+    limit, sampling = fidelity.limit, fidelity.sampling
     return (
         _row("pixel integration", "area of a pixel", 0.0, limit, "exact in the band"),
-        _row("band", "cut by envelope", BAND_ERROR, limit, "predicted when cut"),
         _row(
-            "tile margin",
-            "blur and a fixed margin",
-            margin_error(),
+            "band and tile",
+            f"cut at {sampling.band_error:.2g}, margin {sampling.margin:.3g} lambda/A",
+            fidelity.sampling_error,
             limit,
-            "an endless straight edge; parts inside the field cost less",
+            "with the exact law, measured on this scene",
         ),
     )
 
@@ -223,7 +182,7 @@ def _sampling_rows(limit: float) -> tuple[LedgerRow, ...]:
 def _missing_rows(microscope: Microscope, limit: float) -> tuple[LedgerRow, ...]:
     """Return the effects left out, with their size where it is known."""
     airy = microscope.wavelength_um / microscope.aperture
-    steep = (microscope.aperture / microscope.medium_index / _TABLE.aperture) ** 2
+    steep = (microscope.aperture / microscope.medium_index / _VECTORIAL_APERTURE) ** 2
     known = (
         ("partial coherence", _COHERENT_EDGE, "full-contrast amplitude edge, worst"),
         ("vectorial field", _VECTORIAL_OTF * steep, "of the transfer function"),

@@ -21,6 +21,7 @@ from optics.scene import Window
 FloatArray = npt.NDArray[np.float64]
 
 MARGINS: FloatArray = np.geomspace(5.0, 160.0, 21)  # wavelengths / A worth choosing
+_DOUBLINGS = 12  # of the margin, in the search for the nearest edge
 _RINGS = 3  # of repetitions that are summed one by one
 # The others: the sum of (i**2 + j**2)**-1.5 over all i, j but 0, 0 is 9.034, over the
 # first three rings 7.49; the pixel need not be in the middle, hence twice the rest.
@@ -49,7 +50,7 @@ def wrap_error(
     Returns
     -------
     float
-        Of unit contrast. 0 where the tile holds nothing of the outline's edges.
+        Of unit contrast. 0 where nothing of the outline comes near.
     """
     if not outline.rings:
         return 0.0
@@ -57,10 +58,15 @@ def wrap_error(
     unit = microscope.wavelength_um / microscope.aperture
     d = margin * unit
     tile = choose_tile(outline, microscope, d, frame, (0.0, 0.0))
-    if tile is None or _is_even(outline, _grown(_seen_box(microscope, tile), d)):
-        return 0.0
+    if tile is None:
+        return _outside(outline, _frame_box(microscope, frame), unit)
+    seen = _seen_box(microscope, tile)
+    for _ in range(_DOUBLINGS):  # what is cut off begins at the first edge
+        if not _is_even(outline, _grown(seen, d)):
+            break
+        d *= 2
     cut = tile.columns.cut is not None or tile.rows.cut is not None
-    found = _cut_off(microscope, tile, unit, d)
+    found = _beyond(outline, seen, unit, d)
     if not cut:
         found = min(found, _repeated(outline, microscope, tile, unit))
     return min(found, 1.0)
@@ -104,13 +110,32 @@ def _repeated(
     )
 
 
-def _cut_off(
-    microscope: Microscope, tile: PixelTile, unit_um: float, d_um: float
-) -> float:
-    """Return what half planes beyond all sides cost the worst corner seen."""
-    x0, y0, x1, y1 = _seen_box(microscope, tile)
-    sides = (d_um, d_um, d_um + x1 - x0, d_um + y1 - y0)
-    return unit_um / math.pi**3 * sum(1 / far for far in sides)
+def _beyond(outline: Outline, seen: Box, unit_um: float, d_um: float) -> float:
+    """Return what lacks, or comes in, beyond all four sides of what is seen.
+
+    A strip b wide that begins `far` away costs K b / (2 far**2) at most, and never
+    more than a half plane, 2 K / far. A pixel in a corner has two sides near.
+    """
+    x_min, y_min, x_max, y_max = outline.bounds_um
+    wide = min(x_max, seen[2] + d_um) - max(x_min, seen[0] - d_um)
+    high = min(y_max, seen[3] + d_um) - max(y_min, seen[1] - d_um)
+    sides = (
+        (wide, d_um),
+        (high, d_um),
+        (wide, d_um + seen[3] - seen[1]),
+        (high, d_um + seen[2] - seen[0]),
+    )
+    strips = (min(2 / far, b / (2 * far**2)) for b, far in sides)
+    return unit_um / (2 * math.pi**3) * sum(strips)
+
+
+def _outside(outline: Outline, frame: Box, unit_um: float) -> float:
+    """Return what a body costs that is left out since it lies too far outside."""
+    x_min, y_min, x_max, y_max = outline.bounds_um
+    dx = max(x_min - frame[2], frame[0] - x_max, 0.0)
+    dy = max(y_min - frame[3], frame[1] - y_max, 0.0)
+    far = math.hypot(dx, dy)
+    return unit_um / (2 * math.pi**3) * min(2 / far, outline.area_um2 / far**3)
 
 
 def _is_even(outline: Outline, box: Box) -> bool:
@@ -129,16 +154,22 @@ def _full(microscope: Microscope) -> Window:
 
 
 def _seen_box(microscope: Microscope, tile: PixelTile) -> Box:
-    """Return (x_min, y_min, x_max, y_max) of the centres of pixels seen, um."""
+    """Return the box of the centres of pixels seen."""
+    columns, rows = tile.columns.seen, tile.rows.seen
+    return _box(microscope, columns[0], columns[-1], rows[0], rows[-1])
+
+
+def _frame_box(microscope: Microscope, frame: Window) -> Box:
+    """Return the box of the centres of a window's pixels."""
+    right, below = frame.column + frame.columns - 1, frame.row + frame.rows - 1
+    return _box(microscope, frame.column, right, frame.row, below)
+
+
+def _box(microscope: Microscope, left: int, right: int, above: int, below: int) -> Box:
+    """Return pixels' centres as (x_min, y_min, x_max, y_max), um."""
     cx, cy = axis_px(microscope)
     p = microscope.um_per_px
-    columns, rows = tile.columns.seen, tile.rows.seen
-    return (
-        (columns[0] - cx) * p,
-        (cy - rows[-1]) * p,
-        (columns[-1] - cx) * p,
-        (cy - rows[0]) * p,
-    )
+    return ((left - cx) * p, (cy - below) * p, (right - cx) * p, (cy - above) * p)
 
 
 def _grown(box: Box, by_um: float) -> Box:

@@ -6,8 +6,9 @@ import math
 
 from featuresel.case import LookCase, Spread
 from featuresel.routines import Target
-from optics.ledger import law_error
-from optics.scene import Illumination, Layer
+from optics.fidelity import Fidelity, choose
+from optics.outline import place
+from optics.scene import Illumination, Layer, Scene
 from optics.sensor import Sensor
 from planner.inputs.task import Task
 from planner.model.assembly import Place
@@ -17,19 +18,29 @@ from planner.model.sightings import needed_shape, search_um, spot_of
 from planner.model.targets import Shape, target_layers
 from planner.model.views import SEARCH_SIGMAS, ViewPlan
 
-# Defocus laws, cheapest first; the first whose predicted error fits the budget is used.
-LADDER = ("stokseth", "hopkins")
+_FOCUS_SIGMAS = 2.0  # a law must hold so far from the nominal focus
 
 
 def build_case(
     task: Task, request: Request, view: ViewPlan, max_image_error: float
-) -> LookCase:
-    """Return the case that routines are tried on."""
+) -> tuple[LookCase, Fidelity]:
+    """Return the case that routines are tried on, and why it is rendered as it is."""
     shape = needed_shape(task, request)
     spot = spot_of(task, request, shape)
     static, moving = _layers(task, request, shape, view)
     scope, camera = view.microscope, task.workcell.camera
-    return LookCase(
+    spread = _spread(task, spot)
+    fidelity = choose(
+        Scene(
+            layers=static + tuple(_placed(layer, spot) for layer in moving),
+            background=task.workcell.stage.reflectance,
+        ),
+        scope,
+        focus_um=_focus_range(view, spread),
+        limit=max_image_error,
+        window=view.region,
+    )
+    case = LookCase(
         key=f"{task.name}/{request.id}@{scope.magnification:.6g}",
         static=static,
         moving=moving,
@@ -48,25 +59,31 @@ def build_case(
             bits=camera.bits,
         ),
         target=_target(task, shape, spot, view),
-        model=choose_model(static + moving, view, max_image_error),
+        model=fidelity.model,
+        sampling=fidelity.sampling,
         tolerance_um=request.tolerance_um or scope.um_per_px,
         tolerance_theta_rad=_angle_tolerance(request, shape),
-        spread=_spread(task, spot),
+        spread=spread,
     )
+    return case, fidelity
 
 
-def choose_model(
-    layers: tuple[Layer, ...], view: ViewPlan, max_image_error: float
-) -> str:
-    """Return the cheapest defocus law whose predicted error fits, else the best."""
-    for model in LADDER:
-        errors = [
-            law_error(model, view.microscope, layer.z_um - view.focus_um)
-            for layer in layers
-        ]
-        if max(errors, default=0.0) <= max_image_error:
-            return model
-    return LADDER[-1]
+def _focus_range(view: ViewPlan, spread: Spread) -> tuple[float, ...]:
+    """Return the focus heights that a fidelity must hold for."""
+    off = _FOCUS_SIGMAS * spread.focus_sigma_um
+    heights = (view.focus_um, view.focus_um - off, view.focus_um + off)
+    return heights if off > 0 else heights[:1]
+
+
+def _placed(layer: Layer, spot: Place) -> Layer:
+    """Return a layer of the target's frame in the world."""
+    outline = place(layer.outline, spot.pose.x_um, spot.pose.y_um, spot.pose.theta_rad)
+    return Layer(
+        name=layer.name,
+        outline=outline,
+        z_um=layer.z_um,
+        reflectance=layer.reflectance,
+    )
 
 
 def _layers(

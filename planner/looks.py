@@ -10,15 +10,16 @@ import numpy as np
 import numpy.typing as npt
 
 from featuresel.candidates import chains
-from featuresel.case import LookCase
+from featuresel.case import LookCase, scene
 from featuresel.perturb import design
 from featuresel.routines import Artifact, Failure, load
 from featuresel.score import Score, score
 from featuresel.select import Selection, select
 from featuresel.trials import Map, Outcome, Prepared, is_wrong, prepare, run
 from featuresel.usable import UsableRange, usable_range
-from optics.ledger import ledger
+from optics.fidelity import Fidelity
 from optics.jacobian import point_jacobian, to_px
+from optics.ledger import ledger
 from optics.render import render
 from optics.scene import Scene, Window
 from planner.cases import build_case
@@ -75,8 +76,8 @@ def compile_look(
     """
     failed: list[tuple[ViewPlan, Selection]] = []
     for view in views(task, request, current, report):
-        case = build_case(task, request, view, effects.max_image_error)
-        trial = _benchmark(task, case, effects)
+        case, fidelity = build_case(task, request, view, effects.max_image_error)
+        trial = _benchmark(task, case, fidelity, effects)
         if trial.selection.chosen is not None:
             return _finish(task, request, trial, trial.selection.chosen, effects)
         failed.append((view, trial.selection))
@@ -90,13 +91,16 @@ class _Benchmark:
     """A case, what was tried on it, and what came of it."""
 
     case: LookCase
+    fidelity: Fidelity
     prepared: Prepared
     outcomes: tuple[Outcome, ...]
     scores: tuple[Score, ...]
     selection: Selection
 
 
-def _benchmark(task: Task, case: LookCase, effects: Effects) -> _Benchmark:
+def _benchmark(
+    task: Task, case: LookCase, fidelity: Fidelity, effects: Effects
+) -> _Benchmark:
     """Return the choice among all chains, with the trials behind it."""
     candidates = chains(case.target)
     prepared = prepare(case, candidates)
@@ -110,6 +114,7 @@ def _benchmark(task: Task, case: LookCase, effects: Effects) -> _Benchmark:
     )
     return _Benchmark(
         case=case,
+        fidelity=fidelity,
         prepared=prepared,
         outcomes=outcomes,
         scores=scores,
@@ -138,7 +143,7 @@ def _finish(
             target=shape.name,
             view=_view(task, request, case, usable.focus_um),
             scene=_scene_record(task, request, case, shape, name, image),
-            effects=_effects(case, effects.max_image_error),
+            effects=_effects(case, tried.fidelity),
             measure=_measure(request, shape, tried, chosen, usable),
             evidence=_evidence(tried, chosen),
         ),
@@ -223,10 +228,9 @@ def _scene_record(
     )
 
 
-def _effects(case: LookCase, limit: float) -> tuple[p.EffectRow, ...]:
+def _effects(case: LookCase, fidelity: Fidelity) -> tuple[p.EffectRow, ...]:
     """Return the effects ledger of a look."""
-    scene = Scene(layers=case.static + case.moving, background=case.background)
-    rows = ledger(scene, case.microscope, case.focus_um, case.model, limit)
+    rows = ledger(scene(case, 0.0, 0.0, 0.0), case.microscope, case.focus_um, fidelity)
     return tuple(
         p.EffectRow(
             effect=row.effect,

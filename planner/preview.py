@@ -190,7 +190,7 @@ def _case(task: Task, look: Request, call: RenderCall, report: Report) -> LookCa
     for view in settings:
         zoom = view.microscope.magnification
         if call.magnification is None or math.isclose(zoom, call.magnification):
-            return build_case(task, look, view, task.optimise.max_image_error)
+            return build_case(task, look, view, task.optimise.max_image_error)[0]
     tried = ", ".join(f"{v.microscope.magnification:.6g}" for v in settings)
     raise RenderError("MP404", f"{look.id} is tried at {tried or 'no'} x only")
 

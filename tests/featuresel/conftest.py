@@ -24,6 +24,7 @@ from featuresel.routines import (
 )
 from optics.microscope import Microscope
 from optics.outline import Arc, Outline, Ring, Segment
+from optics.sampling import Sampling
 from optics.scene import Illumination, Layer, Window
 from optics.sensor import Sensor, expose, to_unit
 
@@ -141,6 +142,7 @@ def make_case(
             parameters=parameters,
         ),
         model="hopkins",
+        sampling=Sampling(),
         tolerance_um=1.0,
         tolerance_theta_rad=None,
         spread=SPREAD,

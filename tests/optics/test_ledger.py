@@ -1,96 +1,13 @@
 """The ledger's predictions against measured errors."""
 
-import json
-import math
-from pathlib import Path
-
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from scipy.interpolate import CubicSpline
 
-from optics.ledger import (
-    LAW_DEFOCUS_UM,
-    LAW_ERROR,
-    blend_error,
-    law_error,
-    ledger,
-)
-from optics.microscope import Microscope
-from optics.models import MODELS, tabulate
-from optics.sampling import BAND_ERROR, CUTS, band_cut, band_error, margin_error
+from optics.fidelity import choose
+from optics.ledger import blend_error, ledger
+from optics.sampling import BAND_ERROR, CUTS, band_cut, band_error
 from optics.scene import Layer, Scene
-from optics.spectrum import Tile, spectrum
-from tests.optics.exact_phase import exact_otf
-from tests.optics.shapes import disc, gear, microscope, rectangle
-
-VECTORS = json.loads(Path(__file__).with_name("optics_vectors.json").read_text())
-
-
-def test_the_exact_phase_meets_the_vectors() -> None:
-    found = [e for e in VECTORS["entries"] if e["name"] == "otf_defocus_high_na"]
-    assert len(found) >= 5
-    for entry in found:
-        at = {k: float(v) for k, v in entry["params"].items()}
-        optics = Microscope(
-            aperture=at["A"],
-            wavelength_um=at["lambda_um"],
-            medium_index=at["n"],
-            magnification=10,
-            pitch_um=7.5,
-            width_px=1,
-            height_px=1,
-        )
-        value = exact_otf(np.array([at["x"]]), optics, at["Delta_um"])[0]
-        assert value == pytest.approx(float(entry["value"]), abs=1e-9)
-
-
-def _measured(z_um: float) -> dict[str, float]:
-    """Return each law's largest image error for a gear at high zoom."""
-    optics = microscope(44.5)
-    p, count = optics.um_per_px, 900
-    half = count * p / 2
-    tile = Tile(left_um=-half, bottom_um=-half, width_um=2 * half, height_um=2 * half)
-    found = spectrum(gear(), tile, optics.cutoff_per_um)
-    J, K = found.orders
-    u = np.arange(J + 1) / tile.width_um
-    v = np.r_[0 : K + 1, -K:0][:, None] / tile.height_um
-    x = np.minimum(np.hypot(u, v) / optics.cutoff_per_um, 1.0)
-    inside = (x < 1) * np.sinc(u * p) * np.sinc(v * p)
-    s = np.linspace(0, 1, 200 + int(20 * abs(z_um)))
-    exact = CubicSpline(s, exact_otf(1 - s**2, optics, z_um))(np.sqrt(1 - x))
-    errors = {}
-    for model in MODELS:
-        change = (tabulate(model, optics, z_um).read(x) - exact) * inside
-        grid = np.zeros((count, count // 2 + 1), dtype=np.complex128)
-        grid[np.r_[0 : K + 1, count - K : count], : J + 1] = found.values * change
-        image = np.fft.irfft2(grid, s=(count, count)) * count**2
-        errors[model] = float(np.abs(image).max())
-    return errors
-
-
-@pytest.mark.parametrize("z_um", [0.0, 0.5, 2.5, 5.0, 10.0, 25.0])
-def test_the_table_of_laws_is_what_is_measured(z_um: float) -> None:
-    # the table is rounded up, in its last place, by less than a third and 1e-3
-    entry = int(np.flatnonzero(z_um == LAW_DEFOCUS_UM)[0])
-    for model, error in _measured(z_um).items():
-        stated = LAW_ERROR[model][entry]
-        assert error <= stated + 1e-6
-        assert stated <= 1.34 * error + 1e-3
-
-
-def test_the_papers_law_is_worse_than_hopkins_near_focus() -> None:
-    optics = microscope()
-    for z_um in (0.5, 2.5, 10.0, 50.0):
-        assert law_error("product", optics, z_um) > law_error("hopkins", optics, z_um)
-
-
-@given(st.sampled_from(list(MODELS)), st.floats(-1e4, 1e4))
-def test_predictions_of_laws_are_shares(model: str, z_um: float) -> None:
-    error = law_error(model, microscope(), z_um)
-    assert 0 <= error <= 1
-    assert error == law_error(model, microscope(), -z_um)
+from tests.optics.shapes import disc, microscope, rectangle
 
 
 def test_the_band_error_falls_with_the_cut_and_rises_with_sharpness() -> None:
@@ -132,12 +49,16 @@ def test_the_ledger_names_every_effect_once_and_hides_none() -> None:
         _layer("plate", -30.0),
         Layer(name="pin", outline=disc(20.0), z_um=0.0, reflectance=0.9),
     )
-    rows = ledger(scene, microscope(), 0.0, "hopkins", 0.01)
+    fidelity = choose(scene, microscope(), focus_um=(0.0,), limit=0.01)
+    rows = ledger(scene, microscope(), 0.0, fidelity)
     names = [row.effect for row in rows]
     assert len(set(names)) == len(names)
     by_name = {row.effect: row for row in rows}
-    assert by_name["defocus law"].predicted_error == pytest.approx(0.017)
-    assert by_name["tile margin"].predicted_error == margin_error()
+    assert by_name["defocus law"].predicted_error == fidelity.predicted_error
+    assert by_name["defocus law"].level == fidelity.model
+    for refused in fidelity.refused:
+        assert refused.model in by_name["defocus law"].reason
+    assert by_name["band and tile"].predicted_error == fidelity.sampling_error
     for row in rows:
         assert row.predicted_error is not None or row.level == "not modelled"
         assert row.reason
@@ -149,11 +70,5 @@ def test_the_ledger_names_every_effect_once_and_hides_none() -> None:
 
 
 def test_an_empty_scene_has_a_ledger() -> None:
-    rows = ledger(_scene(), microscope(), 0.0, "hopkins", 0.01)
-    assert rows[0].predicted_error == 0
-
-
-@pytest.mark.parametrize("limit", [0.0, -1.0, math.nan, math.inf])
-def test_a_limit_that_cannot_be_is_refused(limit: float) -> None:
-    with pytest.raises(ValueError, match="limit must be positive"):
-        ledger(_scene(), microscope(), 0.0, "hopkins", limit)
+    fidelity = choose(_scene(), microscope(), focus_um=(0.0,), limit=0.01)
+    assert ledger(_scene(), microscope(), 0.0, fidelity)[0].predicted_error == 0
