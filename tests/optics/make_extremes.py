@@ -11,15 +11,25 @@ import json
 import math
 import sys
 from collections.abc import Callable, Iterator
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 from tests.optics.extreme_points import LIST, table_rows
+from tests.optics.high_precision import (
+    Number,
+    diffraction,
+    exact,
+    geometric,
+    hopkins,
+    jinc,
+    law_at,
+    mpmath,
+    product,
+    stokseth,
+)
 
 PAGE = Path(__file__).parents[2] / "docs" / "extremes.md"
 Entry = dict[str, Any]
-Number = Any  # mpmath has no types
 
 INTRODUCTION = """\
 # Extreme points
@@ -46,8 +56,7 @@ def entry(
     call: str, expected: Number, allowed: float, source: str, **given: object
 ) -> Entry:
     """Return one point as it is kept; the value with 17 digits."""
-    mp = _mpmath()
-
+    mp = mpmath()
     text = mp.nstr(mp.mpf(expected), 17)
     return {
         "call": call,
@@ -58,114 +67,21 @@ def entry(
     }
 
 
-def _mpmath() -> Any:
-    """Return the module, which has no types; tests and `--page` do without it."""
-    return import_module("mpmath")
-
-
-def _diffraction(x: float) -> Number:
-    mp = _mpmath()
-
-    s = mp.mpf(x)
-    return 2 / mp.pi * (mp.acos(s) - s * mp.sqrt(1 - s * s)) if s < 1 else mp.mpf(0)
-
-
-def _jinc(q: Number) -> Number:
-    mp = _mpmath()
-
-    return 2 * mp.besselj(1, q) / q if q else mp.mpf(1)
-
-
-def _geometric(x: float, w: float) -> Number:
-    mp = _mpmath()
-
-    return _jinc(8 * mp.pi * mp.mpf(w) * mp.mpf(x))
-
-
-def _product(x: float, w: float) -> Number:
-    return _diffraction(x) * _geometric(x, w)
-
-
-def _stokseth(x: float, w: float) -> Number:
-    mp = _mpmath()
-
-    s = mp.mpf(x)
-    return _diffraction(x) * _jinc(8 * mp.pi * mp.mpf(w) * s * (1 - s))
-
-
-def _hopkins(x: float, w: float) -> Number:
-    """Integrate (4 / pi) sqrt(1 - (x + t)**2) cos(b t) up the imaginary axis.
-
-    The integral over 0..T of an analytic function is that from 0 to i infinity less
-    that from T; exact, no asymptotics. Few waves are integrated on the real axis.
-    """
-    mp = _mpmath()
-
-    s = mp.mpf(x)
-    if s >= 1:
-        return mp.mpf(0)
-    b = 8 * mp.pi * mp.mpf(w) * s
-    T = 1 - s
-
-    def height(t: Number) -> Number:
-        return mp.sqrt((1 - s - t) * (1 + s + t))
-
-    if b * T < 200:
-        cuts = mp.linspace(0, T, 2 + int(b * T / 6))
-        return 4 / mp.pi * mp.quad(lambda t: height(t) * mp.cos(b * t), cuts)
-
-    def leg(start: Number) -> Number:
-        return mp.quad(
-            lambda q: height(start + 1j * q / b) * mp.exp(-q),
-            [0, 1, 5, 20, 60, 130],
-        )
-
-    turned = 1j / b * (leg(mp.mpf(0)) - mp.expj(b * T) * leg(T))
-    return 4 / mp.pi * mp.re(turned)
-
-
-def _exact(
-    x: float, z_um: float, aperture: float, index: float = 1.0, lam: float = 0.6
-) -> Number:
-    """Integrate the pupils' overlap in two dimensions, in Cartesian coordinates."""
-    mp = _mpmath()
-
-    s, A, n = mp.mpf(x), mp.mpf(aperture), mp.mpf(index)
-    kz = 2 * mp.pi * mp.mpf(z_um) / mp.mpf(lam)
-
-    def path(xi: Number, eta: Number) -> Number:
-        right = mp.sqrt(n**2 - A**2 * ((xi + s) ** 2 + eta**2))
-        left = mp.sqrt(n**2 - A**2 * ((xi - s) ** 2 + eta**2))
-        return 4 * A**2 * xi * s / (right + left)
-
-    top = mp.sqrt(1 - s**2)
-    with mp.workdps(24):
-        value = mp.quad(
-            lambda xi, eta: (
-                (mp.sqrt(1 - eta**2) - s)
-                * mp.cos(kz * path(xi * (mp.sqrt(1 - eta**2) - s), eta))
-            ),
-            [0, 1],
-            [0, top],
-        )
-    return 4 / mp.pi * value
-
-
 MP50 = "mpmath, 50 digits"
 MP24 = "mpmath, 24 digits, the overlap in two dimensions"
 
 
 def _closed_laws() -> Iterator[Entry]:
     for x in (0.0, TINY, 1e-300, 1e-12, 0.5, BELOW, 1.0, ABOVE, 1e300):
-        value = _diffraction(x)
+        value = diffraction(x)
         # near the end acos(1 - d) is as good as d, an ulp in the argument itself
         allowed = float(value) * (1e-12 if x == BELOW else ROUNDING)
         where = "0 beyond the cutoff" if x >= 1 else f"{MP50}, closed form"
         yield entry("diffraction", value, allowed, where, x=x)
     laws: tuple[tuple[str, Callable[[float, float], Number]], ...] = (
-        ("geometric", _geometric),
-        ("product", _product),
-        ("stokseth", _stokseth),
+        ("geometric", geometric),
+        ("product", product),
+        ("stokseth", stokseth),
     )
     for name, law in laws:
         for x, w in (
@@ -177,11 +93,11 @@ def _closed_laws() -> Iterator[Entry]:
     for q in (0.999e-3, 1.001e-3):
         x = q / (8 * math.pi)
         yield entry(
-            "geometric", _geometric(x, 1.0), ROUNDING,
+            "geometric", geometric(x, 1.0), ROUNDING,
             f"{MP50}, either side of where the series ends", x=x, w=1.0,
         )  # fmt: skip
     yield entry(
-        "geometric", _geometric(3.0, 0.7), ROUNDING, f"{MP50}, no cutoff", x=3.0, w=0.7
+        "geometric", geometric(3.0, 0.7), ROUNDING, f"{MP50}, no cutoff", x=3.0, w=0.7
     )
 
 
@@ -194,9 +110,9 @@ def _hopkins_points() -> Iterator[Entry]:
         how = f"{MP50}, one integral"
         if 8 * math.pi * w * x * (1 - x) > 200:
             how = f"{MP50}, along imaginary axes"
-        yield entry("hopkins", _hopkins(x, w), 1e-12, how, x=x, w=w)
+        yield entry("hopkins", hopkins(x, w), 1e-12, how, x=x, w=w)
     yield entry(
-        "hopkins", _hopkins(0.4, 2.0), 1e-12, f"{MP50}; even in x and w", x=-0.4, w=-2.0
+        "hopkins", hopkins(0.4, 2.0), 1e-12, f"{MP50}; even in x and w", x=-0.4, w=-2.0
     )
 
 
@@ -205,7 +121,7 @@ def _exact_points() -> Iterator[Entry]:
         for share in (1e-3, 0.999):
             a = share * index
             yield entry(
-                "exact", _diffraction(0.3), 1e-13, f"{MP50}; in focus, diffraction",
+                "exact", diffraction(0.3), 1e-13, f"{MP50}; in focus, diffraction",
                 x=0.3, z_um=0.0, aperture=a, index=index,
             )  # fmt: skip
     for x, z, a, index in (
@@ -225,7 +141,7 @@ def _exact_points() -> Iterator[Entry]:
         (1e-12, 1e6, 0.42, 1.0),
         (0.999, 1000.0, 0.42, 1.0),
     ):
-        value = _exact(x, abs(z), a, index)
+        value = exact(x, abs(z), a, index)
         note = "; even in z" if z < 0 else ""
         given = {"x": x, "z_um": z, "aperture": a, "index": index}
         yield entry("exact", value, 1e-12, MP24 + note, **given)
@@ -250,33 +166,16 @@ def _exact_points() -> Iterator[Entry]:
         )  # fmt: skip
 
 
-def _law_at(model: str, x: float, z_um: float, aperture: float = 0.42) -> Number:
-    """Return a rung's transfer at A, n = 1 and .6 um."""
-    mp = _mpmath()
-
-    A = mp.mpf(aperture)
-    near = mp.mpf(z_um) * A**2 / 2 / mp.mpf(0.6)
-    rim = mp.mpf(z_um) * (1 - mp.sqrt(1 - A**2)) / mp.mpf(0.6)
-    laws: dict[str, Callable[[], Number]] = {
-        "geometric": lambda: _geometric(x, near),
-        "product": lambda: _product(x, near),
-        "stokseth": lambda: _stokseth(x, rim),
-        "hopkins": lambda: _hopkins(x, rim),
-        "exact": lambda: _exact(x, z_um, aperture),
-    }
-    return laws[model]()
-
-
 def _tables() -> Iterator[Entry]:
     for model in MODELS:
         for x, z, x_max in ((0.37, 0.0, 1.0), (0.37, 1e-12, 1.0), (1.3e-7, 1e6, 1e-4)):
             yield entry(
-                "table", _law_at(model, x, z), 2e-5,
+                "table", law_at(model, x, z), 2e-5,
                 "mpmath, the law itself; stated error of the table",
                 model=model, x=x, z_um=z, x_max=x_max,
             )  # fmt: skip
         yield entry(
-            "transfer", _law_at(model, 0.2, 1e-12), 1e-13, "mpmath, the law itself",
+            "transfer", law_at(model, 0.2, 1e-12), 1e-13, "mpmath, the law itself",
             model=model, x=0.2, z_um=1e-12,
         )  # fmt: skip
 
@@ -293,8 +192,7 @@ def _law_errors() -> Iterator[Entry]:
 
 
 def _numbers() -> Iterator[Entry]:
-    mp = _mpmath()
-
+    mp = mpmath()
     lam = mp.mpf(0.6)
     for a, index in ((1e-3, 1.0), (0.999, 1.0), (1e-3, 1.5), (1.4985, 1.5)):
         A, n = mp.mpf(a), mp.mpf(index)
@@ -324,10 +222,10 @@ def _numbers() -> Iterator[Entry]:
 
 
 def _coefficients() -> Iterator[Entry]:
-    mp = _mpmath()
+    mp = mpmath()
 
     def wave(radius: float, f: Number) -> Number:
-        return mp.pi * mp.mpf(radius) ** 2 * _jinc(2 * mp.pi * f * mp.mpf(radius))
+        return mp.pi * mp.mpf(radius) ** 2 * jinc(2 * mp.pi * f * mp.mpf(radius))
 
     for radius, tile, cut in ((5e-4, 200.0, 1.4), (50.0, 400.0, 1.4)):
         for order in ((0, 0), (3, 4)):
@@ -360,14 +258,13 @@ def _coefficients() -> Iterator[Entry]:
 
 def _edge(p_um: float, offset_um: float) -> Number:
     """Return the image of a straight edge in focus, averaged over a pixel p wide."""
-    mp = _mpmath()
-
+    mp = mpmath()
     fc = mp.mpf(2) * mp.mpf(0.42) / mp.mpf(0.6)
     p, d = mp.mpf(p_um), mp.mpf(offset_um)
 
     def wave(f: Number) -> Number:
         box = mp.sin(mp.pi * f * p) / (mp.pi * f * p)
-        return _diffraction(f / fc) * box * mp.sin(2 * mp.pi * f * d) / (mp.pi * f)
+        return diffraction(f / fc) * box * mp.sin(2 * mp.pi * f * d) / (mp.pi * f)
 
     return mp.mpf(1) / 2 - mp.quad(wave, mp.linspace(mp.mpf(10) ** -40, fc, 12))
 
@@ -518,8 +415,7 @@ def _jacobians() -> Iterator[Entry]:
 
 def entries() -> list[Entry]:
     """Compute all points."""
-    mp = _mpmath()
-
+    mp = mpmath()
     mp.mp.dps = 50
     makers = (
         _closed_laws, _hopkins_points, _exact_points, _tables, _law_errors, _numbers,
