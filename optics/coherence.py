@@ -82,8 +82,8 @@ def render_coherent(
     coherent light. A higher layer blocks what the objective collects from below it,
     in its own plane; light from below beyond the objective's aperture and the higher
     layer's shade are left out, which costs up to .14 where edges of two heights meet.
-    Above `FULL_COHERENCE` the difference from the
-    incoherent image (`hopkins`) is that at `FULL_COHERENCE`, scaled down.
+    Above `FULL_COHERENCE` the difference from the incoherent image is that at
+    `FULL_COHERENCE`, scaled down.
 
     References
     ----------

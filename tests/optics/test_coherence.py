@@ -36,7 +36,8 @@ def _fine() -> Microscope:
 
 def _places(optics: Microscope) -> FloatArray:
     """Return the columns' distances from the axis, wavelength / A."""
-    x = (np.arange(optics.width_px) - (optics.width_px - 1) / 2) * optics.um_per_px
+    columns = np.arange(optics.width_px, dtype=np.float64)
+    x: FloatArray = (columns - (optics.width_px - 1) / 2) * optics.um_per_px
     places: FloatArray = x * optics.aperture / optics.wavelength_um
     return places
 
