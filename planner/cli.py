@@ -12,6 +12,8 @@ from planner.diagnostics import Report, render_text
 from planner.presets import PRESETS
 
 DONE, NO, BAD_INPUT, BUG = 0, 1, 2, 70
+# the keys of `optics.models.MODELS`, which --help cannot load: it loads scipy
+LAWS = "geometric, product, stokseth, hopkins, exact"
 
 EPILOG = (
     "Exit status: 0 done, 1 understood but the answer is no, 2 the input or the call "
@@ -76,7 +78,12 @@ def _add_render(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--step", required=True, help="id of the step")
     parser.add_argument("--magnification", type=float, help="default: as compiled")
     parser.add_argument("--focus-um", type=float, help="world height in focus")
-    parser.add_argument("--model", help="defocus law: product, stokseth, hopkins, ...")
+    parser.add_argument("--model", help=f"defocus law: {LAWS}; default: exact")
+    parser.add_argument(
+        "--max-image-error",
+        type=share,
+        help="law and sampling that keep it; with --trial as for compile",
+    )
     parser.add_argument("--noise", action="store_true", help="add the sensor's noise")
     parser.add_argument("--trial", type=int, help="rebuild this trial of the benchmark")
     parser.add_argument("-o", "--out", type=Path, required=True, help=".png or .npy")
@@ -143,6 +150,7 @@ def _render(call: argparse.Namespace) -> int:
                 magnification=call.magnification,
                 focus_um=call.focus_um,
                 model=call.model,
+                max_image_error=call.max_image_error,
                 noise=call.noise,
                 trial=call.trial,
                 out=call.out,

@@ -12,9 +12,11 @@ import numpy.typing as npt
 
 from featuresel.case import LookCase
 from featuresel.perturb import design, image
+from optics.fidelity import LADDER, choose
 from optics.microscope import Microscope
 from optics.models import MODELS
 from optics.render import render
+from optics.sampling import Sampling
 from optics.scene import Illumination, Scene, Window
 from optics.sensor import Sensor, expose, to_unit
 from planner.cases import build_case
@@ -31,6 +33,9 @@ from planner.pictures import picture
 FloatArray = npt.NDArray[np.float64]
 
 NOISE_SEED = 0  # of the one noisy frame that --noise shows
+DEFAULT_MODEL = (
+    "exact"  # what is rendered where neither a law nor an error is asked for
+)
 
 
 class RenderError(Exception):
@@ -49,6 +54,7 @@ class RenderCall:
     magnification: float | None
     focus_um: float | None
     model: str | None
+    max_image_error: float | None  # None: the task's with a trial, else no choice
     noise: bool
     trial: int | None
     out: Path
@@ -108,19 +114,37 @@ def _frame(
     full = Window(row=0, column=0, rows=scope.height_px, columns=scope.width_px)
     scene = world_scene(task, state)
     seen = relevant(scene.layers, scope, focus_um, full)
-    model = call.model or "hopkins"
+    visible = Scene(layers=seen, background=scene.background)
+    model, sampling = _fidelity(visible, scope, focus_um, call)
     shown = render(
-        Scene(layers=seen, background=scene.background),
+        visible,
         scope,
         focus_um=focus_um,
         model=model,
         light=Illumination(gain=level),
+        sampling=sampling,
     )
     shown = np.clip(shown, 0.0, 1.0)
     if call.noise:
         shown = _noisy(task, shown)
     said = f"{call.step} at {scope.magnification:.4g} x, focus {focus_um:g} um, {model}"
     return shown, said
+
+
+def _fidelity(
+    scene: Scene, scope: Microscope, focus_um: float, call: RenderCall
+) -> tuple[str, Sampling]:
+    """Return law and sampling: the cheapest for the error, if one is asked for."""
+    if call.max_image_error is None:
+        return call.model or DEFAULT_MODEL, Sampling()
+    found = choose(
+        scene,
+        scope,
+        focus_um=(focus_um,),
+        limit=call.max_image_error,
+        ladder=LADDER if call.model is None else (call.model,),
+    )
+    return found.model, found.sampling
 
 
 def _setting(
@@ -186,11 +210,12 @@ def _trial(
 def _case(task: Task, look: Request, call: RenderCall, report: Report) -> LookCase:
     """Return the look's case at the first magnification, or the one asked for."""
     low, _ = task.workcell.optics.magnification
+    limit = call.max_image_error or task.optimise.max_image_error
     settings = views(task, look, low, report)
     for view in settings:
         zoom = view.microscope.magnification
         if call.magnification is None or math.isclose(zoom, call.magnification):
-            return build_case(task, look, view, task.optimise.max_image_error)[0]
+            return build_case(task, look, view, limit)[0]
     tried = ", ".join(f"{v.microscope.magnification:.6g}" for v in settings)
     raise RenderError("MP404", f"{look.id} is tried at {tried or 'no'} x only")
 

@@ -14,7 +14,9 @@ import pytest
 
 from featuresel.case import LookCase
 from featuresel.perturb import Trial, image
-from planner.cli import main
+from optics.models import MODELS
+from optics.sampling import BAND_ERROR
+from planner.cli import LAWS, main
 from planner.diagnostics import Report
 from planner.looks import Effects, compile_look
 from planner.model.requests import requests
@@ -56,8 +58,9 @@ class Recorder:
         return map(function, chunks)
 
 
+@pytest.mark.parametrize("limit", [None, 0.03])
 def test_a_trial_is_rebuilt_bit_for_bit(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], limit: float | None
 ) -> None:
     file = copy_example(tmp_path / "task")
     one_look(file)
@@ -65,7 +68,7 @@ def test_a_trial_is_rebuilt_bit_for_bit(
     (look,) = requests(task, unfold(task, report), 0, None)
     effects = Effects(
         effort=PRESETS["fast"],
-        max_image_error=task.optimise.max_image_error,
+        max_image_error=limit or task.optimise.max_image_error,
         map=recorder,
     )
     low, _ = task.workcell.optics.magnification
@@ -75,7 +78,8 @@ def test_a_trial_is_rebuilt_bit_for_bit(
     for index in (0, 3, 22):  # the third of each four is an extreme
         out = tmp_path / f"{index}.npy"
         words = ("--step", "see_post", "--trial", str(index))
-        assert render(out, *words, task=str(file)) == 0
+        budget = ("--max-image-error", str(limit)) if limit else ()
+        assert render(out, *words, *budget, task=str(file)) == 0
         benchmark = image(recorder.case, recorder.trials[index])
         assert np.load(out).tobytes() == benchmark.tobytes()
         assert f"trial {index} of see_post at 6.9 x" in capsys.readouterr().out
@@ -93,6 +97,30 @@ def test_the_picture_of_a_step_is_the_plans_reference_image(
         # laws differ by less than the plan's image error, a picture rounds by half
         away = np.abs(pixels(out).astype(int) - stored.astype(int)).max()
         assert away <= 1 + math.ceil(255 * plan.provenance.max_image_error)
+
+
+def test_a_picture_keeps_the_image_error_that_is_asked_for(tmp_path: Path) -> None:
+    found = {}
+    for name, words in {
+        "exact": (),
+        "loose": ("--max-image-error", "0.05"),
+        "tight": ("--max-image-error", "0.001"),
+        "hopkins": ("--max-image-error", "0.05", "--model", "hopkins"),
+    }.items():
+        out = tmp_path / f"{name}.npy"
+        assert render(out, "--step", "find_gear", "--focus-um", "90", *words) == 0
+        found[name] = np.load(out)
+    for name, limit in {"loose": 0.05, "hopkins": 0.05, "tight": 0.001}.items():
+        away = np.abs(found[name] - found["exact"]).max()
+        # `exact` is itself within the error of the usual band
+        assert 0 < away <= limit + BAND_ERROR, name
+    assert not np.array_equal(found["loose"], found["hopkins"])
+
+
+def test_help_names_every_defocus_law(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["render", "--help"]) == 0
+    assert ", ".join(MODELS) == LAWS
+    assert LAWS in " ".join(capsys.readouterr().out.split())
 
 
 def test_npy_holds_what_png_rounds(tmp_path: Path) -> None:
