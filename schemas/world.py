@@ -100,6 +100,22 @@ class WorldAxes:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class WorldLens:
+    """Systematic errors of the lens as stated, and one sigma of what is not known.
+
+    As in `optics.lens.LensErrors`: by the defocus of a point, not by the focus travel.
+    """
+
+    distortion: float = 0.0
+    distortion_sigma: float = 0.0
+    lateral_um_per_um: tuple[float, float] = (0.0, 0.0)
+    scale_per_um: float = 0.0
+    scale_sigma_per_um: float = 0.0
+    field_curvature_per_um: float = 0.0
+    field_curvature_sigma_per_um: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class WorldOptics:
     """Microscope and camera."""
 
@@ -124,6 +140,7 @@ class WorldOptics:
     frame_time_s: float
     light: tuple[float, float]
     light_gradient: float
+    lens: WorldLens = WorldLens()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

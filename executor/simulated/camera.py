@@ -11,6 +11,8 @@ import numpy as np
 from executor.drivers import Counts
 from executor.errors import ExecutorError
 from executor.simulated.truth import Body, Truth
+from optics.lens import MAX_DISTORTION, LensErrors
+from optics.lensing import lens_scene
 from optics.microscope import Microscope
 from optics.outline import Outline, place
 from optics.render import render
@@ -18,7 +20,7 @@ from optics.scene import Illumination, Layer, Scene, Window
 from optics.sensor import Sensor, expose
 from schemas.plan import Region
 from schemas.pose import Pose
-from schemas.world import WorldOptics
+from schemas.world import WorldLens, WorldOptics
 
 # The cell is not the compiler's judge if both share one model: another blur law, and
 # an aperture that is not the one in the data sheet.
@@ -35,12 +37,14 @@ class SimLens:
         zoom_rng: np.random.Generator,
         focus_rng: np.random.Generator,
         lateral: tuple[float, float],
+        errors: LensErrors,
     ) -> None:
         self._truth = truth
         self._optics = truth.world.optics
         self._zoom_rng = zoom_rng
         self._focus_rng = focus_rng
         self._lateral = lateral  # um sideways per um of focus
+        self.errors = errors
         self.magnification = self._optics.magnification[0]
         self.focus_um = 0.0
         self._jump = (0.0, 0.0)
@@ -72,9 +76,23 @@ class SimLens:
     @property
     def aperture(self) -> float:
         """Return the true aperture at the zoom that was set."""
-        table = np.array(self._optics.apertures)
-        stated = np.interp(self._nominal, table[:, 0], table[:, 1])
-        return float(stated) * APERTURE_RATIO
+        zoom, aperture = np.log(np.array(self._optics.apertures)).T
+        stated = math.exp(np.interp(math.log(self._nominal), zoom, aperture))
+        return stated * APERTURE_RATIO
+
+
+def drawn_errors(lens: WorldLens, rng: np.random.Generator) -> LensErrors:
+    """Return what the lens truly does: the known part and a draw of the unknown."""
+    distortion, scale, curvature = rng.standard_normal(3)
+    true = lens.distortion + lens.distortion_sigma * distortion
+    return LensErrors(
+        distortion=max(min(true, MAX_DISTORTION), -MAX_DISTORTION),
+        lateral_x=lens.lateral_um_per_um[0],
+        lateral_y=lens.lateral_um_per_um[1],
+        scale_per_um=lens.scale_per_um + lens.scale_sigma_per_um * scale,
+        field_curvature_per_um=lens.field_curvature_per_um
+        + lens.field_curvature_sigma_per_um * curvature,
+    )
 
 
 class SimLight:
@@ -120,10 +138,11 @@ class SimCamera:
         """Expose and return a frame; see `executor.drivers.Camera`."""
         optics = self._truth.world.optics
         self._truth.time_s += optics.frame_time_s
+        microscope, focus_um = self._microscope(), self._lens.focus_um
         image = render(
-            scene_of(self._truth),
-            self._microscope(),
-            focus_um=self._lens.focus_um,
+            lens_scene(scene_of(self._truth), microscope, self._lens.errors, focus_um),
+            microscope,
+            focus_um=focus_um,
             model=BLUR_LAW,
             window=self._window(region),
             light=self._light.now(),

@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from executor.simulated.camera import SimCamera, SimLens, SimLight
+from executor.simulated.camera import SimCamera, SimLens, SimLight, drawn_errors
 from executor.simulated.contact import hole_error, posts
 from executor.simulated.devices import SimAxes, SimClock, SimGripper
 from executor.simulated.shapes import (
@@ -30,7 +30,7 @@ FAULTS: tuple[Fault, ...] = ("stick", "block", "mirror_camera", "no_part")
 # Each purpose has its own stream, so that one more draw here moves nothing there.
 PURPOSES = (
     "start", "profile", "tilt", "lateral", "drift",
-    "zoom", "focus", "stage", "robot", "light", "noise", "stick",
+    "zoom", "focus", "stage", "robot", "light", "noise", "stick", "lens",
 )  # fmt: skip
 
 SEATED_UM = 1.0  # a part lying this close to its seat lies on it
@@ -72,7 +72,7 @@ class Cell:
         """Return where a point of a part, or of the tool's grip, is truly shown now.
 
         The lens' own sideways shift is in it: all looks share it, and what they differ
-        by has its own rows in the plan's budget.
+        by has its own rows in the plan's budget. Its distortion is not.
 
         Raises
         ------
@@ -105,7 +105,13 @@ def build_cell(world: World, seed: int, faults: frozenset[Fault] = frozenset()) 
     rng = _generators(seed)
     truth = _truth(world, rng, missing="no_part" in faults)
     lateral = world.optics.lateral_sigma_um_per_um * rng["lateral"].standard_normal(2)
-    lens = SimLens(truth, rng["zoom"], rng["focus"], (lateral[0], lateral[1]))
+    lens = SimLens(
+        truth,
+        rng["zoom"],
+        rng["focus"],
+        (lateral[0], lateral[1]),
+        drawn_errors(world.optics.lens, rng["lens"]),
+    )
     light = SimLight(world.optics, rng["light"])
     tool, block = truth.tool, "block" in faults
     stick = 0.0 if tool is None else tool.stick_probability

@@ -12,6 +12,7 @@ from planner.diagnostics import Report, Span
 from planner.inputs.schema import Checked
 from planner.inputs.source import Source
 
+MOST_SCALING = 0.25  # of the magnification, by all the travel of the focus
 FIT_UM = 0.01  # how far a finger's drawn tip and inner face may lie off
 
 
@@ -31,6 +32,7 @@ def check_workcell(cell: Checked, report: Report) -> None:
             report.error("MP116", source.value("camera", "sensor_um"), message, hint)
     if cell.good("optics"):
         _check_aperture(source, report)
+        _check_scale(source, report)
 
 
 def check_fingers(
@@ -97,3 +99,18 @@ def _check_aperture(source: Source, report: Report) -> None:
         if any(a >= b for a, b in itertools.pairwise(rows)):
             message = f"magnifications {rows} do not ascend"
             report.error("MP116", at, message, "sort the table by magnification")
+
+
+def _check_scale(source: Source, report: Report) -> None:
+    """Report a scale by focus that would turn the image inside out."""
+    focus = source.data["optics"]["focus"]
+    scale = abs(focus.get("scale_per_um", 0.0))
+    travel_um = max(abs(focus["min_um"]), abs(focus["max_um"]))
+    if scale * travel_um > MOST_SCALING:
+        at = source.value("optics", "focus", "scale_per_um")
+        message = (
+            f"scale_per_um {focus['scale_per_um']} over {travel_um:g} um of focus "
+            f"changes the magnification by {scale * travel_um:.0%}, above "
+            f"{MOST_SCALING:.0%}"
+        )
+        report.error("MP116", at, message, "a relative change per um: 1e-5 is 1 % / mm")

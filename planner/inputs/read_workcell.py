@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from optics.lens import LensErrors
 from optics.outline import Outline
 from planner.diagnostics import Report, Span
 from planner.inputs.check_workcell import check_fingers
@@ -34,7 +35,9 @@ from planner.inputs.workcell import (
 COVERAGE = {"1sigma": 1.0, "3sigma": 3.0, "range": math.sqrt(3.0)}
 
 RAD_PER_ARCSEC = math.pi / 180 / 3600
+UM_PER_MM = 1000.0
 Fingers = Mapping[str, tuple[Outline, Outline]]
+Rows = tuple[tuple[float, float], ...]
 
 
 def read_fingers(cell: Checked, report: Report) -> dict[str, tuple[Outline, Outline]]:
@@ -120,16 +123,42 @@ def _optics(raw: Mapping[str, Any]) -> Optics:
     rows = (
         table if isinstance(table, list) else [{"magnification": low, "value": table}]
     )
+    apertures = tuple((float(r["magnification"]), float(r["value"])) for r in rows)
+    focus = raw["focus"]
     return Optics(
         magnification=(float(low), float(high)),
-        apertures=tuple((float(r["magnification"]), float(r["value"])) for r in rows),
+        apertures=apertures,
         wavelength_um=float(raw["wavelength_um"]),
         medium_index=float(raw["medium_index"]),
         coherence=float(raw["coherence"]),
         zoom=Zoom(**{key: float(value) for key, value in raw["zoom"].items()}),
-        focus=Focus(**{key: float(value) for key, value in raw["focus"].items()}),
+        focus=Focus(
+            min_um=float(focus["min_um"]),
+            max_um=float(focus["max_um"]),
+            time_s=float(focus["time_s"]),
+            repeatability_um=float(focus["repeatability_um"]),
+            lateral_sigma_um_per_um=float(focus["lateral_sigma_um_per_um"]),
+        ),
+        lens=_lens(raw, apertures),
+    )
+
+
+def _lens(raw: Mapping[str, Any], apertures: Rows) -> LensErrors:
+    """Return what the file says of the lens' errors."""
+    focus = raw["focus"]
+    x, y = focus["lateral_um_per_um"]
+    return LensErrors(
         distortion=float(raw["distortion"]),
         distortion_sigma=float(raw["distortion_sigma"]),
+        lateral_x=float(x),
+        lateral_y=float(y),
+        lateral_sigma=float(focus["lateral_sigma_um_per_um"]),
+        scale_per_um=float(focus["scale_per_um"]),
+        scale_sigma_per_um=float(focus["scale_sigma_per_um"]),
+        field_curvature_per_um=float(raw["field_curvature_per_mm"]) / UM_PER_MM,
+        field_curvature_sigma_per_um=float(raw["field_curvature_sigma_per_mm"])
+        / UM_PER_MM,
+        apertures=apertures if len(apertures) > 1 else (),
     )
 
 

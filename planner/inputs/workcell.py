@@ -6,10 +6,10 @@ degrees, arc seconds and the stated coverage once.
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from optics.lens import LensErrors
 from optics.outline import Outline
 from planner.diagnostics import Span
 
@@ -33,7 +33,7 @@ class Focus:
     max_um: float
     time_s: float
     repeatability_um: float
-    lateral_sigma_um_per_um: float  # lateral shift per um of focus travel
+    lateral_sigma_um_per_um: float  # sideways shift per um of focus travel, per axis
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,18 +47,17 @@ class Optics:
     coherence: float
     zoom: Zoom
     focus: Focus
-    distortion: float  # relative at the corner of the field
-    distortion_sigma: float
+    lens: LensErrors  # the light's gradient and edges as made are not the lens'
 
     def aperture(self, magnification: float) -> float:
-        """Return the aperture at `magnification`, linear between table rows."""
-        rows = self.apertures
-        if magnification <= rows[0][0]:
-            return rows[0][1]
-        for (m0, a0), (m1, a1) in itertools.pairwise(rows):
-            if magnification <= m1:
-                return a0 + (a1 - a0) * (magnification - m0) / (m1 - m0)
-        return rows[-1][1]
+        """Return the aperture at `magnification`, that of the nearest row beyond all.
+
+        Between rows as in `optics.lens.LensErrors.aperture_at`.
+        """
+        if not self.lens.apertures:
+            return self.apertures[0][1]
+        first, last = self.apertures[0][0], self.apertures[-1][0]
+        return self.lens.aperture_at(min(max(magnification, first), last))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

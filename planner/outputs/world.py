@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from optics.lens import LensErrors
 from optics.outline import Outline, Segment
 from planner.inputs.task import Part, Task
 from planner.inputs.workcell import Axes, Interval, Tool
@@ -13,6 +14,7 @@ from schemas.world import (
     World,
     WorldAxes,
     WorldHole,
+    WorldLens,
     WorldOptics,
     WorldOutline,
     WorldPart,
@@ -166,4 +168,18 @@ def _optics(task: Task) -> WorldOptics:
         frame_time_s=1 / task.workcell.camera.rate_hz,
         light=task.workcell.light.level,
         light_gradient=task.workcell.light.gradient,
+        lens=_lens(optics.lens),
+    )
+
+
+def _lens(lens: LensErrors) -> WorldLens:
+    """Return the lens' errors; what each cell makes of the unknown is its own."""
+    return WorldLens(
+        distortion=lens.distortion,
+        distortion_sigma=lens.distortion_sigma,
+        lateral_um_per_um=(lens.lateral_x, lens.lateral_y),
+        scale_per_um=lens.scale_per_um,
+        scale_sigma_per_um=lens.scale_sigma_per_um,
+        field_curvature_per_um=lens.field_curvature_per_um,
+        field_curvature_sigma_per_um=lens.field_curvature_sigma_per_um,
     )

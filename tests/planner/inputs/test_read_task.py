@@ -110,6 +110,7 @@ MISTAKES = [
     ("workcell.yaml", "0.42   ", "<<-0.42>>   ", "MP103"),
     ("workcell.yaml", "aperture: 0.42", "aperture: <<1.2>>", "MP116"),
     ("workcell.yaml", "[640, 480]", "[640, 500]", "MP116"),
+    ("workcell.yaml", "distortion: 0.0 ", "distortion: <<0.6>> ", "MP103"),
     ("workcell.yaml", "min_um: -500", "min_um: 600", "MP113"),
     ("workcell.yaml", "bits: 8", "bits: <<64>>", "MP103"),
     ("workcell.yaml", "[FINGER_L, FINGER_R]", "<<[FINGER_L]>>", "MP223"),
@@ -266,7 +267,10 @@ def test_an_aperture_table_is_read(folder: Path) -> None:
     )
     optics = load(folder).workcell.optics
     assert optics.apertures == ((6.9, 0.2), (44.5, 0.42))
-    assert optics.aperture(25.7) == pytest.approx(0.31)
+    # a fixed stop behind the zoom: a power of the magnification between rows
+    middle = math.sqrt(6.9 * 44.5)
+    assert optics.aperture(middle) == pytest.approx(math.sqrt(0.2 * 0.42))
+    assert (optics.aperture(6.9), optics.aperture(100.0)) == (0.2, 0.42)
 
 
 def test_the_example_is_read_as_it_stands(folder: Path) -> None:

@@ -1,0 +1,79 @@
+"""The simulated lens: its systematic errors move what the camera sees."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from executor.simulated.camera import drawn_errors
+from executor.simulated.cell import build_cell
+from optics.lens import MAX_DISTORTION, LensErrors
+from schemas.world import World, WorldLens
+from tests.executor.bench import quiet, world
+
+GEAR_UM = 200.0  # where the gear is, right of the axis
+# the mean of d r**3 over a disc of radius w, of which the outer side is stretched, is
+# d r (r**2 + 3 w**2)
+MEAN_SQUARE = GEAR_UM**2 + 3 * 50.0**2
+HALF_UM = 7.5 / 6.9 * math.hypot(640, 480) / 2  # half the field's diagonal
+
+
+def cell_with(lens: WorldLens) -> World:
+    """Return a world without other errors, the gear off the axis."""
+    found = quiet(world())
+    start = replace(found.stage.start, x_um=found.stage.start.x_um + GEAR_UM)
+    return replace(
+        found,
+        stage=replace(found.stage, start=start),
+        optics=replace(found.optics, lens=lens, full_well_e=1e6, bits=16),
+    )
+
+
+def centroid_um(lens: WorldLens, focus_um: float = 0.0) -> float:
+    """Return how far right of the axis the gear's light lies."""
+    cell = build_cell(cell_with(lens), 0)
+    cell.station.lens.set_focus_um(focus_um)
+    counts = cell.station.camera.grab().astype(float)
+    # the gear is the brightest by far; out of focus it has no flat top
+    light = np.clip(counts - (counts.max() + 3 * np.median(counts)) / 4, 0, None)
+    light[:, : 320 + round(GEAR_UM / 2 * 6.9 / 7.5)] = 0
+    column = float(light.sum(axis=0) @ np.arange(640) / light.sum())
+    return (column - 319.5) * 7.5 / 6.9
+
+
+@pytest.mark.parametrize(
+    ("lens", "focus_um", "moved_um"),
+    [
+        (WorldLens(distortion=0.03), 0.0, 0.03 * GEAR_UM * MEAN_SQUARE / HALF_UM**2),
+        (WorldLens(scale_per_um=1e-4), -60.0, 1e-4 * 60 * GEAR_UM),
+        (WorldLens(lateral_um_per_um=(0.05, 0.0)), -60.0, 3.0),
+    ],
+)
+def test_a_known_error_moves_the_gear(
+    lens: WorldLens, focus_um: float, moved_um: float
+) -> None:
+    """Focus is so far below the gear's face as the second number says."""
+    truth = build_cell(cell_with(lens), 0).truth
+    focus_um += truth.top_um(truth.bodies["gear"])
+    shown = centroid_um(lens, focus_um) - centroid_um(WorldLens(), focus_um)
+    # the gear is a disc but for its teeth, the light above a threshold not all of it
+    assert shown == pytest.approx(moved_um, rel=0.05)
+
+
+def test_what_is_not_known_differs_from_cell_to_cell() -> None:
+    sigma = WorldLens(distortion_sigma=0.002, scale_sigma_per_um=1e-6)
+    drawn = [drawn_errors(sigma, np.random.default_rng(seed)) for seed in range(400)]
+    for name, wanted in (("distortion", 0.002), ("scale_per_um", 1e-6)):
+        values = np.array([getattr(errors, name) for errors in drawn])
+        # the standard error of a standard deviation of n draws is 1 / sqrt(2 n) of it
+        assert np.std(values) == pytest.approx(wanted, rel=4 / math.sqrt(800))
+    none = drawn_errors(WorldLens(), np.random.default_rng(0))
+    assert none == LensErrors()
+    wild = WorldLens(distortion=0.2, distortion_sigma=1.0)
+    most = [
+        abs(drawn_errors(wild, np.random.default_rng(s)).distortion) for s in (0, 1)
+    ]
+    assert max(most) <= MAX_DISTORTION
