@@ -24,7 +24,9 @@ HALF_UM = 7.5 / 6.9 * math.hypot(640, 480) / 2  # half the field's diagonal
 def cell_with(lens: WorldLens) -> World:
     """Return a world without other errors, the gear off the axis."""
     found = quiet(world())
-    start = replace(found.stage.start, x_um=found.stage.start.x_um + GEAR_UM)
+    there = found.stage.start.x_um
+    assert there is not None
+    start = replace(found.stage.start, x_um=there + GEAR_UM)
     return replace(
         found,
         stage=replace(found.stage, start=start),
