@@ -13,7 +13,6 @@ import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -29,17 +28,14 @@ from optics.jacobian import (
     to_um,
 )
 from optics.law_error import law_error
-from optics.microscope import Microscope
 from optics.models import tabulate, transfer
-from optics.outline import Arc, Outline, Ring, Segment
 from optics.render import render
-from optics.scene import Layer, Scene
 from optics.sensor import Sensor, expose
 from optics.spectrum import Tile, spectrum
-from tests.optics.shapes import disc, rectangle
+from tests.optics.extreme_chains import CHAINS
+from tests.optics.extreme_givens import Given, optics_of, scene_of, shape_of
 
 FloatArray = npt.NDArray[np.float64]
-Given = Mapping[str, Any]
 LIST = Path(__file__).with_name("extremes.json")
 
 
@@ -95,19 +91,6 @@ def _words(given: Given) -> str:
     return ", ".join(f"{key} = {value}" for key, value in given.items())
 
 
-def _optics(g: Given) -> Microscope:
-    return Microscope(
-        aperture=g.get("aperture", 0.42),
-        wavelength_um=g.get("wavelength_um", 0.6),
-        medium_index=g.get("index", 1.0),
-        magnification=g.get("magnification", 10.0),
-        pitch_um=g.get("pitch_um", 7.5),
-        width_px=g.get("width_px", 31),
-        height_px=g.get("height_px", 31),
-        fill_factor=g.get("fill_factor", 1.0),
-    )
-
-
 def _x(g: Given) -> FloatArray:
     return np.array([g["x"]])
 
@@ -124,13 +107,13 @@ def _exact(g: Given) -> float:
 
 
 def _transfer(g: Given) -> float:
-    optics = _optics(g)
+    optics = optics_of(g)
     f = _x(g) * optics.cutoff_per_um
     return float(transfer(g["model"], optics, g["z_um"], f)[0])
 
 
 def _table(g: Given) -> float:
-    table = tabulate(g["model"], _optics(g), g["z_um"], g["x_max"])
+    table = tabulate(g["model"], optics_of(g), g["z_um"], g["x_max"])
     return float(table.read(_x(g))[0])
 
 
@@ -138,73 +121,15 @@ def _number(name: str) -> Callable[[Given], float]:
     """Return the call of a property, or of a method of the defocus."""
 
     def read(g: Given) -> float:
-        value = getattr(_optics(g), name)
+        value = getattr(optics_of(g), name)
         return float(value(g["z_um"]) if callable(value) else value)
 
     return read
 
 
-def _shape(g: Given) -> Outline:
-    """Return the outline a point speaks of, about (at_x, 0)."""
-    x, size = g.get("at_x_um", 0.0), g.get("size_um", 0.0)
-    kind = g["shape"]
-    if kind == "disc":
-        return disc(size, (x, 0.0))
-    if kind == "square":
-        return rectangle(x - size / 2, -size / 2, x + size / 2, size / 2)
-    if kind == "half plane":  # 10 mm of it
-        return rectangle(-1e4, -5e3, 0.0, 5e3)
-    if kind == "sliver":
-        return rectangle(-size / 2, -g["width_um"] / 2, size / 2, g["width_um"] / 2)
-    if kind == "rounded square":
-        return _rounded(size, g["fillet_um"])
-    if kind == "almost a disc":
-        return _almost(size, g["gap_rad"])
-    raise ValueError(f"no shape {kind!r}")
-
-
-def _rounded(side: float, r: float) -> Outline:
-    """Return a square with corners rounded by arcs of radius r."""
-    h = side / 2 - r
-    edges: list[Segment | Arc] = []
-    for k, (cx, cy) in enumerate(((h, h), (-h, h), (-h, -h), (h, -h))):
-        arc = Arc(
-            center=(cx, cy),
-            radius_um=r,
-            start_rad=k * math.pi / 2,
-            sweep_rad=math.pi / 2,
-        )
-        if edges:
-            edges.append(Segment(start=edges[-1].end, end=arc.start))
-        edges.append(arc)
-    edges.append(Segment(start=edges[-1].end, end=edges[0].start))
-    return Outline(rings=(Ring(edges=tuple(edges)),))
-
-
-def _almost(radius: float, gap_rad: float) -> Outline:
-    """Return a disc whose arc leaves a gap, closed by a chord."""
-    arc = Arc(
-        center=(0.0, 0.0),
-        radius_um=radius,
-        start_rad=0.0,
-        sweep_rad=2 * math.pi - gap_rad,
-    )
-    return Outline(rings=(Ring(edges=(arc, Segment(start=arc.end, end=arc.start))),))
-
-
 def _image(g: Given) -> FloatArray:
-    heights = g.get("heights_um", [g.get("z_um", 0.0)])
-    layers = tuple(
-        Layer(
-            name=f"part {k}",
-            outline=_shape(g),
-            z_um=z,
-            reflectance=g.get("reflectance", 1.0),
-        )
-        for k, z in enumerate(heights)
-    )
-    scene = Scene(layers=layers, background=g.get("background", 0.0))
-    return render(scene, _optics(g), focus_um=0.0, model=g.get("model", "exact"))
+    model = g.get("model", "exact")
+    return render(scene_of(g), optics_of(g), focus_um=0.0, model=model)
 
 
 def _centre(g: Given) -> float:
@@ -221,7 +146,7 @@ def _worst(g: Given) -> float:
 
 def _energy(g: Given) -> float:
     """Return the sum over pixels times their area: the area of the part, um2."""
-    return float(_image(g).sum() * _optics(g).um_per_px ** 2)
+    return float(_image(g).sum() * optics_of(g).um_per_px ** 2)
 
 
 def _symmetry(g: Given) -> float:
@@ -239,7 +164,7 @@ def _coefficient(g: Given) -> float:
     """Return the real part of a coefficient times the tile's area, um2."""
     side = g["tile_um"]
     tile = Tile(left_um=-side / 2, bottom_um=-side / 2, width_um=side, height_um=side)
-    found = spectrum(_shape(g), tile, g["cut_per_um"])
+    found = spectrum(shape_of(g), tile, g["cut_per_um"])
     j, k = g["order"]
     # the spectrum counts from the tile's lower left corner
     turned = found.values[k, j] * np.exp(1j * np.pi * (j + k))
@@ -249,41 +174,44 @@ def _coefficient(g: Given) -> float:
 def _counts(g: Given) -> float:
     """Return the mean count of 1000 pixels of one brightness."""
     sensor = Sensor(
-        full_well_e=g["full_well_e"], read_noise_e=g["read_noise_e"], bits=g["bits"]
+        full_well_e=g["full_well_e"],
+        read_noise_e=g["read_noise_e"],
+        bits=g["bits"],
+        gain=g.get("gain", 1.0),
     )
     frame = expose(np.full(1000, g["light"]), sensor, np.random.default_rng(1))
     return float(frame.mean())
 
 
 def _blur_slope(g: Given) -> float:
-    slopes = blur_jacobian(np.array([g["z_um"]]), _optics(g))
+    slopes = blur_jacobian(np.array([g["z_um"]]), optics_of(g))
     return float(slopes[0, g["column"]])
 
 
 def _point(g: Given) -> float:
     at = np.array([g["at_px"]], dtype=np.float64)
     axis = tuple(g.get("axis_um", (0.0, 0.0)))
-    found = point_jacobian(at, _optics(g), axis_um=(axis[0], axis[1]))
+    found = point_jacobian(at, optics_of(g), axis_um=(axis[0], axis[1]))
     return float(found[g["row"], g["column"]])
 
 
 def _inverse(g: Given) -> float:
     """Return the largest number in the inverse of one point's Jacobian at focus."""
     at = np.array([g["at_px"]], dtype=np.float64)
-    rows = image_jacobian(at, np.array([g["z_um"]]), _optics(g))
+    rows = image_jacobian(at, np.array([g["z_um"]]), optics_of(g))
     return float(np.abs(pseudo_inverse(rows, np.ones(5))).max())
 
 
 def _conditioning(g: Given) -> float:
     """Return 1 / conditioning, 0 if singular."""
     at = np.array(g["at_px"], dtype=np.float64)
-    rows = point_jacobian(at, _optics(g))[:, : g["columns"]]
+    rows = point_jacobian(at, optics_of(g))[:, : g["columns"]]
     return 1 / conditioning(rows, np.ones(g["columns"]))
 
 
 def _round_trip(g: Given) -> float:
     at = np.array([g["at_um"]], dtype=np.float64)
-    optics = _optics(g)
+    optics = optics_of(g)
     return float(to_um(to_px(at, optics), optics)[0, 0])
 
 
@@ -296,7 +224,7 @@ CALLS: Mapping[str, Callable[[Given], float]] = {
     "exact": _exact,
     "transfer": _transfer,
     "table": _table,
-    "law_error": lambda g: law_error(g["model"], _optics(g), g["z_um"]),
+    "law_error": lambda g: law_error(g["model"], optics_of(g), g["z_um"]),
     **{
         name: _number(name)
         for name in (
@@ -320,4 +248,5 @@ CALLS: Mapping[str, Callable[[Given], float]] = {
     "jacobian.inverse": _inverse,
     "jacobian.conditioning": _conditioning,
     "jacobian.round_trip": _round_trip,
+    **CHAINS,
 }

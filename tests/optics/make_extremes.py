@@ -12,8 +12,8 @@ import math
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
+from tests.optics.extreme_entries import RENDERED, ROUNDING, Entry, entry
 from tests.optics.extreme_points import LIST, table_rows
 from tests.optics.high_precision import (
     Number,
@@ -27,9 +27,9 @@ from tests.optics.high_precision import (
     product,
     stokseth,
 )
+from tests.optics.make_chain_extremes import chains
 
 PAGE = Path(__file__).parents[2] / "docs" / "extremes.md"
-Entry = dict[str, Any]
 
 INTRODUCTION = """\
 # Extreme points
@@ -46,27 +46,7 @@ Where nothing else is said A = .42, n = 1, the wavelength is .6 um, the magnific
 TINY = 5e-324  # the smallest double
 BELOW = 1 - 2**-53  # one ulp below 1
 ABOVE = 1 + 2**-52
-ROUNDING = 1e-14  # of a value about 1: a few dozen operations
 MODELS = ("geometric", "product", "stokseth", "hopkins", "exact")
-# Image errors that the renderer allows itself: band 5e-4, margin 8e-4, table 2e-5.
-RENDERED = 1.4e-3
-
-
-def entry(
-    call: str, expected: Number, allowed: float, source: str, **given: object
-) -> Entry:
-    """Return one point as it is kept; the value with 17 digits."""
-    mp = mpmath()
-    text = mp.nstr(mp.mpf(expected), 17)
-    return {
-        "call": call,
-        "given": given,
-        "expected": text,
-        "allowed": float(f"{allowed:.2g}"),
-        "source": source,
-    }
-
-
 MP50 = "mpmath, 50 digits"
 MP24 = "mpmath, 24 digits, the overlap in two dimensions"
 
@@ -370,6 +350,17 @@ def _sensor() -> Iterator[Entry]:
         yield entry("sensor.mean", 0, 0, "dark", light=0.0, **common)
         yield entry("sensor.mean", 0, 0, "below dark is dark", light=-1e300, **common)
         yield entry("sensor.mean", top, 0, "saturated", light=1e300, **common)
+    for gain, light, value, why in (
+        (TINY, 1.0, 0, "a gain next to nothing: no counts"),
+        (1e-12, 1e300, 0, "full well, far below half a count"),
+        (1e-3, 1e300, round(65.535), "below gain 1 the full well ends it"),
+        (1e300, 0.0, 0, "no light, whatever the gain"),
+        (1e300, 1.0, 65535, "one electron is enough"),
+    ):
+        yield entry(
+            "sensor.mean", value, 0, why,
+            full_well_e=1e4, read_noise_e=0.0, bits=16, light=light, gain=gain,
+        )  # fmt: skip
     yield entry(
         "sensor.mean", 0.5 * 65535, 5 * 65535 * math.sqrt(0.5 / 1e9 / 1000),
         "mean of 1000 Poisson draws, 5 sigma",
@@ -419,7 +410,7 @@ def entries() -> list[Entry]:
     mp.mp.dps = 50
     makers = (
         _closed_laws, _hopkins_points, _exact_points, _tables, _law_errors, _numbers,
-        _coefficients, _images, _sensor, _jacobians,
+        _coefficients, _images, _sensor, _jacobians, chains,
     )  # fmt: skip
     return [found for maker in makers for found in maker()]
 
