@@ -3,7 +3,7 @@
 Measured against the exact phase for W20 of .01 to 1000 waves and A of .05 to .95 n:
 in the transfer, and in images of unit contrast of shapes of every size (a straight
 edge, slots, discs, gratings), next to what `optics.law_error` predicts for any shape.
-Maps go to `build/error_maps`, as numbers (npz) and as pictures (png).
+Maps go to `build/error_maps`, as numbers (csv) and as pictures (png).
 """
 
 from __future__ import annotations
@@ -12,11 +12,8 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
-import matplotlib as mpl
-import matplotlib.pyplot as plt
 import numpy as np
 import numpy.typing as npt
-from matplotlib.colors import LogNorm
 from scipy.special import j1
 
 from benchmarks.figures import Benchmark, Figure, Options
@@ -30,6 +27,7 @@ from benchmarks.law_bounds import (
     reach_um,
     setting,
 )
+from benchmarks.map_pictures import Grid, draw_laws, draw_tables, save_csv
 from optics.law_error import law_error
 from optics.microscope import Microscope
 from optics.models import MODELS, TABLE_ERROR, tabulate, transfer
@@ -183,25 +181,33 @@ def _gratings(optics: Microscope, z_um: float, period_um: FloatArray) -> FloatAr
     return np.array([np.abs(value @ sign).max() for value in values])
 
 
+def shares(laws: Maps) -> Maps:
+    """Return the worst shape's error over the predicted one as "law.share"."""
+    return {
+        f"{law}.share": np.max([laws[f"{law}.{shape}"] for shape in SHAPES], axis=0)
+        / laws[f"{law}.predicted"]
+        for law in LAWS
+    }
+
+
 def _measure(_options: Options) -> Iterator[Figure]:
     laws, tables = law_maps(), table_maps()
+    laws |= shares(laws)
     _keep(laws, tables)
-    worst, ratios = [], []
     for law in LAWS:
-        shapes = np.max([laws[f"{law}.{shape}"] for shape in SHAPES], axis=0)
-        predicted = laws[f"{law}.predicted"]
-        worst.append(float((shapes / predicted).max()))
-        ratios.append(predicted / shapes)
         for kind in ("transfer", "edge"):
             value = float(laws[f"{law}.{kind}"].max())
             yield Figure(name=f"maps.{law}.{kind}", value=value, unit="1")
-    median = float(np.median(np.concatenate([ratio.ravel() for ratio in ratios])))
+    share = np.stack([laws[f"{law}.share"] for law in LAWS])
+    bound = float(bound_shares(_PLACES).max())
     table = max(float(value.max()) for value in tables.values())
-    yield Figure(name="maps.laws.worst_share", value=max(worst), unit="1")
-    share = float(bound_shares(_PLACES).max())
-    yield Figure(name="maps.laws.worst_bound_share", value=share, unit="1")
-    yield Figure(name="maps.laws.median_overestimate", value=median, unit="1")
-    yield Figure(name="maps.tables.max_error", value=table, unit="1")
+    for name, value in (
+        ("laws.worst_share", float(share.max())),
+        ("laws.worst_bound_share", bound),
+        ("laws.median_overestimate", float(np.median(1 / share))),
+        ("tables.max_error", table),
+    ):
+        yield Figure(name=f"maps.{name}", value=value, unit="1")
 
 
 BENCHMARK = Benchmark(
@@ -218,45 +224,19 @@ BENCHMARK = Benchmark(
 
 def _keep(laws: Maps, tables: Maps) -> None:
     """Write the maps as numbers and pictures."""
-    FOLDER.mkdir(parents=True, exist_ok=True)
-    _save("laws", laws | {"waves": WAVES, "steepness": STEEPNESS})
-    axes = {"defocus_um": DEFOCUS_UM, "steepness": TABLE_STEEPNESS}
-    _save("tables", tables | axes)
-    mpl.use("Agg")
-    figure, panels = plt.subplots(
-        len(LAWS), len(KINDS), figsize=(18, 11), sharex=True, sharey=True
+    places = Grid(
+        down=WAVES, down_name="w20_waves", right=STEEPNESS, right_name="a_over_n"
     )
-    for row, law in zip(panels, LAWS, strict=True):
-        for panel, kind in zip(row, KINDS, strict=True):
-            values = np.maximum(laws[f"{law}.{kind}"], 1e-6)
-            image = panel.pcolormesh(STEEPNESS, WAVES, values, norm=LogNorm(1e-5, 1))
-            panel.set(yscale="log", title=f"{law}, {kind}")
-    figure.supxlabel("A / n")
-    figure.supylabel("W20, waves")
-    figure.colorbar(image, ax=panels, label="error, of unit contrast")
-    figure.savefig(FOLDER / "laws.png", dpi=80)
-    plt.close(figure)
-    _draw_tables(tables)
-
-
-def _save(name: str, arrays: Maps) -> None:
-    np.savez(FOLDER / f"{name}.npz", allow_pickle=False, **arrays)
-
-
-def _draw_tables(tables: Maps) -> None:
-    figure, panels = plt.subplots(1, len(tables), figsize=(18, 4), sharey=True)
-    rows = np.arange(DEFOCUS_UM.size)
-    columns = np.arange(TABLE_STEEPNESS.size)
-    for panel, (model, values) in zip(panels, tables.items(), strict=True):
-        shares = np.maximum(values / TABLE_ERROR, 1e-6)
-        image = panel.pcolormesh(columns, rows, shares, norm=LogNorm(1e-4, 1))
-        panel.set(title=model, xlabel="A / n")
-        panel.set_xticks(columns, [f"{a:g}" for a in TABLE_STEEPNESS], rotation=90)
-        panel.set_yticks(rows, [f"{z:g}" for z in DEFOCUS_UM])
-    panels[0].set_ylabel("defocus, um")
-    figure.colorbar(image, ax=panels, label=f"share of {TABLE_ERROR:g}")
-    figure.savefig(FOLDER / "tables.png", dpi=80, bbox_inches="tight")
-    plt.close(figure)
+    save_csv(FOLDER / "laws.csv", places, laws)
+    draw_laws(FOLDER / "laws.png", places, LAWS, KINDS, laws)
+    settings = Grid(
+        down=DEFOCUS_UM,
+        down_name="defocus_um",
+        right=TABLE_STEEPNESS,
+        right_name="a_over_n",
+    )
+    save_csv(FOLDER / "tables.csv", settings, tables)
+    draw_tables(FOLDER / "tables.png", settings, tables, TABLE_ERROR)
 
 
 if __name__ == "__main__":
