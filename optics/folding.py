@@ -12,8 +12,9 @@ from scipy import fft
 # one precision in, the same out
 Coefficients = npt.NDArray[np.complex64] | npt.NDArray[np.complex128]
 Samples = npt.NDArray[np.float32] | npt.NDArray[np.float64]
+Factors = tuple[Samples, Samples]  # (R, n), (n, C) of a sum of products
 
-_BLOCK = 1 << 19  # bytes of rows transformed at once: they stay in the cache
+_BLOCK = 1 << 18  # bytes of rows transformed at once: they stay in the cache
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,6 +101,7 @@ def fold(
     rows: range,
     columns: range,
     *,
+    extra: Factors | None = None,
     space: Space | None = None,
 ) -> Samples:
     """Return samples of one period, (len(rows), len(columns)), rows down.
@@ -115,6 +117,8 @@ def fold(
         Samples in a period, from the lower left corner.
     rows, columns : range
         Those wanted, of 0..R - 1 upwards and of 0..C - 1.
+    extra : ((len(rows), n), (n, len(columns))) float arrays, optional
+        Factors of what is added to the samples, in their precision.
     space : Space, optional
         Where the work is done; the result lies in it.
 
@@ -135,17 +139,21 @@ def fold(
         _wrap(lines, weigh(values, gain), gain.shape[0] - 1)
     lines = fft.ifft(lines, axis=0, norm="forward", overwrite_x=True)
     lines = lines[rows.start : rows.stop][::-1]
-    half = space.take("half", values, (len(rows), shape[1] // 2 + 1))
-    _fill_half(half, lines, shape[1])
     wide = space.take("image", values, (len(rows), (len(columns) + 1) // 2))
     image = wide.view(wide.real.dtype)[:, : len(columns)]
-    step = max(1, _BLOCK // (half.shape[1] * half.itemsize))
+    # block by block, so that every step finds its rows in the cache
+    step = max(1, _BLOCK // ((shape[1] // 2 + 1) * values.itemsize))
+    half = space.take("half", values, (step, shape[1] // 2 + 1))
     for begin in range(0, len(rows), step):
         part = slice(begin, begin + step)
-        full = fft.irfft(
-            half[part], n=shape[1], axis=1, norm="forward", overwrite_x=True
-        )
-        image[part] = full[:, columns.start : columns.stop]
+        block = half[: min(step, len(rows) - begin)]
+        _fill_half(block, lines[part], shape[1])
+        full = fft.irfft(block, n=shape[1], axis=1, norm="forward", overwrite_x=True)
+        seen = full[:, columns.start : columns.stop]
+        if extra is None:
+            image[part] = seen
+        else:
+            np.add(seen, extra[0][part] @ extra[1], out=image[part])
     return image
 
 

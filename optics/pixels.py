@@ -10,7 +10,15 @@ import numpy.typing as npt
 from scipy import fft
 
 from optics.clip import Box, Edges
-from optics.folding import Coefficients, Samples, Space, fold, waves_at, weigh
+from optics.folding import (
+    Coefficients,
+    Factors,
+    Samples,
+    Space,
+    fold,
+    waves_at,
+    weigh,
+)
 from optics.microscope import Microscope
 from optics.outline import Outline
 from optics.scene import Window
@@ -47,6 +55,8 @@ def choose_tile(
     margin_um: float,
     frame: Window,
     shift_um: tuple[float, float],
+    *,
+    apart_um: float | None = None,
 ) -> PixelTile | None:
     """Return the tile on which an outline's image can be computed.
 
@@ -62,27 +72,33 @@ def choose_tile(
         The pixels wanted.
     shift_um : (x, y)
         Displacement of the image.
+    apart_um : float, optional
+        How far from the pixels seen the outline is cut and repeated. Default: the
+        margin.
 
     Returns
     -------
     PixelTile or None
-        Every pixel seen is at least the margin away from where the outline is cut, and
-        from its repetitions. None where no pixel is within the margin.
+        Every pixel within the margin of the outline is seen. None where there is none.
     """
     if _is_empty(outline):
         return None
     k = microscope.px_per_um
     cx, cy = axis_px(microscope)
     x_min, y_min, x_max, y_max = outline.bounds_um
+    margin = margin_um * k
+    apart = margin if apart_um is None else apart_um * k
     columns = _span(
         (cx + k * (x_min + shift_um[0]), cx + k * (x_max + shift_um[0])),
         (frame.column, frame.column + frame.columns - 1),
-        margin_um * k,
+        margin,
+        apart,
     )
     rows = _span(
         (cy - k * (y_max + shift_um[1]), cy - k * (y_min + shift_um[1])),
         (frame.row, frame.row + frame.rows - 1),
-        margin_um * k,
+        margin,
+        apart,
     )
     if columns is None or rows is None:
         return None
@@ -90,7 +106,7 @@ def choose_tile(
 
 
 def _span(
-    body: tuple[float, float], wanted: tuple[int, int], margin: float
+    body: tuple[float, float], wanted: tuple[int, int], margin: float, apart: float
 ) -> Span | None:
     """Choose one axis of a tile; all in pixels."""
     low, high = body
@@ -99,12 +115,14 @@ def _span(
     if last < first:
         return None
     seen = range(first, last + 1)
-    left, right = max(low, first - margin), min(high, last + margin)
+    # a body farther away than `apart` is cut to nothing, at the tile's end
+    left = min(max(low, first - apart), last + apart)
+    right = max(min(high, last + apart), first - apart)
     start = math.floor(min(left, first))
     if left > low and right < high:  # the body fills the period and runs on
         return Span(start=start, count=_fast(right - start), seen=seen, cut=None)
-    apart = max(right - first, last - left) + margin  # from the repetitions
-    count = _fast(max(apart, max(right, last) - start + 2))
+    period = max(right - first, last - left) + apart
+    count = _fast(max(period, max(right, last) - start + 2))
     whole = left == low and right == high
     cut = None if whole else (left, right)
     return Span(start=start, count=count, seen=seen, cut=cut)
@@ -144,6 +162,7 @@ def sample_part(
     rows: range,
     columns: range,
     *,
+    extra: Factors | None = None,
     space: Space | None = None,
 ) -> Samples:
     """Return the image at some pixels of the frame, all inside one period.
@@ -158,6 +177,8 @@ def sample_part(
         The period they belong to.
     rows, columns : range
         Pixels of the frame.
+    extra : Factors, optional
+        Of what is added to the image, in the precision of `values`.
     space : Space, optional
         Where the work is done; the result may lie in it.
 
@@ -172,10 +193,14 @@ def sample_part(
     if _by_product_is_cheaper(shape, tile, len(rows), len(columns)):
         up = (bottom - np.asarray(rows)) / y.count
         right = (np.asarray(columns) - x.start) / x.count
-        return waves_at(weigh(values, gain), up, right)
+        found = waves_at(weigh(values, gain), up, right)
+        if extra is not None:
+            found += extra[0] @ extra[1]
+        return found
     lines = range(bottom - rows.stop + 1, bottom - rows.start + 1)
     along = range(columns.start - x.start, columns.stop - x.start)
-    return fold(values, gain, (y.count, x.count), lines, along, space=space)
+    period = (y.count, x.count)
+    return fold(values, gain, period, lines, along, extra=extra, space=space)
 
 
 def axis_px(microscope: Microscope) -> tuple[float, float]:

@@ -13,9 +13,11 @@ from optics.clip import to_edges
 from optics.laying import Patch, lay, light_up
 from optics.microscope import Microscope
 from optics.models import find_model
-from optics.prepared import Range, View, full, make_part, prepare
+from optics.parts import make_part
+from optics.prepared import prepare
 from optics.sampling import Sampling
 from optics.scene import Illumination, Layer, Scene, Window
+from optics.views import Range, View, full
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -149,10 +151,11 @@ def render_stack(
     light: Illumination | None = None,
     shift_um: tuple[float, float] = (0.0, 0.0),
     sampling: Sampling = _SINGLE,
+    out: FloatArray | None = None,
 ) -> FloatArray:
     """Return images of a scene at several focus heights, (planes, rows, columns).
 
-    Spectra are computed once for all planes; else like `render`. The margin is that
+    They are put into `out` if that is given: a new array's pages take time. Spectra are computed once for all planes; else like `render`. The margin is that
     of the plane most out of focus and the precision single, so a plane agrees with
     `render` within the predicted errors, not bit by bit.
     """
@@ -168,13 +171,22 @@ def render_stack(
         sampling=sampling,
         shift_um=shift_um,
     )
-    images = np.empty((len(focus_um), frame.rows, frame.columns))
+    images = _stack_of((len(focus_um), frame.rows, frame.columns), out)
     top = max((layer.z_um for layer in scene.layers), default=0.0)
     # planes at one distance from a layer share its gain
     for index in sorted(range(len(focus_um)), key=lambda i: abs(focus_um[i] - top)):
         still.draw(images[index], View(microscope=microscope, focus_um=focus_um[index]))
     light_up(images, microscope, frame, light or Illumination())
     return images
+
+
+def _stack_of(shape: tuple[int, int, int], out: FloatArray | None) -> FloatArray:
+    """Return `out` if it can hold a stack, or a new array."""
+    if out is None:
+        return np.empty(shape)
+    if out.shape != shape or out.dtype != np.float64:
+        raise ValueError(f"out must be float64 {shape}, got {out.dtype} {out.shape}")
+    return out
 
 
 def _check(focus_um: Sequence[float], shift_um: tuple[float, float]) -> None:

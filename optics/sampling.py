@@ -19,6 +19,7 @@ BAND_ERROR = 5e-4  # of unit contrast, what cutting the band may cost by `band_e
 # The edge spread of an Airy pattern nears its end as (wavelength / A) / (pi**3 d):
 # at 40 wavelength / A it is 8e-4 away from it, for an endless straight edge.
 MARGIN = 40.0
+NEAR = 10.0  # wavelengths / A, the part of the margin that a transform's period has
 SINGLE_ERROR = 1e-6  # of unit contrast, what single precision adds (tested)
 CUTS: FloatArray = np.geomspace(1e-6, 1.0, 1200)  # shares of the cutoff
 
@@ -30,9 +31,10 @@ class Sampling:
     band_error: float = BAND_ERROR  # of unit contrast, what cutting the band may cost
     margin: float = MARGIN  # around all that spreads light, in wavelengths / A
     single: bool = False  # transforms in single precision: `SINGLE_ERROR` more
+    near: float = NEAR  # the margin beyond it is made up for by `optics.far`
 
     def __post_init__(self) -> None:
-        for name in ("band_error", "margin"):
+        for name in ("band_error", "margin", "near"):
             value = getattr(self, name)
             if not (value > 0 and math.isfinite(value)):
                 raise ValueError(f"{name} must be positive and finite, got {value}")
