@@ -198,6 +198,12 @@ def _measure(_options: Options) -> Iterator[Figure]:
         for kind in ("transfer", "edge"):
             value = float(laws[f"{law}.{kind}"].max())
             yield Figure(name=f"maps.{law}.{kind}", value=value, unit="1")
+    medians = {
+        shape: float(
+            np.median([laws[f"{n}.{shape}"] / laws[f"{n}.predicted"] for n in LAWS])
+        )
+        for shape in SHAPES
+    }
     share = np.stack([laws[f"{law}.share"] for law in LAWS])
     bound = float(bound_shares(_PLACES).max())
     table = max(float(value.max()) for value in tables.values())
@@ -205,6 +211,7 @@ def _measure(_options: Options) -> Iterator[Figure]:
         ("laws.worst_share", float(share.max())),
         ("laws.worst_bound_share", bound),
         ("laws.median_overestimate", float(np.median(1 / share))),
+        *((f"laws.median_share.{shape}", medians[shape]) for shape in SHAPES),
         ("tables.max_error", table),
     ):
         yield Figure(name=f"maps.{name}", value=value, unit="1")
@@ -216,6 +223,7 @@ BENCHMARK = Benchmark(
         "maps.laws.worst_share",
         "maps.laws.worst_bound_share",
         "maps.laws.median_overestimate",
+        *(f"maps.laws.median_share.{shape}" for shape in SHAPES),
         "maps.tables.max_error",
     ),
     measure=_measure,

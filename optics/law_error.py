@@ -35,10 +35,12 @@ def law_error(model: str, microscope: Microscope, z_um: float) -> float:
     float
         Image error against the exact phase, of unit contrast, 0..1: half the integral
         of |difference of the two point spreads|, or the same for point spreads
-        averaged over a pixel where that is less. Concentric rings reach it, a disc of
-        the worst size comes to .6 of it, a slot of the worst width to a third and a
-        lone straight edge to a sixth (medians; `benchmarks/error_maps.py`). 1 where
-        nobody has measured it, from A = .99 n on. For `exact` the error of its table.
+        averaged over a pixel where that is less. Concentric rings reach the integral.
+        Of what is returned a disc of the worst size comes to .53, a grating to .29, a
+        slot to .23 and a lone straight edge to .12 (medians over W20 and A / n;
+        `benchmarks/error_maps.py`), an outline drawn at random to .17
+        (`benchmarks/law_outlines.py`). 1 where nobody has
+        measured it, from A = .99 n on. For `exact` the error of its table.
 
     Raises
     ------

@@ -5,15 +5,28 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.special import j0
 
 from benchmarks.error_maps import SHAPES, errors
-from benchmarks.law_bounds import LAWS, bounds, defocus_um, pixel_bounds, setting
+from benchmarks.law_bounds import (
+    LAWS,
+    bounds,
+    defocus_um,
+    differences,
+    frequencies,
+    pixel_bounds,
+    reach_um,
+    setting,
+)
+from benchmarks.law_outlines import SHAPES as OUTLINES
+from benchmarks.law_outlines import trials
 from optics.law_error import law_error
 from optics.law_table import BOUND, PIXEL, STEEPNESS, WAVES
 from optics.models import MODELS, TABLE_ERROR
 from optics.outline import Outline
 from optics.render import render
-from tests.optics.shapes import disc, gear, microscope, one_layer, rectangle
+from optics.sampling import Sampling
+from tests.optics.shapes import circle, disc, gear, microscope, one_layer, rectangle
 
 # drawn once: places between the nodes of the table
 _RNG = np.random.default_rng(11)
@@ -79,6 +92,41 @@ def test_no_image_errs_by_more(magnification: float, z_um: float) -> None:
             error = float(np.abs(image - exact).max())
             # both images carry the same errors of band and margin but not the same cut
             assert error <= law_error(law, optics, z_um) + 1e-3
+
+
+def test_no_random_outline_errs_by_more() -> None:
+    found = list(trials(25))
+    assert {trial.shape for trial in found} == set(OUTLINES)
+    for trial in found:  # the exact image's table errs as well
+        assert trial.error <= trial.predicted + TABLE_ERROR, trial
+
+
+@pytest.mark.parametrize(("waves", "steepness"), [(0.3, 0.42), (2.0, 0.7)])
+@pytest.mark.parametrize("law", ["product", "stokseth", "hopkins"])
+def test_rings_of_one_sign_reach_the_integral(
+    law: str, waves: float, steepness: float
+) -> None:
+    optics = setting(steepness)
+    z_um = defocus_um(optics, waves)
+    reach = reach_um(optics, z_um)
+    f, weight = frequencies(optics.cutoff_per_um, reach)
+    change = differences(optics, z_um, f / optics.cutoff_per_um)[law]
+    r = np.arange(0.01, reach, 0.02)
+    spread = j0(2 * np.pi * r[:, None] * f) @ (f * weight * change)
+    signs = np.flatnonzero(np.diff(np.sign(spread)))
+    radii = (r[signs + 1] + r[signs]) / 2
+    # from the outermost rim inwards, counted so that the middle keeps the sign it has
+    rings = [circle(float(a), hole=k % 2 == 1) for k, a in enumerate(radii[::-1])]
+    scene = one_layer(Outline(rings=tuple(rings)), z_um)
+    whole = Sampling(band_error=1e-12)
+    middle = replace(optics, pitch_um=0.05)
+    images = [
+        render(scene, middle, focus_um=0.0, model=m, sampling=whole)
+        for m in (law, "exact")
+    ]
+    error = abs(float(images[0][0, 0] - images[1][0, 0]))
+    # what is left out beyond the reach, and rims a hundredth off
+    assert error == pytest.approx(bounds(waves, steepness)[law], rel=0.03)
 
 
 @pytest.mark.parametrize("model", list(MODELS))
