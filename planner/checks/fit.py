@@ -14,18 +14,14 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy import stats
+
+from planner.checks.landing import Landing
+from planner.checks.miss import Room, chance_beyond
 
 FloatArray = npt.NDArray[np.float64]
 
-NODES = 48  # Gauss nodes over the residual: doubling them moves P by less than 1e-12
-SIZE_NODES = 6  # per piece of the sizes' law; exact for degree 10 in the edge offset
+NODES = 48  # Gauss nodes over the residual, in probability
 SAME_SIZE_UM = 1e-9  # sizes that vary by less do not vary
-ANGLE_NODES = 8  # of the bias' direction, over half a turn; periodic, so enough
-# Beyond this many sigmas from the edge a double holds nothing but 0 or 1.
-SURE_SIGMAS = 40.0
-# Beyond this offset the edge is nearly straight, and the series converge badly.
-STRAIGHT_SIGMAS = 1e3
 # Share of the failures allowed to the whole task that the servo may use up.
 SERVO_SHARE = 0.1
 # Below this many stage sigmas the expected number of moves climbs beyond 6.
@@ -49,26 +45,14 @@ class Fit:
         """Return the largest sideways error that still goes in, sizes as drawn."""
         return self.hole_um - self.shaft_um
 
-    def captures(self) -> tuple[FloatArray, FloatArray]:
-        """Return capture radii and weights over the sizes as made, (N,) each.
-
-        The difference of two sizes that are uniform within their limits follows a
-        trapezoid; its straight pieces, and what is too thick to go in at all, are
-        integrated one by one.
-        """
+    @property
+    def room(self) -> Room:
+        """Return the law of the capture radius over the sizes as made."""
         sides = sorted((self.hole_tolerance_um, self.shaft_tolerance_um))
         reach, flat = sides[1] + sides[0], sides[1] - sides[0]
         if reach <= SAME_SIZE_UM:
-            return np.array([self.capture_um]), np.ones(1)
-        cuts = np.unique(
-            np.clip([-reach, -flat, flat, reach, -self.capture_um], -reach, reach)
-        )
-        nodes, weights = np.polynomial.legendre.leggauss(SIZE_NODES)
-        half, middle = np.diff(cuts) / 2, (cuts[1:] + cuts[:-1]) / 2
-        offset = (middle[:, None] + half[:, None] * nodes).ravel()
-        slope = np.minimum((reach - np.abs(offset)) / (reach - flat or 1.0), 1.0)
-        weight = (half[:, None] * weights).ravel() * (slope if reach > flat else 1.0)
-        return self.capture_um + offset, weight / weight.sum()
+            reach = flat = 0.0
+        return Room(radius_um=self.capture_um, flat_um=flat, reach_um=reach)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -122,22 +106,14 @@ def miss_probability(
     float
         In 0..1, summed over tails, so that tiny chances keep their digits.
 
-    References
-    ----------
-    |m + n| given |m| is Rice distributed; its square over sigma**2 is noncentral
-    chi-square with 2 degrees of freedom. The bias has no fixed angle to m: the mean is
-    taken over all angles.
+    Notes
+    -----
+    The bias has no fixed angle to what the servo leaves.
     """
-    captures, shares = fit.captures()
-    radii, weights = residual.radii()
-    turns = math.pi * (np.arange(ANGLE_NODES) + 0.5) / ANGLE_NODES
-    if bias_um == 0 or not radii.any():
-        turns = np.array([math.pi / 2])
-    along, across = radii + bias_um * np.cos(turns)[:, None], bias_um * np.sin(turns)
-    offset = np.hypot(along, across[:, None]).ravel()
-    tail = _rice_tail(captures[:, None], offset[None, :], sigma_um)
-    weight = np.tile(weights, len(turns)) / len(turns)
-    return min(1.0, float(shares @ tail @ weight))
+    landing = Landing(
+        bias_um=bias_um, sigma_um=residual.sigma_um, within_um=residual.within_um
+    )
+    return chance_beyond(fit.room, landing, sigma_um)
 
 
 def expected_looks(residual: Residual) -> float:
@@ -174,32 +150,3 @@ def gain_limit(latency_frames: int, angle_rad: float = 0.0) -> float:
 def combine(sigmas: Sequence[float]) -> float:
     """Return the root of the sum of squares."""
     return math.sqrt(sum(s * s for s in sigmas))
-
-
-def _rice_tail(radius: FloatArray, offset: FloatArray, sigma_um: float) -> FloatArray:
-    """Return P(|offset + n| >= radius) for isotropic normal n."""
-    radius, offset = np.broadcast_arrays(np.maximum(radius, 0.0), offset)
-    outside: FloatArray = (offset >= radius).astype(np.float64)
-    near = (radius > 0) & (np.abs(radius - offset) < SURE_SIGMAS * sigma_um)
-    r, a = radius[near] / (sigma_um or 1.0), offset[near] / (sigma_um or 1.0)
-    tail = _straight_tail(r, a)
-    # area times the greatest density: below rounding nothing is inside, where the
-    # series overflow
-    gap = np.maximum(a - r, 0.0)
-    empty = r**2 / 2 * np.exp(-(gap**2) / 2) < np.finfo(float).eps / 4
-    tail[empty] = 1.0
-    bent = ~empty & (a <= STRAIGHT_SIGMAS)
-    tail[bent] = stats.ncx2.sf(r[bent] ** 2, 2, a[bent] ** 2)
-    outside[near] = tail
-    return outside
-
-
-def _straight_tail(radius: FloatArray, offset: FloatArray) -> FloatArray:
-    """Return P(|offset + n| >= radius) for unit n, offset >> 1, radius about as large.
-
-    The mean over n across the offset of the normal tail along it.
-    """
-    nodes, weights = np.polynomial.hermite_e.hermegauss(SIZE_NODES)
-    edge = np.sqrt(np.maximum(radius[:, None] ** 2 - nodes**2, 0.0)) - offset[:, None]
-    tail: FloatArray = stats.norm.sf(edge) @ (weights / weights.sum())
-    return tail

@@ -192,14 +192,6 @@ def test_a_chance_is_a_chance_and_grows_with_every_error(
     assert miss_probability(roomier, residual, sigma_um, bias_um) <= p + 1e-9
 
 
-def test_captures_average_to_the_drawn_radius() -> None:
-    radii, weights = PAPER.captures()
-    assert weights.sum() == pytest.approx(1.0)
-    assert weights @ radii == pytest.approx(PAPER.capture_um)
-    variance = weights @ (radii - PAPER.capture_um) ** 2
-    assert variance == pytest.approx(2 * 0.3**2 / 3)  # two uniform laws
-
-
 @pytest.mark.parametrize("ratio", [0.3, 1.0, 2.5])
 def test_the_residual_is_a_cut_off_normal(ratio: float) -> None:
     residual = Residual(sigma_um=2.0, within_um=2.0 * ratio)
