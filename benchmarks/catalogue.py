@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from benchmarks import (
+    coherence,
     error_maps,
     example,
     extremes,
@@ -20,6 +21,7 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     error_maps.BENCHMARK,
     law_outlines.BENCHMARK,
     rendering.BENCHMARK,
+    coherence.BENCHMARK,
     imports.BENCHMARK,
     example.BENCHMARK,
     runs.BENCHMARK,

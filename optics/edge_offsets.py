@@ -92,17 +92,18 @@ def coherence_error(
     """Return what the incoherent image of a straight edge errs by, of the step.
 
     Arguments and errors as in `edge_offset_um`. The largest of the table's entries
-    around the setting. Edges closer than a few wavelengths over A, and corners, add
-    up: see `optics.interference.scene_error`.
+    around coherence and defocus. A step's image is a blend of a weak edge's and of
+    one over black, the latter's share c / (2 - c) at a contrast c; so the largest error
+    is convex over that share, and read linearly it is not too small. Edges closer than
+    a few wavelengths over A, and corners, add up: see `optics.interference`.
     """
     waves = _checked(coherence, microscope, contrast, defocus_um)
     if coherence == 0:
         return 0.0
     held = min(coherence, COHERENCE[-1])
-    around = (
-        _around(COHERENCE, held), _around(WAVES, waves), _around(CONTRAST, contrast)
-    )  # fmt: skip
-    return float(_ERROR[around].max()) * held / coherence
+    around = _ERROR[_around(COHERENCE, held), _around(WAVES, waves)].max(axis=(0, 1))
+    share = contrast / (2 - contrast)
+    return float(np.interp(share, _SHARE, around)) * held / coherence
 
 
 def feature_offsets(
@@ -202,6 +203,7 @@ def _around(axis: tuple[float, ...], value: float) -> slice:
 _SHAPE = (len(COHERENCE), len(WAVES), 2, len(CONTRAST))
 _TABLE: FloatArray = np.array(EDGES).reshape(_SHAPE)
 _ERROR: FloatArray = _TABLE[:, :, 1]
+_SHARE: FloatArray = np.array(CONTRAST) / (2 - np.array(CONTRAST))  # of the full edge
 # monotone between entries, so that the bend at a coherence of 1 does not overshoot
 _OFFSET = RegularGridInterpolator(
     (COHERENCE, WAVES, CONTRAST), _TABLE[:, :, 0], method="pchip"

@@ -40,8 +40,9 @@ def scene_error(
         Bound of the difference from `optics.coherence.render_coherent`: the largest
         step of reflectance times the error of a straight edge times `CLOSE_EDGES`, or
         `NARROW_EDGES` where the mean width of a body or hole is below two Fresnel
-        radii, added up over the layers' heights. Measured on single bodies with some
-        tens of edges; many that lie in a regular pattern may interfere more.
+        radii, added up over the layers' heights. What `render_coherent` itself errs
+        by, `optics.source.source_error`, comes on top. Measured on single bodies with
+        some tens of edges; many that lie in a regular pattern may interfere more.
 
     Raises
     ------

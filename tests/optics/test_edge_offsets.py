@@ -68,7 +68,7 @@ def test_full_contrast_edges_are_as_an_earlier_calculation_had_them(
 def test_a_coherent_edge_moves_as_its_closed_form() -> None:
     # (1/2 + Si(2 pi x) / pi)**2 = 1/2 where Si(q) = pi (sqrt(1/2) - 1/2), q = .6669
     q = 0.0
-    for _ in range(50):  # Si(q) = q - q**3/18 + q**5/600 - q**7/35280, 2e-7 off here
+    for _ in range(50):  # Si(q) = q - q**3/18 + q**5/600 - q**7/35280, 1e-8 off here
         q = math.pi * (math.sqrt(0.5) - 0.5) + q**3 / 18 - q**5 / 600 + q**7 / 35280
     found = edge_offset_um(1e-12, microscope(), 1.0) / AIRY
     assert found == pytest.approx(q / (2 * math.pi), abs=1e-4)  # four decimals
