@@ -66,7 +66,9 @@ def edge_offset_um(
     float
         Into the bright side, >= 0. From a table of straight edges between equal phases
         with a quadratic defocus phase, rim-matched, read by piecewise cubics; above its
-        last coherence the offset falls as 1 / coherence. The pixel's width is left out.
+        last coherence the offset falls as 1 / coherence. Between its entries it errs by
+        up to .006 wavelength / A within one wave of defocus and by .04 beyond, both
+        measured by `benchmarks.coherence`. The pixel's width is left out.
 
     Raises
     ------

@@ -33,9 +33,9 @@ from tests.optics.shapes import (
 )
 
 AIRY = 0.6 / 0.42  # wavelength / A of `microscope()`, um
-# From half a step between the nodes of the table, wavelength / A; measured by
+# Wavelength / A, between the nodes of the table within one wave of defocus: measured by
 # `benchmarks.coherence` (coherence.max_edge_offset_error).
-BETWEEN = 0.01
+BETWEEN = 0.006
 
 
 def _defocus_um(optics: Microscope, waves: float) -> float:
