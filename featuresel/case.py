@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +11,10 @@ import numpy.typing as npt
 
 from featuresel.routines import Target
 from featuresel.routines.frame import RegionFrame
+from optics.lens import LensErrors
+from optics.lensing import lens_scene
 from optics.microscope import Microscope
+from optics.occlusion import occluded
 from optics.outline import place
 from optics.render import Covered, cover, render
 from optics.sampling import Sampling
@@ -73,6 +77,8 @@ class LookCase:
     target: Target
     model: str
     sampling: Sampling
+    lens: LensErrors  # what is known of it
+    treatment: str  # of layers, one of `optics.layer_error.TREATMENTS`
     tolerance_um: float  # what the look has to meet per axis, 2 sigma and bias
     tolerance_theta_rad: float | None  # None: the angle is not needed
     spread: Spread
@@ -84,6 +90,11 @@ class LookCase:
             raise ValueError(
                 f"tolerance_theta_rad must be positive, got {self.tolerance_theta_rad}"
             )
+
+    @property
+    def shares_still_layers(self) -> bool:
+        """Return whether what stands still looks the same wherever the target is."""
+        return self.treatment == "blend" and not self.lens.changes_scene
 
     @property
     def frame(self) -> RegionFrame:
@@ -129,6 +140,74 @@ def moved_layers(
     )
 
 
+def picture(
+    case: LookCase,
+    moved: Sequence[Layer],
+    microscope: Microscope,
+    *,
+    focus_um: float,
+    model: str,
+    light: Illumination,
+    backdrop: Sequence[Covered] = (),
+) -> FloatArray:
+    """Return the region without noise, as the case's fidelity has it.
+
+    Parameters
+    ----------
+    case : LookCase
+        The look.
+    moved : sequence of Layer
+        The target's layers in the world, see `moved_layers`.
+    microscope : Microscope
+        The optical setting, perturbed or not.
+    focus_um, model, light
+        As in `optics.render.render`.
+    backdrop : sequence of Covered
+        What stands still, by `still_layers` with the same arguments.
+    """
+    if case.shares_still_layers:
+        layers, also = tuple(moved), backdrop
+    else:
+        layers, also = case.static + tuple(moved), ()
+    shown = Scene(layers=layers, background=case.background)
+    shown = lens_scene(shown, microscope, case.lens, focus_um)
+    if case.treatment == "blend":
+        return render(
+            shown,
+            microscope,
+            focus_um=focus_um,
+            model=model,
+            window=case.window,
+            light=light,
+            also=also,
+            sampling=case.sampling,
+        )
+    return occluded(
+        shown,
+        microscope,
+        focus_um=focus_um,
+        model=model,
+        window=case.window,
+        light=light,
+    )
+
+
+def still_layers(
+    case: LookCase, microscope: Microscope, *, focus_um: float, model: str
+) -> tuple[Covered, ...]:
+    """Return what stands still, blurred; none where images do not share it."""
+    if not case.shares_still_layers:
+        return ()
+    return cover(
+        case.static,
+        microscope,
+        focus_um=focus_um,
+        model=model,
+        window=case.window,
+        sampling=case.sampling,
+    )
+
+
 @dataclass(frozen=True, slots=True)
 class NominalRender:
     """Renders a case's region at nominal focus, zoom and light; a `Render`."""
@@ -143,16 +222,15 @@ class NominalRender:
 
         `theta_rad` is the turn away from the nominal angle.
         """
-        moved = moved_layers(self.case, dx_um, dy_um, theta_rad)
-        image = render(
-            Scene(layers=moved, background=self.case.background),
-            self.case.microscope,
-            focus_um=self.case.focus_um,
-            model=self.case.model,
-            window=self.case.window,
-            light=self.case.light,
-            also=self.static,
-            sampling=self.case.sampling,
+        case = self.case
+        image = picture(
+            case,
+            moved_layers(case, dx_um, dy_um, theta_rad),
+            case.microscope,
+            focus_um=case.focus_um,
+            model=case.model,
+            light=case.light,
+            backdrop=self.static,
         )
         clipped: FloatArray = np.clip(image, 0.0, 1.0)
         return clipped
@@ -160,12 +238,7 @@ class NominalRender:
 
 def nominal_render(case: LookCase) -> NominalRender:
     """Return the renderer that routines prepare with."""
-    static = cover(
-        case.static,
-        case.microscope,
-        focus_um=case.focus_um,
-        model=case.model,
-        window=case.window,
-        sampling=case.sampling,
+    static = still_layers(
+        case, case.microscope, focus_um=case.focus_um, model=case.model
     )
     return NominalRender(case=case, static=static)

@@ -12,10 +12,10 @@ import numpy.typing as npt
 from scipy.linalg import hadamard
 from scipy.stats import qmc, truncnorm
 
-from featuresel.case import LookCase, moved_layers
+from featuresel.case import LookCase, moved_layers, picture, still_layers
 from optics.microscope import Microscope
-from optics.render import Covered, cover, render
-from optics.scene import Illumination, Scene
+from optics.render import Covered
+from optics.scene import Illumination
 from optics.sensor import expose, to_unit
 
 FloatArray = npt.NDArray[np.float64]
@@ -99,20 +99,18 @@ def image(
     pose, so an estimator that trusts the nominal zoom errs by ratio x distance. Trials
     of one focus, zoom and blur law may share their `backdrop`.
     """
-    moved = moved_layers(case, trial.dx_um, trial.dy_um, trial.dtheta_rad)
-    noiseless = render(
-        Scene(layers=moved, background=case.background),
+    noiseless = picture(
+        case,
+        moved_layers(case, trial.dx_um, trial.dy_um, trial.dtheta_rad),
         _zoomed(case, trial),
         focus_um=case.focus_um + trial.dz_um,
         model=trial.model,
-        window=case.window,
         light=Illumination(
             gain=case.light.gain * trial.gain,
             gradient_x=case.light.gradient_x + trial.gradient_x,
             gradient_y=case.light.gradient_y + trial.gradient_y,
         ),
-        also=still(case, trial) if backdrop is None else backdrop,
-        sampling=case.sampling,
+        backdrop=still(case, trial) if backdrop is None else backdrop,
     )
     rng = np.random.default_rng(np.random.SeedSequence(trial.seed))
     return to_unit(expose(noiseless, case.sensor, rng), case.sensor.bits)
@@ -120,13 +118,11 @@ def image(
 
 def still(case: LookCase, trial: Trial) -> tuple[Covered, ...]:
     """Return what stands still in a trial, blurred; only focus, zoom and law matter."""
-    return cover(
-        case.static,
+    return still_layers(
+        case,
         _zoomed(case, trial),
         focus_um=case.focus_um + trial.dz_um,
         model=trial.model,
-        window=case.window,
-        sampling=case.sampling,
     )
 
 

@@ -10,7 +10,8 @@ import numpy as np
 
 from featuresel.candidates import Chain
 from featuresel.case import LookCase
-from featuresel.perturb import Trial, image, still, words
+from featuresel.drift import one_by_one, through_focus
+from featuresel.perturb import Trial, words
 from featuresel.routines import Failure, FloatArray
 from featuresel.trials import Map, Prepared, measure_one, period_rad
 
@@ -40,8 +41,9 @@ def usable_range(
     """Return the drifts of focus and zoom that `chain` stands.
 
     Each direction is searched outward on `FOCUS_UM` or `ZOOM` until one of `draws`
-    noisy images, with the target at a random place of its pose spread, is not measured
-    within the tolerance; the last step before that is the answer. `map` gets one
+    noisy images is not measured within the tolerance; the last step before that is the
+    answer. The target lies at as many random places of its pose spread, the same at
+    all drifts, so that their images share its spectra. `map` gets one
     direction at a time, as in `featuresel.trials.run`.
 
     Raises
@@ -74,14 +76,22 @@ def _reach(
 ) -> float:
     """Return the last drift in one direction at which every draw meets."""
     name, sign = direction
+    steps = FOCUS_UM if name == "focus" else ZOOM
+    drifts = [sign * step for step in steps]
+    trials = {
+        drift: [_trial(case, name, drift, k, root_seed) for k in range(draws)]
+        for drift in drifts
+    }
+    if name == "focus" and case.shares_still_layers:
+        pictures = through_focus(case, trials[drifts[-1]])
+    else:
+        pictures = partial(one_by_one, case)
     last = 0.0
-    for step in FOCUS_UM if name == "focus" else ZOOM:
-        drift = sign * step
-        trials = [_trial(case, name, drift, k, root_seed) for k in range(draws)]
-        backdrop = still(case, trials[0])
+    for drift in drifts:
+        shown = pictures(trials[drift])
         if not all(
-            _meets(case, prepared, chain, trial, image(case, trial, backdrop))
-            for trial in trials
+            _meets(case, prepared, chain, trial, picture)
+            for trial, picture in zip(trials[drift], shown, strict=True)
         ):
             break
         last = drift
@@ -89,9 +99,10 @@ def _reach(
 
 
 def _trial(case: LookCase, name: str, drift: float, draw: int, root: int) -> Trial:
-    """Return a trial with one drift; the cell's key names drift and draw."""
+    """Return a trial with one drift; the draw alone decides where the target is."""
     seed = (root, *words(f"{case.key}/usable {name} {drift:g} {draw}"))
-    rng = np.random.default_rng(np.random.SeedSequence((*seed, 1)))
+    place = (root, *words(f"{case.key}/usable {draw}"))
+    rng = np.random.default_rng(np.random.SeedSequence(place))
     dx, dy, turn = np.clip(rng.standard_normal(3), -2, 2)
     theta = float(turn) * case.spread.pose_sigma_theta_rad
     if case.theta_any:

@@ -2,36 +2,28 @@
 
 from __future__ import annotations
 
-import itertools
-import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
-import numpy as np
-import numpy.typing as npt
-from scipy.spatial import cKDTree
-
-from optics.clip import to_edges
-from optics.fidelity import Fidelity
+from optics.edge_offsets import (
+    EDGE_WAVES,
+    amplitude_contrast,
+    edge_offset_um,
+)
+from optics.fidelity import Fidelity, rounded_up, steps
+from optics.interference import scene_error
+from optics.layer_error import LayerChoice
+from optics.left_out import FLAT_BAND, spectrum_error, vectorial_error
+from optics.lens_budget import LensRow
 from optics.microscope import Microscope
 from optics.scene import Layer, Scene
-from optics.spectrum import boundary_nodes
 
-FloatArray = npt.NDArray[np.float64]
-
-# Blending two layers by coverage, front in focus, edges touching, by the defocus of
-# the back (wave calculation), and both in focus by the gap between the edges.
-_BACK_UM, _BACK_ERROR = (
-    (0.0, 1.0, 2.5, 5.0, 10.0, 25.0),
-    (0.25, 0.16, 0.1, 0.05, 0.03, 0.014),
-)
-_GAP_UM, _GAP_ERROR = (0.0, 1.0, 3.0), (0.25, 0.03, 0.01)
-_TWO_BLURS = 0.2  # two defocused edges that overlap, geometrical optics
-_COHERENT_EDGE = 0.26  # worst of coherence .1, .5 and 1 on an amplitude edge
-_COHERENT_SHIFT = 0.108  # of its 50 % point, in wavelength / A
-_VECTORIAL_OTF = 0.019  # at `_VECTORIAL_APERTURE` in air; grows with A**2
-_VECTORIAL_APERTURE = 0.42
-_BAND_30_PERCENT = 0.0013  # a flat 30 % band of wavelengths, in an edge
-_SAMPLES = 4000  # boundary points a layer when gaps are measured
+CONTRAST, NM = "unit contrast", "nm"
+_NM_PER_UM = 1000.0
+_LEVELS = {
+    "blend": "coverage, back to front",
+    "occluded": "hidden and shaded ray by ray",
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,39 +38,55 @@ class LedgerRow:
     level: str
     predicted_error: float | None
     limit: float | None
-    unit: str  # "unit contrast", "um", ...
+    unit: str  # CONTRAST or NM
     reason: str
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Imaged:
+    """An image as it is computed: of what, through what, and at which fidelity."""
+
+    scene: Scene
+    microscope: Microscope
+    focus_um: float
+    fidelity: Fidelity
+    layering: LayerChoice
+    coherence: float = 0.0  # condenser over objective aperture; 0 is incoherent light
+
+
 def ledger(
-    scene: Scene, microscope: Microscope, focus_um: float, fidelity: Fidelity
+    imaged: Imaged, lens: Sequence[LensRow] = (), shift_limit_nm: float | None = None
 ) -> tuple[LedgerRow, ...]:
-    """Return what a rendered image models, and what the rest may cost.
+    """Return what an image models, and what the rest may cost.
 
     Parameters
     ----------
-    scene : Scene
-        What is rendered.
-    microscope : Microscope
-        The optical setting.
-    focus_um : float
-        World height of the plane in focus.
-    fidelity : Fidelity
-        How it is rendered, see `optics.fidelity.choose`.
+    imaged : Imaged
+        The image.
+    lens : sequence of LensRow
+        What the lens does to the target, see `optics.lens_budget.predict`.
+    shift_limit_nm : float, optional
+        How far the target may seem to move.
 
     Returns
     -------
     tuple of LedgerRow
-        Always the same effects in the same order. Predictions are bounds of single
-        effects; they do not add up to a bound of the image.
+        Always the same effects in the same order. Predictions are of single effects;
+        they do not add up to a bound of the image.
     """
-    limit = fidelity.limit
-    blend, why = blend_error(scene, microscope, focus_um)
     return (
-        _law_row(fidelity),
-        _row("layer blending", "coverage, back to front", blend, limit, why),
-        *_sampling_rows(fidelity),
-        *_missing_rows(microscope, limit),
+        _law_row(imaged.fidelity),
+        _layer_row(imaged.layering),
+        *_sampling_rows(imaged.fidelity),
+        *_light_rows(imaged, shift_limit_nm),
+        *(_lens_row(row, shift_limit_nm) for row in lens),
+        _row(
+            "side walls",
+            "not modelled",
+            None,
+            imaged.fidelity.limit,
+            "bodies are flat faces; nobody predicts what their sides send back",
+        ),
     )
 
 
@@ -96,73 +104,18 @@ def _law_row(fidelity: Fidelity) -> LedgerRow:
     )
 
 
-def blend_error(
-    scene: Scene, microscope: Microscope, focus_um: float
-) -> tuple[float, str]:
-    """Return what blending the worst pair of layers costs, and which pair that is.
-
-    Edges farther apart than both blurs and three Airy units err by .01 at most; layers
-    of equal height are added before they are blended and err by nothing.
-    """
-    worst, why = 0.0, "no two layers of different height"
-    for one, other in itertools.combinations(scene.layers, 2):
-        if one.z_um == other.z_um or not (one.outline.rings and other.outline.rings):
-            continue
-        back, front = sorted((one, other), key=lambda layer: (layer.z_um, layer.name))
-        error, gap = _pair_error(back, front, microscope, focus_um)
-        if error > worst:
-            worst = error
-            why = f"{front.name} over {back.name}, edges {gap:.3g} um apart"
-    return worst, why
-
-
-def _pair_error(
-    back: Layer, front: Layer, microscope: Microscope, focus_um: float
-) -> tuple[float, float]:
-    """Return the blending error of two layers and the gap between their edges, um."""
-    gap = _gap_um(back, front)
-    z_back, z_front = (abs(layer.z_um - focus_um) for layer in (back, front))
-    reach = (
-        microscope.blur_diameter_um(z_back) + microscope.blur_diameter_um(z_front)
-    ) / 2 + 3 * microscope.wavelength_um / microscope.aperture
-    if gap > reach:
-        return _GAP_ERROR[-1], gap
-    depth = microscope.wave_depth_um / 2
-    if z_front > depth:
-        return _TWO_BLURS, gap
-    if z_back > depth:
-        return float(np.interp(z_back, _BACK_UM, _BACK_ERROR)), gap
-    return float(np.interp(gap, _GAP_UM, _GAP_ERROR)), gap
-
-
-def _gap_um(one: Layer, other: Layer) -> float:
-    """Return the smallest distance between edges of two layers, um, never too large.
-
-    Nodes for a frequency f lie at most .65 / f apart, so that much is taken off.
-    """
-    clouds, spacing = [], 0.0
-    for layer in (one, other):
-        density = _SAMPLES / layer.outline.perimeter_um
-        x, y, _, _ = boundary_nodes(to_edges(layer.outline), density)
-        clouds.append(np.column_stack([x, y]))
-        spacing += 0.65 / density / 2
-    return max(_nearest_um(*clouds) - spacing, 0.0)
-
-
-def _nearest_um(one: FloatArray, other: FloatArray) -> float:
-    """Return the smallest distance between points of two clouds, (N, 2) um each.
-
-    The tree is over the smaller body, as all of a large ring is about equally far from
-    its middle; and no point farther off than the best of a few is looked for.
-    """
-    small, large = sorted(
-        (one, other), key=lambda cloud: float(np.ptp(cloud, axis=0).max())
+def _layer_row(layering: LayerChoice) -> LedgerRow:
+    """Return the row of layers over one another, with the treatment not taken."""
+    refused = ", ".join(
+        f"{r.treatment} errs by {r.predicted_error:.2g}" for r in layering.refused
     )
-    tree = cKDTree(small)
-    few, _ = tree.query(large[:: math.isqrt(len(large))])
-    bound = float(np.min(few))
-    distance, _ = tree.query(large, distance_upper_bound=math.nextafter(bound, 1e300))
-    return float(min(np.min(distance), bound))
+    return _row(
+        "layers of different height",
+        _LEVELS[layering.treatment],
+        layering.predicted_error,
+        layering.limit,
+        f"measured where edges meet; {refused or 'the cheapest treatment will do'}",
+    )
 
 
 def _sampling_rows(fidelity: Fidelity) -> tuple[LedgerRow, ...]:
@@ -179,27 +132,102 @@ def _sampling_rows(fidelity: Fidelity) -> tuple[LedgerRow, ...]:
     )
 
 
-def _missing_rows(microscope: Microscope, limit: float) -> tuple[LedgerRow, ...]:
-    """Return the effects left out, with their size where it is known."""
-    airy = microscope.wavelength_um / microscope.aperture
-    steep = (microscope.aperture / microscope.medium_index / _VECTORIAL_APERTURE) ** 2
-    known = (
-        ("partial coherence", _COHERENT_EDGE, "full-contrast amplitude edge, worst"),
-        ("vectorial field", _VECTORIAL_OTF * steep, "of the transfer function"),
-        ("spectrum of the light", _BAND_30_PERCENT, "flat 30 % band, in an edge"),
+def _light_rows(imaged: Imaged, shift_limit_nm: float | None) -> tuple[LedgerRow, ...]:
+    """Return the effects of the light that images leave out."""
+    limit, optics = imaged.fidelity.limit, imaged.microscope
+    step = max(steps(imaged.scene), default=0.0)
+    defocus_um = max(
+        (abs(layer.z_um - imaged.focus_um) for layer in imaged.scene.layers),
+        default=0.0,
     )
-    unknown = ("side walls", "shading by taller bodies", "aberrations of the lens")
+    spectrum = max(spectrum_error(optics, z) for z in (0.0, defocus_um))
     return (
-        *(_row(e, "not modelled", size, limit, why) for e, size, why in known),
+        *_coherence_rows(imaged, shift_limit_nm),
+        _row(
+            "vectorial field",
+            "not modelled",
+            rounded_up(step * vectorial_error(optics)),
+            limit,
+            "largest step of the scene, at an edge in focus",
+        ),
+        _row(
+            "spectrum of the light",
+            "not modelled",
+            rounded_up(step * spectrum),
+            limit,
+            f"a flat band of {FLAT_BAND:.0%}, at an edge in focus and far from it",
+        ),
+    )
+
+
+def _coherence_rows(
+    imaged: Imaged, shift_limit_nm: float | None
+) -> tuple[LedgerRow, ...]:
+    """Return what partly coherent light does to the image and to its edges."""
+    limit, coherence = imaged.fidelity.limit, imaged.coherence
+    error, offset_um, level = 0.0, 0.0, "off"
+    reason = "the workcell states incoherent light"
+    near = _near_focus(imaged)
+    if coherence:
+        level, reason = "charged", f"coherence {coherence:g}, layers near focus"
+        error = scene_error(
+            replace(imaged.scene, layers=near),
+            imaged.microscope,
+            focus_um=imaged.focus_um,
+            coherence=coherence,
+        )
+        offset_um = max((_offset_um(imaged, layer) for layer in near), default=0.0)
+    return (
+        _row("partial coherence", level, rounded_up(error), limit, reason),
         LedgerRow(
             effect="edge offset by coherence",
-            level="not modelled",
-            predicted_error=_COHERENT_SHIFT * airy,
-            limit=None,
-            unit="um",
-            reason="shift of the 50 % point; centroids of symmetric parts stay",
+            level=level,
+            predicted_error=rounded_up(offset_um * _NM_PER_UM),
+            limit=shift_limit_nm,
+            unit=NM,
+            reason=f"{reason}; of each edge, centres of symmetry stay",
         ),
-        *(_row(e, "not modelled", None, limit, "nobody predicts it") for e in unknown),
+    )
+
+
+def _near_focus(imaged: Imaged) -> tuple[Layer, ...]:
+    """Return the layers whose edges partial coherence is predicted for."""
+    optics = imaged.microscope
+    return tuple(
+        layer
+        for layer in imaged.scene.layers
+        if abs(optics.rim_w20_um(layer.z_um - imaged.focus_um))
+        <= EDGE_WAVES * optics.wavelength_um
+    )
+
+
+def _offset_um(imaged: Imaged, layer: Layer) -> float:
+    """Return how far edges of a layer move against whatever they border on."""
+    others = [imaged.scene.background]
+    others += [o.reflectance for o in imaged.scene.layers if o.z_um <= layer.z_um]
+    return max(
+        edge_offset_um(
+            imaged.coherence,
+            imaged.microscope,
+            amplitude_contrast(layer.reflectance, other),
+            layer.z_um - imaged.focus_um,
+        )
+        if max(layer.reflectance, other) > 0
+        else 0.0
+        for other in others
+    )
+
+
+def _lens_row(row: LensRow, shift_limit_nm: float | None) -> LedgerRow:
+    """Return a lens' row: what is left of it and one sigma of what is not known."""
+    return LedgerRow(
+        effect=row.effect,
+        level=row.level,
+        predicted_error=rounded_up(row.left_nm + row.sigma_nm),
+        limit=shift_limit_nm if row.axis == "xy" else None,
+        unit=NM,
+        reason=f"known {row.known_nm:.3g} nm, of it left {row.left_nm:.3g}, sigma "
+        f"{row.sigma_nm:.3g}; {row.reason}",
     )
 
 
@@ -211,6 +239,6 @@ def _row(
         level=level,
         predicted_error=error,
         limit=limit,
-        unit="unit contrast",
+        unit=CONTRAST,
         reason=reason,
     )

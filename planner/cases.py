@@ -7,10 +7,12 @@ import math
 from featuresel.case import LookCase, Spread
 from featuresel.routines import Target
 from optics.fidelity import Fidelity, choose
+from optics.lensing import lens_scene
 from optics.outline import place
 from optics.scene import Illumination, Layer, Scene
 from optics.sensor import Sensor
 from planner.inputs.task import Task
+from planner.lens import known_errors
 from planner.model.assembly import Place
 from planner.model.requests import ANGLE_RAD, LOOK_SHARE, PERIOD_SHARE, Request
 from planner.model.scenes import relevant, world_scene
@@ -30,11 +32,13 @@ def build_case(
     static, moving = _layers(task, request, shape, view)
     scope, camera = view.microscope, task.workcell.camera
     spread = _spread(task, spot)
+    lens = known_errors(task.workcell)
+    shown = Scene(
+        layers=static + tuple(_placed(layer, spot) for layer in moving),
+        background=task.workcell.stage.reflectance,
+    )
     fidelity = choose(
-        Scene(
-            layers=static + tuple(_placed(layer, spot) for layer in moving),
-            background=task.workcell.stage.reflectance,
-        ),
+        lens_scene(shown, scope, lens, view.focus_um),
         scope,
         focus_um=_focus_range(view, spread),
         limit=max_image_error,
@@ -61,6 +65,8 @@ def build_case(
         target=_target(task, shape, spot, view),
         model=fidelity.model,
         sampling=fidelity.sampling,
+        lens=lens,
+        treatment="blend",
         tolerance_um=request.tolerance_um or scope.um_per_px,
         tolerance_theta_rad=_angle_tolerance(request, shape),
         spread=spread,

@@ -19,12 +19,15 @@ from featuresel.trials import Map, Outcome, Prepared, is_wrong, prepare, run
 from featuresel.usable import UsableRange, usable_range
 from optics.fidelity import Fidelity
 from optics.jacobian import point_jacobian, to_px
-from optics.ledger import ledger
+from optics.layer_error import choose_layers
+from optics.ledger import Imaged, ledger
+from optics.lensing import lens_scene
 from optics.render import render
 from optics.scene import Scene, Window
 from planner.cases import build_case
 from planner.diagnostics import Report
 from planner.inputs.task import Task
+from planner.lens import NM_PER_UM, lens_rows, middle_offset_um, middle_sigma_um
 from planner.model.assembly import height_sigma_um
 from planner.model.requests import Request
 from planner.model.scenes import relevant, shade_of, world_scene
@@ -60,6 +63,8 @@ class CompiledLook:
     case: LookCase
     picture: Picture
     arrays: Arrays
+    distortion_sigma_um: float  # of the middle of the target, by the lens
+    coherence_um: float  # how far partly coherent light moves it
 
 
 def compile_look(
@@ -143,13 +148,17 @@ def _finish(
             target=shape.name,
             view=_view(task, request, case, usable.focus_um),
             scene=_scene_record(task, request, case, shape, name, image),
-            effects=_effects(case, tried.fidelity),
+            effects=_effects(task, request, tried),
             measure=_measure(request, shape, tried, chosen, usable),
             evidence=_evidence(tried, chosen),
         ),
         case=case,
         picture=image,
         arrays=_arrays(request.id, tried),
+        distortion_sigma_um=middle_sigma_um(
+            task.workcell, case.microscope, spot_of(task, request, shape)
+        ),
+        coherence_um=middle_offset_um(task, request.state, shape, case.microscope),
     )
 
 
@@ -194,7 +203,12 @@ def _reference_image(task: Task, request: Request, case: LookCase) -> Picture:
     scene = world_scene(task, request.state)
     seen = relevant(scene.layers, scope, case.focus_um, full)
     image = render(
-        Scene(layers=seen, background=scene.background),
+        lens_scene(
+            Scene(layers=seen, background=scene.background),
+            scope,
+            case.lens,
+            case.focus_um,
+        ),
         scope,
         focus_um=case.focus_um,
         model=case.model,
@@ -228,9 +242,17 @@ def _scene_record(
     )
 
 
-def _effects(case: LookCase, fidelity: Fidelity) -> tuple[p.EffectRow, ...]:
+def _effects(
+    task: Task, request: Request, tried: _Benchmark
+) -> tuple[p.EffectRow, ...]:
     """Return the effects ledger of a look."""
-    rows = ledger(scene(case, 0.0, 0.0, 0.0), case.microscope, case.focus_um, fidelity)
+    case, shape = tried.case, needed_shape(task, request)
+    spot = spot_of(task, request, shape)
+    rows = ledger(
+        _imaged(task, tried),
+        lens_rows(task, request.state, shape, spot, case.microscope),
+        shift_limit_nm=NM_PER_UM * case.tolerance_um,
+    )
     return tuple(
         p.EffectRow(
             effect=row.effect,
@@ -241,6 +263,26 @@ def _effects(case: LookCase, fidelity: Fidelity) -> tuple[p.EffectRow, ...]:
             reason=row.reason,
         )
         for row in rows
+    )
+
+
+def _imaged(task: Task, tried: _Benchmark) -> Imaged:
+    """Return the nominal image of a look, and how it is computed."""
+    case, limit = tried.case, tried.fidelity.limit
+    shown = lens_scene(
+        scene(case, 0.0, 0.0, 0.0), case.microscope, case.lens, case.focus_um
+    )
+    layering = choose_layers(
+        shown, case.microscope, focus_um=(case.focus_um,), limit=limit,
+        window=case.window,
+    )  # fmt: skip
+    return Imaged(
+        scene=shown,
+        microscope=case.microscope,
+        focus_um=case.focus_um,
+        fidelity=tried.fidelity,
+        layering=layering,
+        coherence=task.workcell.optics.coherence,
     )
 
 

@@ -134,6 +134,8 @@ def _remember(memory: Memory, look: CompiledLook) -> Memory:
         bias_um=0.0,  # the executor takes the mean error off
         magnification=view.magnification,
         focus_um=view.focus_um,
+        distortion_sigma_um=look.distortion_sigma_um,
+        coherence_um=look.coherence_um,
     )
     return replace(
         memory,

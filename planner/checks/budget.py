@@ -13,11 +13,7 @@ from planner.model.assembly import Carrier, State, locate_place
 from planner.model.holding import between_jaws
 from schemas.plan import Budget, BudgetRow
 
-NOT_MODELLED = (
-    ("partial coherence edge offset", "not modelled"),
-    ("lens distortion", "not modelled: the looks are on the axis"),
-    ("taper and side walls", "not modelled"),
-)
+NOT_MODELLED = (("taper and side walls", "not modelled"),)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,6 +25,8 @@ class Sighted:
     bias_um: float
     magnification: float
     focus_um: float
+    distortion_sigma_um: float  # at the target's place
+    coherence_um: float  # how far partly coherent light moves its middle
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -104,6 +102,20 @@ def _looking_rows(cell: Workcell, hole: Sighted, shaft: Sighted) -> list[BudgetR
             term="lateral shift with focus",
             sigma_um=cell.optics.focus.lateral_sigma_um_per_um * apart_um,
             source=f"workcell lateral_sigma_um_per_um x {apart_um:g} um",
+        )
+    )
+    rows.append(
+        BudgetRow(
+            term="lens distortion",
+            sigma_um=math.hypot(hole.distortion_sigma_um, shaft.distortion_sigma_um),
+            source="workcell distortion_sigma at the places of both looks",
+        )
+    )
+    rows.append(
+        BudgetRow(
+            term="partial coherence",
+            sigma_um=math.hypot(hole.coherence_um, shaft.coherence_um),
+            source="workcell coherence: edges move, middles of symmetry stay",
         )
     )
     zoomed = not math.isclose(hole.magnification, shaft.magnification)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from optics.ledger import CONTRAST
 from schemas.plan import Look, Plan, Step
 
 
@@ -24,7 +25,9 @@ def _worst_effect(plan: Plan) -> list[str]:
         for step in plan.steps
         for look in step.looks
         for row in look.effects
-        if row.limit is not None and (row.predicted_error or 0.0) > row.limit
+        if row.unit == CONTRAST
+        and row.limit is not None
+        and (row.predicted_error or 0.0) > row.limit
     ]
     if not over:
         return []

@@ -22,6 +22,7 @@ from featuresel.routines import (
     TargetKind,
     load,
 )
+from optics.lens import LensErrors
 from optics.microscope import Microscope
 from optics.outline import Arc, Outline, Ring, Segment
 from optics.sampling import Sampling
@@ -143,6 +144,8 @@ def make_case(
         ),
         model="hopkins",
         sampling=Sampling(),
+        lens=LensErrors(),
+        treatment="blend",
         tolerance_um=1.0,
         tolerance_theta_rad=None,
         spread=SPREAD,

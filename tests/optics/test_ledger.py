@@ -1,74 +1,96 @@
-"""The ledger's predictions against measured errors."""
+"""The ledger's rows: every effect once, none hidden."""
 
-import numpy as np
+from __future__ import annotations
+
+from dataclasses import replace
+
 import pytest
 
 from optics.fidelity import choose
-from optics.ledger import blend_error, ledger
-from optics.sampling import BAND_ERROR, CUTS, band_cut, band_error
+from optics.layer_error import choose_layers
+from optics.ledger import CONTRAST, NM, Imaged, LedgerRow, ledger
+from optics.lens import LensErrors
+from optics.lens_budget import predict
 from optics.scene import Layer, Scene
 from tests.optics.shapes import disc, microscope, rectangle
 
-
-def test_the_band_error_falls_with_the_cut_and_rises_with_sharpness() -> None:
-    optics = microscope()
-    for z_um in (0.0, 5.0, 50.0):
-        error = band_error("hopkins", optics, z_um)
-        assert (np.diff(error) <= 0).all()
-        cut = band_cut("hopkins", optics, z_um)
-        assert error[np.searchsorted(CUTS, cut)] <= BAND_ERROR
-    cuts = [band_cut("hopkins", optics, z) for z in (0.0, 5.0, 50.0, 250.0)]
-    assert cuts == sorted(cuts, reverse=True)
+PLATE = Layer(
+    name="plate",
+    outline=rectangle(0.0, -50.0, 100.0, 50.0),
+    z_um=-30.0,
+    reflectance=0.5,
+)
+PIN = Layer(name="pin", outline=disc(20.0), z_um=0.0, reflectance=0.9)
+LENS = LensErrors(distortion=0.01, lateral_sigma=0.002)
 
 
-def _scene(*layers: Layer) -> Scene:
-    return Scene(layers=layers, background=0.1)
+def imaged(*layers: Layer, coherence: float = 0.0) -> Imaged:
+    scene = Scene(layers=layers, background=0.1)
+    return Imaged(
+        scene=scene,
+        microscope=microscope(),
+        focus_um=0.0,
+        fidelity=choose(scene, microscope(), focus_um=(0.0,), limit=0.01),
+        layering=choose_layers(scene, microscope(), focus_um=(0.0,), limit=0.01),
+        coherence=coherence,
+    )
 
 
-def _layer(name: str, z_um: float, x_um: float = 0.0) -> Layer:
-    outline = rectangle(x_um, -50.0, x_um + 100.0, 50.0)
-    return Layer(name=name, outline=outline, z_um=z_um, reflectance=0.5)
-
-
-def test_blending_costs_most_where_edges_touch() -> None:
-    optics = microscope()
-    plate = _layer("plate", 0.0, -100.0)
-    touching = blend_error(_scene(plate, _layer("top", 0.5)), optics, 0.0)
-    apart = blend_error(_scene(plate, _layer("top", 0.5, 50.0)), optics, 0.0)
-    level = blend_error(_scene(plate, _layer("top", 0.0)), optics, 0.0)
-    blurred = blend_error(_scene(plate, _layer("top", 60.0)), optics, 30.0)
-    assert touching[0] == pytest.approx(0.25, abs=0.03)
-    assert touching[1].startswith("top over plate")
-    assert apart[0] == 0.01
-    assert level[0] == 0
-    assert blurred[0] == 0.2
+def by_name(rows: tuple[LedgerRow, ...]) -> dict[str, LedgerRow]:
+    assert len({row.effect for row in rows}) == len(rows)
+    return {row.effect: row for row in rows}
 
 
 def test_the_ledger_names_every_effect_once_and_hides_none() -> None:
-    scene = _scene(
-        _layer("plate", -30.0),
-        Layer(name="pin", outline=disc(20.0), z_um=0.0, reflectance=0.9),
+    both = imaged(PLATE, PIN)
+    points = [(20.0, 0.0), (-20.0, 0.0)]
+    lens = predict(LENS, microscope(), points, defocus_um=2.0)
+    rows = by_name(ledger(both, lens, shift_limit_nm=300.0))
+    law, fidelity = rows["defocus law"], both.fidelity
+    assert (law.predicted_error, law.level) == (
+        fidelity.predicted_error,
+        fidelity.model,
     )
-    fidelity = choose(scene, microscope(), focus_um=(0.0,), limit=0.01)
-    rows = ledger(scene, microscope(), 0.0, fidelity)
-    names = [row.effect for row in rows]
-    assert len(set(names)) == len(names)
-    by_name = {row.effect: row for row in rows}
-    assert by_name["defocus law"].predicted_error == fidelity.predicted_error
-    assert by_name["defocus law"].level == fidelity.model
-    for refused in fidelity.refused:
-        assert refused.model in by_name["defocus law"].reason
-    assert by_name["band and tile"].predicted_error == fidelity.sampling_error
-    for row in rows:
+    assert all(refused.model in law.reason for refused in fidelity.refused)
+    assert rows["band and tile"].predicted_error == fidelity.sampling_error
+    layers = rows["layers of different height"]
+    assert layers.predicted_error == both.layering.predicted_error > 0
+    assert {row.effect for row in lens} <= set(rows)
+    # 0.002 of 2 um out of focus, per axis
+    shift = rows["lateral shift with focus"]
+    assert (shift.predicted_error, shift.unit) == (pytest.approx(4.0), NM)
+    assert shift.limit == 300.0
+    assert rows["side walls"].predicted_error is None
+    for row in rows.values():
         assert row.predicted_error is not None or row.level == "not modelled"
         assert row.reason
-    assert by_name["partial coherence"].level == "not modelled"
-    assert by_name["side walls"].predicted_error is None
-    offset = by_name["edge offset by coherence"]
-    assert offset.unit == "um"
-    assert offset.predicted_error == pytest.approx(0.154, abs=1e-3)
+        assert row.unit in (CONTRAST, NM)
+
+
+def test_partial_coherence_is_charged_where_the_workcell_states_it() -> None:
+    dark = by_name(ledger(imaged(PIN)))
+    lit = by_name(ledger(imaged(PIN, coherence=0.5)))
+    for name in ("partial coherence", "edge offset by coherence"):
+        assert (dark[name].level, dark[name].predicted_error) == ("off", 0.0)
+        assert lit[name].level == "charged"
+    # an edge of full contrast moves .108 wavelength / A at coherence .5, 154 nm here;
+    # this one's amplitudes are 1 and 1 / 3
+    offset = lit["edge offset by coherence"].predicted_error
+    assert offset is not None
+    assert 20 < offset < 154
+    assert (lit["partial coherence"].predicted_error or 0) > 0.02
+
+
+def test_layers_far_from_focus_do_not_stop_the_ledger() -> None:
+    far = replace(PLATE, z_um=-400.0)
+    rows = by_name(ledger(imaged(far, PIN, coherence=0.5)))
+    alone = by_name(ledger(imaged(PIN, coherence=0.5)))
+    assert (
+        rows["edge offset by coherence"].predicted_error
+        == alone["edge offset by coherence"].predicted_error
+    )
 
 
 def test_an_empty_scene_has_a_ledger() -> None:
-    fidelity = choose(_scene(), microscope(), focus_um=(0.0,), limit=0.01)
-    assert ledger(_scene(), microscope(), 0.0, fidelity)[0].predicted_error == 0
+    rows = ledger(imaged(coherence=0.5))
+    assert all(not row.predicted_error for row in rows)

@@ -41,6 +41,8 @@ def seen(name: str, sigma_um: float, focus_um: float, magnification: float) -> S
         bias_um=0.0,
         magnification=magnification,
         focus_um=focus_um,
+        distortion_sigma_um=0.0,
+        coherence_um=0.0,
     )
 
 

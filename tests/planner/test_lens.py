@@ -1,0 +1,97 @@
+"""The workcell's lens in looks, ledger and budget."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from featuresel.case import scene
+from optics.lensing import lens_scene
+from planner.cases import build_case
+from planner.diagnostics import Report
+from planner.inputs.read_task import load_task
+from planner.inputs.task import Task
+from planner.lens import known_errors, lens_rows, middle_offset_um, middle_sigma_um
+from planner.model.requests import Request, requests
+from planner.model.sightings import needed_shape, spot_of, views
+from planner.model.steps import unfold
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "gear_on_shaft" / "task.yaml"
+
+
+@pytest.fixture(scope="module")
+def task() -> Task:
+    found = load_task(EXAMPLE, Report())
+    assert found is not None
+    return found
+
+
+def with_optics(task: Task, **changes: object) -> Task:
+    """Return the task with a lens of other errors, or light of another coherence."""
+    optics = task.workcell.optics
+    coherence = changes.pop("coherence", optics.coherence)
+    lens = replace(optics.lens, **changes)  # type: ignore[arg-type]  # by name
+    assert isinstance(coherence, float)
+    optics = replace(optics, lens=lens, coherence=coherence)
+    return replace(task, workcell=replace(task.workcell, optics=optics))
+
+
+def look(task: Task, name: str) -> Request:
+    states = unfold(task, Report())
+    found = [r for i in range(len(states)) for r in requests(task, states, i, None)]
+    return next(request for request in found if request.id == name)
+
+
+def test_an_unknown_distortion_is_charged_where_the_target_is(task: Task) -> None:
+    request = look(task, "see_fingers")
+    shape = needed_shape(task, request)
+    spot = spot_of(task, request, shape)
+    view = views(task, request, 6.9, Report())[0]
+    rows = {
+        row.effect: row
+        for row in lens_rows(task, request.state, shape, spot, view.microscope)
+    }
+    half_um = math.hypot(*view.microscope.field_um) / 2
+    x, y = spot.pose.x_um, spot.pose.y_um
+    left, low, right, high = shape.box_um
+    far_um = max(math.hypot(x + a, y + b) for a in (left, right) for b in (low, high))
+    row = rows["radial distortion"]
+    assert row.level == "charged from sigma"
+    assert row.sigma_nm == pytest.approx(1e3 * 0.001 * far_um**3 / half_um**2)
+    middle_um = math.hypot(x, y)
+    assert middle_sigma_um(task.workcell, view.microscope, spot) == pytest.approx(
+        0.001 * middle_um**3 / half_um**2
+    )
+
+
+def test_what_is_known_is_in_the_images(task: Task) -> None:
+    bent = with_optics(task, distortion=0.05)
+    request = look(bent, "find_shaft")
+    view = views(bent, request, 6.9, Report())[0]
+    case, _ = build_case(bent, request, view, 0.01)
+    assert case.lens == known_errors(bent.workcell)
+    assert case.lens.distortion_sigma == 0
+    seen = scene(case, 0.0, 0.0, 0.0)
+    assert lens_scene(seen, case.microscope, case.lens, 0.0) is not seen
+    straight, _ = build_case(task, look(task, "find_shaft"), view, 0.01)
+    seen = scene(straight, 0.0, 0.0, 0.0)
+    assert lens_scene(seen, straight.microscope, straight.lens, 0.0) is seen
+
+
+def test_partly_coherent_light_moves_no_symmetric_middle(task: Task) -> None:
+    lit = with_optics(task, coherence=0.5)
+    scope = views(lit, look(lit, "find_gear"), 6.9, Report())[0].microscope
+    moved = {}
+    for name in ("find_gear", "gear_in_fingers", "find_shaft", "see_fingers"):
+        request = look(lit, name)
+        shape = needed_shape(lit, request)
+        moved[shape.kind] = middle_offset_um(lit, request.state, shape, scope)
+    assert moved["circle"] == moved["jaws"] == 0
+    # eighteen teeth and one notch: far less than an edge moves
+    assert 0 < moved["teeth"] < 0.02
+    request = look(task, "find_gear")
+    shape = needed_shape(task, request)
+    assert middle_offset_um(task, request.state, shape, scope) == 0
