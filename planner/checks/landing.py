@@ -89,7 +89,8 @@ class Landing:
         left = np.sqrt(np.maximum((self.within_um - gap) * (self.within_um + gap), 0.0))
         width = 2 * np.sqrt(a * self.bias_um)
         reach = np.minimum(left, BODY_SIGMAS * self.sigma_um)
-        share = np.divide(reach, width, out=np.ones_like(a), where=reach < width)
+        whole = (reach > 0).astype(np.float64)  # a width may be too small for a double
+        share = np.divide(reach, width, out=whole, where=reach < width)
         end = 2 * np.arcsin(share)
         angle, weight = nodes_between(end[:, None] * CIRCLE_CUTS, NODES)
         across = width[:, None] * np.sin(angle / 2)

@@ -26,7 +26,7 @@ from planner.checks.landing import (
     TAIL_STEP_SIGMAS,
     Landing,
 )
-from planner.checks.pieces import cuts_between, nodes_between
+from planner.checks.pieces import cuts_between, nodes_between, nodes_between_roots
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -96,13 +96,13 @@ def chance_beyond(room: Room, landing: Landing, sigma_um: float) -> float:
     if sigma_um == 0:
         offset, weight = _sharp(room, breaks)
     else:
-        offset, weight = _blurred(room, sigma_um, breaks)
-    certain = _always(room, sigma_um)
+        offset, weight = blurred(room, sigma_um, breaks)
+    always = certain(room, sigma_um)
     beyond = landing.beyond(room.radius_um, offset)
     # the weights sum to 1 up to rounding, which where edges are narrow beside the
     # radius is that of its position
-    total = certain + float(weight.sum())
-    miss = (certain + float(weight @ beyond)) / total
+    total = always + float(weight.sum())
+    miss = (always + float(weight @ beyond)) / total
     hit = float(weight @ (1 - beyond)) / total
     return miss if miss < hit else min(1.0, max(0.0, 1 - hit))
 
@@ -125,11 +125,11 @@ def _sharp(room: Room, breaks: FloatArray) -> tuple[FloatArray, FloatArray]:
     if room.reach_um == 0:
         return np.zeros(1), np.ones(1)
     cuts = np.concatenate([room.kinks_um, breaks])
-    offset, weight = nodes_between(cuts_between(low, cuts, room.reach_um), NODES)
+    offset, weight = nodes_between_roots(cuts_between(low, cuts, room.reach_um), NODES)
     return offset, weight * room.density(offset)
 
 
-def _blurred(
+def blurred(
     room: Room, sigma_um: float, breaks: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return offsets w - radius and weights, dQ/dw averaged over the radii; (N,)."""
@@ -139,7 +139,9 @@ def _blurred(
     tail = np.arange(-TAIL_SIGMAS, -BODY_SIGMAS, TAIL_STEP_SIGMAS) * sigma_um
     edges = room.kinks_um if room.reach_um > sigma_um else np.zeros(1)
     cuts = [(edges[:, None] + body).ravel(), -room.reach_um + tail, breaks]
-    offset, weight = nodes_between(cuts_between(low, np.concatenate(cuts), high), NODES)
+    offset, weight = nodes_between_roots(
+        cuts_between(low, np.concatenate(cuts), high), NODES
+    )
     return offset, weight * _bump(room, sigma_um, offset)
 
 
@@ -153,7 +155,7 @@ def _bump(room: Room, sigma_um: float, offset: FloatArray) -> FloatArray:
     return bump
 
 
-def _always(room: Room, sigma_um: float) -> float:
+def certain(room: Room, sigma_um: float) -> float:
     """Return the chance of a miss where nothing but the normal rest errs."""
     start = -room.radius_um
     chance = 0.0

@@ -12,19 +12,19 @@ FloatArray = npt.NDArray[np.float64]
 
 
 def nodes_between(cuts: FloatArray, count: int) -> tuple[FloatArray, FloatArray]:
-    """Return nodes and weights between rising cuts, (..., K) to (..., (K - 1) count).
+    """Return nodes and weights between rising cuts, (..., K) to (..., (K-1) count)."""
+    nodes, weights = _gauss(count)
+    return _spread(cuts, (nodes + 1) / 2, weights / 2)
 
-    Gauss nodes in the angle of a half circle over each piece, which makes square
-    roots at its ends analytic.
+
+def nodes_between_roots(cuts: FloatArray, count: int) -> tuple[FloatArray, FloatArray]:
+    """Return the same for integrands with square roots at the cuts.
+
+    Gauss nodes in the angle of a half circle over each piece make them analytic.
     """
     nodes, weights = _gauss(count)
     turn = math.pi / 2 * (nodes + 1)
-    half = (np.diff(cuts) / 2)[..., None]
-    # 1 - cos keeps the digits of nodes close to the lower end
-    node = cuts[..., :-1, None] + half * (2 * np.sin(turn / 2) ** 2)
-    weight = half * (math.pi / 2 * weights * np.sin(turn))
-    shape = (*cuts.shape[:-1], (cuts.shape[-1] - 1) * count)
-    return node.reshape(shape), weight.reshape(shape)
+    return _spread(cuts, np.sin(turn / 2) ** 2, math.pi / 4 * weights * np.sin(turn))
 
 
 def cuts_between(low: float, cuts: FloatArray, high: float) -> FloatArray:
@@ -37,3 +37,13 @@ def _gauss(count: int) -> tuple[FloatArray, FloatArray]:
     """Return Gauss-Legendre nodes and weights in -1..1, (count,) each."""
     nodes, weights = np.polynomial.legendre.leggauss(count)
     return nodes, weights
+
+
+def _spread(
+    cuts: FloatArray, share: FloatArray, weight: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return nodes at `share` of each piece, and `weight` times its length."""
+    length = np.diff(cuts)[..., None]
+    shape = (*cuts.shape[:-1], (cuts.shape[-1] - 1) * len(share))
+    node = (cuts[..., :-1, None] + length * share).reshape(shape)
+    return node, (length * weight).reshape(shape)

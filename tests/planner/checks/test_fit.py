@@ -7,7 +7,7 @@ import math
 import mpmath  # type: ignore[import-untyped]  # has no stubs
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from planner.checks.fit import (
@@ -169,6 +169,10 @@ lengths = st.floats(0.0, 20.0)
 
 
 @settings(max_examples=40, deadline=None)
+@example(
+    capture_um=0.0, tolerance_um=0.5, sigma_um=0.0, bias_um=5e-324, move_um=1.0,
+    within_um=0.125,
+)  # fmt: skip
 @given(
     capture_um=st.floats(-1, 20), tolerance_um=st.floats(0, 0.5), sigma_um=lengths,
     bias_um=lengths, move_um=lengths, within_um=lengths,
