@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -32,6 +33,7 @@ FloatArray = npt.NDArray[np.float64]
 # Samples by which a tile must shrink before a correction is worth its time: measured
 # with one thread, a correction takes as long as the transforms of so many.
 _WORTH = 50_000
+_TABLES = 8  # an octave of cuts
 
 
 @dataclass(slots=True)
@@ -144,7 +146,19 @@ class Part:
         """Return the transfer of a view and the highest frequency of its image."""
         setting, z_um = view.setting, self._defocus_um(view)
         cut = band_cut(self.model, setting, z_um, self.sampling.band_error)
-        return tabulate(self.model, setting, z_um, cut), cut * setting.cutoff_per_um
+        # a table depends on no pixel, and one for a little more than the cut serves
+        # the zooms nearby too
+        eyeless = replace(
+            setting,
+            magnification=1.0,
+            pitch_um=1.0,
+            width_px=1,
+            height_px=1,
+            fill_factor=1.0,
+        )
+        steps = math.ceil(_TABLES * math.log2(cut))
+        table = tabulate(self.model, eyeless, z_um, 2.0 ** (steps / _TABLES))
+        return table, cut * setting.cutoff_per_um
 
     def _defocus_um(self, view: View) -> float:
         return abs(self.layer.z_um - view.focus_um)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from optics.clip import to_edges
-from optics.laying import lay, light_up
+from optics.laying import Patch, lay, light_up
 from optics.microscope import Microscope
 from optics.models import find_model
 from optics.parts import Part, make_part
@@ -42,6 +42,7 @@ class Prepared:
         shift_um: tuple[float, float] = (0.0, 0.0),
         zoom: float = 1.0,
         light: Illumination = _PLAIN,
+        also: Sequence[Patch] = (),
     ) -> FloatArray:
         """Return one noise-free image.
 
@@ -56,6 +57,8 @@ class Prepared:
             times as long, as no fast transform fits their pixels.
         light : Illumination
             Gain and gradient of the light.
+        also : sequence of Patch
+            More layers, by `patches` of another scene at the same focus and zoom.
 
         Returns
         -------
@@ -67,23 +70,46 @@ class Prepared:
         ValueError
             If the image lies beyond the prepared range.
         """
+        view = self._view(focus_um, shift_um, zoom)
+        image = np.empty((self.window.rows, self.window.columns))
+        self.draw(image, view, also)
+        light_up(image, self.microscope, self.window, light)
+        return image
+
+    def patches(
+        self,
+        *,
+        focus_um: float,
+        shift_um: tuple[float, float] = (0.0, 0.0),
+        zoom: float = 1.0,
+    ) -> tuple[Patch, ...]:
+        """Return the layers blurred, for images that share them; as in `image`."""
+        view = self._view(focus_um, shift_um, zoom)
+        found = (part.patch(self.window, view) for part in self.parts)
+        return tuple(
+            replace(patch, coverage=patch.coverage.copy())
+            for patch in found
+            if patch is not None
+        )
+
+    def draw(self, image: FloatArray, view: View, also: Sequence[Patch] = ()) -> None:
+        """Write the unlit image of a view into (rows, columns), in place."""
+        found = (part.patch(self.window, view) for part in self.parts)
+        fresh = [patch for patch in found if patch is not None]
+        lay(image, [*also, *fresh], self.scene.background)
+
+    def _view(
+        self, focus_um: float, shift_um: tuple[float, float], zoom: float
+    ) -> View:
+        """Return a view; ValueError beyond the prepared range."""
         if not self.reach.holds(focus_um, shift_um, zoom):
             raise ValueError(
                 f"prepared for {self.reach}, got focus_um {focus_um}, "
                 f"shift_um {shift_um}, zoom {zoom}"
             )
-        image = np.empty((self.window.rows, self.window.columns))
-        view = View(
+        return View(
             microscope=self.microscope, focus_um=focus_um, shift_um=shift_um, zoom=zoom
         )
-        self.draw(image, view)
-        light_up(image, self.microscope, self.window, light)
-        return image
-
-    def draw(self, image: FloatArray, view: View) -> None:
-        """Write the unlit image of a view into (rows, columns), in place."""
-        found = (part.patch(self.window, view) for part in self.parts)
-        lay(image, [p for p in found if p is not None], self.scene.background)
 
     def turned(
         self, theta_rad: float, *, names: Collection[str] | None = None

@@ -1,0 +1,71 @@
+"""Images of a look as its focus or zoom drifts away from nominal."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from featuresel.case import LookCase, moved_layers
+from featuresel.perturb import Trial, image, still
+from featuresel.routines import FloatArray
+from optics.prepared import Prepared, prepare
+from optics.scene import Layer, Scene
+from optics.sensor import expose, to_unit
+from optics.views import Range
+
+Pictures = Callable[[Sequence[Trial]], Iterator[FloatArray]]
+
+
+def one_by_one(case: LookCase, trials: Sequence[Trial]) -> Iterator[FloatArray]:
+    """Yield the images of trials of one focus and zoom, each rendered anew."""
+    backdrop = still(case, trials[0])
+    for trial in trials:
+        yield image(case, trial, backdrop)
+
+
+def through_focus(case: LookCase, farthest: Sequence[Trial]) -> Pictures:
+    """Return a maker of images between the nominal focus and that of some trials.
+
+    Parameters
+    ----------
+    case : LookCase
+        A look whose still layers look the same wherever the target is.
+    farthest : sequence of Trial
+        Trials of one focus, with nominal zoom and light.
+
+    Returns
+    -------
+    callable of sequence of Trial
+        Yields the images of trials that differ from those given in focus and noise
+        alone, as `featuresel.perturb.image` within the errors of `optics.sampling`.
+        Spectra are computed once, in single precision.
+    """
+    end_um = case.focus_um + farthest[0].dz_um
+    reach = Range(focus_um=(min(case.focus_um, end_um), max(case.focus_um, end_um)))
+
+    def ready(layers: tuple[Layer, ...]) -> Prepared:
+        return prepare(
+            Scene(layers=layers, background=case.background),
+            case.microscope,
+            reach,
+            model=farthest[0].model,
+            window=case.window,
+            sampling=replace(case.sampling, single=True),
+        )
+
+    backdrop = ready(case.static)
+    scenes = [
+        ready(moved_layers(case, t.dx_um, t.dy_um, t.dtheta_rad)) for t in farthest
+    ]
+
+    def pictures(trials: Sequence[Trial]) -> Iterator[FloatArray]:
+        focus_um = case.focus_um + trials[0].dz_um
+        also = backdrop.patches(focus_um=focus_um)
+        for scene, trial in zip(scenes, trials, strict=True):
+            bright = scene.image(focus_um=focus_um, light=case.light, also=also)
+            rng = np.random.default_rng(np.random.SeedSequence(trial.seed))
+            yield to_unit(expose(bright, case.sensor, rng), case.sensor.bits)
+
+    return pictures

@@ -1,0 +1,68 @@
+"""Images through focus from shared spectra against images rendered anew."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from featuresel.case import LookCase
+from featuresel.drift import one_by_one, through_focus
+from featuresel.perturb import Trial, design, image
+from optics.sampling import FAR_ERROR, Sampling
+from optics.sensor import Sensor
+
+Look = Callable[[str], LookCase]
+
+# All of the band, and a margin to which the blur of 40 um adds no more than 1e-5.
+FINE = Sampling(band_error=1e-12, margin=300.0)
+
+
+def _trials(case: LookCase, dz_um: float) -> list[Trial]:
+    """Return trials at two places, in nominal light and zoom."""
+    return [
+        replace(
+            trial,
+            dz_um=dz_um,
+            magnification=1.0,
+            gain=1.0,
+            gradient_x=0.0,
+            gradient_y=0.0,
+            model=case.model,
+        )
+        for trial in design(case, 2, 5)
+    ]
+
+
+@pytest.mark.parametrize("name", ["find_gear", "between", "post"])
+def test_images_through_focus_are_those_rendered_anew(look: Look, name: str) -> None:
+    # so many electrons that noise is below a count
+    quiet = Sensor(full_well_e=1e13, read_noise_e=0.0, bits=16)
+    case = replace(look(name), sensor=quiet, sampling=FINE)
+    pictures = through_focus(case, _trials(case, -40.0))
+    for dz_um in (-1.0, -16.0, -40.0):
+        trials = _trials(case, dz_um)
+        for trial, found in zip(trials, pictures(trials), strict=True):
+            # tiles are corrected apart, margins differ by the blur of the range, and
+            # both images are rounded to whole counts
+            atol = 2 * FAR_ERROR + 1e-5 + 2 / quiet.top_count
+            np.testing.assert_allclose(found, image(case, trial), rtol=0, atol=atol)
+
+
+def test_images_one_by_one_are_those_of_the_trials(look: Look) -> None:
+    case = look("between")
+    trials = design(case, 1, 5) * 2
+    for found in one_by_one(case, trials):
+        np.testing.assert_array_equal(found, image(case, trials[0]))
+
+
+def test_noise_is_that_of_the_trial(look: Look) -> None:
+    case = look("post")
+    trials = _trials(case, 8.0)
+    pictures = through_focus(case, trials)
+    first, again = list(pictures(trials)), list(pictures(trials))
+    np.testing.assert_array_equal(first, again)
+    other = [replace(trial, seed=(*trial.seed, 1)) for trial in trials]
+    assert not np.array_equal(first[0], next(pictures(other)))
