@@ -7,6 +7,7 @@ on the segments and arcs are all that is needed of it: no pixels, no polygons.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -130,7 +131,7 @@ def spectrum(
     if abs(share) < 1e-12 or abs(share - 1) < 1e-12:  # nothing, or all of the tile
         return Spectrum(tile=tile, values=np.full((1, 1), round(share) + 0j))
     J, K = band_orders(tile, cut_per_um)
-    values = np.zeros((2 * K + 1, J + 1), dtype=np.complex128)
+    values = np.empty((2 * K + 1, J + 1), dtype=np.complex128)
     _fill(values, boundary_nodes(edges, cut_per_um), tile)
     values[0, 0] = share
     return Spectrum(tile=tile, values=values)
@@ -243,6 +244,14 @@ def _panels(
     return np.concatenate(found), np.concatenate(places), np.concatenate(weights)
 
 
+def _runs(rows: npt.NDArray[np.intp], count: int) -> Iterator[tuple[int, int]]:
+    """Yield first and end of the runs of rows 0..count - 1 that are named."""
+    named = np.zeros(count + 2, dtype=np.int8)
+    named[rows.ravel() + 1] = 1
+    ends = np.flatnonzero(np.diff(named))
+    yield from zip(ends[::2].tolist(), ends[1::2].tolist(), strict=True)
+
+
 def _fill(values: ComplexArray, nodes: Nodes, tile: Tile) -> None:
     """Write all coefficients but the mean into `values` (2 K + 1, J + 1)."""
     x, y, dx, dy = nodes
@@ -256,13 +265,17 @@ def _fill(values: ComplexArray, nodes: Nodes, tile: Tile) -> None:
     k = np.r_[0 : K + 1, -K:0]
     level = kernel_transform(k, gy)
     if J > 0:
-        grid = deposit(at_x, share_x, at_y, share_y, dy / tile.height_um, (gy, gx))
-        half = fft.rfft(grid, axis=1)[:, 1 : J + 1]
         j = np.arange(1, J + 1)
-        lines = fft.fft(half, axis=0)
-        values[: K + 1, 1:], values[K + 1 :, 1:] = lines[: K + 1], lines[gy - K :]
-        values[:, 1:] *= 1j / (2 * np.pi * j * kernel_transform(j, gx))
-        values[:, 1:] *= 1 / level[:, None]
+        slope = 1j / (2 * np.pi * j * kernel_transform(j, gx))
+        grid = deposit(at_x, share_x, at_y, share_y, dy / tile.height_um, (gy, gx))
+        half = np.zeros((gy, J), dtype=np.complex128)
+        for first, end in _runs(at_y, gy):  # rows that edges touch
+            along = fft.rfft(grid[first:end], axis=1)
+            np.multiply(along[:, 1 : J + 1], slope, out=half[first:end])
+        lines = fft.fft(half, axis=0, overwrite_x=True)
+        inverse = 1 / level[:, None]
+        np.multiply(lines[: K + 1], inverse[: K + 1], out=values[: K + 1, 1:])
+        np.multiply(lines[gy - K :], inverse[K + 1 :], out=values[K + 1 :, 1:])
     if K > 0:  # along u = 0 the field must point along y
         line = np.bincount(
             at_y.ravel(),
