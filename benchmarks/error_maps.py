@@ -138,9 +138,14 @@ def bound_shares(count: int) -> FloatArray:
         alone = bounds(waves, steepness)
         averaged = pixel_bounds(waves, steepness, np.array([pixel]))
         for share, law in zip(place, LAWS, strict=True):
-            share[0] = min(alone[law], 1.0) / law_error(law, optics, z_um)
-            share[1] = min(averaged[law][0], 1.0) / law_error(law, coarse, z_um)
+            share[0] = _share(alone[law], law_error(law, optics, z_um))
+            share[1] = _share(averaged[law][0], law_error(law, coarse, z_um))
     return shares
+
+
+def _share(integral: float, predicted: float) -> float:
+    """Return integral over prediction; 0 where the prediction promises nothing."""
+    return integral / predicted if predicted < 1 else 0.0
 
 
 def _edges(
