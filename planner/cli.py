@@ -51,6 +51,9 @@ def _parser() -> argparse.ArgumentParser:
     _add_check(commands.add_parser("check", help="read, resolve and check a task"))
     _add_compile(commands.add_parser("compile", help="compile a task into a plan"))
     _add_render(commands.add_parser("render", help="render what a step will see"))
+    _add_tradeoff(
+        commands.add_parser("tradeoff", help="measure speed against accuracy")
+    )
     return parser
 
 
@@ -88,6 +91,19 @@ def _add_render(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--trial", type=int, help="rebuild this trial of the benchmark")
     parser.add_argument("-o", "--out", type=Path, required=True, help=".png or .npy")
     parser.set_defaults(run=_render)
+
+
+def _add_tradeoff(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `microplan tradeoff`."""
+    parser.add_argument("task", help="task.yaml")
+    parser.add_argument("--step", help="id of the step; default: all that look")
+    parser.add_argument(
+        "--max-image-error", type=share, help="what may be chosen; default: the task's"
+    )
+    parser.add_argument(
+        "-o", "--out", type=Path, help="folder; default: <name>.tradeoff beside it"
+    )
+    parser.set_defaults(run=_tradeoff)
 
 
 def _check(call: argparse.Namespace) -> int:
@@ -161,6 +177,40 @@ def _render(call: argparse.Namespace) -> int:
         print(f"error[{error.code}]: {error}", file=sys.stderr)
         return BAD_INPUT
     return _tell(report, said)
+
+
+def _tradeoff(call: argparse.Namespace) -> int:
+    """Measure time and error of every way to compute a task's images."""
+    from planner.inputs.read_task import load_task
+    from planner.outputs.emit import OutputError
+    from planner.preview import RenderError
+    from planner.tradeoff import TradeoffCall, write_tradeoff
+
+    report = Report()
+    task = load_task(call.task, report)
+    if task is None:
+        return _tell(report, "")
+    try:
+        found = write_tradeoff(
+            task,
+            TradeoffCall(
+                step=call.step,
+                max_image_error=call.max_image_error,
+                out=call.out or Path(call.task).parent / f"{task.name}.tradeoff",
+            ),
+            report,
+            _progress,
+        )
+    except (OutputError, RenderError) as error:
+        print(f"error[{error.code}]: {error}", file=sys.stderr)
+        return BAD_INPUT
+    return _tell(report, found)
+
+
+def _progress(step: str) -> None:
+    """Say what is being worked on, on a terminal only."""
+    if sys.stderr.isatty():
+        print(f"measuring {step} ...", file=sys.stderr)
 
 
 def _tell(report: Report, result: str) -> int:

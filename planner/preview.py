@@ -13,6 +13,7 @@ import numpy.typing as npt
 from featuresel.case import LookCase
 from featuresel.perturb import design, image
 from optics.fidelity import LADDER, choose
+from optics.lensing import lens_scene
 from optics.microscope import Microscope
 from optics.models import MODELS
 from optics.render import render
@@ -22,6 +23,7 @@ from optics.sensor import Sensor, expose, to_unit
 from planner.cases import build_case
 from planner.diagnostics import Report
 from planner.inputs.task import Task
+from planner.lens import known_errors
 from planner.model.assembly import State, locate_place
 from planner.model.requests import Request, requests
 from planner.model.scenes import relevant, world_scene
@@ -114,7 +116,12 @@ def _frame(
     full = Window(row=0, column=0, rows=scope.height_px, columns=scope.width_px)
     scene = world_scene(task, state)
     seen = relevant(scene.layers, scope, focus_um, full)
-    visible = Scene(layers=seen, background=scene.background)
+    visible = lens_scene(
+        Scene(layers=seen, background=scene.background),
+        scope,
+        known_errors(task.workcell),
+        focus_um,
+    )
     model, sampling = _fidelity(visible, scope, focus_um, call)
     shown = render(
         visible,

@@ -1,0 +1,185 @@
+"""What `microplan tradeoff` finds: its records, and how they are written down."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Iterable
+from dataclasses import dataclass, fields
+
+from schemas.codec import to_data
+
+_NOT_OF_A_ROW = ("ways", "focus_heights_um", "layers_in_view")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Measured:
+    """One way of computing a look's image: what it takes and what it errs.
+
+    Errors are of unit contrast, over all pixels of the region. The law's errors are
+    against the exact law with the layers treated alike, the largest of all focus
+    heights, and None where layers hide one another ray by ray; the others are against
+    traced layers at the nominal focus.
+    """
+
+    model: str  # defocus law
+    layers: str  # "blend" or "occluded"
+    band_error: float  # what cutting the band may cost, of unit contrast
+    margin: float  # around all that spreads light, in wavelengths / A
+    float_bits: int  # of the transforms, 64 or 32
+    rays_per_cell: int  # of occluded layers, else 0
+    time_ms: float  # CPU time of one image, the least of several
+    law_max_error: float | None
+    law_rms_error: float | None
+    max_error: float
+    rms_error: float
+    is_choice: bool  # what the compiler takes
+    on_law_front: bool  # no other is both faster and nearer the exact law
+    on_front: bool  # no other is both faster and nearer the traced layers
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StepTradeoff:
+    """All ways of computing the first look of a step."""
+
+    step: str
+    look: str
+    target: str
+    magnification: float
+    focus_um: float  # world height of the plane in focus
+    focus_heights_um: tuple[float, ...]  # that the law is measured at
+    row: int  # of the region in the frame
+    column: int
+    rows: int
+    columns: int
+    um_per_px: float
+    layers_in_view: tuple[str, ...]
+    limit: float  # image error that the compiler may make, of unit contrast
+    predicted_error: float  # of its choice: law, band, margin and tables
+    predicted_layer_error: float  # of its choice: hidden layers, and their diffraction
+    law_oracle: str  # what the law's errors are measured against
+    law_oracle_error: float  # its own, a bound
+    oracle: str  # what all errors together are measured against
+    oracle_error: float  # its own: how far coarser cells and fewer rays are off
+    floor_ms: float  # CPU time of one real transform of the region, there and back
+    ways: tuple[Measured, ...]
+
+    @property
+    def choice(self) -> Measured:
+        """Return what the compiler takes."""
+        return next(way for way in self.ways if way.is_choice)
+
+    @property
+    def has_layers(self) -> bool:
+        """Tell whether layers of different height are in view."""
+        return any(way.layers == "occluded" for way in self.ways)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tradeoff:
+    """What is measured of a task, on which machine, with which versions."""
+
+    format_version: str
+    task: str
+    note: str
+    machine: str  # system and processor
+    microplan: str
+    python: str
+    numpy: str
+    scipy: str
+    repeats: int  # of which the least time is taken
+    steps: tuple[StepTradeoff, ...]
+
+
+def json_text(found: Tradeoff) -> str:
+    """Return the JSON, keys in the order of the records' fields."""
+    return json.dumps(to_data(found), indent=2, ensure_ascii=False) + "\n"
+
+
+def csv_text(found: Tradeoff) -> str:
+    """Return one row for every way of every step; no value where there is none."""
+    of_step = [f.name for f in fields(StepTradeoff) if f.name not in _NOT_OF_A_ROW]
+    of_way = [f.name for f in fields(Measured)]
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(of_step + of_way)
+    for step in found.steps:
+        common = [_cell(getattr(step, name)) for name in of_step]
+        for way in step.ways:
+            writer.writerow(common + [_cell(getattr(way, name)) for name in of_way])
+    return stream.getvalue()
+
+
+def table(step: StepTradeoff) -> str:
+    """Return the step's Pareto front and the compiler's choice as lines of text."""
+    layered = step.has_layers  # else fronts differ by what is in focus alone
+    shown = [
+        way
+        for way in step.ways
+        if way.is_choice or way.on_law_front or (way.on_front and layered)
+    ]
+    head = (
+        f"{step.step}: {step.target} at {step.magnification:.4g} x, focus "
+        f"{step.focus_um:g} um, {step.columns} x {step.rows} px, "
+        f"limit {step.limit:g}"
+    )
+    last = f"  > the compiler's choice: {_said(step)}"
+    ordered = sorted(shown, key=lambda way: way.time_ms)
+    return "\n".join([head, *_aligned(ordered), last])
+
+
+def _said(step: StepTradeoff) -> str:
+    """Return what the choice was predicted to err, and what it errs."""
+    choice = step.choice
+    parts = []
+    if choice.law_max_error is not None:
+        parts.append(
+            f"law and sampling predicted {step.predicted_error:.2g}, "
+            f"measured {choice.law_max_error:.2g}"
+        )
+    if step.has_layers:
+        total = step.predicted_error + step.predicted_layer_error
+        parts.append(
+            f"with layers and their diffraction predicted {total:.2g}, "
+            f"against traced rays {choice.max_error:.2g}"
+        )
+    return "; ".join(parts)
+
+
+def _aligned(ways: Iterable[Measured]) -> list[str]:
+    """Return rows of text in columns."""
+    rows = [("", "law", "layers", "band", "margin", "bits", "ms", "law err", "total")]
+    for way in ways:
+        law = "" if way.law_max_error is None else f"{way.law_max_error:.1e}"
+        rows.append(
+            (
+                ">" if way.is_choice else "",
+                way.model,
+                f"{way.rays_per_cell} rays" if way.rays_per_cell else "blend",
+                f"{way.band_error:.0e}",
+                f"{way.margin:.3g}",
+                str(way.float_bits),
+                f"{way.time_ms:.3g}",
+                law,
+                f"{way.max_error:.1e}",
+            )
+        )
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    return ["  " + _line(row, widths) for row in rows]
+
+
+def _line(row: tuple[str, ...], widths: list[int]) -> str:
+    """Return words left and numbers right in their columns."""
+    words = [text.ljust(w) for text, w in zip(row[:3], widths[:3], strict=True)]
+    numbers = [text.rjust(w) for text, w in zip(row[3:], widths[3:], strict=True)]
+    return "  ".join(words + numbers).rstrip()
+
+
+def _cell(value: object) -> object:
+    """Return a value as a cell: six digits, yes and no as 1 and 0."""
+    if isinstance(value, bool):
+        return int(value)
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    return value  # None is an empty cell
