@@ -86,6 +86,10 @@ class Part:
                 coverage += extra[0] @ extra[1]
         return Patch(layer=self.layer, rows=r, columns=c, coverage=coverage)
 
+    def under(self, model: str) -> Part:
+        """Return the part under another defocus law, with the same spectrum."""
+        return replace(self, model=model, last=_Last())
+
     def _on_grid(
         self,
         gain: Samples,

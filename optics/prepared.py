@@ -111,6 +111,19 @@ class Prepared:
             microscope=self.microscope, focus_um=focus_um, shift_um=shift_um, zoom=zoom
         )
 
+    def under(self, model: str) -> Prepared:
+        """Return the scene under another defocus law, with the same spectra.
+
+        Raises
+        ------
+        ValueError
+            If the law is unknown, or reaches beyond the band as it does not diffract.
+        """
+        if find_model(self.model).diffracts and not find_model(model).diffracts:
+            raise ValueError(f"prepared for {self.model}, the band of {model} is wider")
+        parts = tuple(part.under(model) for part in self.parts)
+        return replace(self, model=model, parts=parts)
+
     def turned(
         self, theta_rad: float, *, names: Collection[str] | None = None
     ) -> Prepared:

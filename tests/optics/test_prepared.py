@@ -153,6 +153,26 @@ def test_images_do_not_depend_on_those_before() -> None:
         np.testing.assert_array_equal(image, fresh)
 
 
+@pytest.mark.parametrize("sampling", [Sampling(), SINGLE])
+def test_laws_share_spectra(sampling: Sampling) -> None:
+    optics, scene = microscope(20.0), _two_layers()
+    reach = Range(focus_um=(0.0, 10.0))
+    ready = prepare(scene, optics, reach, sampling=sampling)
+    for model in ("stokseth", "exact", "product", "hopkins"):
+        other = ready.under(model)
+        assert all(
+            a.spectrum is b.spectrum
+            for a, b in zip(other.parts, ready.parts, strict=True)
+        )
+        fresh = prepare(scene, optics, reach, model=model, sampling=sampling)
+        for focus_um in (0.0, 10.0):
+            np.testing.assert_array_equal(
+                other.image(focus_um=focus_um), fresh.image(focus_um=focus_um)
+            )
+    with pytest.raises(ValueError, match="band of geometric"):
+        ready.under("geometric")
+
+
 def test_images_beyond_the_range_are_refused() -> None:
     reach = Range(focus_um=(0.0, 5.0), shift_um=1.0, zoom=(0.99, 1.01))
     ready = prepare(one_layer(disc(9.0)), microscope(), reach)
