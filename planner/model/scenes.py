@@ -8,7 +8,7 @@ import numpy as np
 import shapely
 
 from optics.microscope import Microscope
-from optics.outline import Outline, flatten, place
+from optics.outline import Edge, FloatArray, Outline, Segment, place
 from optics.scene import Layer, Scene, Window
 from planner.inputs.task import Task
 from planner.model.assembly import Body, Place, State, bodies
@@ -16,7 +16,9 @@ from planner.model.shapes import polygon
 from planner.model.targets import Shape, outline_of
 from schemas.plan import Shade
 
-EDGE_CHORD_UM = 0.1  # spacing of the edge points whose shade is counted, as a sagitta
+# Points along all edges whose shade is counted. A stretch of edge that is hidden is
+# counted to within one point, so its share to within 1 / 2000.
+EDGE_POINTS = 2000
 
 
 def world_scene(task: Task, state: State) -> Scene:
@@ -42,7 +44,8 @@ def shade_of(
     """Return how much of the target's edges each higher body hides or shades.
 
     A body h above a point shades it within h tan(asin(A / n)) of its outline; right
-    above it, it hides it.
+    above it, it hides it. Shares are of the edges' length; each unbroken stretch adds
+    an error of at most 1 / EDGE_POINTS.
     """
     if shape.owner in task.workcell.tools:
         return ()
@@ -53,9 +56,10 @@ def shade_of(
         height = body.z_high_um - spot.z_um
         if body.name == spot.name or height <= 0 or _is_own_face(body, shape):
             continue
-        away = shapely.distance(polygon(body.outline), points)
-        hidden = float(np.mean(away <= 0))
-        shaded = float(np.mean(away < height * slope)) - hidden
+        solid = polygon(body.outline)
+        shapely.prepare(solid)  # 2000 points ask it twice
+        hidden = float(np.mean(shapely.intersects(solid, points)))
+        shaded = float(np.mean(shapely.dwithin(solid, points, height * slope))) - hidden
         if hidden or shaded:
             found.append(
                 Shade(target=shape.name, by=body.name, hidden=hidden, shaded=shaded)
@@ -99,11 +103,37 @@ def _reaches(
     )
 
 
-def _edge_points(task: Task, shape: Shape, spot: Place) -> np.ndarray:
-    """Return points on the target's edges in the world, (N, 2) um."""
+def _edge_points(task: Task, shape: Shape, spot: Place) -> FloatArray:
+    """Return EDGE_POINTS points on the target's edges in the world, (N, 2) um.
+
+    They stand evenly along all edges, in the middle of as many equal lengths.
+    """
     rings = _target_rings(outline_of(task, shape), shape)
     posed = place(rings, spot.pose.x_um, spot.pose.y_um, spot.pose.theta_rad)
-    return np.vstack([flatten(ring, EDGE_CHORD_UM) for ring in posed.rings])
+    edges = [edge for ring in posed.rings for edge in ring.edges]
+    ends = np.cumsum([edge.length_um for edge in edges])
+    along = (np.arange(EDGE_POINTS) + 0.5) * ends[-1] / EDGE_POINTS
+    starts = np.concatenate([[0.0], ends[:-1]])
+    first = np.searchsorted(along, starts)
+    last = np.append(first[1:], EDGE_POINTS)
+    return np.vstack(
+        [
+            _points_on(edge, (along[i:j] - start) / edge.length_um)
+            for edge, start, i, j in zip(edges, starts, first, last, strict=True)
+            if j > i
+        ]
+    )
+
+
+def _points_on(edge: Edge, share: FloatArray) -> FloatArray:
+    """Return the points after `share` (0..1) of the length of an edge, (N, 2) um."""
+    if isinstance(edge, Segment):
+        start, end = np.array(edge.start), np.array(edge.end)
+        points: FloatArray = start + share[:, None] * (end - start)
+        return points
+    angle = edge.start_rad + share * edge.sweep_rad
+    unit = np.column_stack([np.cos(angle), np.sin(angle)])
+    return np.array(edge.center) + edge.radius_um * unit
 
 
 def _target_rings(outline: Outline, shape: Shape) -> Outline:

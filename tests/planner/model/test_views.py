@@ -20,7 +20,7 @@ from planner.inputs.task import Part, Task
 from planner.model.assembly import Axis4, Place, State, initial
 from planner.model.check import check_task
 from planner.model.requests import requests
-from planner.model.scenes import shade_of
+from planner.model.scenes import EDGE_POINTS, shade_of
 from planner.model.sightings import needed_shape, spot_of, views
 from planner.model.steps import unfold
 from planner.model.targets import Shape, shape_of
@@ -345,8 +345,7 @@ def test_hidden_and_shaded_arcs_have_a_closed_form(task: Task, face_um: float) -
 
     hidden, reached = beyond(face_um), beyond(face_um - HIGH_UM * SLOPE)
     shades = shade_of(changed, state, shape, where, 0.42, 1.0)
-    # points on the rim are about 7 degrees apart: one more or less on either side
-    atol = 2 / 50
+    atol = 1.001 / EDGE_POINTS  # one arc, counted to within one point
     if reached == 0:
         assert shades == ()
         return
