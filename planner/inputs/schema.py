@@ -159,7 +159,7 @@ def _findings(errors: Iterable[ValidationError]) -> Iterator[_Finding]:
                 hint = did_you_mean(key, known) or _allowed(known)
                 message = f"unknown key '{key}' in {at}"
                 yield _Finding("MP104", (*where, key), message, hint, on_key=True)
-        elif error.validator in ("required", "dependentRequired"):
+        elif error.validator == "required":
             yield from _missing(error, where, at)
         elif "propertyNames" in error.absolute_schema_path:
             yield _wrong_key(error, where, at)
@@ -170,10 +170,8 @@ def _findings(errors: Iterable[ValidationError]) -> Iterator[_Finding]:
 
 def _missing(error: ValidationError, where: Where, at: str) -> Iterator[_Finding]:
     """Yield a finding for every required key that is not there."""
-    wanted: Any = error.validator_value
     value = _value(error)
-    if error.validator == "dependentRequired":
-        wanted = [k for key in wanted if key in value for k in wanted[key]]
+    wanted: Any = error.validator_value
     for key in wanted:
         if key not in value:
             verb = value.get("do")

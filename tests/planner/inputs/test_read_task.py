@@ -151,6 +151,28 @@ def test_all_mistakes_of_all_files_are_found_at_once(folder: Path) -> None:
     ]  # fmt: skip
 
 
+@pytest.mark.parametrize(
+    ("kept", "missing"),
+    [
+        ("empty: tweezers", ["on", "within_um"]),  # parked is not seated
+        ("within_um: 2.9", ["on"]),
+        ("within_um: 2.9, height_within_um: 10, empty: tweezers", ["on"]),
+        ("on: shaft_plate.post, empty: tweezers", ["within_um"]),
+    ],
+)
+def test_a_verification_needs_a_seat(
+    folder: Path, kept: str, missing: list[str]
+) -> None:
+    """An empty tool counts only once the part was found where it should sit."""
+    whole = "on: shaft_plate.post, within_um: 2.9, height_within_um: 10"
+    edit(folder, "task.yaml", f"{whole}, empty: tweezers", kept)
+    report = Report()
+    assert load_task(folder / "task.yaml", report) is None
+    assert [(f.code, f.message) for f in report.found] == [
+        ("MP102", f"key '{key}' is missing in steps[12] (verify)") for key in missing
+    ]
+
+
 def test_a_renamed_part_is_one_finding_that_names_every_use(folder: Path) -> None:
     edit(folder, "task.yaml", "  gear:\n", "  wheel:\n")
     edit(folder, "task.yaml", "onto: shaft_plate.post", "onto: shaft_plate.pots")
