@@ -29,22 +29,28 @@ class Patch:
     rows: slice  # of the window
     columns: slice
     coverage: Samples  # 0..1 but for errors of band and margin
+    # the same of the layer times the share of light that reaches it; None: all does
+    lit: FloatArray | None = None
 
 
-def lay(image: FloatArray, patches: Sequence[Patch], background: float) -> None:
+def lay(
+    image: FloatArray, patches: Sequence[Patch], background: float | FloatArray
+) -> None:
     """Fill an image with a background and the layers over it, in place."""
     ordered = sorted(patches, key=lambda p: (p.layer.z_um, p.layer.name))
     if not ordered:
-        image.fill(background)
+        image[...] = background
     for z_um, each in itertools.groupby(ordered, key=lambda p: p.layer.z_um):
         group, first = list(each), z_um == ordered[0].layer.z_um
         if len(group) > 1 and _side_by_side(image.shape, group):
             if first:
-                image.fill(background)
+                image[...] = background
             _add(image, group)
             continue
-        if first:
+        if first and group[0].lit is None and not isinstance(background, np.ndarray):
             _start(image, group.pop(0), background)
+        elif first:
+            image[...] = background
         for patch in group:
             _cover(image, patch)
 
@@ -72,9 +78,16 @@ def _start(image: FloatArray, patch: Patch, background: float) -> None:
 def _cover(image: FloatArray, patch: Patch) -> None:
     """Lay one layer over `image`: image + a (reflectance - image)."""
     seen = image[patch.rows, patch.columns]
+    seen += _change(patch, seen)
+
+
+def _change(patch: Patch, seen: FloatArray) -> FloatArray:
+    """Return what a layer changes of what is seen behind it."""
+    if patch.lit is not None:
+        return patch.layer.reflectance * patch.lit - patch.coverage * seen
     change = patch.layer.reflectance - seen
     change *= patch.coverage
-    seen += change
+    return change
 
 
 def _side_by_side(shape: tuple[int, ...], group: Sequence[Patch]) -> bool:
@@ -90,9 +103,7 @@ def _add(image: FloatArray, group: Sequence[Patch]) -> None:
     under = image.copy()
     for patch in group:
         seen = under[patch.rows, patch.columns]
-        image[patch.rows, patch.columns] += patch.coverage * (
-            patch.layer.reflectance - seen
-        )
+        image[patch.rows, patch.columns] += _change(patch, seen)
 
 
 def _light(microscope: Microscope, frame: Window, light: Illumination) -> FloatArray:

@@ -50,10 +50,14 @@ class Scene:
 
     layers: tuple[Layer, ...]
     background: float  # reflectance of the plane below everything [1]
+    background_z_um: float | None = None  # its world height; None: never shaded
 
     def __post_init__(self) -> None:
         if not 0 <= self.background <= 1:
             raise ValueError(f"background must be in 0..1, got {self.background}")
+        z_um = self.background_z_um
+        if z_um is not None and not math.isfinite(z_um):
+            raise ValueError(f"background_z_um must be finite, got {z_um}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
