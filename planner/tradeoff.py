@@ -238,7 +238,7 @@ def _record(task: Task, steps: tuple[StepTradeoff, ...]) -> Tradeoff:
         format_version=FORMAT_VERSION,
         task=task.name,
         note=NOTE,
-        machine=f"{platform.system()} {platform.machine()} {platform.processor()}",
+        machine=f"{platform.system()} {platform.machine()}",
         microplan=version("microplan"),
         python=platform.python_version(),
         numpy=version("numpy"),

@@ -83,7 +83,7 @@ class Tradeoff:
     format_version: str
     task: str
     note: str
-    machine: str  # system and processor
+    machine: str  # system and kind of processor
     microplan: str
     python: str
     numpy: str

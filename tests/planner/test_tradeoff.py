@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 import subprocess
 import sys
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 
 import cv2
@@ -33,7 +34,7 @@ from planner.tradeoff import FOCUS_SIGMAS, strip_of
 from planner.ways import Sight, front, law_truth, layer_truth, measure
 from schemas.codec import from_data
 from tests.optics.shapes import disc, microscope, one_layer, rectangle
-from tests.planner.examples import EXAMPLE, copy_example, one_look, read
+from tests.planner.examples import EXAMPLE, ROOT, copy_example, one_look, read
 
 TASK = str(EXAMPLE / "task.yaml")
 FRAME = Window(row=6, column=8, rows=20, columns=24)
@@ -123,6 +124,15 @@ def test_the_table_holds_every_way_of_the_record(
         assert float(row["max_error"]) == pytest.approx(way.max_error, rel=1e-5)
         assert row["law_max_error"] == "" or way.law_max_error is not None
         assert int(row["is_choice"]) == way.is_choice
+
+
+def test_the_page_documents_every_field() -> None:
+    page = (ROOT / "docs" / "tradeoff.md").read_text(encoding="utf-8")
+    documented = set(re.findall(r"`(\w+)`", page.partition("## Fields")[2]))
+    for kind in (Tradeoff, StepTradeoff, Measured):
+        assert {field.name for field in fields(kind)} <= documented
+    for name in re.findall(r"\((images/[^)]+)\)", page):
+        assert decoded((ROOT / "docs" / name).read_bytes()).std() > 20
 
 
 def test_every_law_meets_every_sampling_and_treatment(step: StepTradeoff) -> None:
