@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
 
@@ -16,14 +17,16 @@ from featuresel.case import LookCase
 from featuresel.perturb import Trial, image
 from optics.models import MODELS
 from optics.sampling import BAND_ERROR
+from planner.cases import build_case
 from planner.cli import LAWS, main
 from planner.diagnostics import Report
-from planner.looks import Effects, compile_look
+from planner.looks import Effects, _reference_image, compile_look
 from planner.model.requests import requests
+from planner.model.sightings import views
 from planner.model.steps import unfold
 from planner.presets import PRESETS
 from schemas.plan import parse_plan
-from tests.planner.examples import EXAMPLE, copy_example, one_look, read
+from tests.planner.examples import EXAMPLE, change, copy_example, one_look, read
 
 TASK = str(EXAMPLE / "task.yaml")
 A = TypeVar("A")
@@ -97,6 +100,27 @@ def test_the_picture_of_a_step_is_the_plans_reference_image(
         # laws differ by less than the plan's image error, a picture rounds by half
         away = np.abs(pixels(out).astype(int) - stored.astype(int)).max()
         assert away <= 1 + math.ceil(255 * plan.provenance.max_image_error)
+
+
+def test_the_lens_is_in_the_picture_as_in_the_plans(tmp_path: Path) -> None:
+    file, found = copy_example(tmp_path / "task"), []
+    one_look(file)
+    change(
+        file, "view_um: [0, 0]}", "view_um: [250, 150]}"
+    )  # nothing moves in the middle
+    for distortion in ("0.0", "0.02"):
+        change(file.with_name("workcell.yaml"), "distortion: 0.0 ",
+               f"distortion: {distortion} ")  # fmt: skip
+        task, report = read(file), Report()
+        (look,) = requests(task, unfold(task, report), 0, None)
+        view = views(task, look, task.workcell.optics.magnification[0], report)[0]
+        case, _ = build_case(task, look, view, task.optimise.max_image_error)
+        case = replace(case, model="exact")
+        out = tmp_path / "look.png"
+        assert render(out, "--step", "see_post", task=str(file)) == 0
+        assert np.array_equal(pixels(out), _reference_image(task, look, case))
+        found.append(pixels(out))
+    assert np.abs(found[0].astype(int) - found[1]).max() > 10
 
 
 def test_a_picture_keeps_the_image_error_that_is_asked_for(tmp_path: Path) -> None:
