@@ -33,9 +33,12 @@ _MOST = 0.105  # where one of the two is near focus: half of the pupil is cut of
 _FALL = 0.137  # over the root of the smaller of the two heights
 _CLOSE = 0.168  # times the root of the distance between the layers
 _APART = 1.1  # per root of 1 + that distance
-_CROWDED = 0.4  # power of the length of edges of both, where several are near
-# Rays and cells of `occluded` with the usual settings (`benchmarks.layers`).
-_TRACED = 0.005
+# Where several edges are near: power of their lengths, each counted up to 4, the most
+# that two bars have (`benchmarks.layers`).
+_CROWDED, _CROWD = 0.4, 4.0
+# Rays and cells of `occluded` with the usual settings (`benchmarks.layers`), and what
+# a cell costs that two sharp edges share (tested).
+_TRACED, _SHARED = 0.008, 0.025
 _FIRST, _FINAL = 128, 1024  # rays a point: for all of them, and for the worst ones
 _WORST = 120  # points that are looked at again
 
@@ -218,7 +221,10 @@ def diffraction_error(
             most = min(most, _FALL / math.sqrt(nearer))
         beyond = points.away_um[i] + points.away_um[j] - low.blur_um - high.blur_um
         beyond = np.maximum(beyond, 0) / airy / math.sqrt(1 + apart)
-        crowded = np.maximum(points.crowding[[i, j]], 1).prod(axis=0) ** _CROWDED
-        each = most * crowded + _TRACED * traced
+        crowd = np.clip(points.crowding[[i, j]], 1, _CROWD)
+        each = most * crowd.prod(axis=0) ** _CROWDED
+        if traced:
+            sharp = low.blur_um + high.blur_um < airy
+            each += _TRACED + _SHARED * sharp
         total += low.step * each / (1 + _APART * beyond)
     return total

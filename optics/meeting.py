@@ -25,7 +25,7 @@ _TAIL = 20.0
 _SPACING = 0.5  # of nodes along edges, in wavelengths / A
 _NODES = 20_000  # of a face; beyond, the spacing grows
 _NEAR = 3.0  # wavelengths / A beyond both blurs: edges that meet
-_TAKEN = 300  # nodes a pair of faces
+_TAKEN = 160  # nodes a face, for each other face
 _AROUND = 4  # points a node
 _GOLDEN_RAD = math.pi * (3 - math.sqrt(5))
 
@@ -84,8 +84,8 @@ def meeting_points(
 ) -> Points:
     """Return points where edges of two faces come nearest, inside a window.
 
-    They lie around edges of the sharper of two faces: what the two share changes fast
-    across that edge only. Points outside are moved onto the window's border.
+    They lie around edges of either, as far as the sharper of the two is blurred; points
+    outside are moved onto the window's border.
     """
     airy = microscope.wavelength_um / microscope.aperture
     seen = seen_um(microscope, window)
@@ -94,14 +94,16 @@ def meeting_points(
     for i, j in itertools.combinations(range(len(found)), 2):
         if found[i].step == 0:  # what is hidden looks like what is behind it
             continue
-        sharp, other = sorted((i, j), key=lambda k: abs(found[k].z_um))
-        nodes = found[sharp].nodes_um
-        beyond = np.abs(nodes - np.clip(nodes, seen[:2], seen[2:])).max(axis=1)
-        away = trees[other].query(nodes)[0] + beyond
-        near = found[sharp].blur_um + found[other].blur_um + _NEAR * airy
-        taken = _spread(away, max(near, float(away.min()) + airy))
-        around = _around(nodes[taken], found[sharp].blur_um + airy)
-        parts.append(np.clip(around, seen[:2], seen[2:]))
+        pair = (found[i], trees[i]), (found[j], trees[j])
+        reach = sum(face.blur_um for face, _ in pair) + _NEAR * airy
+        radius = min(face.blur_um for face, _ in pair) + airy
+        for (face, _), (_, tree) in (pair, pair[::-1]):
+            nodes = face.nodes_um
+            beyond = np.abs(nodes - np.clip(nodes, seen[:2], seen[2:])).max(axis=1)
+            away = tree.query(nodes)[0] + beyond
+            taken = _spread(away, max(reach, float(away.min()) + airy))
+            around = _around(nodes[taken], radius)
+            parts.append(np.clip(around, seen[:2], seen[2:]))
     at = np.concatenate(parts)
     distance, crowding = np.zeros((2, len(found), len(at)))
     for k, (face, tree) in enumerate(zip(found, trees, strict=True)):
@@ -145,7 +147,10 @@ def _around(nodes: FloatArray, radius: float) -> FloatArray:
 
 def _inside(points: FloatArray, box: Box) -> FloatArray:
     x, y = points.T
-    return points[(x >= box[0]) & (x <= box[2]) & (y >= box[1]) & (y <= box[3])]
+    inside: FloatArray = points[
+        (x >= box[0]) & (x <= box[2]) & (y >= box[1]) & (y <= box[3])
+    ]
+    return inside
 
 
 def _nodes(parts: Sequence[Edges], box: Box, airy: float) -> tuple[FloatArray, float]:

@@ -185,9 +185,8 @@ def oracle_image(
     Returns
     -------
     (rows, columns) float64 array
-        Share of full scale. Layers blurred by the law come from `Oracle`; rays of two
-        runs with 4 times the samples differ by 4e-4, cells of half the side by 1e-3
-        (`benchmarks.layers`). What tracing rays itself costs: `optics.hiding`.
+        Share of full scale. Layers blurred by the law come from `Oracle`. What rays
+        and cells cost: `benchmarks.layers`; what rays lack: `optics.layer_error`.
     """
     frame = window or _full(microscope)
 

@@ -65,8 +65,7 @@ class Probed:
         """Return coverage between two columns."""
         covers = self.covers.ravel()
         one, other = covers[self._at(row, column)], covers[self._at(row, column + 1)]
-        mixed: FloatArray = one + right * (other - one)
-        return mixed
+        return np.asarray(one + right * (other - one), dtype=np.float64)
 
     def _at(self, row: IntArray, column: IntArray) -> IntArray:
         """Return flat places of cells; the border goes on outside."""

@@ -130,8 +130,8 @@ def _in_pixel(
     return x, ((optics.height_px - 1) / 2 - row + at[1] - 0.5) * p
 
 
-# Largest error of blending and of tracing against waves, measured by
-# `benchmarks.layers` on these pairs and rounded up; depths in n wavelength / A**2 and
+# Largest error of blending and of tracing against waves, as measured on these pairs
+# and rounded up (`benchmarks.layers` has many more); depths in n wavelength / A**2 and
 # gaps in wavelength / A. In focus and touching, blending errs by 1 / 4.
 WAVES = (
     ((0.0, -1e-6, 0.0), 0.25, 0.01),

@@ -45,6 +45,22 @@ def behind_a_mask(
     -------
     (N,) float64 array
         1 for a uniform back without a mask.
+    """
+    sending = np.flatnonzero(back)
+    image: FloatArray = back[sending] @ points(x, sending, mask, front_z, back_z)
+    return image
+
+
+def points(
+    x: FloatArray,
+    sending: npt.NDArray[np.intp],
+    mask: FloatArray,
+    front_z: float,
+    back_z: float,
+) -> FloatArray:
+    """Return the images (S, N) of points of the back plane, by their index in `x`.
+
+    Waves are in single precision; see `behind_a_mask` for the rest.
 
     References
     ----------
@@ -52,19 +68,18 @@ def behind_a_mask(
     """
     f = fft.fftfreq(x.size, x[1] - x[0])  # cycles per wavelength / A; the rim is at 1
     nodes, weights = np.polynomial.legendre.leggauss(2 * _SLICES)
-    carry = np.exp(-1j * np.pi * (front_z - back_z) * f**2)
-    sending = np.flatnonzero(back)
-    image, whole = np.zeros(x.size), 0.0
+    one = fft.ifft(np.exp(-1j * np.pi * (front_z - back_z) * f**2))  # from x[0]
+    waves = np.array([np.roll(one, s) for s in sending], dtype=np.complex64)
+    waves = fft.fft(waves * mask.astype(np.float32), axis=1)
+    image, whole = np.zeros((sending.size, x.size)), 0.0
     for q, weight in zip(nodes[_SLICES:], weights[_SLICES:], strict=True):
         # a slice of the pupil; its ends count by the share of the frequency's cell
         passed = np.clip((np.sqrt(1 - q**2) - np.abs(f)) / f[1] + 0.5, 0, 1)
         pupil = np.sqrt(passed) * np.exp(1j * np.pi * front_z * f**2)
+        pupil = pupil.astype(np.complex64)
         whole += weight * float(passed.sum()) / x.size
         for start in range(0, sending.size, _BATCH):
-            points = sending[start : start + _BATCH]
-            waves = carry * np.exp(-2j * np.pi * f * (x[points, None] - x[0]))
-            field = fft.fft(fft.ifft(waves, axis=1) * mask, axis=1)
-            seen = fft.ifft(field * pupil, axis=1)
-            image += weight * (back[points] @ np.abs(seen) ** 2)
+            part = slice(start, start + _BATCH)
+            image[part] += weight * np.abs(fft.ifft(waves[part] * pupil, axis=1)) ** 2
     found: FloatArray = image / whole
     return found
