@@ -35,15 +35,8 @@ from planner.outputs.tradeoff import (
     table,
 )
 from planner.preview import RenderError
-from planner.ways import (
-    MARGINS,
-    REPEATS,
-    Sight,
-    floor_ms,
-    law_truth,
-    layer_truth,
-    measure,
-)
+from planner.truths import Sight, law_truth, layer_truth
+from planner.ways import MARGINS, REPEATS, floor_ms, measure
 
 FORMAT_VERSION = "1.0"
 FOCUS_SIGMAS = 2.0  # as far from the nominal focus as the compiler's choice must hold

@@ -22,7 +22,7 @@ from optics.fidelity import choose
 from optics.models import MODELS
 from optics.oracle import oracle_image
 from optics.scene import Layer, Scene, Window
-from planner import cases, ways
+from planner import cases, truths, ways
 from planner.cli import main
 from planner.diagnostics import Report
 from planner.model.requests import requests
@@ -31,7 +31,8 @@ from planner.model.steps import unfold
 from planner.outputs.plots import Strip, round_down, strip_png
 from planner.outputs.tradeoff import Measured, StepTradeoff, Tradeoff
 from planner.tradeoff import FOCUS_SIGMAS, strip_of
-from planner.ways import Sight, front, law_truth, layer_truth, measure
+from planner.truths import Sight, law_truth, layer_truth
+from planner.ways import front, measure
 from schemas.codec import from_data
 from tests.optics.shapes import disc, microscope, one_layer, rectangle
 from tests.planner.examples import EXAMPLE, ROOT, copy_example, one_look, read
@@ -235,6 +236,7 @@ def test_a_front_betters_all_others(points: list[tuple[int, int | None]]) -> Non
 
 def test_the_same_look_gives_the_same_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ways, "BANDS", (5e-4,))  # a few of all are enough
+    monkeypatch.setattr(ways, "RAYS", (16,))
     sight = sight_of(two_discs(), 0.0, -6.0)
     found = [numbers(sight), numbers(sight)]
     assert found[0] == found[1]
@@ -258,7 +260,7 @@ def test_both_oracles_of_the_law_agree_within_their_errors(
 ) -> None:
     sight = sight_of(one_layer(rectangle(-12.0, -8.0, 9.0, 11.0)), 0.0, -8.0, 25.0)
     closed = law_truth(sight, 40.0)
-    monkeypatch.setattr(ways, "_SLOWEST", 0.0)
+    monkeypatch.setattr(truths, "_SLOWEST", 0.0)
     banded = law_truth(sight, 40.0)
     assert closed.name != banded.name
     assert closed.images.shape == banded.images.shape == (3, 20, 24)
