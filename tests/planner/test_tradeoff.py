@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
+import io
 import json
 import re
 import subprocess
@@ -38,6 +40,7 @@ from tests.optics.shapes import disc, microscope, one_layer, rectangle
 from tests.planner.examples import EXAMPLE, ROOT, copy_example, one_look, read
 
 TASK = str(EXAMPLE / "task.yaml")
+LIMIT = 0.0015  # between what `exact` and `hopkins` err where the task's post is
 FRAME = Window(row=6, column=8, rows=20, columns=24)
 SMALL = microscope(6.9, 40, 32)
 
@@ -51,9 +54,22 @@ def task_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def folder(task_file: Path) -> Path:
-    """Return what the command writes of that task, at its default place."""
-    assert main(["tradeoff", str(task_file)]) == 0
+def said(task_file: Path) -> str:
+    """Return what the command prints when it writes to its default place."""
+    old = task_file.parent / "gear-on-shaft.tradeoff"
+    old.mkdir()
+    (old / "tradeoff.csv").write_text("old", encoding="utf-8")
+    stream = io.StringIO()
+    with contextlib.redirect_stdout(stream):
+        limit = ("--max-image-error", str(LIMIT))
+        assert main(["tradeoff", str(task_file), "--step", "see_post", *limit]) == 0
+    return stream.getvalue()
+
+
+@pytest.fixture(scope="module")
+def folder(task_file: Path, said: str) -> Path:
+    """Return where the files are, as the command has said."""
+    assert said.endswith(f"folder: {task_file.parent / 'gear-on-shaft.tradeoff'}\n")
     return task_file.parent / "gear-on-shaft.tradeoff"
 
 
@@ -336,23 +352,25 @@ def test_scale_bars_are_round() -> None:
     assert found == [0.5, 1.0, 2.0, 5.0, 50.0, 200.0, 1e-4]
 
 
-def test_the_front_and_the_choice_are_printed(
-    task_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    out = tmp_path / "made" / "here"
-    out.mkdir(parents=True)
-    (out / "tradeoff.csv").write_text("old")
-    words = ("--step", "see_post", "--max-image-error", "0.05", "-o", str(out))
-    assert main(["tradeoff", str(task_file), *words]) == 0
-    said = capsys.readouterr().out
+def test_the_front_and_the_choice_are_printed(said: str, step: StepTradeoff) -> None:
     assert said.startswith("see_post: shaft_plate.post at 6.9 x, focus 250 um")
-    assert "limit 0.05" in said
+    assert f"limit {LIMIT}" in said
     assert said.count("\n  >  ") == 1
     assert "the compiler's choice: law and sampling predicted" in said
-    assert f"folder: {out}" in said
-    (choice,) = (row for row in rows_of(out) if row["is_choice"] == "1")
-    assert float(choice["law_max_error"]) <= 0.05
-    assert choice["model"] == "stokseth"  # the cheapest of the ladder will do
+    front = [way for way in step.ways if way.on_law_front or way.on_front]
+    assert all(f"{way.max_error:.1e}" in said for way in front)
+
+
+def test_a_tighter_limit_than_the_tasks_changes_the_choice(
+    task_file: Path, step: StepTradeoff
+) -> None:
+    task, report = read(task_file), Report()
+    (request,) = requests(task, unfold(task, report), 0, None)
+    view = views(task, request, task.workcell.optics.magnification[0], report)[0]
+    usual = task.optimise.max_image_error
+    _, fidelity = cases.build_case(task, request, view, usual)
+    assert step.limit == LIMIT < fidelity.predicted_error <= usual
+    assert step.choice.model != fidelity.model
 
 
 @pytest.mark.parametrize(
