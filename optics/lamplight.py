@@ -13,6 +13,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import Self
 
 import numpy as np
 import numpy.typing as npt
@@ -37,6 +38,7 @@ Places = tuple[float, float, int]  # the first, the step, how many
 _A_RIM, _A_PIXEL = 8, 2
 _POINT = 1e-9  # a pixel's light-sensitive share that makes it a point
 _MORE = 3  # points beyond all that is read: a spline is worse near its ends
+_ROUNDING = 1e-6  # of a step
 # Rays do not diffract on their way to a face. The Airy pattern that a transfer brings
 # with it is made so small a share of the rim, but not far below a point's share.
 _AIRY, _AIRY_PX = 1 / 200, 1 / 16
@@ -61,13 +63,39 @@ class Lattice:
         """Return (rows, columns)."""
         return self.window.rows, self.window.columns
 
+    @classmethod
+    def over(cls, area: Area, step_um: float, *, more: int = _MORE) -> Self:
+        """Return the points of an area and `more` on all sides of it."""
+        x_min, y_min, x_max, y_max = (edge / step_um for edge in area)
+        left, top = math.floor(x_min), math.floor(-y_max)
+        inner = Window(
+            row=top,
+            column=left,
+            rows=math.ceil(-y_min) - top + 1,
+            columns=math.ceil(x_max) - left + 1,
+        )
+        return cls(step_um=step_um, window=inner).grown(more)
+
+    def grown(self, by: int) -> Self:
+        """Return the lattice with `by` more points on every side."""
+        w = self.window
+        wide = Window(
+            row=w.row - by,
+            column=w.column - by,
+            rows=w.rows + 2 * by,
+            columns=w.columns + 2 * by,
+        )
+        return replace(self, window=wide)
+
     def cells(self, layer: Layer) -> FloatArray:
         """Return which share of the square about each point a layer covers."""
         x, y = self.corner_um
         half = self.step_um / 2
         return cells(layer.outline, x - half, y + half, self.step_um, self.shape)
 
-    def read(self, values: FloatArray, x: Places, y: Places) -> FloatArray:
+    def read(
+        self, values: FloatArray, x: Places, y: Places, *, beyond_um: float = 0.0
+    ) -> FloatArray:
         """Return values at places between the points, by cubic splines.
 
         Parameters
@@ -76,21 +104,32 @@ class Lattice:
             At the points.
         x, y : (first, step, count)
             Where the columns and the rows wanted lie, um; y falls if its step does.
+        beyond_um : float
+            How far beyond the points places may lie; the last ones' values hold there.
+
+        Raises
+        ------
+        ValueError
+            If a place lies farther outside.
         """
-        left, top = self.corner_um
-        step = self.step_um
-        across = _spline(self.window.columns, (x[0] - left) / step, x[1] / step, x[2])
-        down = _spline(self.window.rows, (top - y[0]) / step, -y[1] / step, y[2])
+        (left, top), step = self.corner_um, self.step_um
+        rows, columns = self.shape
+        far = beyond_um / step + _ROUNDING
+        down = _spline(rows, (top - y[0]) / step, -y[1] / step, y[2], far)
+        across = _spline(columns, (x[0] - left) / step, x[1] / step, x[2], far)
         found: FloatArray = down @ values @ across.T
         return found
 
 
 @lru_cache(maxsize=128)
-def _spline(points: int, first: float, step: float, count: int) -> FloatArray:
+def _spline(
+    points: int, first: float, step: float, count: int, beyond: float
+) -> FloatArray:
     """Return weights (count, points) of values at 0, 1, ... for even places."""
     at = first + step * np.arange(count)
-    if not -1e-6 <= min(at[0], at[-1]) <= max(at[0], at[-1]) <= points - 1 + 1e-6:
+    if at.min() < -beyond or at.max() > points - 1 + beyond:
         raise ValueError("the light was not computed for so wide a window or defocus")
+    at = np.clip(at, 0, points - 1)
     weights: FloatArray = CubicSpline(np.arange(points), np.eye(points))(at)
     weights.setflags(write=False)
     return weights
@@ -108,7 +147,12 @@ class Shade:
         """Return what is kept from the points of another lattice."""
         (x, y), step = other.corner_um, other.step_um
         rows, columns = other.shape
-        return self.lattice.read(self.kept, (x, step, columns), (y, -step, rows))
+        return self.lattice.read(
+            self.kept,
+            (x, step, columns),
+            (y, -step, rows),
+            beyond_um=(_MORE + 2) * step,  # points that only steady a spline
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -117,6 +161,18 @@ class Light:
 
     z_um: float
     shades: tuple[Shade, ...]  # none: all of it does
+
+    @property
+    def step_um(self) -> float:
+        """Return how far apart points may be, um; inf where all light arrives."""
+        return min((s.lattice.step_um for s in self.shades), default=math.inf)
+
+    def on(self, lattice: Lattice) -> FloatArray:
+        """Return the share of the lamp's light at the points of a lattice, 0..1."""
+        share = np.ones(lattice.shape)
+        for shade in self.shades:
+            share *= 1 - np.clip(shade.on(lattice), 0.0, 1.0)
+        return share
 
     def with_(self, other: Light) -> Light:
         """Return the light under the layers of both."""
@@ -223,7 +279,7 @@ def _shade(
     radius = lamp.blur_diameter_um(height_um) / 2
     pixel = lamp.um_per_px
     step = max(radius / _A_RIM, pixel / _A_PIXEL)
-    lattice = _lattice(area, step, _MORE + 1)  # holds all finer ones of the area
+    lattice = Lattice.over(area, step, more=_MORE + 1)  # holds all finer ones
     airy = min(
         lamp.wavelength_um / lamp.aperture, max(_AIRY * radius, _AIRY_PX * pixel)
     )
@@ -243,45 +299,13 @@ def _shade(
     return Shade(z_um=layers[0].z_um, lattice=lattice, kept=kept)
 
 
-def _lattice(area: Area, step_um: float, more: int) -> Lattice:
-    """Return the lattice that holds an area and `more` points on all sides of it."""
-    x_min, y_min, x_max, y_max = (edge / step_um for edge in area)
-    column, row = math.floor(x_min) - more, math.floor(-y_max) - more
-    return Lattice(
-        step_um=step_um,
-        window=Window(
-            row=row,
-            column=column,
-            rows=math.ceil(-y_min) + more - row + 1,
-            columns=math.ceil(x_max) + more - column + 1,
-        ),
-    )
-
-
-def left_by(light: Light, area: Area) -> tuple[Lattice, FloatArray]:
-    """Return the share left by all shades of a light, on the finest of their lattices.
-
-    Parameters
-    ----------
-    light : Light
-        With at least one shade.
-    area : (x_min, y_min, x_max, y_max)
-        Where it is wanted, um.
-    """
-    lattice = _lattice(area, min(s.lattice.step_um for s in light.shades), _MORE)
-    share = np.ones(lattice.shape)
-    for shade in light.shades:
-        share *= 1 - np.clip(shade.on(lattice), 0.0, 1.0)
-    return lattice, share
-
-
 def blur(
     values: FloatArray, step_um: float, microscope: Microscope, model: str, z_um: float
 ) -> FloatArray:
     """Return values on a lattice, continued by mirror images, blurred by a defocus."""
-    v, u = (np.arange(size) / (2 * size * step_um) for size in values.shape)
+    v, u = (np.arange(size) / (2 * size * step_um) for size in values.shape[-2:])
     x = np.hypot(u, v[:, None]) / microscope.cutoff_per_um
     table = tabulate(model, microscope, z_um)
     gain = np.where(x < 1, table.read(np.minimum(x, 1.0)), 0.0)
-    found: FloatArray = fft.idctn(fft.dctn(values) * gain)
+    found: FloatArray = fft.idctn(fft.dctn(values, axes=(-2, -1)) * gain, axes=(-2, -1))
     return found

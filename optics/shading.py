@@ -13,13 +13,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from optics.crossing import crossed
 from optics.fidelity import rounded_up
-from optics.lamplight import Lattice, Light, area_um, blur, left_by, lights, places_um
+from optics.lamplight import Lattice, Light, area_um, blur, lights, places_um
 from optics.laying import Patch, lay, light_up
 from optics.microscope import Microscope
 from optics.render import Covered, cover, render
 from optics.sampling import Sampling
-from optics.scene import Illumination, Scene, Window
+from optics.scene import Illumination, Layer, Scene, Window
 from optics.views import full
 
 FloatArray = npt.NDArray[np.float64]
@@ -99,7 +100,8 @@ def shaded(
         found = view.lights(everything, heights)
     else:
         found = _joined(view.lights(fresh, heights), under)
-    dim = {each.z_um: view.dim(each) for each in found if each.shades}
+    dim = [each for each in found if each.shades]
+    seen = {each.z_um: view.seen(each) for each in dim}
     whole = slice(None)
     patches = [
         Patch(
@@ -107,14 +109,23 @@ def shaded(
             rows=whole,
             columns=whole,
             coverage=c.coverage,
-            lit=view.lit(c, dim[c.layer.z_um]) if c.layer.z_um in dim else None,
+            lit=c.coverage * seen[c.layer.z_um] if c.layer.z_um in seen else None,
         )
         for c in everything
     ]
     image = np.empty((frame.rows, frame.columns))
-    lay(image, patches, view.background(scene, dim))
+    lay(image, patches, _background(scene, seen))
+    image += view.crossed(scene, everything, dim)
     light_up(image, microscope, frame, light or Illumination())
     return image
+
+
+def _background(scene: Scene, seen: Mapping[float, FloatArray]) -> float | FloatArray:
+    """Return what the background sends back, at the pixels if it is shaded."""
+    z_um = scene.background_z_um
+    if z_um is None or z_um not in seen:
+        return scene.background
+    return scene.background * seen[z_um]
 
 
 def shade_error(
@@ -216,16 +227,6 @@ def _joined(found: Sequence[Light], under: Sequence[Light]) -> tuple[Light, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Dim:
-    """A height that is shaded: the light on it, and how it is seen."""
-
-    lattice: Lattice
-    share: FloatArray
-    blurred: FloatArray
-    z_um: float  # from focus
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class _View:
     """What an image depends on but its layers."""
 
@@ -250,35 +251,56 @@ class _View:
             shift_um=self.shift_um,
         )
 
-    def dim(self, light: Light) -> _Dim:
-        """Return the light at a height, and its blur."""
-        z_um = light.z_um - self.focus_um
-        area = area_um(self.microscope, self.frame, self.shift_um, z_um)
-        lattice, share = left_by(light, area)
-        blurred = self._blur(share, lattice, z_um)
-        return _Dim(lattice=lattice, share=share, blurred=blurred, z_um=z_um)
+    def seen(self, light: Light) -> FloatArray:
+        """Return the light at a height, blurred, at the pixels."""
+        m, z_um = self.microscope, light.z_um - self.focus_um
+        area = area_um(m, self.frame, self.shift_um, z_um)
+        lattice = Lattice.over(area, light.step_um)
+        found = blur(light.on(lattice), lattice.step_um, m, self.model, z_um)
+        return self._at_pixels(found, lattice)
 
-    def lit(self, covered: Covered, dim: _Dim) -> FloatArray:
-        """Return a layer blurred together with the light on it, at the pixels."""
-        found = covered.coverage * self._at_pixels(dim.blurred, dim.lattice)
-        inside = dim.lattice.cells(covered.layer)
-        both, alone = (
-            self._blur(values, dim.lattice, dim.z_um)
-            for values in (inside * dim.share, inside)
-        )
-        found += self._at_pixels(both - alone * dim.blurred, dim.lattice)
-        return found
+    def crossed(
+        self, scene: Scene, covered: Sequence[Covered], dim: Sequence[Light]
+    ) -> FloatArray:
+        """Return what blending lacks, at the pixels."""
+        blurred = [each for each in dim if self._reach_um(each.z_um) > each.step_um / 2]
+        low = [each for each in blurred if each.z_um < self.focus_um]
+        high = [each for each in blurred if each.z_um > self.focus_um]
+        seen = [c for c in covered if c.coverage.any()]
+        change = np.zeros((self.frame.rows, self.frame.columns))
+        if low:
+            change += self._crossed(scene, seen, low)
+            for each in seen:
+                if self._is_sharp(each.layer) and each.layer.z_um > low[-1].z_um:
+                    change *= 1 - each.coverage
+        if high:
+            change += self._crossed(replace(scene, background_z_um=None), seen, high)
+        return change
 
-    def background(self, scene: Scene, dim: Mapping[float, _Dim]) -> float | FloatArray:
-        """Return what the background sends back, at the pixels if it is shaded."""
-        z_um = scene.background_z_um
-        if z_um is None or z_um not in dim:
-            return scene.background
-        found = dim[z_um]
-        return scene.background * self._at_pixels(found.blurred, found.lattice)
+    def _crossed(
+        self, scene: Scene, seen: Sequence[Covered], blurred: Sequence[Light]
+    ) -> FloatArray:
+        """Return what blending lacks of faces on one side of the focus."""
+        m = self.microscope
+        layers = [c.layer for c in seen if not self._is_sharp(c.layer)]
+        least = min((self._reach_um(layer.z_um) for layer in layers), default=math.inf)
+        step = min(least, *(each.step_um for each in blurred))
+        area = area_um(m, self.frame, self.shift_um, 0.0)
+        lattice = Lattice.over(area, max(step, m.um_per_px))
+        plane = None
+        if scene.background_z_um is not None:
+            plane = scene.background, scene.background_z_um
+        found = {each.z_um: each for each in blurred}
+        values = crossed(layers, plane, found, lattice, m, self.focus_um)
+        return self._at_pixels(values, lattice)
 
-    def _blur(self, values: FloatArray, lattice: Lattice, z_um: float) -> FloatArray:
-        return blur(values, lattice.step_um, self.microscope, self.model, z_um)
+    def _is_sharp(self, layer: Layer) -> bool:
+        """Tell whether a layer hides what is below as sharply as pixels can tell."""
+        return self._reach_um(layer.z_um) <= self.microscope.um_per_px
+
+    def _reach_um(self, z_um: float) -> float:
+        """Return how far aside rays through one point of the image meet a height."""
+        return self.microscope.blur_diameter_um(z_um - self.focus_um) / 2
 
     def _at_pixels(self, values: FloatArray, lattice: Lattice) -> FloatArray:
         x, y = places_um(self.microscope, self.frame, self.shift_um)

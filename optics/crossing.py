@@ -1,0 +1,169 @@
+"""What hiding and shading do together where both are blurred, by rays on few points.
+
+Of the rays from one point of the image those that pass a higher body meet other parts
+of the shade on a lower face than those that do not. The mean of a product is not that
+of the means then; the difference is smooth, and traced on the points that bear the
+shade.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from optics.lamplight import Lattice, Light, blur
+from optics.microscope import Microscope
+from optics.rays import slopes
+from optics.scene import Layer
+
+FloatArray = npt.NDArray[np.float64]
+Float32Array = npt.NDArray[np.float32]
+
+_RAYS = 64  # a point: `benchmarks/shading.py` tells what they leave
+_AT_ONCE = 1 << 16  # values of one array: they stay in the cache
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Face:
+    """All layers of one height, on a lattice wider than the image's by their blur."""
+
+    z_um: float  # from focus
+    covers: Float32Array
+    sends: Float32Array  # reflectance times coverage
+    dark: Float32Array | None  # the share of light that is kept off; None: nothing
+
+
+def crossed(
+    layers: Sequence[Layer],
+    background: tuple[float, float] | None,
+    found: Mapping[float, Light],
+    lattice: Lattice,
+    microscope: Microscope,
+    focus_um: float,
+) -> FloatArray:
+    """Return what blending shaded layers lacks, on the points of a lattice.
+
+    Parameters
+    ----------
+    layers : sequence of Layer
+        Those in view.
+    background : (reflectance, z_um), optional
+        Of the plane below, if it has a height.
+    found : mapping of float to Light
+        By height, where faces are shaded.
+    lattice : Lattice
+        Points in the plane in focus.
+    microscope : Microscope
+        The optical setting.
+    focus_um : float
+        World height of that plane.
+
+    Returns
+    -------
+    (rows, columns) float64 array
+        Share of full scale, to be added to layers blended with each's coverage times
+        the blurred light on it.
+    """
+    faces = list(_faces(layers, background, found, lattice, microscope, focus_um))
+    tangents = slopes(microscope, _RAYS)
+    rows, columns = lattice.shape
+    block = max(1, _AT_ONCE // (rows * columns))
+    lost = np.zeros(lattice.shape)
+    sums = np.zeros((len(faces), 3, rows, columns))
+    for first in range(0, len(tangents), block):
+        rays = tangents[first : first + block]
+        behind = np.zeros((len(rays), rows, columns), dtype=np.float32)
+        for i, face in enumerate(faces):
+            at = _met(face, rays, lattice)
+            covers = _seen(face.covers, at, lattice.shape)
+            behind *= 1 - covers
+            sums[i, 0] += covers.sum(axis=0)
+            if face.dark is not None:
+                sends = _seen(face.sends, at, lattice.shape)
+                dark = _seen(face.dark, at, lattice.shape)
+                behind += sends * dark
+                sums[i, 1] += sends.sum(axis=0)
+                sums[i, 2] += dark.sum(axis=0)
+        lost += behind.sum(axis=0)
+    means = np.concatenate([lost[None], sums.reshape(-1, rows, columns)])
+    means /= len(tangents)
+    if lattice.step_um < microscope.airy_radius_um:
+        # as in `optics.occlusion`: what meets in focus is cut off before it diffracts
+        means = blur(means, lattice.step_um, microscope, "exact", 0.0)
+    change: FloatArray = -means[0]
+    blended = np.zeros(lattice.shape)
+    for covers, sends, dark in means[1:].reshape(sums.shape):
+        blended = blended * (1 - covers) + sends * dark
+    change += blended
+    return change
+
+
+def _faces(
+    layers: Sequence[Layer],
+    background: tuple[float, float] | None,
+    found: Mapping[float, Light],
+    lattice: Lattice,
+    microscope: Microscope,
+    focus_um: float,
+) -> Iterator[_Face]:
+    """Yield faces from the lowest shaded one up."""
+    if background is not None and background[1] in found:
+        yield _face([], background, found, lattice, microscope, focus_um)
+    lowest = min(found)
+    ordered = sorted(layers, key=lambda layer: (layer.z_um, layer.name))
+    for z_um, group in itertools.groupby(ordered, key=lambda layer: layer.z_um):
+        if z_um >= lowest:
+            yield _face(list(group), (0.0, z_um), found, lattice, microscope, focus_um)
+
+
+def _face(
+    layers: Sequence[Layer],
+    plane: tuple[float, float],
+    found: Mapping[float, Light],
+    lattice: Lattice,
+    microscope: Microscope,
+    focus_um: float,
+) -> _Face:
+    """Return layers of one height, or the plane below if there are none."""
+    reflectance, z_um = plane
+    reach_um = microscope.blur_diameter_um(z_um - focus_um) / 2
+    wide = lattice.grown(math.ceil(reach_um / lattice.step_um))
+    covers = np.zeros(wide.shape) if layers else np.ones(wide.shape)
+    sends = reflectance * covers
+    for layer in layers:
+        own = wide.cells(layer)
+        covers, sends = covers * (1 - own) + own, sends * (1 - own)
+        sends += layer.reflectance * own
+    dark = None
+    if z_um in found:
+        dark = (1 - found[z_um].on(wide)).astype(np.float32)
+    return _Face(
+        z_um=z_um - focus_um,
+        covers=covers.astype(np.float32),
+        sends=sends.astype(np.float32),
+        dark=dark,
+    )
+
+
+def _met(
+    face: _Face, tangents: FloatArray, lattice: Lattice
+) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
+    """Return the first row and column of a face that each bundle of rays meets."""
+    by = (face.covers.shape[0] - lattice.shape[0]) // 2
+    across, up = np.rint(face.z_um * tangents.T / lattice.step_um).astype(np.intp)
+    return by - up, by + across
+
+
+def _seen(
+    values: Float32Array,
+    at: tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]],
+    shape: tuple[int, int],
+) -> Float32Array:
+    """Return values where the rays meet them, (rays, rows, columns)."""
+    found: Float32Array = np.lib.stride_tricks.sliding_window_view(values, shape)[at]
+    return found
