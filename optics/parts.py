@@ -38,11 +38,12 @@ _TABLES = 8  # an octave of cuts
 
 @dataclass(slots=True)
 class _Last:
-    """What was used last: planes on both sides of a layer share it."""
+    """What was found last: planes on both sides of a layer share it."""
 
-    key: tuple[float, ...] | None = None
+    setting: tuple[float, float] | None = None  # defocus and zoom
     gain: Samples | None = None
-    extra: Factors | None = None
+    view: tuple[float, ...] | None = None  # the setting and the pixels' ends
+    coverage: Samples | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,7 +65,7 @@ class Part:
     def patch(self, frame: Window, view: View) -> Patch | None:
         """Return the blurred layer at the pixels of a window, None if none sees it.
 
-        The coverage is overwritten by the next call.
+        The coverage is overwritten by the next call, and not to be changed.
         """
         rows, columns = view.places(frame)
         r, c = (
@@ -74,21 +75,43 @@ class Part:
         if r.start >= r.stop or c.start >= c.stop:
             return None
         rows, columns = rows[r], columns[c]
-        gain, extra = self._shared(view, rows, columns)
-        if view.zoom == 1:
-            coverage = self._on_grid(gain, extra, rows, columns)
-        else:
-            x, y = self.tile.columns, self.tile.rows
-            up = (y.start + y.count - 1 - rows) / y.count
-            right = (columns - x.start) / x.count
-            coverage = waves_at(weigh(self.values, gain), up, right)
-            if extra is not None:
-                coverage += extra[0] @ extra[1]
+        coverage = self._coverage(view, rows, columns)
         return Patch(layer=self.layer, rows=r, columns=c, coverage=coverage)
 
     def under(self, model: str) -> Part:
         """Return the part under another defocus law, with the same spectrum."""
-        return replace(self, model=model, last=_Last())
+        return replace(self, model=model, last=_Last(), space=Space())
+
+    def _coverage(self, view: View, rows: FloatArray, columns: FloatArray) -> Samples:
+        """Return the blurred layer at pixels; it is even in z."""
+        setting, last = (self._defocus_um(view), view.zoom), self.last
+        ends = (*rows[[0, -1]].tolist(), *columns[[0, -1]].tolist())
+        if last.coverage is not None and last.view == (*setting, *ends):
+            return last.coverage
+        if last.gain is None or last.setting != setting:
+            last.gain, last.setting = self._gain(view), setting
+        extra = None
+        if self.far is not None:
+            extra = self._correction(self.far, view, rows, columns)
+        sampled = self._on_grid if view.zoom == 1 else self._at_places
+        last.coverage = sampled(last.gain, extra, rows, columns)
+        last.view = (*setting, *ends)
+        return last.coverage
+
+    def _at_places(
+        self,
+        gain: Samples,
+        extra: Factors | None,
+        rows: FloatArray,
+        columns: FloatArray,
+    ) -> Samples:
+        """Return samples at any places, wave by wave."""
+        x, y = self.tile.columns, self.tile.rows
+        up = (y.start + y.count - 1 - rows) / y.count
+        found = waves_at(weigh(self.values, gain), up, (columns - x.start) / x.count)
+        if extra is not None:
+            found += extra[0] @ extra[1]
+        return found
 
     def _on_grid(
         self,
@@ -112,19 +135,6 @@ class Part:
         return sample_part(
             values, gain, self.tile, *seen, extra=extra, space=self.space
         )
-
-    def _shared(
-        self, view: View, rows: FloatArray, columns: FloatArray
-    ) -> tuple[Samples, Factors | None]:
-        """Return gain and correction of a view; they are even in z."""
-        ends = (*rows[[0, -1]].tolist(), *columns[[0, -1]].tolist())
-        key = (self._defocus_um(view), view.zoom, *ends)
-        if self.last.gain is None or self.last.key != key:
-            self.last.gain, self.last.extra = self._gain(view), None
-            if self.far is not None:
-                self.last.extra = self._correction(self.far, view, rows, columns)
-            self.last.key = key
-        return self.last.gain, self.last.extra
 
     def _correction(
         self, far: Far, view: View, rows: FloatArray, columns: FloatArray

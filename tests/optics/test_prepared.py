@@ -141,9 +141,10 @@ def test_images_do_not_depend_on_those_before() -> None:
     reach = Range(focus_um=(-20.0, 20.0), shift_um=1.0, zoom=(0.99, 1.01))
     views = [
         (5.0, 1.0),
+        (1.0, 1.0),  # as far from the gear as the first, not from the plate
         (-20.0, 1.01),
-        (1.0, 1.0),  # as far from the gear as the first
         (5.0, 0.99),
+        (5.0, 1.0),
     ]
     used = prepare(scene, optics, reach)
     views += reversed(views)
@@ -169,6 +170,9 @@ def test_laws_share_spectra(sampling: Sampling) -> None:
             np.testing.assert_array_equal(
                 other.image(focus_um=focus_um), fresh.image(focus_um=focus_um)
             )
+    before = ready.image(focus_um=0.0)
+    assert not np.array_equal(before, ready.under("product").image(focus_um=0.0))
+    np.testing.assert_array_equal(ready.image(focus_um=0.0), before)
     with pytest.raises(ValueError, match="band of geometric"):
         ready.under("geometric")
 
@@ -198,3 +202,13 @@ def test_ranges_that_cannot_be_are_refused(
 ) -> None:
     with pytest.raises(ValueError, match=r"range|finite|zoom"):
         Range(focus_um=focus_um, shift_um=shift_um, zoom=zoom)
+
+
+def test_planes_on_both_sides_of_a_layer_share_its_blur() -> None:
+    scene, focus = one_layer(gear(), 3.0), (1.0, 5.0, -7.0, 13.0)
+    stack = render_stack(scene, microscope(), focus_um=focus)
+    np.testing.assert_array_equal(stack[0], stack[1])
+    np.testing.assert_array_equal(stack[2], stack[3])
+    alone = render(scene, microscope(), focus_um=13.0)
+    # apart are the margins, of which 1e-3 is the cost, and single precision
+    assert np.abs(stack[3] - alone).max() < 1e-3 + SINGLE_ERROR
