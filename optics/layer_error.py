@@ -38,7 +38,7 @@ _APART = 1.1  # per root of 1 + that distance
 _CROWDED, _CROWD = 0.4, 4.0
 # Rays and cells of `occluded` with the usual settings (`benchmarks.layers`), and what
 # a cell costs that two sharp edges share (tested).
-_TRACED, _SHARED = 0.008, 0.025
+_TRACED, _SHARED = 0.012, 0.025
 _FIRST, _FINAL = 128, 1024  # rays a point: for all of them, and for the worst ones
 _WORST = 120  # points that are looked at again
 
