@@ -30,7 +30,8 @@ FloatArray = npt.NDArray[np.float64]
 # transfer at 0 becomes one in f**5, so what is left falls like r**-7, and s = 7 / (2 pi
 # r) was seen to leave least: 1e-5 for an edge r = 10 wavelengths / A away.
 _STEEPNESS = 7.0
-_LOWEST = 1e-5  # share of an order that is left out
+# Share of an order that is left out: 1e-5 was no better, 1e-3 by 1e-5 worse.
+_LOWEST = 1e-4
 # The correction is a polynomial on the pixels seen. Its terms fall by the distance of
 # its sources; at most 1e-2 at first, they end below 1e-6.
 _FALL = 1e4

@@ -20,8 +20,8 @@ BAND_ERROR = 5e-4  # of unit contrast, what cutting the band may cost by `band_e
 # at 40 wavelength / A it is 8e-4 away from it, for an endless straight edge.
 MARGIN = 40.0
 NEAR = 10.0  # wavelengths / A, the part of the margin that a transform's period has
-# What making up for it leaves, of unit contrast: seen 2e-5 at most for edges, corners
-# and parts in and about frames of 150 to 640 pixels, in focus, where it is worst
+# What making up for it leaves, of unit contrast: seen 2.4e-5 at most for edges, corners
+# and parts in and about frames of 160 to 640 pixels, in focus, where it is worst
 # (tested).
 FAR_ERROR = 3e-5
 SINGLE_ERROR = 1e-6  # of unit contrast, what single precision adds (tested)
