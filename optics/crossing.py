@@ -92,9 +92,8 @@ def crossed(
         lost += behind.sum(axis=0)
     means = np.concatenate([lost[None], sums.reshape(-1, rows, columns)])
     means /= len(tangents)
-    if lattice.step_um < microscope.airy_radius_um:
-        # as in `optics.occlusion`: what meets in focus is cut off before it diffracts
-        means = blur(means, lattice.step_um, microscope, "exact", 0.0)
+    # as in `optics.occlusion`: what meets in focus is cut off before it diffracts
+    means = blur(means, lattice.step_um, microscope, "exact", 0.0)
     change: FloatArray = -means[0]
     blended = np.zeros(lattice.shape)
     for covers, sends, dark in means[1:].reshape(sums.shape):

@@ -302,10 +302,22 @@ def _shade(
 def blur(
     values: FloatArray, step_um: float, microscope: Microscope, model: str, z_um: float
 ) -> FloatArray:
-    """Return values on a lattice, continued by mirror images, blurred by a defocus."""
+    """Return values of a lattice as pixels see them there, blurred by a defocus.
+
+    Parameters
+    ----------
+    values : (..., rows, columns) float64 array
+        At points `step_um` apart, continued by their mirror images.
+    step_um : float
+        Distance of the points.
+    microscope, model, z_um
+        As in `optics.models.transfer`.
+    """
     v, u = (np.arange(size) / (2 * size * step_um) for size in values.shape[-2:])
     x = np.hypot(u, v[:, None]) / microscope.cutoff_per_um
-    table = tabulate(model, microscope, z_um)
-    gain = np.where(x < 1, table.read(np.minimum(x, 1.0)), 0.0)
-    found: FloatArray = fft.idctn(fft.dctn(values, axes=(-2, -1)) * gain, axes=(-2, -1))
+    gain = tabulate(model, microscope, z_um).read(np.minimum(x, 1.0))
+    side = microscope.um_per_px * math.sqrt(microscope.fill_factor)
+    gain = np.where(x < 1, gain, 0.0) * np.sinc(u * side) * np.sinc(v * side)[:, None]
+    waves = fft.dctn(values, axes=(-2, -1))
+    found: FloatArray = fft.idctn(waves * gain, axes=(-2, -1))
     return found

@@ -8,19 +8,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 
-from optics.crossing import crossed
 from optics.fidelity import rounded_up
-from optics.lamplight import Lattice, Light, area_um, blur, lights, places_um
+from optics.lamplight import Light, lights, places_um
 from optics.laying import Patch, lay, light_up
 from optics.microscope import Microscope
 from optics.render import Covered, cover, render
 from optics.sampling import Sampling
-from optics.scene import Illumination, Layer, Scene, Window
+from optics.scene import Illumination, Scene, Window
+from optics.sight import Face, Sight
 from optics.views import full
 
 FloatArray = npt.NDArray[np.float64]
@@ -86,9 +86,8 @@ def shaded(
         shift_um=shift_um,
         sampling=sampling,
     )
-    view = _View(
+    sight = Sight(
         microscope=microscope,
-        lamp_aperture=lamp_aperture,
         focus_um=focus_um,
         model=model,
         frame=frame,
@@ -96,12 +95,19 @@ def shaded(
     )
     everything = (*also, *fresh)
     heights = _heights(scene, everything)
-    if under is None:
-        found = view.lights(everything, heights)
-    else:
-        found = _joined(view.lights(fresh, heights), under)
-    dim = [each for each in found if each.shades]
-    seen = {each.z_um: view.seen(each) for each in dim}
+    throwing = everything if under is None else fresh
+    found = lights(
+        [c.layer for c in throwing],
+        heights,
+        microscope,
+        lamp_aperture=lamp_aperture,
+        focus_um=(focus_um,),
+        window=frame,
+        shift_um=shift_um,
+    )
+    if under is not None:
+        found = _joined(found, under)
+    faces = {each.z_um: sight.face(each) for each in found if each.shades}
     whole = slice(None)
     patches = [
         Patch(
@@ -109,23 +115,23 @@ def shaded(
             rows=whole,
             columns=whole,
             coverage=c.coverage,
-            lit=c.coverage * seen[c.layer.z_um] if c.layer.z_um in seen else None,
+            lit=sight.lit(c, faces[c.layer.z_um]) if c.layer.z_um in faces else None,
         )
         for c in everything
     ]
     image = np.empty((frame.rows, frame.columns))
-    lay(image, patches, _background(scene, seen))
-    image += view.crossed(scene, everything, dim)
+    lay(image, patches, _background(scene, faces))
+    image += sight.lacking(scene, everything, tuple(faces.values()))
     light_up(image, microscope, frame, light or Illumination())
     return image
 
 
-def _background(scene: Scene, seen: Mapping[float, FloatArray]) -> float | FloatArray:
+def _background(scene: Scene, faces: Mapping[float, Face]) -> float | FloatArray:
     """Return what the background sends back, at the pixels if it is shaded."""
     z_um = scene.background_z_um
-    if z_um is None or z_um not in seen:
+    if z_um is None or z_um not in faces:
         return scene.background
-    return scene.background * seen[z_um]
+    return scene.background * faces[z_um].seen
 
 
 def shade_error(
@@ -224,84 +230,3 @@ def _joined(found: Sequence[Light], under: Sequence[Light]) -> tuple[Light, ...]
     if lacking:
         raise ValueError(f"under must hold heights {lacking}, has {sorted(known)}")
     return tuple(each.with_(known[each.z_um]) for each in found)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _View:
-    """What an image depends on but its layers."""
-
-    microscope: Microscope
-    lamp_aperture: float
-    focus_um: float
-    model: str
-    frame: Window
-    shift_um: tuple[float, float]
-
-    def lights(
-        self, covered: Sequence[Covered], heights: Sequence[float]
-    ) -> tuple[Light, ...]:
-        """Return the light that layers leave at heights."""
-        return lights(
-            [c.layer for c in covered],
-            heights,
-            self.microscope,
-            lamp_aperture=self.lamp_aperture,
-            focus_um=(self.focus_um,),
-            window=self.frame,
-            shift_um=self.shift_um,
-        )
-
-    def seen(self, light: Light) -> FloatArray:
-        """Return the light at a height, blurred, at the pixels."""
-        m, z_um = self.microscope, light.z_um - self.focus_um
-        area = area_um(m, self.frame, self.shift_um, z_um)
-        lattice = Lattice.over(area, light.step_um)
-        found = blur(light.on(lattice), lattice.step_um, m, self.model, z_um)
-        return self._at_pixels(found, lattice)
-
-    def crossed(
-        self, scene: Scene, covered: Sequence[Covered], dim: Sequence[Light]
-    ) -> FloatArray:
-        """Return what blending lacks, at the pixels."""
-        blurred = [each for each in dim if self._reach_um(each.z_um) > each.step_um / 2]
-        low = [each for each in blurred if each.z_um < self.focus_um]
-        high = [each for each in blurred if each.z_um > self.focus_um]
-        seen = [c for c in covered if c.coverage.any()]
-        change = np.zeros((self.frame.rows, self.frame.columns))
-        if low:
-            change += self._crossed(scene, seen, low)
-            for each in seen:
-                if self._is_sharp(each.layer) and each.layer.z_um > low[-1].z_um:
-                    change *= 1 - each.coverage
-        if high:
-            change += self._crossed(replace(scene, background_z_um=None), seen, high)
-        return change
-
-    def _crossed(
-        self, scene: Scene, seen: Sequence[Covered], blurred: Sequence[Light]
-    ) -> FloatArray:
-        """Return what blending lacks of faces on one side of the focus."""
-        m = self.microscope
-        layers = [c.layer for c in seen if not self._is_sharp(c.layer)]
-        least = min((self._reach_um(layer.z_um) for layer in layers), default=math.inf)
-        step = min(least, *(each.step_um for each in blurred))
-        area = area_um(m, self.frame, self.shift_um, 0.0)
-        lattice = Lattice.over(area, max(step, m.um_per_px))
-        plane = None
-        if scene.background_z_um is not None:
-            plane = scene.background, scene.background_z_um
-        found = {each.z_um: each for each in blurred}
-        values = crossed(layers, plane, found, lattice, m, self.focus_um)
-        return self._at_pixels(values, lattice)
-
-    def _is_sharp(self, layer: Layer) -> bool:
-        """Tell whether a layer hides what is below as sharply as pixels can tell."""
-        return self._reach_um(layer.z_um) <= self.microscope.um_per_px
-
-    def _reach_um(self, z_um: float) -> float:
-        """Return how far aside rays through one point of the image meet a height."""
-        return self.microscope.blur_diameter_um(z_um - self.focus_um) / 2
-
-    def _at_pixels(self, values: FloatArray, lattice: Lattice) -> FloatArray:
-        x, y = places_um(self.microscope, self.frame, self.shift_um)
-        return lattice.read(values, x, y)
