@@ -8,13 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from optics.outline import Arc, Outline, Ring, Segment, flatten
+from optics.outline import Arc, Outline, Segment
 
 FloatArray = npt.NDArray[np.float64]
 Box = tuple[float, float, float, float]  # x_min, y_min, x_max, y_max, um
-
-# Arcs that cross the box become chords with this sagitta: a thousandth of a pixel.
-CHORD_UM = 1e-3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,9 +76,8 @@ def clip(outline: Outline | Edges, box: Box) -> Edges:
     Returns
     -------
     Edges
-        Closed rings again, with new edges along the box where it cuts. Arcs wholly
-        inside stay arcs; one that reaches over the box becomes chords of `CHORD_UM`
-        sagitta.
+        Closed rings again, with new edges along the box where it cuts; what is left
+        of an arc is an arc.
 
     Notes
     -----
@@ -92,15 +88,57 @@ def clip(outline: Outline | Edges, box: Box) -> Edges:
     """
     edges = outline if isinstance(outline, Edges) else to_edges(outline)
     inside = _within(_arc_bounds(edges.arcs), box)
-    chords = [_chords(arc) for arc in edges.arcs[~inside]]
-    segments = np.concatenate([edges.segments, *chords])
-    ends = segments.reshape(-1, 2, 2)
+    split = [_split(arc, box) for arc in edges.arcs[~inside]]
+    ends = edges.segments.reshape(-1, 2, 2)
     boxes = np.concatenate([ends.min(axis=1), ends.max(axis=1)], axis=1)
     whole = _within(boxes, box)
-    cut = _cut(segments[~whole], box)
+    cut = _cut(edges.segments[~whole], box)
     return Edges(
-        segments=np.concatenate([segments[whole], cut]), arcs=edges.arcs[inside]
+        segments=np.concatenate([edges.segments[whole], cut, *(s for s, _ in split)]),
+        arcs=np.concatenate([edges.arcs[inside], *(a for _, a in split)]),
     )
+
+
+def _split(arc: FloatArray, box: Box) -> tuple[FloatArray, FloatArray]:
+    """Split an arc (5,) at the sides' lines, move what lies beyond onto the box.
+
+    Returns
+    -------
+    (N, 4) and (M, 5) float64 array
+        Segments along the box, and the arcs inside.
+    """
+    center, radius = arc[:2], float(arc[2])
+    low, high = np.array(box[:2]), np.array(box[2:])
+    angles = _crossings(arc, np.stack([low, high], axis=1))
+    points = center + radius * _directions(angles)
+    middles = center + radius * _directions((angles[:-1] + angles[1:]) / 2)
+    held = ((middles >= low) & (middles <= high)).all(axis=1)
+    onto = np.clip(points, low, high)
+    along = np.concatenate([onto[:-1], onto[1:]], axis=1)[~held]
+    moved = along[(along[:, :2] != along[:, 2:]).any(axis=1)]
+    left = np.column_stack([angles[:-1], np.diff(angles)])[held]
+    body = np.broadcast_to(arc[:3], (len(left), 3))
+    return moved, np.concatenate([body, left], axis=1)
+
+
+def _crossings(arc: FloatArray, sides: FloatArray) -> FloatArray:
+    """Return the angles at which an arc starts, meets the sides' lines, and ends.
+
+    `sides` are the places of two lines across x, and of two across y, (2, 2) um.
+    """
+    radius, start, sweep = (float(value) for value in arc[2:])
+    share = (sides - arc[:2, None]) / radius
+    meets = np.abs(share) < 1
+    half = np.arccos(share[meets])
+    quarter = np.repeat([0.0, np.pi / 2], meets.sum(axis=1))
+    turns = np.concatenate([quarter - half, quarter + half])
+    along = np.mod(math.copysign(1.0, sweep) * (turns - start), 2 * np.pi)
+    inner = np.sort(along[along < abs(sweep)]) / abs(sweep)
+    return start + sweep * np.concatenate([[0.0], inner, [1.0]])
+
+
+def _directions(angles: FloatArray) -> FloatArray:
+    return np.column_stack([np.cos(angles), np.sin(angles)])
 
 
 def _cut(segments: FloatArray, box: Box) -> FloatArray:
@@ -118,18 +156,6 @@ def _cut(segments: FloatArray, box: Box) -> FloatArray:
     pieces = np.concatenate([points[:, :-1], points[:, 1:]], axis=2).reshape(-1, 4)
     moved: FloatArray = pieces[(pieces[:, :2] != pieces[:, 2:]).any(axis=1)]
     return moved
-
-
-def _chords(row: FloatArray) -> FloatArray:
-    """Return the chords of one arc (5,), (N, 4) um."""
-    cx, cy, radius, start, sweep = (float(value) for value in row)
-    arc = Arc(center=(cx, cy), radius_um=radius, start_rad=start, sweep_rad=sweep)
-    back = Segment(start=arc.end, end=arc.start)
-    ring = Ring(edges=(arc,) if arc.is_circle else (arc, back))
-    points = flatten(ring, CHORD_UM)
-    after = np.roll(points, -1, axis=0)
-    chords = np.concatenate([points, after], axis=1)
-    return chords if arc.is_circle else chords[:-1]
 
 
 def _arc_bounds(arcs: FloatArray) -> FloatArray:

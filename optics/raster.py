@@ -5,13 +5,15 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from optics.clip import CHORD_UM, Edges, clip
+from optics.clip import Edges, clip
 from optics.microscope import Microscope
 from optics.outline import Outline
 from optics.pixels import axis_px
 from optics.scene import Window
 
 FloatArray = npt.NDArray[np.float64]
+
+CHORD_UM = 1e-3  # a thousandth of a pixel
 
 
 def coverage(
@@ -32,8 +34,7 @@ def coverage(
     window : Window, optional
         The part of the frame wanted; it may reach beyond the frame. Default: all.
     chord_um : float
-        Largest distance between an arc and the chords that stand for it, > 0; arcs
-        that leave the window are cut with `optics.clip.CHORD_UM` at most.
+        Largest distance between an arc and the chords that stand for it, > 0.
 
     Returns
     -------

@@ -7,11 +7,12 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from optics.clip import CHORD_UM, Edges, clip
+from optics.clip import Edges, clip
 from optics.outline import Outline
 
 FloatArray = npt.NDArray[np.float64]
 
+CHORD_UM = 1e-3  # sagitta of the chords that stand for arcs
 _LINES = 8  # scan lines a cell: exact along a line, a sixteenth of a cell across
 
 

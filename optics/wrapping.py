@@ -22,6 +22,8 @@ FloatArray = npt.NDArray[np.float64]
 
 MARGINS: FloatArray = np.geomspace(5.0, 160.0, 21)  # wavelengths / A worth choosing
 _DOUBLINGS = 12  # of the margin, in the search for the nearest edge
+_HALVINGS = 4  # of the last doubling
+_PLANE: Box = (-math.inf, -math.inf, math.inf, math.inf)
 _RINGS = 3  # of repetitions that are summed one by one
 # The others: the sum of (i**2 + j**2)**-1.5 over all i, j but 0, 0 is 9.034, over the
 # first three rings 7.49; the pixel need not be in the middle, hence twice the rest.
@@ -61,15 +63,13 @@ def wrap_error(
     if tile is None:
         return _outside(outline, _frame_box(microscope, frame), unit)
     seen = _seen_box(microscope, tile)
-    for _ in range(_DOUBLINGS):  # what is cut off begins at the first edge
-        if not _is_even(outline, _grown(seen, d)):
-            break
-        d *= 2
-    cut = tile.columns.cut is not None or tile.rows.cut is not None
-    found = _beyond(outline, seen, unit, d)
-    if not cut:
-        found = min(found, _repeated(outline, microscope, tile, unit))
-    return min(found, 1.0)
+    covered = _covered(outline, _grown(seen, d))
+    if covered is None:
+        found = _cut_or_repeated(outline, microscope, tile, d)
+    else:  # what is cut off begins at the first edge
+        bounds = _PLANE if covered else outline.bounds_um
+        found = _beyond(bounds, seen, _nearest_um(outline, seen, d))
+    return min(unit / (2 * math.pi**3) * found, 1.0)
 
 
 def margin_for(
@@ -85,14 +85,34 @@ def margin_for(
     return float(MARGINS[-1])
 
 
-def _repeated(
-    outline: Outline, microscope: Microscope, tile: PixelTile, unit_um: float
+def _cut_or_repeated(
+    outline: Outline, microscope: Microscope, tile: PixelTile, d_um: float
 ) -> float:
-    """Return what the repetitions of a whole part cost the worst corner seen."""
-    x_min, y_min, x_max, y_max = outline.bounds_um
-    radius = math.hypot(x_max - x_min, y_max - y_min) / 2
-    x0, y0, x1, y1 = _seen_box(microscope, tile)
-    middle = np.array([(x_min + x_max) / 2, (y_min + y_max) / 2])
+    """Return what lacks beyond a tile or comes in by repetition, the larger, over K.
+
+    Light that lacks and light that comes in have opposite signs.
+    """
+    seen = _seen_box(microscope, tile)
+    bounds = outline.bounds_um
+    is_whole = _common(bounds, _grown(seen, d_um)) == bounds
+    lacks = 0.0 if is_whole else _beyond(bounds, seen, d_um)
+    comes = min(_repeated(outline, microscope, tile, d_um), _beyond(_PLANE, seen, d_um))
+    return max(lacks, comes)
+
+
+def _repeated(
+    outline: Outline, microscope: Microscope, tile: PixelTile, d_um: float
+) -> float:
+    """Return what the repetitions of what a tile holds cost the worst corner, over K.
+
+    Infinite where they are too close together for this bound.
+    """
+    seen = _seen_box(microscope, tile)
+    held = _common(outline.bounds_um, _grown(seen, d_um))
+    area_um2 = clip(outline, held).area_um2
+    radius = math.hypot(held[2] - held[0], held[3] - held[1]) / 2
+    x0, y0, x1, y1 = seen
+    middle = np.array([(held[0] + held[2]) / 2, (held[1] + held[3]) / 2])
     corners = np.array([(x, y) for x in (x0, x1) for y in (y0, y1)]) - middle
     period = microscope.um_per_px * np.array([tile.columns.count, tile.rows.count])
     i, j = np.mgrid[-_RINGS : _RINGS + 1, -_RINGS : _RINGS + 1].reshape(2, -1)
@@ -100,33 +120,50 @@ def _repeated(
     far = np.hypot(*np.moveaxis(corners[:, None] - others, -1, 0))
     if not far.min() > radius:
         return math.inf
-    # the mean of r**-3 over a disc `far` away; the part lies in that disc
+    # the mean of r**-3 over a disc `far` away; what is held lies in that disc
     close = (far**-3 * (1 - (radius / far) ** 2) ** -1.5).sum(axis=1).max()
-    return float(
-        unit_um
-        / (2 * math.pi**3)
-        * outline.area_um2
-        * (close + _BEYOND / period.min() ** 3)
-    )
+    return float(area_um2 * (close + _BEYOND / period.min() ** 3))
 
 
-def _beyond(outline: Outline, seen: Box, unit_um: float, d_um: float) -> float:
-    """Return what lacks, or comes in, beyond all four sides of what is seen.
+def _nearest_um(outline: Outline, seen: Box, d_um: float) -> float:
+    """Return a distance to which all around the box seen is as even as within `d_um`.
 
-    A strip b wide that begins `far` away costs K b / (2 far**2) at most, and never
-    more than a half plane, 2 K / far. A pixel in a corner has two sides near.
+    Half of the distance of the first edge at least, and most often near it.
     """
-    x_min, y_min, x_max, y_max = outline.bounds_um
-    wide = min(x_max, seen[2] + d_um) - max(x_min, seen[0] - d_um)
-    high = min(y_max, seen[3] + d_um) - max(y_min, seen[1] - d_um)
-    sides = (
-        (wide, d_um),
-        (high, d_um),
-        (wide, d_um + seen[3] - seen[1]),
-        (high, d_um + seen[2] - seen[0]),
+    for _ in range(_DOUBLINGS):
+        if _covered(outline, _grown(seen, 2 * d_um)) is None:
+            break
+        d_um *= 2
+    low, high = d_um, 2 * d_um
+    for _ in range(_HALVINGS):
+        middle = (low + high) / 2
+        if _covered(outline, _grown(seen, middle)) is None:
+            high = middle
+        else:
+            low = middle
+    return low
+
+
+def _beyond(bounds: Box, seen: Box, d_um: float) -> float:
+    """Return what light beyond all four sides of what is seen amounts to, over K.
+
+    A strip b wide that begins `far` away has b / (2 far**2) at most, and never more
+    than a half plane, 2 / far. A pixel in a corner has two sides near. Two opposite
+    sides take in the corners beyond, whichever two have less.
+    """
+    near = _common(bounds, _grown(seen, d_um))
+    sizes = (seen[2] - seen[0], seen[3] - seen[1])
+    whole = (bounds[2] - bounds[0], bounds[3] - bounds[1])
+    between = (near[2] - near[0], near[3] - near[1])
+
+    def pair(across: float, size: float) -> float:
+        """Return what lies beyond two opposite sides, strips `across` wide."""
+        return sum(min(2 / far, across / (2 * far**2)) for far in (d_um, d_um + size))
+
+    return min(
+        pair(whole[1], sizes[0]) + pair(between[0], sizes[1]),
+        pair(between[1], sizes[0]) + pair(whole[0], sizes[1]),
     )
-    strips = (min(2 / far, b / (2 * far**2)) for b, far in sides)
-    return unit_um / (2 * math.pi**3) * sum(strips)
 
 
 def _outside(outline: Outline, frame: Box, unit_um: float) -> float:
@@ -138,13 +175,15 @@ def _outside(outline: Outline, frame: Box, unit_um: float) -> float:
     return unit_um / (2 * math.pi**3) * min(2 / far, outline.area_um2 / far**3)
 
 
-def _is_even(outline: Outline, box: Box) -> bool:
-    """Tell whether a box is covered, or empty."""
+def _covered(outline: Outline, box: Box) -> bool | None:
+    """Tell whether a box is covered or empty, None where it is neither."""
     edges = clip(outline, box)
     if not len(edges.segments) and not len(edges.arcs):
-        return True
+        return False
     share = edges.area_um2 / ((box[2] - box[0]) * (box[3] - box[1]))
-    return abs(share) < 1e-12 or abs(share - 1) < 1e-12
+    if abs(share) < 1e-12:
+        return False
+    return True if abs(share - 1) < 1e-12 else None
 
 
 def _full(microscope: Microscope) -> Window:
@@ -174,3 +213,13 @@ def _box(microscope: Microscope, left: int, right: int, above: int, below: int) 
 
 def _grown(box: Box, by_um: float) -> Box:
     return (box[0] - by_um, box[1] - by_um, box[2] + by_um, box[3] + by_um)
+
+
+def _common(one: Box, other: Box) -> Box:
+    """Return the common part of two boxes that overlap."""
+    return (
+        max(one[0], other[0]),
+        max(one[1], other[1]),
+        min(one[2], other[2]),
+        min(one[3], other[3]),
+    )

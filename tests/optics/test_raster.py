@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from optics.clip import CHORD_UM, to_edges
+from optics.clip import to_edges
 from optics.outline import place
-from optics.raster import coverage
+from optics.raster import CHORD_UM, coverage
 from optics.render import render
 from optics.scan import cells
 from optics.scene import Window

@@ -17,6 +17,8 @@ CASES = {
     "gear aside": place(gear(), 40.0, -30.0),
     "bar": rectangle(-90.0, -4.0, 70.0, 5.0),
     "finger": rectangle(-30.0, 5.0, 30.0, 20_800.0),
+    "wide disc": disc(106.0, (2.0, 1.0)),
+    "rim of a wide disc": disc(80.0, (-80.0, 7.0)),
     "half plane": rectangle(3.0, -1e4, 2e4, 1e4),
 }
 
