@@ -12,6 +12,7 @@ from benchmarks import (
     layers,
     rendering,
     runs,
+    selector,
     vectors,
 )
 from benchmarks.figures import Benchmark
@@ -22,6 +23,7 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     error_maps.BENCHMARK,
     law_outlines.BENCHMARK,
     rendering.BENCHMARK,
+    selector.BENCHMARK,
     layers.BENCHMARK,
     coherence.BENCHMARK,
     imports.BENCHMARK,
