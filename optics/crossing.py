@@ -10,13 +10,14 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from optics.lamplight import Lattice, Light, blur
+from optics.lamplight import Light
+from optics.lattice import Lattice, blur
 from optics.microscope import Microscope
 from optics.rays import slopes
 from optics.scene import Layer
@@ -32,6 +33,7 @@ _AT_ONCE = 1 << 16  # values of one array: they stay in the cache
 class _Face:
     """All layers of one height, on a lattice wider than the image's by their blur."""
 
+    height_um: float  # in the world
     z_um: float  # from focus
     covers: Float32Array
     sends: Float32Array  # reflectance times coverage
@@ -44,7 +46,9 @@ def crossed(
     found: Mapping[float, Light],
     lattice: Lattice,
     microscope: Microscope,
+    *,
     focus_um: float,
+    known: Collection[float] = (),
 ) -> FloatArray:
     """Return what blending shaded layers lacks, on the points of a lattice.
 
@@ -62,6 +66,8 @@ def crossed(
         The optical setting.
     focus_um : float
         World height of that plane.
+    known : collection of float
+        Heights of faces that are blended with the blur of their product with the light.
 
     Returns
     -------
@@ -69,7 +75,10 @@ def crossed(
         Share of full scale, to be added to layers blended with each's coverage times
         the blurred light on it.
     """
-    faces = list(_faces(layers, background, found, lattice, microscope, focus_um))
+    faces = [
+        _whole(face, known)
+        for face in _faces(layers, background, found, lattice, microscope, focus_um)
+    ]
     tangents = slopes(microscope, _RAYS)
     rows, columns = lattice.shape
     block = max(1, _AT_ONCE // (rows * columns))
@@ -100,6 +109,13 @@ def crossed(
         blended = blended * (1 - covers) + sends * dark
     change += blended
     return change
+
+
+def _whole(face: _Face, known: Collection[float]) -> _Face:
+    """Return a face whose dark is part of what it sends, if that is known."""
+    if face.dark is None or face.height_um not in known:
+        return face
+    return replace(face, sends=face.sends * face.dark, dark=np.ones_like(face.dark))
 
 
 def _faces(
@@ -142,6 +158,7 @@ def _face(
     if z_um in found:
         dark = (1 - found[z_um].on(wide)).astype(np.float32)
     return _Face(
+        height_um=z_um,
         z_um=z_um - focus_um,
         covers=covers.astype(np.float32),
         sends=sends.astype(np.float32),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -9,16 +10,18 @@ import numpy as np
 import numpy.typing as npt
 
 from optics.crossing import crossed
-from optics.lamplight import Lattice, Light, area_um, blur, places_um
+from optics.lamplight import Light, area_um, fine_um, places_um
+from optics.lattice import Lattice, blur
 from optics.microscope import Microscope
 from optics.render import Covered
-from optics.scene import Layer, Scene, Window
+from optics.scene import Scene, Window
 
 FloatArray = npt.NDArray[np.float64]
 
 # Points of the rays' lattice: this many in the blur's radius of what hides, and of what
 # is shaded, where 64 rays lie no closer; `benchmarks/shading.py` tells what they leave.
 _HIDING, _SHADED = 3, 8
+_UNIFORM = 0.005  # a coverage this close to 0 or 1, as in `optics.occlusion`
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,13 +60,13 @@ class Sight:
     def lit(self, covered: Covered, face: Face) -> FloatArray:
         """Return a layer blurred together with the light on it, at the pixels.
 
-        The blur of the product is taken from that of each, and what it differs by from
-        their product on the lattice, where the light changes within a pixel. Where
-        the face is far out of focus, `lacking` has that.
+        The blur of the product is that of each multiplied, and on the lattice what it
+        differs by, if the light changes within what a pixel or the lens resolves. Of
+        faces far out of focus `lacking` has that.
         """
         found = covered.coverage * face.seen
         step = face.lattice.step_um
-        if step >= self.microscope.um_per_px or self._is_traced(face.light):
+        if not self._is_thin(face.light):
             return found
         inside = face.lattice.cells(covered.layer)
         z_um = face.light.z_um - self.focus_um
@@ -81,46 +84,85 @@ class Sight:
         self, scene: Scene, covered: Sequence[Covered], faces: Sequence[Face]
     ) -> FloatArray:
         """Return what shaded layers lack if each is blended alone, at the pixels."""
-        traced = [face.light for face in faces if self._is_traced(face.light)]
+        lights = [face.light for face in faces]
+        traced = [each for each in lights if self._is_wide(each) or self._is_thin(each)]
         low = [light for light in traced if light.z_um < self.focus_um]
-        high = [light for light in traced if light.z_um > self.focus_um]
+        high = [light for light in traced if light.z_um >= self.focus_um]
         seen = [c for c in covered if c.coverage.any()]
         change = np.zeros((self.frame.rows, self.frame.columns))
-        if low:
-            change += self._crossed(scene, seen, low)
-            for each in seen:
-                if self._is_sharp(each.layer) and each.layer.z_um > low[-1].z_um:
-                    change *= 1 - each.coverage
-        if high:
-            change += self._crossed(replace(scene, background_z_um=None), seen, high)
+        for side in (low, high):
+            if side:
+                change += self._on_one_side(scene, seen, side)
         return change
 
-    def _crossed(
+    def _on_one_side(
         self, scene: Scene, seen: Sequence[Covered], traced: Sequence[Light]
     ) -> FloatArray:
-        """Return what faces on one side of the focus lack."""
-        m = self.microscope
-        layers = [c.layer for c in seen if not self._is_sharp(c.layer)]
-        steps = [self._reach_um(layer.z_um) / _HIDING for layer in layers]
-        steps += [
+        """Return what faces on one side of the focus lack.
+
+        What lies near the focus hides sharply on points as far apart as the faces bear;
+        finer ones are taken about its edges alone.
+        """
+        fine = 2 * fine_um(self.microscope)
+        step = min(
             max(light.step_um, self._reach_um(light.z_um) / _SHADED) for light in traced
-        ]
-        area = area_um(m, self.frame, self.shift_um, 0.0)
-        lattice = Lattice.over(area, max(min(steps), m.um_per_px))
+        )
+        if step <= fine:
+            return self.blended_lacks(scene, seen, traced, -1.0, step)
+        change = self.blended_lacks(scene, seen, traced, step, step)
+        near = [c for c in seen if fine < self._reach_um(c.layer.z_um) <= step]
+        part = _edges([c.coverage for c in near])
+        if part is None:
+            return change
+        rows, columns = part
+        window = Window(
+            row=self.frame.row + rows.start,
+            column=self.frame.column + columns.start,
+            rows=rows.stop - rows.start,
+            columns=columns.stop - columns.start,
+        )
+        cut = [replace(c, coverage=c.coverage[part]) for c in seen]
+        about = replace(self, frame=window)
+        change[part] = about.blended_lacks(scene, cut, traced, fine, step)
+        return change
+
+    def blended_lacks(
+        self,
+        scene: Scene,
+        seen: Sequence[Covered],
+        traced: Sequence[Light],
+        sharp_um: float,
+        step_um: float,
+    ) -> FloatArray:
+        """Return what faces lack if what is blurred by `sharp_um` hides sharply."""
+        m = self.microscope
+        soft = [c.layer for c in seen if self._reach_um(c.layer.z_um) > sharp_um]
+        steps = [self._reach_um(layer.z_um) / _HIDING for layer in soft]
+        step = max(min(step_um, *steps, math.inf), 2 * fine_um(m))
+        lattice = Lattice.over(area_um(m, self.frame, self.shift_um, 0.0), step)
         plane = None
         if scene.background_z_um is not None:
             plane = scene.background, scene.background_z_um
         found = {light.z_um: light for light in traced}
-        values = crossed(layers, plane, found, lattice, m, self.focus_um)
-        return self._at_pixels(values, lattice)
+        thin = {light.z_um for light in traced if self._is_thin(light)}
+        values = crossed(
+            soft, plane, found, lattice, m, focus_um=self.focus_um, known=thin
+        )
+        change = self._at_pixels(values, lattice)
+        for each in seen:
+            z_um = each.layer.z_um
+            if self._reach_um(z_um) <= sharp_um and z_um > traced[-1].z_um:
+                change *= 1 - each.coverage
+        return change
 
-    def _is_traced(self, light: Light) -> bool:
+    def _is_wide(self, light: Light) -> bool:
         """Tell whether rays from one point meet different light at a height."""
-        return self._reach_um(light.z_um) > light.step_um / 2
+        least = max(light.step_um / 2, 2 * fine_um(self.microscope))
+        return self._reach_um(light.z_um) > least
 
-    def _is_sharp(self, layer: Layer) -> bool:
-        """Tell whether a layer hides what is below as sharply as pixels can tell."""
-        return self._reach_um(layer.z_um) <= self.microscope.um_per_px
+    def _is_thin(self, light: Light) -> bool:
+        """Tell whether the light changes within what a pixel or the lens resolves."""
+        return light.step_um < 2 * fine_um(self.microscope) and not self._is_wide(light)
 
     def _reach_um(self, z_um: float) -> float:
         """Return how far aside rays through one point of the image meet a height."""
@@ -129,3 +171,13 @@ class Sight:
     def _at_pixels(self, values: FloatArray, lattice: Lattice) -> FloatArray:
         x, y = places_um(self.microscope, self.frame, self.shift_um)
         return lattice.read(values, x, y)
+
+
+def _edges(coverages: Sequence[FloatArray]) -> tuple[slice, slice] | None:
+    """Return the rows and columns where layers cover in part, None if they do not."""
+    partly = [(c > _UNIFORM) & (c < 1 - _UNIFORM) for c in coverages]
+    if not partly or not np.any(partly):
+        return None
+    both = np.any(partly, axis=0)
+    rows, columns = np.flatnonzero(both.any(axis=1)), np.flatnonzero(both.any(axis=0))
+    return slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)

@@ -1,0 +1,138 @@
+"""Square lattices for what changes slowly: reading between points, and blurring."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Self
+
+import numpy as np
+import numpy.typing as npt
+from scipy import fft
+from scipy.interpolate import CubicSpline
+
+from optics.microscope import Microscope
+from optics.models import tabulate
+from optics.scan import cells
+from optics.scene import Layer, Window
+
+FloatArray = npt.NDArray[np.float64]
+Area = tuple[float, float, float, float]  # x_min, y_min, x_max, y_max, um
+Places = tuple[float, float, int]  # the first, the step, how many
+
+MORE = 3  # points beyond all that is read: a spline is worse near its ends
+_ROUNDING = 1e-6  # of a step
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Lattice:
+    """Points of a square lattice through the world's origin, rows down."""
+
+    step_um: float
+    window: Window  # (0, 0) is the origin
+
+    @property
+    def corner_um(self) -> tuple[float, float]:
+        """Return (x, y) of the first point."""
+        return self.window.column * self.step_um, -self.window.row * self.step_um
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Return (rows, columns)."""
+        return self.window.rows, self.window.columns
+
+    @classmethod
+    def over(cls, area: Area, step_um: float, *, more: int = MORE) -> Self:
+        """Return the points of an area and `more` on all sides of it."""
+        x_min, y_min, x_max, y_max = (edge / step_um for edge in area)
+        left, top = math.floor(x_min), math.floor(-y_max)
+        inner = Window(
+            row=top,
+            column=left,
+            rows=math.ceil(-y_min) - top + 1,
+            columns=math.ceil(x_max) - left + 1,
+        )
+        return cls(step_um=step_um, window=inner).grown(more)
+
+    def grown(self, by: int) -> Self:
+        """Return the lattice with `by` more points on every side."""
+        w = self.window
+        wide = Window(
+            row=w.row - by,
+            column=w.column - by,
+            rows=w.rows + 2 * by,
+            columns=w.columns + 2 * by,
+        )
+        return replace(self, window=wide)
+
+    def cells(self, layer: Layer) -> FloatArray:
+        """Return which share of the square about each point a layer covers."""
+        x, y = self.corner_um
+        half = self.step_um / 2
+        return cells(layer.outline, x - half, y + half, self.step_um, self.shape)
+
+    def read(
+        self, values: FloatArray, x: Places, y: Places, *, beyond_um: float = 0.0
+    ) -> FloatArray:
+        """Return values at places between the points, by cubic splines.
+
+        Parameters
+        ----------
+        values : (rows, columns) float64 array
+            At the points.
+        x, y : (first, step, count)
+            Where the columns and the rows wanted lie, um; y falls if its step does.
+        beyond_um : float
+            How far beyond the points places may lie; the last ones' values hold there.
+
+        Raises
+        ------
+        ValueError
+            If a place lies farther outside.
+        """
+        (left, top), step = self.corner_um, self.step_um
+        rows, columns = self.shape
+        far = beyond_um / step + _ROUNDING
+        down = _spline(rows, (top - y[0]) / step, -y[1] / step, y[2], far)
+        across = _spline(columns, (x[0] - left) / step, x[1] / step, x[2], far)
+        found: FloatArray = down @ values @ across.T
+        return found
+
+
+@lru_cache(maxsize=128)
+def _spline(
+    points: int, first: float, step: float, count: int, beyond: float
+) -> FloatArray:
+    """Return weights (count, points) of values at 0, 1, ... for even places."""
+    at = first + step * np.arange(count)
+    if at.min() < -beyond or at.max() > points - 1 + beyond:
+        raise ValueError("the light was not computed for so wide a window or defocus")
+    at = np.clip(at, 0, points - 1)
+    weights: FloatArray = CubicSpline(np.arange(points), np.eye(points))(at)
+    weights.setflags(write=False)
+    return weights
+
+
+def blur(
+    values: FloatArray, step_um: float, microscope: Microscope, model: str, z_um: float
+) -> FloatArray:
+    """Return values of a lattice as pixels see them there, blurred by a defocus.
+
+    Parameters
+    ----------
+    values : (..., rows, columns) float64 array
+        At points `step_um` apart, continued by their mirror images.
+    step_um : float
+        Distance of the points.
+    microscope, model, z_um
+        As in `optics.models.transfer`.
+    """
+    v, u = (np.arange(size) / (2 * size * step_um) for size in values.shape[-2:])
+    x = np.hypot(u, v[:, None]) / microscope.cutoff_per_um
+    gain = tabulate(model, microscope, z_um).read(np.minimum(x, 1.0))
+    side = microscope.um_per_px * math.sqrt(microscope.fill_factor)
+    gain = np.where(x < 1, gain, 0.0) * np.sinc(u * side) * np.sinc(v * side)[:, None]
+    waves = fft.dctn(values, axes=(-2, -1))
+    found: FloatArray = fft.idctn(waves * gain, axes=(-2, -1))
+    return found
