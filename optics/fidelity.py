@@ -17,16 +17,18 @@ import numpy.typing as npt
 from optics.microscope import Microscope
 from optics.models import TABLE_ERROR, find_model
 from optics.render import render
-from optics.sampling import Sampling
+from optics.sampling import FAR_ERROR, SINGLE_ERROR, Sampling
 from optics.scene import Scene, Window
 from optics.wrapping import MARGINS, margin_for, wrap_error
 
 FloatArray = npt.NDArray[np.float64]
 
 LADDER = ("stokseth", "hopkins", "exact")  # defocus laws, the cheapest table first
-# Shares of the limit that band and margin may take; the law has what they leave.
+# Shares of the limit that band, margin and single precision may take; the law has
+# what they leave.
 _BAND_SHARE = 0.25
 _WRAP_SHARE = 0.25
+_SINGLE_SHARE = 1e-3
 _BANDS = (1e-5, 5e-3)  # below them tables err more, above them nothing is gained
 # The image compared with: all of the band, since what a cut costs is known for edges
 # and corners, but adds up in the middle of circles; and a wider margin.
@@ -133,9 +135,12 @@ class Pilot:
     )
 
     def sampling(self, limit: float) -> Sampling:
-        """Return the least band and margin that keep their shares of `limit`."""
-        band = min(max(_BAND_SHARE * limit, _BANDS[0]), _BANDS[1])
-        return Sampling(band_error=band, margin=self._margin(_WRAP_SHARE * limit))
+        """Return the least band, margin and precision that keep shares of `limit`."""
+        return Sampling(
+            band_error=min(max(_BAND_SHARE * limit, _BANDS[0]), _BANDS[1]),
+            margin=self._margin(_WRAP_SHARE * limit),
+            single=_SINGLE_SHARE * limit >= SINGLE_ERROR,
+        )
 
     def error(self, model: str, sampling: Sampling, focus_um: float) -> float:
         """Return the predicted error of one way of computing, of unit contrast."""
@@ -149,7 +154,7 @@ class Pilot:
         rest = 0.0
         for layer, step in zip(self.scene.layers, steps(self.scene), strict=True):
             wrap = wrap_error(layer.outline, self.microscope, margin, self.window)
-            rest += step * (wrap + TABLE_ERROR)
+            rest += step * (wrap + TABLE_ERROR + FAR_ERROR)
         return rest
 
     def _margin(self, share: float) -> float:

@@ -9,9 +9,11 @@ from hypothesis import strategies as st
 
 from optics.fidelity import LADDER, Fidelity, choose, rounded_up, steps
 from optics.microscope import Microscope
+from optics.models import TABLE_ERROR
 from optics.oracle import Oracle
 from optics.outline import Outline, place
 from optics.render import render
+from optics.sampling import FAR_ERROR
 from optics.scene import Layer, Scene
 from tests.optics.shapes import disc, gear, microscope, one_layer, rectangle
 
