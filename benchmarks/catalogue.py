@@ -13,6 +13,7 @@ from benchmarks import (
     rendering,
     runs,
     selector,
+    shading,
     vectors,
 )
 from benchmarks.figures import Benchmark
@@ -25,6 +26,7 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     rendering.BENCHMARK,
     selector.BENCHMARK,
     layers.BENCHMARK,
+    shading.BENCHMARK,
     coherence.BENCHMARK,
     imports.BENCHMARK,
     example.BENCHMARK,

@@ -130,7 +130,8 @@ def blur(
     """
     v, u = (np.arange(size) / (2 * size * step_um) for size in values.shape[-2:])
     x = np.hypot(u, v[:, None]) / microscope.cutoff_per_um
-    gain = tabulate(model, microscope, z_um).read(np.minimum(x, 1.0))
+    top = min(float(x.max()), 1.0)
+    gain = tabulate(model, microscope, z_um, top).read(np.minimum(x, top))
     side = microscope.um_per_px * math.sqrt(microscope.fill_factor)
     gain = np.where(x < 1, gain, 0.0) * np.sinc(u * side) * np.sinc(v * side)[:, None]
     waves = fft.dctn(values, axes=(-2, -1))
