@@ -71,10 +71,13 @@ def shaded(
     Notes
     -----
     With B the blur of a layer's height, 1 its indicator and S the share of light that
-    reaches it, a layer adds B[1 S] in place of B[1]. S is smooth where bodies are far
-    apart, so B[1] B[S] + (B[1 S] - B[1] B[S]) is taken, the bracket on few points. A
-    ray that passes two higher bodies, or edges of which one shades what the other
-    hides, is treated as in `render`: means of products as products of means.
+    reaches it, a layer adds B[1 S] in place of B[1], which is B[1] B[S] and little
+    else. That, and what shading and hiding do together, is added from rays on few
+    points. As in `render`, a ray that passes bodies of two heights takes the product
+    of what they leave. Against traced images shade differs by .014 at most and by
+    .0017 rms (`benchmarks/shading.py`), but for edges where blending itself errs: by
+    as much of that error as is shaded. Shade in a layer of a pixel or less about an
+    edge is treated as a mean over the pixel. Diffraction on the lamp's way is left out.
     """
     frame = window or full(microscope)
     fresh = cover(

@@ -21,6 +21,7 @@ FloatArray = npt.NDArray[np.float64]
 # Points of the rays' lattice: this many in the blur's radius of what hides, and of what
 # is shaded, where 64 rays lie no closer; `benchmarks/shading.py` tells what they leave.
 _HIDING, _SHADED = 3, 8
+_WIDEST = 300  # points aside that a ray may meet a layer: a limit to memory
 _UNIFORM = 0.005  # a coverage this close to 0 or 1, as in `optics.occlusion`
 
 
@@ -137,8 +138,10 @@ class Sight:
         """Return what faces lack if what is blurred by `sharp_um` hides sharply."""
         m = self.microscope
         soft = [c.layer for c in seen if self._reach_um(c.layer.z_um) > sharp_um]
-        steps = [self._reach_um(layer.z_um) / _HIDING for layer in soft]
-        step = max(min(step_um, *steps, math.inf), 2 * fine_um(m))
+        heights = [layer.z_um for layer in soft]
+        steps = [self._reach_um(z_um) / _HIDING for z_um in heights]
+        widest = max(self._reach_um(z) for z in (*heights, *(x.z_um for x in traced)))
+        step = max(min(step_um, *steps, math.inf), 2 * fine_um(m), widest / _WIDEST)
         lattice = Lattice.over(area_um(m, self.frame, self.shift_um, 0.0), step)
         plane = None
         if scene.background_z_um is not None:

@@ -240,6 +240,39 @@ def test_the_error_of_leaving_it_out_is_found() -> None:
         assert 0.9 * most < told < 1.1 * most
 
 
+@pytest.mark.parametrize(
+    ("aperture", "lamp", "gap_um", "focus_um"),
+    [
+        (0.42, 1e-9, 1e-9, 0.0),
+        (0.999, 1e-9, 30.0, 0.0),
+        (0.999, 0.1, 1e6, 1e6),
+        (0.05, 1e-9, 1e6, -5.0),
+        (0.42, 0.999, 1e3, 1e3),
+        (1e-3, 0.999, 1.0, 1e4),
+    ],
+)
+def test_extremes_stay_between_dark_and_bright(
+    aperture: float, lamp: float, gap_um: float, focus_um: float
+) -> None:
+    optics = replace(microscope(6.9, 30, 24), aperture=aperture)
+    scene = Scene(
+        layers=(
+            body("low", disc(13.0), gap_um, 0.8),
+            body("high", rectangle(-13, -13, 13, 0.3), gap_um * 1.01, 0.2),
+        ),
+        background=0.5,
+        background_z_um=0.0,
+    )
+    found = shaded(scene, optics, focus_um=focus_um, lamp_aperture=lamp)
+    plain = render(scene, optics, focus_um=focus_um)
+    assert np.isfinite(found).all()
+    # beyond black and white by what bands, margins and rays err
+    assert found.min() > -0.01
+    assert found.max() < 0.81
+    # shade takes light away; where bodies touch, blending errs by more than that
+    assert gap_um < 1 or (found - plain).max() < 0.01
+
+
 def test_refusals_say_what_must_hold() -> None:
     optics, scene = microscope(6.9, 20, 20), grasp(0.0)
     with pytest.raises(ValueError, match="aperture must be below medium_index"):
