@@ -20,6 +20,7 @@ from optics.render import Covered, cover, render
 from optics.sampling import Sampling
 from optics.scene import Illumination, Layer, Scene, Window
 from optics.sensor import Sensor
+from optics.shading import shaded
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -78,6 +79,8 @@ class LookCase:
     model: str
     sampling: Sampling
     lens: LensErrors  # what is known of it
+    lamp_aperture: float | None  # of coaxial light that bodies shade; None: no shade
+    background_z_um: float | None  # None: the background is never shaded
     treatment: str  # of layers, one of `optics.layer_error.TREATMENTS`
     tolerance_um: float  # what the look has to meet per axis, 2 sigma and bias
     tolerance_theta_rad: float | None  # None: the angle is not needed
@@ -93,8 +96,13 @@ class LookCase:
 
     @property
     def shares_still_layers(self) -> bool:
-        """Return whether what stands still looks the same wherever the target is."""
+        """Return whether what stands still is blurred alike wherever the target is."""
         return self.treatment == "blend" and not self.lens.changes_scene
+
+    @property
+    def shares_spectra(self) -> bool:
+        """Return whether images at several focus heights come from the same spectra."""
+        return self.shares_still_layers and self.lamp_aperture is None
 
     @property
     def frame(self) -> RegionFrame:
@@ -121,7 +129,11 @@ def scene(case: LookCase, dx_um: float, dy_um: float, dtheta_rad: float) -> Scen
         Turn of the target about its reference point.
     """
     moved = moved_layers(case, dx_um, dy_um, dtheta_rad)
-    return Scene(layers=case.static + moved, background=case.background)
+    return Scene(
+        layers=case.static + moved,
+        background=case.background,
+        background_z_um=case.background_z_um,
+    )
 
 
 def moved_layers(
@@ -169,9 +181,23 @@ def picture(
         layers, also = tuple(moved), backdrop
     else:
         layers, also = case.static + tuple(moved), ()
-    shown = Scene(layers=layers, background=case.background)
+    shown = Scene(
+        layers=layers,
+        background=case.background,
+        background_z_um=case.background_z_um,
+    )
     shown = lens_scene(shown, microscope, case.lens, focus_um)
-    if case.treatment == "blend":
+    if case.treatment == "occluded":
+        return occluded(
+            shown,
+            microscope,
+            focus_um=focus_um,
+            model=model,
+            window=case.window,
+            light=light,
+            lamp_aperture=case.lamp_aperture,
+        )
+    if case.lamp_aperture is None:
         return render(
             shown,
             microscope,
@@ -182,13 +208,16 @@ def picture(
             also=also,
             sampling=case.sampling,
         )
-    return occluded(
+    return shaded(
         shown,
         microscope,
         focus_um=focus_um,
+        lamp_aperture=case.lamp_aperture,
         model=model,
         window=case.window,
         light=light,
+        also=also,
+        sampling=case.sampling,
     )
 
 

@@ -82,7 +82,7 @@ def _reach(
         drift: [_trial(case, name, drift, k, root_seed) for k in range(draws)]
         for drift in drifts
     }
-    if name == "focus" and case.shares_still_layers:
+    if name == "focus" and case.shares_spectra:
         pictures = through_focus(case, trials[drifts[-1]])
     else:
         pictures = partial(one_by_one, case)

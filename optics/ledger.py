@@ -16,7 +16,8 @@ from optics.layer_error import LayerChoice
 from optics.left_out import FLAT_BAND, spectrum_error, vectorial_error
 from optics.lens_budget import LensRow
 from optics.microscope import Microscope
-from optics.scene import Layer, Scene
+from optics.scene import Layer, Scene, Window
+from optics.shading import SHADED_ERROR, shade_error
 
 CONTRAST, NM = "unit contrast", "nm"
 _NM_PER_UM = 1000.0
@@ -51,7 +52,10 @@ class Imaged:
     focus_um: float
     fidelity: Fidelity
     layering: LayerChoice
+    window: Window | None = None  # the part of the frame that matters; None: all
     coherence: float = 0.0  # condenser over objective aperture; 0 is incoherent light
+    lamp_aperture: float | None = None  # of light through the objective; None: other
+    is_shaded: bool = False  # whether that light is shaded by higher bodies
 
 
 def ledger(
@@ -77,6 +81,7 @@ def ledger(
     return (
         _law_row(imaged.fidelity),
         _layer_row(imaged.layering),
+        _shade_row(imaged),
         *_sampling_rows(imaged.fidelity),
         *_light_rows(imaged, shift_limit_nm),
         *(_lens_row(row, shift_limit_nm) for row in lens),
@@ -116,6 +121,25 @@ def _layer_row(layering: LayerChoice) -> LedgerRow:
         layering.limit,
         f"measured where edges meet; {refused or 'the cheapest treatment will do'}",
     )
+
+
+def _shade_row(imaged: Imaged) -> LedgerRow:
+    """Return the row of light that higher bodies keep from what is below."""
+    effect, limit = "shade of higher bodies", imaged.fidelity.limit
+    if imaged.lamp_aperture is None:
+        reason = "the light does not come through the objective; nobody predicts it"
+        return _row(effect, "not modelled", None, limit, reason)
+    left_out = shade_error(
+        imaged.scene,
+        imaged.microscope,
+        focus_um=imaged.focus_um,
+        lamp_aperture=imaged.lamp_aperture,
+        window=imaged.window,
+    )
+    if not imaged.is_shaded:
+        return _row(effect, "left out", left_out, limit, "measured on this scene")
+    reason = f"coaxial light; leaving it out would err by {left_out:.2g}"
+    return _row(effect, "modelled", min(SHADED_ERROR, left_out), limit, reason)
 
 
 def _sampling_rows(fidelity: Fidelity) -> tuple[LedgerRow, ...]:

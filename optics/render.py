@@ -155,9 +155,10 @@ def render_stack(
 ) -> FloatArray:
     """Return images of a scene at several focus heights, (planes, rows, columns).
 
-    They are put into `out` if that is given: a new array's pages take time. Spectra are computed once for all planes; else like `render`. The margin is that
-    of the plane most out of focus and the precision single, so a plane agrees with
-    `render` within the predicted errors, not bit by bit.
+    They are put into `out` if that is given: a new array's pages take time. Spectra are
+    computed once for all planes; else like `render`. The margin is that of the plane
+    most out of focus and the precision single, so a plane agrees with `render` within
+    the predicted errors, not bit by bit.
     """
     find_model(model)
     _check(focus_um, shift_um)

@@ -25,6 +25,9 @@ from optics.views import full
 
 FloatArray = npt.NDArray[np.float64]
 
+# What `shaded` errs by at most against traced images (`benchmarks/shading.py`), but
+# for edges where blending itself errs.
+SHADED_ERROR = 0.014
 _USUAL = Sampling()
 _PROBES = 64  # large pixels a side
 _ROUGH = Sampling(band_error=2e-3, margin=12.0, near=12.0, single=True)
@@ -74,7 +77,7 @@ def shaded(
     reaches it, a layer adds B[1 S] in place of B[1], which is B[1] B[S] and little
     else. That, and what shading and hiding do together, is added from rays on few
     points. As in `render`, a ray that passes bodies of two heights takes the product
-    of what they leave. Against traced images shade differs by .014 at most and by
+    of what they leave. Against traced images shade differs by `SHADED_ERROR` at most,
     .0017 rms (`benchmarks/shading.py`), but for edges where blending itself errs: by
     as much of that error as is shaded. Shade in a layer of a pixel or less about an
     edge is treated as a mean over the pixel. Diffraction on the lamp's way is left out.

@@ -11,8 +11,10 @@ from optics.lensing import lens_scene
 from optics.outline import place
 from optics.scene import Illumination, Layer, Scene
 from optics.sensor import Sensor
+from optics.shading import shade_error
 from planner.inputs.task import Task
-from planner.lens import known_errors
+from planner.inputs.workcell import Workcell
+from planner.lens import known_errors, lamp_aperture
 from planner.model.assembly import Place
 from planner.model.requests import ANGLE_RAD, LOOK_SHARE, PERIOD_SHARE, Request
 from planner.model.scenes import relevant, world_scene
@@ -36,6 +38,7 @@ def build_case(
     shown = Scene(
         layers=static + tuple(_placed(layer, spot) for layer in moving),
         background=task.workcell.stage.reflectance,
+        background_z_um=task.workcell.stage.datum_z_um + request.state.stage.z_um,
     )
     fidelity = choose(
         lens_scene(shown, scope, lens, view.focus_um),
@@ -66,12 +69,31 @@ def build_case(
         model=fidelity.model,
         sampling=fidelity.sampling,
         lens=lens,
+        lamp_aperture=_lamp(task.workcell, shown, view, max_image_error),
+        background_z_um=shown.background_z_um,
         treatment="blend",
         tolerance_um=request.tolerance_um or scope.um_per_px,
         tolerance_theta_rad=_angle_tolerance(request, shape),
         spread=spread,
     )
     return case, fidelity
+
+
+def _lamp(
+    cell: Workcell, shown: Scene, view: ViewPlan, max_image_error: float
+) -> float | None:
+    """Return the lamp's aperture if leaving its shade out would cost too much."""
+    aperture = lamp_aperture(cell, view.microscope)
+    if aperture is None:
+        return None
+    error = shade_error(
+        shown,
+        view.microscope,
+        focus_um=view.focus_um,
+        lamp_aperture=aperture,
+        window=view.region,
+    )
+    return aperture if error > max_image_error else None
 
 
 def _focus_range(view: ViewPlan, spread: Spread) -> tuple[float, ...]:

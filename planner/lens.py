@@ -1,4 +1,4 @@
-"""What the workcell's lens does to a look: the known part, and what is charged."""
+"""What the workcell's lens and lamp do to a look: what is known, what is charged."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from planner.model.assembly import Place, State
 from planner.model.targets import Shape, target_layers
 
 NM_PER_UM = 1000.0
+_MOST_APERTURE = 0.99  # of the index: light from the side has no shade to compute
 SYMMETRIC: tuple[TargetKind, ...] = ("circle", "jaws")
 
 
@@ -33,6 +34,17 @@ def known_errors(cell: Workcell) -> LensErrors:
         field_curvature_sigma_per_um=0.0,
         apertures=(),
     )
+
+
+def lamp_aperture(cell: Workcell, microscope: Microscope) -> float | None:
+    """Return the aperture of coaxial light, None for light from elsewhere.
+
+    That of the objective where the workcell's coherence does not say otherwise.
+    """
+    if cell.light.kind != "coaxial":
+        return None
+    share = cell.optics.coherence or 1.0
+    return min(share * microscope.aperture, _MOST_APERTURE * microscope.medium_index)
 
 
 def lens_rows(

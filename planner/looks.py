@@ -19,18 +19,23 @@ from featuresel.trials import Map, Outcome, Prepared, is_wrong, prepare, run
 from featuresel.usable import UsableRange, usable_range
 from optics.fidelity import Fidelity
 from optics.jacobian import point_jacobian, to_px
-from optics.layer_error import choose_layers
+from optics.layer_error import TREATMENTS, LayerChoice, LayerRefusal, layer_error
 from optics.ledger import Imaged, ledger
 from optics.lensing import lens_scene
-from optics.render import render
-from optics.scene import Scene, Window
 from planner.cases import build_case
 from planner.diagnostics import Report
+from planner.frames import frame, seen_scene
 from planner.inputs.task import Task
-from planner.lens import NM_PER_UM, lens_rows, middle_offset_um, middle_sigma_um
+from planner.lens import (
+    NM_PER_UM,
+    lamp_aperture,
+    lens_rows,
+    middle_offset_um,
+    middle_sigma_um,
+)
 from planner.model.assembly import height_sigma_um
 from planner.model.requests import Request
-from planner.model.scenes import relevant, shade_of, world_scene
+from planner.model.scenes import shade_of, world_scene
 from planner.model.sightings import needed_shape, spot_of, views
 from planner.model.targets import Shape
 from planner.model.views import ViewPlan, focus_stops
@@ -197,23 +202,13 @@ def _evidence(tried: _Benchmark, chosen: Score) -> p.Evidence:
 
 
 def _reference_image(task: Task, request: Request, case: LookCase) -> Picture:
-    """Return the whole frame at the nominal state, 8 bit."""
-    scope = case.microscope
-    full = Window(row=0, column=0, rows=scope.height_px, columns=scope.width_px)
-    scene = world_scene(task, request.state)
-    seen = relevant(scene.layers, scope, case.focus_um, full)
-    image = render(
-        lens_scene(
-            Scene(layers=seen, background=scene.background),
-            scope,
-            case.lens,
-            case.focus_um,
-        ),
-        scope,
-        focus_um=case.focus_um,
-        model=case.model,
-        light=case.light,
-    )
+    """Return the whole frame at the nominal state by the exact law, 8 bit.
+
+    What the case's fidelity was chosen for is its region.
+    """
+    cell, scope = task.workcell, case.microscope
+    seen = seen_scene(cell, world_scene(task, request.state), scope, case.focus_um)
+    image = frame(cell, seen, scope, focus_um=case.focus_um, level=case.light.gain)
     return picture(image)
 
 
@@ -272,17 +267,36 @@ def _imaged(task: Task, tried: _Benchmark) -> Imaged:
     shown = lens_scene(
         scene(case, 0.0, 0.0, 0.0), case.microscope, case.lens, case.focus_um
     )
-    layering = choose_layers(
-        shown, case.microscope, focus_um=(case.focus_um,), limit=limit,
-        window=case.window,
-    )  # fmt: skip
+    errors = {
+        treatment: layer_error(
+            shown,
+            case.microscope,
+            focus_um=case.focus_um,
+            treatment=treatment,
+            window=case.window,
+        )
+        for treatment in TREATMENTS
+    }
+    layering = LayerChoice(
+        treatment=case.treatment,
+        predicted_error=errors[case.treatment],
+        limit=limit,
+        refused=tuple(
+            LayerRefusal(treatment=name, predicted_error=error)
+            for name, error in errors.items()
+            if name != case.treatment and errors[case.treatment] > limit
+        ),
+    )
     return Imaged(
         scene=shown,
         microscope=case.microscope,
         focus_um=case.focus_um,
+        window=case.window,
         fidelity=tried.fidelity,
         layering=layering,
         coherence=task.workcell.optics.coherence,
+        lamp_aperture=lamp_aperture(task.workcell, case.microscope),
+        is_shaded=case.lamp_aperture is not None,
     )
 
 

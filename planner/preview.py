@@ -13,20 +13,18 @@ import numpy.typing as npt
 from featuresel.case import LookCase
 from featuresel.perturb import design, image
 from optics.fidelity import LADDER, choose
-from optics.lensing import lens_scene
 from optics.microscope import Microscope
 from optics.models import MODELS
-from optics.render import render
 from optics.sampling import Sampling
-from optics.scene import Illumination, Scene, Window
+from optics.scene import Scene
 from optics.sensor import Sensor, expose, to_unit
 from planner.cases import build_case
 from planner.diagnostics import Report
+from planner.frames import frame, seen_scene
 from planner.inputs.task import Task
-from planner.lens import known_errors
 from planner.model.assembly import State, locate_place
 from planner.model.requests import Request, requests
-from planner.model.scenes import relevant, world_scene
+from planner.model.scenes import world_scene
 from planner.model.sightings import views
 from planner.model.steps import StepState, unfold
 from planner.model.views import light_level, microscope_at
@@ -113,22 +111,16 @@ def _frame(
     call: RenderCall,
 ) -> tuple[FloatArray, str]:
     """Return the whole frame of a state."""
-    full = Window(row=0, column=0, rows=scope.height_px, columns=scope.width_px)
-    scene = world_scene(task, state)
-    seen = relevant(scene.layers, scope, focus_um, full)
-    visible = lens_scene(
-        Scene(layers=seen, background=scene.background),
-        scope,
-        known_errors(task.workcell),
-        focus_um,
-    )
-    model, sampling = _fidelity(visible, scope, focus_um, call)
-    shown = render(
-        visible,
+    cell = task.workcell
+    seen = seen_scene(cell, world_scene(task, state), scope, focus_um)
+    model, sampling = _fidelity(seen, scope, focus_um, call)
+    shown = frame(
+        cell,
+        seen,
         scope,
         focus_um=focus_um,
+        level=level,
         model=model,
-        light=Illumination(gain=level),
         sampling=sampling,
     )
     shown = np.clip(shown, 0.0, 1.0)

@@ -141,6 +141,7 @@ class WorldOptics:
     light: tuple[float, float]
     light_gradient: float
     lens: WorldLens = WorldLens()
+    lamp_share: float = 0.0  # of coaxial light's aperture in the lens'; 0: other light
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

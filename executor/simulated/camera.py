@@ -5,8 +5,10 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator
+from functools import partial
 
 import numpy as np
+import numpy.typing as npt
 
 from executor.drivers import Counts
 from executor.errors import ExecutorError
@@ -18,9 +20,12 @@ from optics.outline import Outline, place
 from optics.render import render
 from optics.scene import Illumination, Layer, Scene, Window
 from optics.sensor import Sensor, expose
+from optics.shading import shaded
 from schemas.plan import Region
 from schemas.pose import Pose
 from schemas.world import WorldLens, WorldOptics
+
+FloatArray = npt.NDArray[np.float64]
 
 # The cell is not the compiler's judge if both share one model: another blur law, and
 # an aperture that is not the one in the data sheet.
@@ -138,16 +143,7 @@ class SimCamera:
         """Expose and return a frame; see `executor.drivers.Camera`."""
         optics = self._truth.world.optics
         self._truth.time_s += optics.frame_time_s
-        microscope, focus_um = self._microscope(), self._lens.focus_um
-        image = render(
-            lens_scene(scene_of(self._truth), microscope, self._lens.errors, focus_um),
-            microscope,
-            focus_um=focus_um,
-            model=BLUR_LAW,
-            window=self._window(region),
-            light=self._light.now(),
-            shift_um=self._lens.shift_um,
-        )
+        image = self._image(self._window(region))
         sensor = Sensor(
             full_well_e=optics.full_well_e,
             read_noise_e=optics.read_noise_e,
@@ -155,6 +151,23 @@ class SimCamera:
         )
         counts: Counts = expose(image, sensor, self._rng)
         return counts[:, ::-1] if self._mirror else counts
+
+    def _image(self, window: Window | None) -> FloatArray:
+        """Return what falls on the sensor, as a share of full scale."""
+        microscope, focus_um = self._microscope(), self._lens.focus_um
+        lamp = self._truth.world.optics.lamp_share * microscope.aperture
+        shown = partial(
+            render if lamp == 0 else partial(shaded, lamp_aperture=lamp),
+            focus_um=focus_um,
+            model=BLUR_LAW,
+            window=window,
+            light=self._light.now(),
+            shift_um=self._lens.shift_um,
+        )
+        errors = self._lens.errors
+        truth = lens_scene(scene_of(self._truth), microscope, errors, focus_um)
+        image: FloatArray = shown(truth, microscope)
+        return image
 
     def _microscope(self) -> Microscope:
         """Return the true optical setting."""
@@ -190,7 +203,11 @@ def scene_of(truth: Truth) -> Scene:
     """Return every top face where it truly is."""
     bodies = (_layers(truth, truth.bodies[name]) for name in sorted(truth.bodies))
     layers = itertools.chain(_fingers(truth), *bodies)
-    return Scene(layers=tuple(layers), background=truth.world.stage_reflectance)
+    return Scene(
+        layers=tuple(layers),
+        background=truth.world.stage_reflectance,
+        background_z_um=truth.stage_z_um(),
+    )
 
 
 def _layers(truth: Truth, body: Body) -> Iterator[Layer]:

@@ -26,6 +26,7 @@ def world_scene(task: Task, state: State) -> Scene:
     return Scene(
         layers=tuple(_layer(body) for body in bodies(task, state)),
         background=task.workcell.stage.reflectance,
+        background_z_um=task.workcell.stage.datum_z_um + state.stage.z_um,
     )
 
 

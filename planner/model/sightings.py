@@ -85,6 +85,16 @@ def _origin(task: Task, request: Request, spot: Place) -> Origin:
     )
 
 
+def _shade_advice(task: Task) -> str:
+    """Return what the trials say of bodies above a target, and what to do."""
+    if task.workcell.light.kind == "coaxial":
+        return "trials show both; for more light look where nothing higher stands near"
+    return (
+        "trials show what is hidden but not the lost light; if the look fails on the "
+        "cell, look from where nothing higher stands near"
+    )
+
+
 def _report_shade(
     task: Task,
     request: Request,
@@ -118,8 +128,7 @@ def _report_shade(
         f"look {request.id!r}: higher than {shape.name}: {names}; "
         f"hidden of its edges: {', '.join(covering) or 'none'}; losing light on one "
         f"side: up to {reached:.0%}",
-        "trials show what is hidden but not the lost light; if the look fails on the "
-        "cell, look from where nothing higher stands near",
+        _shade_advice(task),
     )
 
 

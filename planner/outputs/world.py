@@ -169,6 +169,9 @@ def _optics(task: Task) -> WorldOptics:
         light=task.workcell.light.level,
         light_gradient=task.workcell.light.gradient,
         lens=_lens(optics.lens),
+        lamp_share=(optics.coherence or 1.0)
+        if task.workcell.light.kind == "coaxial"
+        else 0.0,
     )
 
 

@@ -79,3 +79,24 @@ def test_what_is_not_known_differs_from_cell_to_cell() -> None:
         abs(drawn_errors(wild, np.random.default_rng(s)).distortion) for s in (0, 1)
     ]
     assert max(most) <= MAX_DISTORTION
+
+
+def test_coaxial_light_is_shaded_in_the_cell() -> None:
+    """A gear 100 um above the stage darkens the stage about it, not itself."""
+    plain = cell_with(WorldLens())
+    lit = replace(plain, optics=replace(plain.optics, lamp_share=1.0))
+    frames = []
+    for found in (plain, lit):
+        cell = build_cell(found, 0)
+        top_um = cell.truth.top_um(cell.truth.bodies["gear"])
+        cell.station.lens.set_focus_um(top_um)
+        frames.append(cell.station.camera.grab().astype(float))
+    dark = frames[1] / frames[0]
+    column = round(319.5 + GEAR_UM * 6.9 / 7.5)
+    on_gear = dark[236:244, column + 30 : column + 38].mean()  # 37 um off its middle
+    beside = dark[236:244, column + 50 : column + 54].mean()  # 6 um beside it
+    far = dark[:20, :20].mean()
+    assert on_gear == pytest.approx(1.0, abs=0.01)
+    assert far == pytest.approx(1.0, abs=0.01)
+    # beside a half plane half is lost; the gear is a ring as wide as half the cone
+    assert 0.5 < beside < 0.85

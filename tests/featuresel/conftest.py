@@ -145,6 +145,8 @@ def make_case(
         model="hopkins",
         sampling=Sampling(),
         lens=LensErrors(),
+        lamp_aperture=None,
+        background_z_um=None,
         treatment="blend",
         tolerance_um=1.0,
         tolerance_theta_rad=None,

@@ -12,6 +12,7 @@ from optics.ledger import CONTRAST, NM, Imaged, LedgerRow, ledger
 from optics.lens import LensErrors
 from optics.lens_budget import predict
 from optics.scene import Layer, Scene
+from optics.shading import SHADED_ERROR
 from tests.optics.shapes import disc, microscope, rectangle
 
 PLATE = Layer(
@@ -94,3 +95,25 @@ def test_layers_far_from_focus_do_not_stop_the_ledger() -> None:
 def test_an_empty_scene_has_a_ledger() -> None:
     rows = ledger(imaged(coherence=0.5))
     assert all(not row.predicted_error for row in rows)
+
+
+def test_shade_is_modelled_left_out_or_unknown() -> None:
+    effect = "shade of higher bodies"
+    over = Layer(
+        name="over", outline=rectangle(5, -50, 60, 50), z_um=40.0, reflectance=0.5
+    )
+    both = imaged(over, PIN)
+    lamp = both.microscope.aperture
+    rows = [
+        by_name(ledger(each))[effect]
+        for each in (
+            both,
+            replace(both, lamp_aperture=lamp),
+            replace(both, lamp_aperture=lamp, is_shaded=True),
+        )
+    ]
+    assert [row.level for row in rows] == ["not modelled", "left out", "modelled"]
+    assert rows[0].predicted_error is None
+    # the pin's face loses half of its light below the edge, where half is hidden too
+    assert (rows[1].predicted_error or 0) == pytest.approx(0.9 / 4, rel=0.2)
+    assert rows[2].predicted_error == SHADED_ERROR

@@ -14,7 +14,13 @@ from planner.cases import build_case
 from planner.diagnostics import Report
 from planner.inputs.read_task import load_task
 from planner.inputs.task import Task
-from planner.lens import known_errors, lens_rows, middle_offset_um, middle_sigma_um
+from planner.lens import (
+    known_errors,
+    lamp_aperture,
+    lens_rows,
+    middle_offset_um,
+    middle_sigma_um,
+)
 from planner.model.requests import Request, requests
 from planner.model.sightings import needed_shape, spot_of, views
 from planner.model.steps import unfold
@@ -95,3 +101,17 @@ def test_partly_coherent_light_moves_no_symmetric_middle(task: Task) -> None:
     request = look(task, "find_gear")
     shape = needed_shape(task, request)
     assert middle_offset_um(task, request.state, shape, scope) == 0
+
+
+def test_the_lamp_is_as_wide_as_the_workcell_says(task: Task) -> None:
+    scope = views(task, look(task, "find_gear"), 6.9, Report())[0].microscope
+    assert task.workcell.light.kind == "coaxial"
+    assert lamp_aperture(task.workcell, scope) == scope.aperture
+    narrow = with_optics(task, coherence=0.5).workcell
+    assert lamp_aperture(narrow, scope) == pytest.approx(0.5 * scope.aperture)
+    wide = with_optics(task, coherence=2.0).workcell
+    assert lamp_aperture(wide, scope) == pytest.approx(2 * scope.aperture)
+    blind = replace(scope, aperture=0.9)
+    assert (lamp_aperture(wide, blind) or 1) < 1  # below the index of air
+    ring = replace(task.workcell, light=replace(task.workcell.light, kind="ring"))
+    assert lamp_aperture(ring, scope) is None
