@@ -113,10 +113,12 @@ def _split(arc: FloatArray, box: Box) -> tuple[FloatArray, FloatArray]:
     points = center + radius * _directions(angles)
     middles = center + radius * _directions((angles[:-1] + angles[1:]) / 2)
     held = ((middles >= low) & (middles <= high)).all(axis=1)
+    swept = np.diff(angles)
     onto = np.clip(points, low, high)
     along = np.concatenate([onto[:-1], onto[1:]], axis=1)[~held]
     moved = along[(along[:, :2] != along[:, 2:]).any(axis=1)]
-    left = np.column_stack([angles[:-1], np.diff(angles)])[held]
+    # an arc that starts on a side's line meets it at once
+    left = np.column_stack([angles[:-1], swept])[held & (swept != 0)]
     body = np.broadcast_to(arc[:3], (len(left), 3))
     return moved, np.concatenate([body, left], axis=1)
 

@@ -178,7 +178,7 @@ def test_area_of_edges_agrees_with_the_outline_and_its_polygon() -> None:
 
 
 @pytest.mark.parametrize("sweep", [1.0, -1.0])
-@pytest.mark.parametrize("start", [0.0, 2.0, -7.0])
+@pytest.mark.parametrize("start", [0.0, math.pi / 2, 2.0, -7.0])
 @pytest.mark.parametrize("cut_um", [-9.0, 0.0, 6.0])
 def test_what_is_left_of_a_circle_is_arcs(
     sweep: float, start: float, cut_um: float
@@ -196,6 +196,7 @@ def test_what_is_left_of_a_circle_is_arcs(
     assert part.area_um2 == pytest.approx(sweep * kept, rel=1e-13)
     swept = np.abs(part.arcs[:, 4]).sum()
     assert swept == pytest.approx(2 * math.acos(cut_um / 10), rel=1e-13)
+    assert (part.arcs[:, 4] != 0).all()  # it may start on a side's line
     assert len(part.segments) in (1, 2)  # the start may lie on the side of the cap
 
 
