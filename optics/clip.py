@@ -87,16 +87,40 @@ def clip(outline: Outline | Edges, box: Box) -> Edges:
     every boundary integral, as after Sutherland & Hodgman (1974), Commun. ACM 17, 32.
     """
     edges = outline if isinstance(outline, Edges) else to_edges(outline)
-    inside = _within(_arc_bounds(edges.arcs), box)
-    split = [_split(arc, box) for arc in edges.arcs[~inside]]
+    bounds = _arc_bounds(edges.arcs)
+    inside, beyond = _within(bounds, box), _beyond(bounds, box)
+    split = [_split(arc, box) for arc in edges.arcs[~inside & ~beyond]]
     ends = edges.segments.reshape(-1, 2, 2)
     boxes = np.concatenate([ends.min(axis=1), ends.max(axis=1)], axis=1)
     whole = _within(boxes, box)
     cut = _cut(edges.segments[~whole], box)
     return Edges(
-        segments=np.concatenate([edges.segments[whole], cut, *(s for s, _ in split)]),
+        segments=np.concatenate(
+            [
+                edges.segments[whole],
+                cut,
+                _moved(edges.arcs[beyond], box),
+                *(s for s, _ in split),
+            ]
+        ),
         arcs=np.concatenate([edges.arcs[inside], *(a for _, a in split)]),
     )
+
+
+def _moved(arcs: FloatArray, box: Box) -> FloatArray:
+    """Return segments along the box for arcs (M, 5) that lie beyond one side, (N, 4).
+
+    All of such an arc is moved onto that side's line, where only its ends count.
+    """
+    center, radius, start, sweep = arcs[:, :2], arcs[:, 2:3], arcs[:, 3], arcs[:, 4]
+    low, high = np.array(box[:2]), np.array(box[2:])
+    ends = [
+        np.clip(center + radius * _directions(angle), low, high)
+        for angle in (start, start + sweep)
+    ]
+    along = np.concatenate(ends, axis=1)
+    moved: FloatArray = along[(ends[0] != ends[1]).any(axis=1)]
+    return moved
 
 
 def _split(arc: FloatArray, box: Box) -> tuple[FloatArray, FloatArray]:
@@ -186,3 +210,10 @@ def _within(bounds: FloatArray, box: Box) -> npt.NDArray[np.bool_]:
     low, high = np.array(box[:2]), np.array(box[2:])
     held = np.concatenate([bounds[:, :2] >= low, bounds[:, 2:] <= high], axis=1)
     return np.asarray(held.all(axis=1))
+
+
+def _beyond(bounds: FloatArray, box: Box) -> npt.NDArray[np.bool_]:
+    """Tell which boxes (N, 4) lie on the far side of one side's line of `box`, (N,)."""
+    low, high = np.array(box[:2]), np.array(box[2:])
+    out = np.concatenate([bounds[:, 2:] <= low, bounds[:, :2] >= high], axis=1)
+    return np.asarray(out.any(axis=1))

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.special import j1
 
-from optics.clip import clip, to_edges
+from optics.clip import Edges, clip, to_edges
 from optics.outline import Arc, Outline, Ring, Segment, flatten, place
 from optics.spectrum import Spectrum, Tile, direct, spectrum
 from optics.spreading import KERNEL_ERROR
@@ -165,6 +165,23 @@ def test_a_huge_finger_is_cut_to_the_box() -> None:
     part = clip(rectangle(-30, 5, 30, 20_000), (-100, -100, 100, 100))
     assert part.area_um2 == pytest.approx(60 * 95, rel=1e-12)
     assert np.abs(part.segments).max() <= 100
+
+
+def test_an_arc_beyond_a_side_leaves_one_segment_on_it() -> None:
+    arc = np.array([[10.0, 0.0, 3.0, 0.3, 5.0]])  # x from 7 to 13
+    bow = Edges(segments=np.empty((0, 4)), arcs=arc)
+    part = clip(bow, (-5.0, -2.0, 5.0, 2.0))
+    assert len(part.arcs) == 0
+    ends = [5.0, 3 * math.sin(0.3), 5.0, -2.0]  # 3 sin 5.3 = -2.5, below the box
+    np.testing.assert_allclose(part.segments, [ends], rtol=1e-15)
+    corner = clip(bow, (-5.0, -9.0, 5.0, -4.0))  # all of it moves onto a corner
+    assert len(corner.segments) + len(corner.arcs) == 0
+
+
+def test_quarters_of_a_gear_add_up() -> None:
+    boxes = [(-60, -60, 10, -20), (10, -60, 60, -20), (-60, -20, 60, 60)]
+    parts = [clip(gear(), box).area_um2 for box in boxes]
+    assert sum(parts) == pytest.approx(gear().area_um2, rel=1e-12)
 
 
 def test_area_of_edges_agrees_with_the_outline_and_its_polygon() -> None:
