@@ -39,11 +39,12 @@ def known_errors(cell: Workcell) -> LensErrors:
 def lamp_aperture(cell: Workcell, microscope: Microscope) -> float | None:
     """Return the aperture of coaxial light, None for light from elsewhere.
 
-    That of the objective where the workcell's coherence does not say otherwise.
+    That of the objective, or the workcell's coherence times it: light that comes
+    through the objective is not wider, whatever the condenser.
     """
     if cell.light.kind != "coaxial":
         return None
-    share = cell.optics.coherence or 1.0
+    share = min(cell.optics.coherence or 1.0, 1.0)
     return min(share * microscope.aperture, _MOST_APERTURE * microscope.medium_index)
 
 
