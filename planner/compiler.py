@@ -50,7 +50,7 @@ def compile_task(task: Task, report: Report, options: Options) -> PlanFiles | No
     if report.failed:
         return None
     preset = options.preset or task.optimise.prefer
-    limit = options.max_image_error or task.optimise.max_image_error
+    limit = options.max_image_error or task.optimise.image_error(preset)
     with mapper(options.jobs) as spread:
         effects = Effects(effort=PRESETS[preset], max_image_error=limit, map=spread)
         steps, timings = _steps(task, states, effects, report)

@@ -209,7 +209,7 @@ def _trial(
 def _case(task: Task, look: Request, call: RenderCall, report: Report) -> LookCase:
     """Return the look's case at the first magnification, or the one asked for."""
     low, _ = task.workcell.optics.magnification
-    limit = call.max_image_error or task.optimise.max_image_error
+    limit = call.max_image_error or task.optimise.image_error()
     settings = views(task, look, low, report)
     for view in settings:
         zoom = view.microscope.magnification

@@ -81,7 +81,7 @@ def write_tradeoff(
     """
     looks = _looks(task, call, report)
     _write(call.out, {})  # before minutes are spent
-    limit = call.max_image_error or task.optimise.max_image_error
+    limit = call.max_image_error or task.optimise.image_error()
     found = []
     for step, request in looks:
         tell(step)

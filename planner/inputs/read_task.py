@@ -121,7 +121,7 @@ def _task(source: Source, workcell: Workcell, parts: Mapping[str, Part]) -> Task
         steps=tuple(_step(source, i, raw) for i, raw in enumerate(data["steps"])),
         optimise=Optimise(
             prefer=data["optimise"]["prefer"],
-            max_image_error=float(data["optimise"]["max_image_error"]),
+            max_image_error=_number(data["optimise"].get("max_image_error")),
             may_change=tuple(sorted(data["optimise"]["may_change"])),
         ),
         benchmark=_benchmark(data["benchmark"]),

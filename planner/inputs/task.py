@@ -13,7 +13,7 @@ from typing import Literal
 from optics.outline import Outline
 from planner.diagnostics import Span
 from planner.inputs.workcell import Interval, Workcell
-from planner.presets import Preset
+from planner.presets import PRESETS, Preset
 
 FeatureKind = Literal["circle", "teeth", "notch", "outline"]
 Verb = Literal["locate", "align", "grasp", "move", "insert", "release", "verify"]
@@ -169,8 +169,13 @@ class Optimise:
     """What the compiler may trade."""
 
     prefer: Preset = "balanced"
-    max_image_error: float = 0.002
+    max_image_error: float | None = None  # of unit contrast; None: the preset's
     may_change: tuple[str, ...] = ()
+
+    def image_error(self, preset: Preset | None = None) -> float:
+        """Return what images may err by: as stated, else as the preset has it."""
+        stated = self.max_image_error
+        return PRESETS[preset or self.prefer].image_error if stated is None else stated
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -71,7 +71,7 @@ def test_a_trial_is_rebuilt_bit_for_bit(
     (look,) = requests(task, unfold(task, report), 0, None)
     effects = Effects(
         effort=PRESETS["fast"],
-        max_image_error=limit or task.optimise.max_image_error,
+        max_image_error=limit or task.optimise.image_error(),
         map=recorder,
     )
     low, _ = task.workcell.optics.magnification
@@ -114,7 +114,7 @@ def test_the_lens_is_in_the_picture_as_in_the_plans(tmp_path: Path) -> None:
         task, report = read(file), Report()
         (look,) = requests(task, unfold(task, report), 0, None)
         view = views(task, look, task.workcell.optics.magnification[0], report)[0]
-        case, _ = build_case(task, look, view, task.optimise.max_image_error)
+        case, _ = build_case(task, look, view, task.optimise.image_error())
         case = replace(case, model="exact")
         out = tmp_path / "look.png"
         assert render(out, "--step", "see_post", task=str(file)) == 0

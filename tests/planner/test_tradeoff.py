@@ -367,7 +367,7 @@ def test_a_tighter_limit_than_the_tasks_changes_the_choice(
     task, report = read(task_file), Report()
     (request,) = requests(task, unfold(task, report), 0, None)
     view = views(task, request, task.workcell.optics.magnification[0], report)[0]
-    usual = task.optimise.max_image_error
+    usual = task.optimise.image_error()
     _, fidelity = cases.build_case(task, request, view, usual)
     assert step.limit == LIMIT < fidelity.predicted_error <= usual
     assert step.choice.model != fidelity.model
