@@ -20,7 +20,7 @@ from optics.sampling import BAND_ERROR
 from planner.cases import build_case
 from planner.cli import LAWS, main
 from planner.diagnostics import Report
-from planner.looks import Effects, _reference_image, compile_look
+from planner.looks import Effects, compile_look, reference_image
 from planner.model.requests import requests
 from planner.model.sightings import views
 from planner.model.steps import unfold
@@ -88,7 +88,7 @@ def test_a_trial_is_rebuilt_bit_for_bit(
         assert f"trial {index} of see_post at 6.9 x" in capsys.readouterr().out
 
 
-def test_the_picture_of_a_step_is_the_plans_reference_image(
+def test_the_picture_of_a_step_is_the_plansreference_image(
     compiled_example: Path, tmp_path: Path
 ) -> None:
     plan = parse_plan((compiled_example / "plan.json").read_text(encoding="utf-8"))
@@ -118,7 +118,7 @@ def test_the_lens_is_in_the_picture_as_in_the_plans(tmp_path: Path) -> None:
         case = replace(case, model="exact")
         out = tmp_path / "look.png"
         assert render(out, "--step", "see_post", task=str(file)) == 0
-        assert np.array_equal(pixels(out), _reference_image(task, look, case))
+        assert np.array_equal(pixels(out), reference_image(task, look, case))
         found.append(pixels(out))
     assert np.abs(found[0].astype(int) - found[1]).max() > 10
 

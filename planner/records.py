@@ -1,0 +1,189 @@
+"""What the plan says of a look: view, scene, measurement and evidence."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from featuresel.case import LookCase
+from featuresel.score import Score
+from featuresel.trials import is_wrong
+from featuresel.usable import UsableRange
+from optics.jacobian import point_jacobian, to_px
+from planner.inputs.task import Task
+from planner.model.assembly import height_sigma_um
+from planner.model.requests import Request
+from planner.model.scenes import shade_of
+from planner.model.sightings import needed_shape, spot_of
+from planner.model.targets import Shape
+from planner.model.views import focus_stops
+from planner.pictures import Picture, picture_sha256
+from planner.tried import Tried, use_of
+from schemas import plan as p
+from schemas.pose import Pose
+
+# Gates lie outside what every accepted trial showed, by these margins.
+SCORE_MARGIN = 0.8
+SHIFT_MARGIN = 1.5
+
+
+def view_record(
+    task: Task, request: Request, case: LookCase, usable_um: tuple[float, float]
+) -> p.View:
+    """Return how the microscope is set."""
+    focus = task.workcell.optics.focus
+    owner = needed_shape(task, request).owner
+    spread = math.hypot(
+        height_sigma_um(task, request.state, owner), focus.repeatability_um
+    )
+    limits = (focus.min_um, focus.max_um)
+    return p.View(
+        magnification=case.microscope.magnification,
+        focus_um=case.focus_um,
+        focus_stops_um=focus_stops(case.focus_um, usable_um, spread, limits),
+        light=case.light.gain,
+        field_um=case.microscope.field_um,
+        um_per_px=case.microscope.um_per_px,
+    )
+
+
+def evidence(tried: Tried, chosen: Score) -> p.Evidence:
+    """Return every chain's score with the reason for or against it."""
+    reasons = dict(tried.selection.reasons)
+    return p.Evidence(
+        tolerance_um=tried.case.tolerance_um,
+        chosen=_score(chosen, reasons[chosen.chain]),
+        others=tuple(
+            _score(other, reasons[other.chain])
+            for other in tried.scores
+            if other.chain != chosen.chain
+        ),
+    )
+
+
+def scene_record(
+    task: Task,
+    request: Request,
+    case: LookCase,
+    shape: Shape,
+    name: str,
+    image: Picture,
+) -> p.SceneRecord:
+    """Return what is in view, and what is hidden or shaded."""
+    spot = spot_of(task, request, shape)
+    scope = case.microscope
+    layers = sorted(case.static + case.moving, key=lambda la: (la.z_um, la.name))
+    return p.SceneRecord(
+        layers=tuple(
+            p.LayerRecord(name=la.name, z_um=la.z_um, reflectance=la.reflectance)
+            for la in layers
+        ),
+        shades=shade_of(
+            task, request.state, shape, spot, scope.aperture, scope.medium_index
+        ),
+        image=name,
+        image_sha256=picture_sha256(image),
+    )
+
+
+def measure_record(
+    request: Request,
+    shape: Shape,
+    tried: Tried,
+    chosen: Score,
+    usable: UsableRange,
+) -> p.Measure:
+    """Return how the look measures, with what the trials promise."""
+    case, spare = tried.case, tried.selection.fallback
+    return p.Measure(
+        chain=tuple(use_of(request.id, tried, name) for name in chosen.chain),
+        fallback=tuple(
+            use_of(request.id, tried, name) for name in (spare.chain if spare else ())
+        ),
+        region=_region(case),
+        reference=_reference(case),
+        bias_um=chosen.bias_um or (0.0, 0.0),
+        jacobian_px_per_um=_jacobian(case),
+        sigma_xy_um=chosen.sigma_um or 0.0,
+        sigma_theta_rad=chosen.sigma_theta_rad,
+        limit_xy_um=None,
+        gates=_gates(tried, chosen),
+        capture_um=case.spread.search_um,
+        symmetry=shape.symmetry,
+        symmetry_broken_by=shape.symmetry_broken_by
+        if case.tolerance_theta_rad is not None
+        else "",
+        usable_focus_um=usable.focus_um,
+        usable_magnification=usable.magnification,
+        fallback_bias_um=(spare.bias_um if spare else None) or (0.0, 0.0),
+        fallback_min_score=0.0 if spare is None else _min_score(tried, spare),
+    )
+
+
+def _region(case: LookCase) -> p.Region:
+    """Return the part of the frame that the routines see."""
+    window = case.window
+    return p.Region(
+        row=window.row, column=window.column, rows=window.rows, columns=window.columns
+    )
+
+
+def _reference(case: LookCase) -> p.Reference:
+    """Return where the target should be."""
+    return p.Reference(
+        column=case.target.column,
+        row=case.target.row,
+        pose=Pose(x_um=case.x_um, y_um=case.y_um, theta_rad=case.theta_rad),
+        z_um=case.focus_um,
+    )
+
+
+def _gates(tried: Tried, chosen: Score) -> p.Gates:
+    """Return what a measurement must meet: what every good trial met, and a margin."""
+    return p.Gates(
+        min_score=_min_score(tried, chosen),
+        max_shift_um=SHIFT_MARGIN * tried.case.spread.search_um,
+        max_turn_rad=None,
+    )
+
+
+def _min_score(tried: Tried, chain: Score) -> float:
+    """Return the least score a chain may have, a margin below its good trials."""
+    scores = [
+        outcome.score
+        for outcome in tried.outcomes
+        if outcome.chain == chain.chain
+        and outcome.score is not None
+        and not is_wrong(tried.case, outcome)
+    ]
+    return SCORE_MARGIN * min(scores, default=0.0)
+
+
+def _jacobian(case: LookCase) -> tuple[tuple[float, ...], ...]:
+    """Return d(u, v) / d(x, y, theta, zoom) at the nominal place.
+
+    Columns as in `optics.jacobian.point_jacobian`; the turn is about the target.
+    """
+    here_um = (case.x_um, case.y_um)
+    point = to_px(np.array([here_um]), case.microscope)
+    matrix = point_jacobian(point, case.microscope, axis_um=here_um)
+    return tuple(tuple(float(v) for v in row) for row in matrix)
+
+
+def _score(found: Score, reason: str) -> p.Score:
+    """Return a chain's score as the plan has it."""
+    return p.Score(
+        chain=found.chain,
+        trials=found.trials,
+        success=found.success,
+        success_lower=found.success_lower,
+        silent=found.silent,
+        silent_upper=found.silent_upper,
+        bias_um=found.bias_um,
+        sigma_um=found.sigma_um,
+        worst_um=found.worst_um,
+        sigma_theta_rad=found.sigma_theta_rad,
+        cost=found.cost,
+        reason=reason,
+    )
