@@ -193,6 +193,8 @@ def _shade(
     radius = lamp.blur_diameter_um(height_um) / 2
     step = max(radius / _A_RIM, finest_um)
     lattice = Lattice.over(area, step, more=MORE + 1)  # holds all finer ones
+    if radius < _AIRY_FINE * finest_um:  # hard on these points, and its band endless
+        return _hard(layers, lattice)
     rest = max(_AIRY * radius, _AIRY_FINE * finest_um)
     airy = min(lamp.wavelength_um / lamp.aperture, rest)
     point = replace(
@@ -206,6 +208,14 @@ def _shade(
     )
     found = cover(layers, point, focus_um=z_um, window=lattice.window, sampling=_COARSE)
     kept = np.sum([c.coverage for c in found], axis=0)
+    if not kept.any():
+        return None
+    return Shade(z_um=layers[0].z_um, lattice=lattice, kept=kept)
+
+
+def _hard(layers: Sequence[Layer], lattice: Lattice) -> Shade | None:
+    """Return what layers of one height keep from squares about the points."""
+    kept = np.sum([lattice.cells(layer) for layer in layers], axis=0)
     if not kept.any():
         return None
     return Shade(z_um=layers[0].z_um, lattice=lattice, kept=kept)

@@ -71,6 +71,23 @@ def test_a_bores_floor_gets_the_share_of_the_closed_form(
     assert abs(1 - kept - seen) < 2 * tail + 1e-3 + margin_error(12.0)
 
 
+def test_a_nearly_parallel_lamp_throws_the_body_itself() -> None:
+    """As a square about each point sees it; twice the lamp changes next to nothing."""
+    optics = microscope(6.9, 60, 60)
+    over = body("over", disc(13.0), 130.0, 0.0)
+    kept = []
+    for blur_um in (0.06, 0.12):  # below an eighth of the points' distance, and above
+        lamp = blur_um / 130
+        (light,) = lights((over,), (0.0,), optics, lamp_aperture=lamp, focus_um=(0.0,))
+        (shade,) = light.shades
+        kept.append(shade.kept)
+        assert shade.kept.sum() * shade.lattice.step_um**2 == pytest.approx(
+            math.pi * 13.0**2, rel=1e-3
+        )  # the area of the shadow; bands err by 1e-3
+    # a blur of .12 um spreads an edge over squares of .54 um by a ninth of them at most
+    assert np.abs(kept[1] - kept[0]).max() < 0.12 / 0.54 / 2 + 1e-3
+
+
 @pytest.mark.parametrize("lamp", [0.42, 0.2])
 def test_a_bores_floor_is_shaded_once_more_than_it_is_hidden(lamp: float) -> None:
     optics = microscope(6.9, 3, 3)
