@@ -169,10 +169,15 @@ def _optics(task: Task) -> WorldOptics:
         light=task.workcell.light.level,
         light_gradient=task.workcell.light.gradient,
         lens=_lens(optics.lens),
-        lamp_share=(optics.coherence or 1.0)
-        if task.workcell.light.kind == "coaxial"
-        else 0.0,
+        lamp_share=_lamp_share(task),
     )
+
+
+def _lamp_share(task: Task) -> float:
+    """Return coaxial light's aperture over the lens', as in `planner.lens`."""
+    if task.workcell.light.kind != "coaxial":
+        return 0.0
+    return min(task.workcell.optics.coherence or 1.0, 1.0)
 
 
 def _lens(lens: LensErrors) -> WorldLens:
