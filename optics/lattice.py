@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Self
@@ -23,6 +24,9 @@ Places = tuple[float, float, int]  # the first, the step, how many
 
 MORE = 3  # points beyond all that is read: a spline is worse near its ends
 _ROUNDING = 1e-6  # of a step
+# A point's weight in a cubic spline falls by 2 - sqrt(3) a step: below 1e-27 here.
+_FELT = 48
+_AT_ONCE = 1024  # points whose weights are one array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,10 +98,33 @@ class Lattice:
         (left, top), step = self.corner_um, self.step_um
         rows, columns = self.shape
         far = beyond_um / step + _ROUNDING
-        down = _spline(rows, (top - y[0]) / step, -y[1] / step, y[2], far)
-        across = _spline(columns, (x[0] - left) / step, x[1] / step, x[2], far)
-        found: FloatArray = down @ values @ across.T
+        lines = np.empty((y[2], columns))
+        down = (top - y[0]) / step, -y[1] / step, y[2]
+        for out, part, weights in _blocks(rows, down, far):
+            lines[out] = weights @ values[part]
+        found = np.empty((y[2], x[2]))
+        across = (x[0] - left) / step, x[1] / step, x[2]
+        for out, part, weights in _blocks(columns, across, far):
+            found[:, out] = lines[:, part] @ weights.T
         return found
+
+
+def _blocks(
+    points: int, places: Places, beyond: float
+) -> Iterator[tuple[slice, slice, FloatArray]]:
+    """Yield places, points and the weights between them: all, or those that count."""
+    first, step, count = places
+    if points <= _AT_ONCE:
+        yield slice(None), slice(None), _spline(points, first, step, count, beyond)
+        return
+    size = max(1, math.floor(_AT_ONCE / 2 / abs(step)))
+    for start in range(0, count, size):
+        stop = min(start + size, count)
+        ends = first + step * start, first + step * (stop - 1)
+        low = max(0, min(math.floor(min(ends)) - _FELT, points - 2 * _FELT))
+        high = min(points, max(math.ceil(max(ends)) + _FELT, 2 * _FELT))
+        weights = _spline(high - low, ends[0] - low, step, stop - start, beyond)
+        yield slice(start, stop), slice(low, high), weights
 
 
 @lru_cache(maxsize=128)
