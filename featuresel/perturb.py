@@ -24,7 +24,7 @@ _AXES = 8  # dx, dy, theta, focus, zoom, gain, gradient, gradient's direction
 _EVERY = 4  # each fourth trial is an extreme, whatever their number
 _CUT = 3.0  # normal spreads end at 3 sigma: trials stand for a working station
 _CORNER = 2.0  # sigmas at the extremes, all at once: already far out together
-_MOST_SOBOL = 20  # 2**20 points are more than any look gets
+MOST_TRIALS = 2**20  # more than any look gets
 # The estimator's blur law must not always be the truth.
 _OTHER_MODEL = {"hopkins": "stokseth", "exact": "stokseth"}
 
@@ -65,7 +65,7 @@ def design(case: LookCase, count: int, root_seed: int) -> tuple[Trial, ...]:
     case : LookCase
         The look.
     count : int
-        How many, >= 1.
+        How many, 1 to `MOST_TRIALS`.
     root_seed : int
         Root of all seeds, >= 0.
 
@@ -74,8 +74,8 @@ def design(case: LookCase, count: int, root_seed: int) -> tuple[Trial, ...]:
     ValueError
         If `count` or `root_seed` is out of range.
     """
-    if not 1 <= count <= 2**_MOST_SOBOL:
-        raise ValueError(f"count must be in 1..{2**_MOST_SOBOL}, got {count}")
+    if not 1 <= count <= MOST_TRIALS:
+        raise ValueError(f"count must be in 1..{MOST_TRIALS}, got {count}")
     if root_seed < 0:
         raise ValueError(f"root_seed must not be negative, got {root_seed}")
     sobol = qmc.Sobol(_AXES, rng=_generator(root_seed, f"{case.key}/design"))

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from featuresel.case import LookCase
-from featuresel.perturb import design, image
+from featuresel.perturb import MOST_TRIALS, design, image
 from optics.fidelity import LADDER, choose
 from optics.microscope import Microscope
 from optics.models import MODELS
@@ -192,8 +192,9 @@ def _trial(
 ) -> tuple[FloatArray, str]:
     """Return the region of one trial, bit for bit as the benchmark had it."""
     index = call.trial or 0
-    if index < 0:
-        raise RenderError("MP404", f"trials count from 0, got {index}")
+    if not 0 <= index < MOST_TRIALS:
+        last = MOST_TRIALS - 1
+        raise RenderError("MP404", f"trials count from 0 to {last}, got {index}")
     case = _case(task, look, call, report)
     trial = design(case, index + 1, task.seed)[index]
     if call.focus_um is not None or call.model is not None:

@@ -195,6 +195,7 @@ def test_options_do_what_they_say(tmp_path: Path) -> None:
         (("--step", "find_gear", "--magnification", "nan"), "MP404", "6.9 to 44.5"),
         (("--step", "find_gear", "--focus-um", "inf"), "MP404", "must be finite"),
         (("--step", "grasp", "--trial", "0"), "MP404", "has no look"),
+        (("--step", "find_gear", "--trial", "1048576"), "MP404", "0 to 1048575"),
         (("--step", "find_gear", "--trial", "-1"), "MP404", "count from 0"),
         (
             ("--step", "find_gear", "--trial", "0", "--magnification", "7.77"),
