@@ -139,8 +139,16 @@ def _optics(raw: Mapping[str, Any]) -> Optics:
             repeatability_um=float(focus["repeatability_um"]),
             lateral_sigma_um_per_um=float(focus["lateral_sigma_um_per_um"]),
         ),
-        lens=_lens(raw, apertures),
+        lens=_lens(raw, _held(apertures, float(low), float(high))),
     )
+
+
+def _held(rows: Rows, low: float, high: float) -> Rows:
+    """Return a table of apertures for all zooms: its ends' values hold beyond it."""
+    (first, start), (last, end) = rows[0], rows[-1]
+    below = ((low, start),) if low < first else ()
+    above = ((high, end),) if high > last else ()
+    return rows if len(rows) == 1 else (*below, *rows, *above)
 
 
 def _lens(raw: Mapping[str, Any], apertures: Rows) -> LensErrors:

@@ -12,12 +12,15 @@ from pathlib import Path
 
 import pytest
 
+from optics.scene import Illumination
 from planner.diagnostics import Report, Span, render_text
 from planner.inputs.read_task import load_task
 from planner.inputs.source import read_source
 from planner.inputs.task import Task
 
-EXAMPLE = Path(__file__).parents[3] / "examples" / "gear_on_shaft"
+ROOT = Path(__file__).parents[3]
+EXAMPLE = ROOT / "examples" / "gear_on_shaft"
+SCHEMAS = ROOT / "schemas"
 
 
 @pytest.fixture
@@ -64,6 +67,8 @@ MISTAKES = [
     ("task.yaml", "reflectance: 0.80", "reflectance: <<1.5>>", "MP103"),
     ("task.yaml", "x_um: -600", "x_um: <<1e300>>", "MP103"),
     ("task.yaml", "seed: 1998", "seed: <<-1>>", "MP103"),
+    ("task.yaml", "magnification_sigma: 0.005", "magnification_sigma: <<0.2>>",
+     "MP103"),
     ("task.yaml", "tolerance_xy_um: 3", "tolerance_xy_um: <<0>>", "MP103"),
     ("task.yaml", "thickness_um: 100", "thickness_um: <<.nan>>", "MP008"),
     ("task.yaml", "thickness_um: 100", "thickness_um: <<-.inf>>", "MP008"),
@@ -293,6 +298,34 @@ def test_an_aperture_table_is_read(folder: Path) -> None:
     middle = math.sqrt(6.9 * 44.5)
     assert optics.aperture(middle) == pytest.approx(math.sqrt(0.2 * 0.42))
     assert (optics.aperture(6.9), optics.aperture(100.0)) == (0.2, 0.42)
+
+
+def test_the_ends_of_an_aperture_table_hold_for_zooms_beyond_it(folder: Path) -> None:
+    table = "[{magnification: 10, value: 0.2}, {magnification: 20, value: 0.4}]"
+    edit(
+        folder,
+        "workcell.yaml",
+        "numerical_aperture: 0.42",
+        f"numerical_aperture: {table}",
+    )
+    optics = load(folder).workcell.optics
+    for zoom, aperture in ((6.9, 0.2), (10.0, 0.2), (20.0, 0.4), (44.5, 0.4)):
+        assert optics.aperture(zoom) == pytest.approx(aperture)
+        assert optics.lens.aperture_at(zoom) == pytest.approx(aperture)
+
+
+def test_the_steepest_light_that_is_read_stays_light() -> None:
+    task, workcell = (
+        json.loads((SCHEMAS / f"{name}.schema.json").read_text())["properties"]
+        for name in ("task", "workcell")
+    )
+    steepest = (
+        task["benchmark"]["properties"]["light_gradient"]["items"]["maximum"],
+        workcell["light"]["properties"]["gradient"]["maximum"],
+    )
+    for gradient in steepest:
+        along = gradient * math.sqrt(0.5)  # to a corner of the field, where it is worst
+        assert Illumination(gradient_x=along, gradient_y=along).gain == 1
 
 
 def test_the_example_is_read_as_it_stands(folder: Path) -> None:
