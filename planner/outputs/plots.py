@@ -146,6 +146,7 @@ def _scatter(
             markersize=8 if occluded else 6,
         )
     least = min(max(error, _LEAST) for _, error in points)
+    oracle = max(oracle, _LEAST)  # 0 where nothing differs from the background
     bottom = min(least, oracle) / 3
     axes.axhspan(bottom, oracle, color="0.9", zorder=0)
     axes.annotate(

@@ -30,7 +30,7 @@ from planner.diagnostics import Report
 from planner.model.requests import requests
 from planner.model.sightings import views
 from planner.model.steps import unfold
-from planner.outputs.plots import Strip, round_down, strip_png
+from planner.outputs.plots import Strip, round_down, strip_png, tradeoff_png
 from planner.outputs.tradeoff import Measured, StepTradeoff, Tradeoff
 from planner.tradeoff import FOCUS_SIGMAS, strip_of
 from planner.truths import Sight, law_truth, layer_truth
@@ -412,3 +412,47 @@ def test_compiler_and_preview_load_no_matplotlib() -> None:
     )
     done = subprocess.run([sys.executable, "-c", script], check=False)
     assert done.returncode == 0
+
+
+def test_a_look_without_contrast_has_a_picture_too() -> None:
+    """Faces as bright as what is behind them: no way errs, nor does the oracle."""
+    way = Measured(
+        model="exact",
+        layers="blend",
+        band_error=5e-4,
+        margin=10.0,
+        float_bits=64,
+        rays_per_cell=0,
+        time_ms=1.0,
+        law_max_error=0.0,
+        law_rms_error=0.0,
+        max_error=0.0,
+        rms_error=0.0,
+        is_choice=True,
+        on_law_front=True,
+        on_front=True,
+    )
+    blank = StepTradeoff(
+        step="look",
+        look="look",
+        target="plate",
+        magnification=6.9,
+        focus_um=0.0,
+        focus_heights_um=(0.0,),
+        row=0,
+        column=0,
+        rows=10,
+        columns=10,
+        um_per_px=1.0,
+        layers_in_view=("plate",),
+        limit=0.002,
+        predicted_error=0.0,
+        predicted_layer_error=0.0,
+        law_oracle="closed form",
+        law_oracle_error=0.0,
+        oracle="closed form",
+        oracle_error=0.0,
+        floor_ms=0.1,
+        ways=(way, replace(way, time_ms=2.0, is_choice=False)),
+    )
+    assert tradeoff_png(blank).startswith(b"\x89PNG")  # a warning is an error here
