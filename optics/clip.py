@@ -13,6 +13,9 @@ from optics.outline import Arc, Outline, Segment
 FloatArray = npt.NDArray[np.float64]
 Box = tuple[float, float, float, float]  # x_min, y_min, x_max, y_max, um
 
+# Of radius and place: so near to a side an arc touches it, wherever rounding puts it.
+_TOUCHING = 1e-14
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Edges:
@@ -136,7 +139,8 @@ def _split(arc: FloatArray, box: Box) -> tuple[FloatArray, FloatArray]:
     angles = _crossings(arc, np.stack([low, high], axis=1))
     points = center + radius * _directions(angles)
     middles = center + radius * _directions((angles[:-1] + angles[1:]) / 2)
-    held = ((middles >= low) & (middles <= high)).all(axis=1)
+    room = _TOUCHING * (radius + float(np.abs(center).sum()))
+    held = ((middles >= low - room) & (middles <= high + room)).all(axis=1)
     swept = np.diff(angles)
     onto = np.clip(points, low, high)
     along = np.concatenate([onto[:-1], onto[1:]], axis=1)[~held]

@@ -18,7 +18,7 @@ from optics.microscope import Microscope
 from optics.models import TABLE_ERROR, find_model
 from optics.render import render
 from optics.sampling import FAR_ERROR, SINGLE_ERROR, Sampling
-from optics.scene import Scene, Window
+from optics.scene import Layer, Scene, Window
 from optics.wrapping import MARGINS, margin_for, wrap_error
 
 FloatArray = npt.NDArray[np.float64]
@@ -104,7 +104,12 @@ def choose(
         raise ValueError("at least one law and one focus are needed")
     for model in ladder:
         find_model(model)
-    pilot = Pilot(scene=scene, microscope=microscope, window=window)
+    pilot = Pilot(
+        scene=scene,
+        microscope=microscope,
+        window=window,
+        focus_um=tuple(focus_um),
+    )
     sampling = pilot.sampling(limit)
     refused: list[Refusal] = []
     for model in ladder:
@@ -130,6 +135,7 @@ class Pilot:
     scene: Scene
     microscope: Microscope
     window: Window | None = None
+    focus_um: tuple[float, ...] = ()  # for which the bounds have to hold
     _images: dict[tuple[str, Sampling, float], FloatArray] = field(
         default_factory=dict, repr=False, compare=False
     )
@@ -153,7 +159,13 @@ class Pilot:
         """Return a bound of what the exact law with all of its band still lacks."""
         rest = 0.0
         for layer, step in zip(self.scene.layers, steps(self.scene), strict=True):
-            wrap = wrap_error(layer.outline, self.microscope, margin, self.window)
+            wrap = wrap_error(
+                layer.outline,
+                self.microscope,
+                margin,
+                self.window,
+                blur_um=self._blur_um(layer),
+            )
             rest += step * (wrap + TABLE_ERROR + FAR_ERROR)
         return rest
 
@@ -164,10 +176,19 @@ class Pilot:
             if step > 0:
                 allowed = share / (step * len(self.scene.layers))
                 margin = margin_for(
-                    layer.outline, self.microscope, allowed, self.window
+                    layer.outline,
+                    self.microscope,
+                    allowed,
+                    self.window,
+                    blur_um=self._blur_um(layer),
                 )
                 least = max(least, margin)
         return least or float(MARGINS[0])
+
+    def _blur_um(self, layer: Layer) -> float:
+        """Return the largest radius of a layer's blur circle."""
+        depths = (layer.z_um - focus_um for focus_um in self.focus_um)
+        return max((self.microscope.blur_diameter_um(z) for z in depths), default=0) / 2
 
     def _image(self, model: str, sampling: Sampling, focus_um: float) -> FloatArray:
         key = (model, sampling, focus_um)

@@ -35,6 +35,8 @@ def wrap_error(
     microscope: Microscope,
     margin: float,
     window: Window | None = None,
+    *,
+    blur_um: float = 0.0,
 ) -> float:
     """Return a bound of what a tile with a margin costs one layer.
 
@@ -48,6 +50,8 @@ def wrap_error(
         Distance to repetitions and to cuts beyond the blur, in wavelengths / A.
     window : Window, optional
         The part of the frame that is seen; default all.
+    blur_um : float
+        Radius of the blur circle, beyond which light falls off.
 
     Returns
     -------
@@ -61,14 +65,15 @@ def wrap_error(
     d = margin * unit
     tile = choose_tile(outline, microscope, d, frame, (0.0, 0.0))
     if tile is None:
-        return _outside(outline, _frame_box(microscope, frame), unit)
+        return _outside(outline, _frame_box(microscope, frame), unit, blur_um, d)
     seen = _seen_box(microscope, tile)
     covered = _covered(outline, _grown(seen, d))
     if covered is None:
         found = _cut_or_repeated(outline, microscope, tile, d)
     else:  # what is cut off begins at the first edge
         bounds = _PLANE if covered else outline.bounds_um
-        found = _beyond(bounds, seen, _nearest_um(outline, seen, d))
+        nearest_um = _nearest_um(outline, seen, d) - blur_um
+        found = _beyond(bounds, seen, max(nearest_um, d))
     return min(unit / (2 * math.pi**3) * found, 1.0)
 
 
@@ -77,10 +82,13 @@ def margin_for(
     microscope: Microscope,
     error: float,
     window: Window | None = None,
+    *,
+    blur_um: float = 0.0,
 ) -> float:
     """Return the least of `MARGINS` that costs `error` at most, else the last."""
     for margin in MARGINS:
-        if wrap_error(outline, microscope, float(margin), window) <= error:
+        found = wrap_error(outline, microscope, float(margin), window, blur_um=blur_um)
+        if found <= error:
             return float(margin)
     return float(MARGINS[-1])
 
@@ -166,12 +174,14 @@ def _beyond(bounds: Box, seen: Box, d_um: float) -> float:
     )
 
 
-def _outside(outline: Outline, frame: Box, unit_um: float) -> float:
+def _outside(
+    outline: Outline, frame: Box, unit_um: float, blur_um: float, d_um: float
+) -> float:
     """Return what a body costs that is left out since it lies too far outside."""
     x_min, y_min, x_max, y_max = outline.bounds_um
     dx = max(x_min - frame[2], frame[0] - x_max, 0.0)
     dy = max(y_min - frame[3], frame[1] - y_max, 0.0)
-    far = math.hypot(dx, dy)
+    far = max(math.hypot(dx, dy) - blur_um, d_um)
     return unit_um / (2 * math.pi**3) * min(2 / far, outline.area_um2 / far**3)
 
 

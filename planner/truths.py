@@ -93,7 +93,12 @@ def law_truth(sight: Sight, margin: float) -> Truth:
         window=sight.window,
         sampling=wide,
     )
-    pilot = Pilot(scene=sight.scene, microscope=sight.microscope, window=sight.window)
+    pilot = Pilot(
+        scene=sight.scene,
+        microscope=sight.microscope,
+        window=sight.window,
+        focus_um=sight.focus_um,
+    )
     return Truth(
         images=images,
         name="the exact law with all of the band and twice the margin",

@@ -8,8 +8,9 @@ import pytest
 from benchmarks.selector import COUNT, draw, judge
 
 # One layer and closed forms that take a moment, several layers, high apertures, and
-# the scenes that once found bounds which were none: cut arcs, and wide bodies.
-SAMPLE = (1, 5, 8, 13, 17, 21, 22, 25, 31, 37, 43, 44, 47, 53, 55)
+# the scenes that once found bounds which were none: cut arcs, wide bodies, an arc that
+# touches its box, and a body hardly wider than its blur.
+SAMPLE = (1, 5, 8, 13, 17, 21, 22, 25, 31, 37, 43, 44, 47, 53, 55, 202, 448)
 
 
 @pytest.mark.parametrize("index", SAMPLE)

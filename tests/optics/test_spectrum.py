@@ -229,3 +229,20 @@ def test_an_arc_around_a_corner_of_the_box_closes() -> None:
         expected = np.trapezoid(np.minimum(half, top) + half, x)
         # of the root at the far end the rule errs by h**1.5
         assert found.area_um2 == pytest.approx(expected, abs=1e-6)
+
+
+@given(
+    st.floats(-100, 100), st.floats(0.1, 100), st.floats(-7, 7), st.floats(-0.9, 0.9)
+)
+@settings(deadline=None)
+def test_a_box_that_touches_a_circle_keeps_it(
+    y: float, radius: float, start: float, cut: float
+) -> None:
+    """The middle of an arc may be where it touches, give or take a rounding."""
+    arc = Arc(center=(0.7, y), radius_um=radius, start_rad=start, sweep_rad=2 * math.pi)
+    body = Outline(rings=(Ring(edges=(arc,)),))
+    x0, _, x1, y1 = body.bounds_um
+    below = y + cut * radius
+    kept = clip(body, (x0, below, x1, y1)).area_um2
+    cap = math.acos(cut) - cut * math.sqrt(1 - cut * cut)
+    assert kept == pytest.approx(cap * radius**2, rel=1e-8)
