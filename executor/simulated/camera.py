@@ -31,6 +31,7 @@ FloatArray = npt.NDArray[np.float64]
 # an aperture that is not the one in the data sheet.
 BLUR_LAW = "stokseth"
 APERTURE_RATIO = 1.02
+_MOST_SINE = 0.999  # of the marginal ray
 
 
 class SimLens:
@@ -83,7 +84,7 @@ class SimLens:
         """Return the true aperture at the zoom that was set."""
         zoom, aperture = np.log(np.array(self._optics.apertures)).T
         stated = math.exp(np.interp(math.log(self._nominal), zoom, aperture))
-        return stated * APERTURE_RATIO
+        return min(stated * APERTURE_RATIO, _MOST_SINE * self._optics.medium_index)
 
 
 def drawn_errors(lens: WorldLens, rng: np.random.Generator) -> LensErrors:
