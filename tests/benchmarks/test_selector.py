@@ -17,7 +17,7 @@ SAMPLE = (1, 5, 8, 13, 17, 21, 22, 25, 31, 37, 43, 44, 47, 53, 55, 202, 448)
 def test_an_image_errs_by_what_was_predicted_at_most(index: int) -> None:
     found = judge(index)
     assert found.true <= found.predicted + found.unsure
-    assert found.unsure < 0.25 * found.predicted or found.predicted < 3e-4
+    assert found.unsure < 1.5e-4  # the truth is good enough to tell
 
 
 def test_the_scenes_cover_what_the_renderer_is_for() -> None:
