@@ -85,8 +85,8 @@ def _add_render(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--max-image-error",
         type=share,
-        help="law and sampling that keep it at this focus, sampling alone with --model; "
-        "with --trial as for compile",
+        help="law and sampling that keep it at this focus, sampling alone with --model;"
+        " with --trial as for compile",
     )
     parser.add_argument("--noise", action="store_true", help="add the sensor's noise")
     parser.add_argument("--trial", type=int, help="rebuild this trial of the benchmark")
