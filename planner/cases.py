@@ -7,6 +7,7 @@ import math
 from featuresel.case import LookCase, Spread
 from featuresel.routines import Target
 from optics.fidelity import Fidelity, choose
+from optics.layer_error import choose_layers
 from optics.lensing import lens_scene
 from optics.outline import place
 from optics.scene import Illumination, Layer, Scene
@@ -40,13 +41,15 @@ def build_case(
         background=task.workcell.stage.reflectance,
         background_z_um=task.workcell.stage.datum_z_um + request.state.stage.z_um,
     )
+    imaged = lens_scene(shown, scope, lens, view.focus_um)
     fidelity = choose(
-        lens_scene(shown, scope, lens, view.focus_um),
+        imaged,
         scope,
         focus_um=_focus_range(view, spread),
         limit=max_image_error,
         window=view.region,
     )
+    lamp = _lamp(task.workcell, shown, view, max_image_error)
     case = LookCase(
         key=f"{task.name}/{request.id}@{scope.magnification:.6g}",
         static=static,
@@ -69,9 +72,11 @@ def build_case(
         model=fidelity.model,
         sampling=fidelity.sampling,
         lens=lens,
-        lamp_aperture=_lamp(task.workcell, shown, view, max_image_error),
+        lamp_aperture=lamp,
         background_z_um=shown.background_z_um,
-        treatment="blend",
+        treatment="blend"
+        if lamp is not None
+        else _treatment(imaged, view, spread, max_image_error),
         tolerance_um=request.tolerance_um or scope.um_per_px,
         tolerance_theta_rad=_angle_tolerance(request, shape),
         spread=spread,
@@ -94,6 +99,23 @@ def _lamp(
         window=view.region,
     )
     return aperture if error > max_image_error else None
+
+
+def _treatment(
+    imaged: Scene, view: ViewPlan, spread: Spread, max_image_error: float
+) -> str:
+    """Return how layers are laid over each other; the dearer way must keep the limit.
+
+    In coaxial light nothing is traced: that takes seconds an image.
+    """
+    found = choose_layers(
+        imaged,
+        view.microscope,
+        focus_um=_focus_range(view, spread),
+        limit=max_image_error,
+        window=view.region,
+    )
+    return found.treatment if found.keeps_limit else "blend"
 
 
 def _focus_range(view: ViewPlan, spread: Spread) -> tuple[float, ...]:
