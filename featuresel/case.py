@@ -16,7 +16,7 @@ from optics.lensing import lens_scene
 from optics.microscope import Microscope
 from optics.occlusion import occluded
 from optics.outline import place
-from optics.render import Covered, cover, render
+from optics.render import Covered, cover
 from optics.sampling import Sampling
 from optics.scene import Illumination, Layer, Scene, Window
 from optics.sensor import Sensor
@@ -196,17 +196,6 @@ def picture(
             window=case.window,
             light=light,
             lamp_aperture=case.lamp_aperture,
-        )
-    if case.lamp_aperture is None:
-        return render(
-            shown,
-            microscope,
-            focus_um=focus_um,
-            model=model,
-            window=case.window,
-            light=light,
-            also=also,
-            sampling=case.sampling,
         )
     return shaded(
         shown,

@@ -38,7 +38,7 @@ def shaded(
     microscope: Microscope,
     *,
     focus_um: float,
-    lamp_aperture: float,
+    lamp_aperture: float | None,
     model: str = "exact",
     window: Window | None = None,
     light: Illumination | None = None,
@@ -54,7 +54,8 @@ def shaded(
     scene, microscope, focus_um, model, window, light, shift_um, also, sampling
         As in `optics.render.render`.
     lamp_aperture : float
-        Numerical aperture of the light through the objective, in (0, n).
+        Numerical aperture of the light through the objective, in (0, n); None for
+        light from elsewhere, whose image is that of `render`.
     under : sequence of Light, optional
         The light that the layers of `also` leave at every height that is seen, by
         `optics.lamplight.lights`. Default: it is computed.
@@ -82,6 +83,18 @@ def shaded(
     as much of that error as is shaded. Shade in a layer of a pixel or less about an
     edge is treated as a mean over the pixel. Diffraction on the lamp's way is left out.
     """
+    if lamp_aperture is None:
+        return render(
+            scene,
+            microscope,
+            focus_um=focus_um,
+            model=model,
+            window=window,
+            light=light,
+            shift_um=shift_um,
+            also=also,
+            sampling=sampling,
+        )
     frame = window or full(microscope)
     fresh = cover(
         scene.layers,

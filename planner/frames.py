@@ -9,7 +9,6 @@ import numpy.typing as npt
 
 from optics.lensing import lens_scene
 from optics.microscope import Microscope
-from optics.render import render
 from optics.sampling import Sampling
 from optics.scene import Illumination, Scene
 from optics.shading import shaded
@@ -45,18 +44,12 @@ def frame(
 
     Coaxial light is shaded by higher bodies.
     """
-    light, chosen = Illumination(gain=level), sampling or Sampling()
-    lamp = lamp_aperture(cell, scope)
-    if lamp is None:
-        return render(
-            scene, scope, focus_um=focus_um, model=model, light=light, sampling=chosen
-        )
     return shaded(
         scene,
         scope,
         focus_um=focus_um,
-        lamp_aperture=lamp,
+        lamp_aperture=lamp_aperture(cell, scope),
         model=model,
-        light=light,
-        sampling=chosen,
+        light=Illumination(gain=level),
+        sampling=sampling or Sampling(),
     )

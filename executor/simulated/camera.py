@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator
-from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -17,7 +16,6 @@ from optics.lens import MAX_DISTORTION, LensErrors
 from optics.lensing import lens_scene
 from optics.microscope import Microscope
 from optics.outline import Outline, place
-from optics.render import render
 from optics.scene import Illumination, Layer, Scene, Window
 from optics.sensor import Sensor, expose
 from optics.shading import shaded
@@ -157,18 +155,17 @@ class SimCamera:
         """Return what falls on the sensor, as a share of full scale."""
         microscope, focus_um = self._microscope(), self._lens.focus_um
         lamp = self._truth.world.optics.lamp_share * microscope.aperture
-        shown = partial(
-            render if lamp == 0 else partial(shaded, lamp_aperture=lamp),
+        errors = self._lens.errors
+        return shaded(
+            lens_scene(scene_of(self._truth), microscope, errors, focus_um),
+            microscope,
             focus_um=focus_um,
+            lamp_aperture=lamp or None,
             model=BLUR_LAW,
             window=window,
             light=self._light.now(),
             shift_um=self._lens.shift_um,
         )
-        errors = self._lens.errors
-        truth = lens_scene(scene_of(self._truth), microscope, errors, focus_um)
-        image: FloatArray = shown(truth, microscope)
-        return image
 
     def _microscope(self) -> Microscope:
         """Return the true optical setting."""
