@@ -224,39 +224,3 @@ def still_layers(
         window=case.window,
         sampling=case.sampling,
     )
-
-
-@dataclass(frozen=True, slots=True)
-class NominalRender:
-    """Renders a case's region at nominal focus, zoom and light; a `Render`."""
-
-    case: LookCase
-    static: tuple[Covered, ...]  # what every image shares
-
-    def __call__(
-        self, *, dx_um: float = 0.0, dy_um: float = 0.0, theta_rad: float = 0.0
-    ) -> FloatArray:
-        """Return the noise-free region, clipped to what the sensor can tell, 0..1.
-
-        `theta_rad` is the turn away from the nominal angle.
-        """
-        case = self.case
-        image = picture(
-            case,
-            moved_layers(case, dx_um, dy_um, theta_rad),
-            case.microscope,
-            focus_um=case.focus_um,
-            model=case.model,
-            light=case.light,
-            backdrop=self.static,
-        )
-        clipped: FloatArray = np.clip(image, 0.0, 1.0)
-        return clipped
-
-
-def nominal_render(case: LookCase) -> NominalRender:
-    """Return the renderer that routines prepare with."""
-    static = still_layers(
-        case, case.microscope, focus_um=case.focus_um, model=case.model
-    )
-    return NominalRender(case=case, static=static)

@@ -12,8 +12,8 @@ from scipy.stats import beta
 
 from featuresel.candidates import Chain
 from featuresel.case import LookCase
-from featuresel.routines import load
-from featuresel.trials import Outcome, is_wrong
+from featuresel.routines import Failure, load
+from featuresel.trials import Outcome, Prepared, is_wrong
 
 CONFIDENCE = 0.95  # of all bounds, one-sided
 
@@ -55,17 +55,35 @@ class Score:
 
 
 def score(
-    case: LookCase, chains: Sequence[Chain], outcomes: Sequence[Outcome]
+    case: LookCase, prepared: Prepared, outcomes: Sequence[Outcome]
 ) -> tuple[Score, ...]:
-    """Return one score per chain, in the order of `chains`.
+    """Return one score per chain, in the order of `prepared.chains`.
 
     A success is an answer within `WRONG_TOLERANCES` tolerances (place, and angle where
     it is needed and given); a silent failure is any other answer.
     """
     return tuple(
-        _score(case, chain, [o for o in outcomes if o.chain == chain])
-        for chain in chains
+        _score(
+            case,
+            chain,
+            [o for o in outcomes if o.chain == chain],
+            chain_cost(case, prepared, chain),
+        )
+        for chain in prepared.chains
     )
+
+
+def chain_cost(case: LookCase, prepared: Prepared, chain: Chain) -> float:
+    """Return the predicted work of one fix, in 640 x 480 box filters.
+
+    A routine that could not be prepared costs nothing: it never runs.
+    """
+    pixels, total = case.window.rows * case.window.columns, 0.0
+    for name in chain:
+        artifact = prepared.artifacts[name]
+        if not isinstance(artifact, Failure):
+            total += load(name).cost(artifact, pixels)
+    return total
 
 
 def success_lower(success: int, trials: int) -> float:
@@ -94,7 +112,9 @@ def _check(count: int, trials: int) -> None:
         raise ValueError(f"need 0 <= count <= trials and trials >= 1, got {count}")
 
 
-def _score(case: LookCase, chain: Chain, outcomes: Sequence[Outcome]) -> Score:
+def _score(
+    case: LookCase, chain: Chain, outcomes: Sequence[Outcome], cost: float
+) -> Score:
     """Return the score of one chain."""
     answered = [o for o in outcomes if o.failure is None]
     right = [o for o in answered if not is_wrong(case, o)]
@@ -119,5 +139,5 @@ def _score(case: LookCase, chain: Chain, outcomes: Sequence[Outcome]) -> Score:
         angles=len(turns),
         bias_theta_rad=float(turns.mean()) if len(turns) >= 2 else None,
         sigma_theta_rad=float(turns.std(ddof=1)) if len(turns) >= 2 else None,
-        cost=sum(load(name).COST for name in chain),
+        cost=cost,
     )

@@ -9,7 +9,8 @@ from functools import partial
 from typing import Protocol, TypeVar
 
 from featuresel.candidates import Chain
-from featuresel.case import LookCase, nominal_render
+from featuresel.case import LookCase
+from featuresel.nominal import nominal_render
 from featuresel.perturb import Trial, image
 from featuresel.routines import (
     Artifact,

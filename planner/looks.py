@@ -85,7 +85,7 @@ def _benchmark(
     prepared = prepare(case, candidates)
     trials = design(case, effects.effort.trials, task.seed)
     outcomes = run(case, prepared, trials, effects.map)
-    scores = score(case, candidates, outcomes)
+    scores = score(case, prepared, outcomes)
     selection = select(
         scores,
         tolerance_um=case.tolerance_um,

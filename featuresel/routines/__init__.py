@@ -9,7 +9,7 @@ rows down, pixel centres are integers. Angles are counter-clockwise as displayed
 from __future__ import annotations
 
 import importlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, Protocol, cast
 
@@ -18,7 +18,8 @@ import numpy.typing as npt
 
 FloatArray = npt.NDArray[np.float64]
 
-TargetKind = Literal["circle", "teeth", "outline", "jaws"]
+TargetKind = Literal["circle", "teeth", "outline", "jaws", "edge", "pair", "corner"]
+Known = Literal["xy", "theta", "z", "zoom"]  # what a routine gives, or needs to start
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,7 +32,11 @@ class Target:
     `notch_rad`, `notch_radius_um` (angle and radius of its middle at theta 0),
     `notch_width_um`, and `bore_um` (radius of the round hole it is cut into);
     outline `extent_um` (radius of the circle about the reference point that holds it);
-    jaws `opening_um`, `finger_width_um`, `grip_from_tip_um` (fingers extend to +y).
+    jaws `opening_um`, `finger_width_um`, `grip_from_tip_um` (fingers extend to +y);
+    edge `length_um`; pair `length_um`, `width_um` (of what lies between the two edges);
+    corner `angle_rad` (inside), `reach_um` (of both legs).
+    The frame of an edge or pair has its x axis across, out of the material of the first
+    edge, and that of a corner along the bisector that leads out of the material.
     """
 
     name: str
@@ -45,6 +50,11 @@ class Target:
     symmetry: int  # order of the rotational symmetry seen by coarse routines; 1 = none
     bright: bool  # whether the target is brighter than what surrounds it
     parameters: Mapping[str, float] = field(default_factory=dict)
+    # points on the drawn edges and their normals out of the material, (x, y, nx, ny) um
+    # in the target's frame at theta 0, about half a pixel apart
+    contour: tuple[tuple[float, float, float, float], ...] = ()
+    # of this feature's reference point in the frame of what the look is to locate
+    offset_um: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,6 +83,11 @@ class Measurement:
     theta_rad: float | None
     score: float  # 0..1, the routine's own confidence; gates compare it
     spread_px: float  # the routine's own estimate of its standard deviation per axis
+    spread_theta_rad: float | None = None
+    z_um: float | None = None  # of the focus from nominal; the sign may be unknown
+    spread_z_um: float | None = None
+    zoom: float | None = None  # over nominal
+    axis_rad: float | None = None  # the one direction in which the place is known
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,6 +96,42 @@ class Failure:
 
     code: str  # e.g. "no_edge", "low_score", "outside", "ambiguous"
     message: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Camera:
+    """The noise of the camera, in electrons; full scale is full well."""
+
+    full_well_e: float
+    read_noise_e: float  # one standard deviation
+    bits: int
+
+    def variance(self, image: FloatArray) -> FloatArray:
+        """Return the variance of pixels whose mean is `image`, full scale squared.
+
+        Shot noise, read noise and rounding to counts.
+        """
+        read, levels = self.read_noise_e / self.full_well_e, 2**self.bits - 1
+        shot = np.maximum(image, 0.0) / self.full_well_e
+        noise: FloatArray = shot + read**2 + 1 / (12 * levels**2)
+        return noise
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Drifts:
+    """What an image may differ in from the nominal one besides the target's pose."""
+
+    focus_sigma_um: float
+    zoom_sigma: float  # of the ratio to nominal
+    gradient: float  # the largest relative change of the light across the field
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Veil:
+    """What stands in front of the target: image = light + through x target alone."""
+
+    light: FloatArray  # (rows, columns) sent back by what stands in front
+    through: FloatArray  # (rows, columns) share of the target's light let through
 
 
 class Render(Protocol):
@@ -93,26 +144,91 @@ class Render(Protocol):
         ...
 
 
+class LookModel(Protocol):
+    """All that a routine may ask of the look it is prepared for; a `Render` too."""
+
+    @property
+    def camera(self) -> Camera:
+        """Return the camera's noise."""
+        ...
+
+    @property
+    def drifts(self) -> Drifts:
+        """Return what else the trials of this look vary."""
+        ...
+
+    def __call__(
+        self,
+        *,
+        dx_um: float = 0.0,
+        dy_um: float = 0.0,
+        theta_rad: float = 0.0,
+        dz_um: float = 0.0,
+        zoom: float = 1.0,
+    ) -> FloatArray:
+        """Return the (rows, columns) noise-free image, 0..1 of full scale."""
+        ...
+
+    def template(
+        self, dz_um: Sequence[float], *, over: int, half_px: tuple[int, int]
+    ) -> FloatArray:
+        """Return the target alone at its nominal pose, without pixels' area.
+
+        Parameters
+        ----------
+        dz_um : (K,) sequence of float
+            Of the focus from nominal.
+        over : int
+            Samples per pixel, odd.
+        half_px : (columns, rows)
+            Half the template's sides, px.
+
+        Returns
+        -------
+        (K, 2 R over + 1, 2 C over + 1) float64 array
+            Light at points, 0..1 of full scale; the middle sample is at the centre of
+            the pixel nearest the target's reference point.
+        """
+        ...
+
+    def veil(self) -> Veil:
+        """Return what stands in front of the target at nominal focus."""
+        ...
+
+
 class Routine(Protocol):
     """One image routine; modules in this package are such objects."""
 
     NAME: str
     VERSION: str
     KINDS: tuple[TargetKind, ...]  # target kinds it can look for
-    GIVES: tuple[str, ...]  # of "xy", "theta"
-    NEEDS: tuple[str, ...]  # of "seed" (a guess better than nominal), ()
-    COST: float  # relative cost of one `measure`, in 640 x 480 box filters
+    GIVES: tuple[Known, ...]
+    NEEDS: tuple[Known, ...]  # of the guess, better than nominal; () if nothing
+    CAPTURE_PX: float  # how far off the guess may be; inf: the target's `search_px`
+    CONTROL: bool  # known to be bad: tried where asked for only, as a control
 
-    def prepare(self, render: Render, target: Target) -> Artifact | Failure:
+    def prepare(self, render: LookModel, target: Target) -> Artifact | Failure:
         """Return what `measure` needs, computed from the nominal image."""
         ...
 
     def measure(
         self, image: FloatArray, artifact: Artifact, guess: Guess
     ) -> Measurement | Failure:
-        """Return where the target is in `image`, (rows, columns) 0..1, or why not."""
+        """Return where the target is in `image`, (rows, columns) 0..1, or why not.
+
+        The image is not changed.
+        """
         ...
 
+    def cost(self, artifact: Artifact, pixels: int, /) -> float:
+        """Return the predicted work of one `measure` on a region of `pixels`.
+
+        In 640 x 480 box filters of 64-bit pixels; it depends on nothing measured.
+        """
+        ...
+
+
+FRAME_PX = 640 * 480  # what a unit of cost filters
 
 # id -> module; loaded on first use so that the executor's start stays cheap
 REGISTRY: Mapping[str, str] = {

@@ -11,6 +11,7 @@ from featuresel.routines import (
     Failure,
     FloatArray,
     Guess,
+    Known,
     Measurement,
     Render,
     Target,
@@ -30,9 +31,10 @@ from featuresel.routines.sampling import (
 NAME = "circle_caliper"
 VERSION = "2"
 KINDS: tuple[TargetKind, ...] = ("circle", "teeth")
-GIVES: tuple[str, ...] = ("xy",)
-NEEDS: tuple[str, ...] = ()
-COST = 3.0
+GIVES: tuple[Known, ...] = ("xy",)
+NEEDS: tuple[Known, ...] = ()
+CAPTURE_PX = math.inf
+CONTROL = False
 
 _FAINT = 0.02  # step height below which an edge drowns in 8 bits and shot noise
 _WEAKEST = 0.3  # of the predicted step: light falls to .7, focus errors take the rest
@@ -106,6 +108,11 @@ def measure(
         score=float(circle.used.mean()),
         spread_px=circle.spread_px,
     )
+
+
+def cost(_artifact: Artifact, _pixels: int) -> float:
+    """Return the work of one `measure`, see `featuresel.routines.Routine`."""
+    return 3.0
 
 
 def _radius_um(target: Target) -> float:

@@ -12,6 +12,7 @@ from featuresel.routines import (
     Failure,
     FloatArray,
     Guess,
+    Known,
     Measurement,
     Render,
     Target,
@@ -23,9 +24,10 @@ from featuresel.routines.jaw_faces import SIDES, TIPS, calibrate, in_view, predi
 NAME = "edge_caliper"
 VERSION = "1"
 KINDS: tuple[TargetKind, ...] = ("jaws",)
-GIVES: tuple[str, ...] = ("xy", "theta")
-NEEDS: tuple[str, ...] = ()
-COST = 6.0
+GIVES: tuple[Known, ...] = ("xy", "theta")
+NEEDS: tuple[Known, ...] = ()
+CAPTURE_PX = math.inf
+CONTROL = False
 
 _TURN_STEP_RAD = math.radians(3)  # half of it moves a face's far end by 3 to 4 px
 _LOCKED_PX = 0.02  # edges along pixel rows share one sampling error; lines do not help
@@ -92,6 +94,11 @@ def measure(
         score=seen / known,
         spread_px=math.hypot(max(spread, tip_spread), _LOCKED_PX),
     )
+
+
+def cost(_artifact: Artifact, _pixels: int) -> float:
+    """Return the work of one `measure`, see `featuresel.routines.Routine`."""
+    return 6.0
 
 
 def _rough_turn(image: FloatArray, p: Mapping[str, float], guess: Guess) -> float:

@@ -13,6 +13,7 @@ from featuresel.routines import (
     Failure,
     FloatArray,
     Guess,
+    Known,
     Measurement,
     Render,
     Target,
@@ -24,9 +25,10 @@ from featuresel.routines.template_fit import refine
 NAME = "ncc"
 VERSION = "1"
 KINDS: tuple[TargetKind, ...] = ("circle", "teeth", "outline", "jaws")
-GIVES: tuple[str, ...] = ("xy", "theta")
-NEEDS: tuple[str, ...] = ()
-COST = 12.0
+GIVES: tuple[Known, ...] = ("xy", "theta")
+NEEDS: tuple[Known, ...] = ()
+CAPTURE_PX = math.inf
+CONTROL = False
 
 _MARGIN_PX = 4.0  # around the target, so that its edge is in the template
 _LEAST_SCORE = 0.6  # correlation; noise, blur and gradients leave .8 and more
@@ -109,6 +111,11 @@ def measure(
     return _answer(
         artifact, fine.column, fine.row, theta, fine.score, turned=fine.turned_rad
     )
+
+
+def cost(_artifact: Artifact, _pixels: int) -> float:
+    """Return the work of one `measure`, see `featuresel.routines.Routine`."""
+    return 12.0
 
 
 def _answer(

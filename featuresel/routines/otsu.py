@@ -14,6 +14,7 @@ from featuresel.routines import (
     Failure,
     FloatArray,
     Guess,
+    Known,
     Measurement,
     Render,
     Target,
@@ -23,9 +24,10 @@ from featuresel.routines import (
 NAME = "otsu"
 VERSION = "1"
 KINDS: tuple[TargetKind, ...] = ("circle", "teeth", "outline")
-GIVES: tuple[str, ...] = ("xy",)
-NEEDS: tuple[str, ...] = ()
-COST = 1.0
+GIVES: tuple[Known, ...] = ("xy",)
+NEEDS: tuple[Known, ...] = ()
+CAPTURE_PX = math.inf
+CONTROL = False
 
 _AREA = (0.7, 1.4)  # accepted blob area over the predicted one: blur moves the edge
 _CONTRAST = 0.1  # least difference of the two classes' means, full scale
@@ -105,6 +107,11 @@ def measure(
         score=min(ratio, 1 / ratio),
         spread_px=_SPREAD_PX,
     )
+
+
+def cost(_artifact: Artifact, _pixels: int) -> float:
+    """Return the work of one `measure`, see `featuresel.routines.Routine`."""
+    return 1.0
 
 
 def _offset(artifact: Artifact, guess: Guess) -> tuple[float, float]:

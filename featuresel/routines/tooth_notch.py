@@ -11,6 +11,7 @@ from featuresel.routines import (
     Failure,
     FloatArray,
     Guess,
+    Known,
     Measurement,
     Render,
     Target,
@@ -21,9 +22,10 @@ from featuresel.routines.sampling import BoolArray, cubic
 NAME = "tooth_notch"
 VERSION = "1"
 KINDS: tuple[TargetKind, ...] = ("teeth",)
-GIVES: tuple[str, ...] = ("theta",)
-NEEDS: tuple[str, ...] = ("seed",)
-COST = 2.0
+GIVES: tuple[Known, ...] = ("theta",)
+NEEDS: tuple[Known, ...] = ("xy",)
+CAPTURE_PX = 2.0
+CONTROL = False
 
 _SAMPLES = 40  # per tooth pitch: the harmonic's aliases are far away
 _IN_VIEW = 0.6  # of the tooth ring must be inside the image
@@ -111,6 +113,11 @@ def measure(
         score=clearness,
         spread_px=0.0,
     )
+
+
+def cost(_artifact: Artifact, _pixels: int) -> float:
+    """Return the work of one `measure`, see `featuresel.routines.Routine`."""
+    return 2.0
 
 
 def _teeth(

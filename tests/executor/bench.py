@@ -8,10 +8,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 
-from featuresel.routines import Artifact, FloatArray, Target, TargetKind, load
+from featuresel.routines import (
+    Artifact,
+    FloatArray,
+    LookModel,
+    Target,
+    TargetKind,
+    load,
+)
 from featuresel.routines.frame import RegionFrame
 from optics.microscope import Microscope
 from optics.outline import Arc, Outline, place
@@ -374,7 +382,8 @@ class Folder:
         )
         uses = []
         for name in chain:
-            artifact = load(name).prepare(picture, wanted)
+            # these routines ask for the picture alone
+            artifact = load(name).prepare(cast(LookModel, picture), wanted)
             assert isinstance(artifact, Artifact), (look_id, artifact)
             uses.append(self._use(look_id, name, artifact))
         return Look(

@@ -16,7 +16,7 @@ from executor.frames import Frames
 from executor.journal import Journal
 from executor.rig import Rig
 from executor.simulated.cell import Cell, build_cell
-from featuresel.routines import Artifact, FloatArray, Target, load
+from featuresel.routines import Artifact, FloatArray, Target, circle_caliper
 from schemas.plan import Belief, Look, Region, RoutineUse, View
 from schemas.pose import Pose
 from schemas.world import World
@@ -72,12 +72,11 @@ def look() -> tuple[Look, Artifacts]:
         bright=True,
         parameters={"radius_um": RADIUS_UM},
     )
-    routine = load("circle_caliper")
-    artifact = routine.prepare(picture, target)
+    artifact = circle_caliper.prepare(picture, target)
     assert isinstance(artifact, Artifact)
     use = RoutineUse(
         id="circle_caliper",
-        version=routine.VERSION,
+        version=circle_caliper.VERSION,
         parameters=artifact.parameters,
         arrays=None,
     )

@@ -12,7 +12,8 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from featuresel.case import LookCase, Spread, nominal_render
+from featuresel.case import LookCase, Spread
+from featuresel.nominal import nominal_render
 from featuresel.routines import (
     Artifact,
     Failure,
@@ -304,7 +305,7 @@ def guess(case: LookCase, routine: Routine, dx: float, dy: float) -> Guess:
     """Return the nominal place, or for what needs a seed one .1 px off the true."""
     column, row = case.target.column, case.target.row
     theta = None if case.theta_any else case.theta_rad
-    if "seed" in routine.NEEDS:
+    if "xy" in routine.NEEDS:
         k = case.target.px_per_um
         column, row = column + dx * k + 0.1, row - dy * k - 0.1
     return Guess(column=column, row=row, theta_rad=theta)

@@ -10,7 +10,8 @@ from dataclasses import replace
 import pytest
 
 from featuresel.candidates import chains
-from featuresel.case import LookCase, nominal_render
+from featuresel.case import LookCase
+from featuresel.nominal import nominal_render
 from featuresel.routines import REGISTRY, Artifact, Failure, Guess, Measurement, load
 from featuresel.routines.chain import measure_chain
 
@@ -35,8 +36,8 @@ def test_every_routine_says_what_it_is(name: str) -> None:
     routine = load(name)
     assert name == routine.NAME
     assert routine.KINDS
-    assert set(routine.GIVES) <= {"xy", "theta"}
-    assert routine.COST > 0
+    assert set(routine.GIVES) <= {"xy", "theta", "z", "zoom"}
+    assert routine.CAPTURE_PX > 0
 
 
 def test_routines_load_neither_scipy_nor_the_optics() -> None:

@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from featuresel.case import LookCase, nominal_render, scene, still_layers
+from featuresel.case import LookCase, scene, still_layers
+from featuresel.nominal import nominal_render
 from featuresel.perturb import design, image
 from optics.lens import LensErrors
 from optics.occlusion import occluded

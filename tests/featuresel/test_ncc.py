@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 from skimage.feature import match_template
 
-from featuresel.case import LookCase, nominal_render
+from featuresel.case import LookCase
+from featuresel.nominal import nominal_render
 from featuresel.routines import Artifact, Failure, Guess, Measurement, ncc
 from optics.outline import place
 

@@ -12,7 +12,8 @@ import pytest
 from skimage.filters import threshold_otsu
 from skimage.measure import label, regionprops
 
-from featuresel.case import LookCase, nominal_render
+from featuresel.case import LookCase
+from featuresel.nominal import nominal_render
 from featuresel.routines import Artifact, Failure, Guess, Measurement, otsu
 from optics.outline import place
 

@@ -10,7 +10,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from featuresel.case import LookCase, nominal_render, scene
+from featuresel.case import LookCase, scene
+from featuresel.nominal import nominal_render
 from featuresel.perturb import design, image, still, words
 from optics.render import render
 from optics.scene import Illumination

@@ -13,11 +13,14 @@ from hypothesis import strategies as st
 from scipy.stats import binomtest
 
 from featuresel.case import LookCase
+from featuresel.routines import Artifact
 from featuresel.score import failure_upper, score, success_lower
-from featuresel.trials import Outcome
+from featuresel.trials import Outcome, Prepared
 
 Look = Callable[[str], LookCase]
 CHAIN = ("otsu", "circle_caliper")
+EMPTY = Artifact(parameters={})
+READY = Prepared(chains=(CHAIN,), artifacts=dict.fromkeys(CHAIN, EMPTY))
 
 
 def outcome(
@@ -57,7 +60,7 @@ def test_counts_must_fit(count: int, trials: int) -> None:
 def test_failures_silent_failures_and_successes_are_apart(look: Look) -> None:
     case = look("post")  # tolerance 1 um: more than 2 um off is wrong
     errors = [(0.1, 0.0), (-0.1, 0.2), (0.3, 0.1), (3.0, 0.0), None]
-    (found,) = score(case, [CHAIN], [outcome(i, e) for i, e in enumerate(errors)])
+    (found,) = score(case, READY, [outcome(i, e) for i, e in enumerate(errors)])
     assert (found.trials, found.success, found.silent) == (5, 3, 1)
     assert found.failures == (("no_edge", 1),)
     assert found.bias_um == pytest.approx((0.1, 0.1))
@@ -71,15 +74,15 @@ def test_failures_silent_failures_and_successes_are_apart(look: Look) -> None:
 def test_a_wrong_angle_is_a_silent_failure_where_it_matters(look: Look) -> None:
     case = look("find_gear")
     outcomes = [outcome(i, (0.1, 0.0), turn) for i, turn in enumerate((0.0, 0.001, 1))]
-    (free,) = score(case, [CHAIN], outcomes)
+    (free,) = score(case, READY, outcomes)
     assert free.silent == 0
-    (bound,) = score(replace(case, tolerance_theta_rad=0.01), [CHAIN], outcomes)
+    (bound,) = score(replace(case, tolerance_theta_rad=0.01), READY, outcomes)
     assert (bound.success, bound.silent) == (2, 1)
     assert bound.bias_theta_rad == pytest.approx(0.0005)
 
 
 def test_without_success_there_are_no_statistics(look: Look) -> None:
-    (found,) = score(look("post"), [CHAIN], [outcome(0, None), outcome(1, (5.0, 5.0))])
+    (found,) = score(look("post"), READY, [outcome(0, None), outcome(1, (5.0, 5.0))])
     assert found.bias_um is None
     assert found.sigma_um is None
     assert found.need_um == math.inf

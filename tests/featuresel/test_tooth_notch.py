@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from featuresel.case import LookCase, nominal_render
+from featuresel.case import LookCase
+from featuresel.nominal import nominal_render
 from featuresel.routines import Artifact, Failure, Guess, Measurement, tooth_notch
 from optics.outline import Arc, Outline
 

@@ -84,7 +84,7 @@ def test_each_look_of_the_job_finds_a_chain_without_silent_failures(
     limit = math.radians(1) if name == "find_gear" else None
     case = replace(case, tolerance_theta_rad=limit)
     ready = prepare(case, chains(case.target))
-    scores = score(case, ready.chains, run(case, ready, design(case, 24, 1998)))
+    scores = score(case, ready, run(case, ready, design(case, 24, 1998)))
     found = select(scores, tolerance_um=1.0, tolerance_theta_rad=limit)
     assert found.chosen is not None, found.advice
     assert found.chosen.success == 24

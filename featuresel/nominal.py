@@ -1,0 +1,212 @@
+"""The renderer that routines prepare with: a look as it is planned to be."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from featuresel.case import LookCase, moved_layers, picture, still_layers
+from featuresel.routines import Camera, Drifts, Veil
+from optics.microscope import Microscope
+from optics.outline import Outline, Ring, Segment
+from optics.prepared import prepare
+from optics.render import Covered
+from optics.scene import Illumination, Layer, Scene, Window
+from optics.views import Range
+
+FloatArray = npt.NDArray[np.float64]
+
+_POINT = 1e-12  # fill factor of samples that integrate over no area
+_VEILED = 3.0  # fields: the face behind what stands in front ends out of sight
+
+
+@dataclass(frozen=True, slots=True)
+class NominalRender:
+    """Renders a case's region, at nominal focus and zoom unless told else."""
+
+    case: LookCase
+    static: tuple[Covered, ...]  # what every image at nominal focus and zoom shares
+
+    @property
+    def camera(self) -> Camera:
+        """Return the camera's noise."""
+        sensor = self.case.sensor
+        return Camera(
+            full_well_e=sensor.full_well_e,
+            read_noise_e=sensor.read_noise_e,
+            bits=sensor.bits,
+        )
+
+    @property
+    def drifts(self) -> Drifts:
+        """Return what else the trials of this look vary."""
+        spread = self.case.spread
+        return Drifts(
+            focus_sigma_um=spread.focus_sigma_um,
+            zoom_sigma=spread.magnification_sigma,
+            gradient=spread.light_gradient[1],
+        )
+
+    def __call__(
+        self,
+        *,
+        dx_um: float = 0.0,
+        dy_um: float = 0.0,
+        theta_rad: float = 0.0,
+        dz_um: float = 0.0,
+        zoom: float = 1.0,
+    ) -> FloatArray:
+        """Return the noise-free region, clipped to what the sensor can tell, 0..1.
+
+        `theta_rad` is the turn away from the nominal angle.
+        """
+        moved = moved_layers(self.case, dx_um, dy_um, theta_rad)
+        return np.clip(self._picture(moved, dz_um=dz_um, zoom=zoom), 0.0, 1.0)
+
+    def template(
+        self, dz_um: Sequence[float], *, over: int, half_px: tuple[int, int]
+    ) -> FloatArray:
+        """Return the target alone at points, see `featuresel.routines.LookModel`.
+
+        Raises
+        ------
+        ValueError
+            If `over` is even: no sample would be at a pixel's centre.
+        """
+        if over < 1 or over % 2 == 0:
+            raise ValueError(f"over must be odd and positive, got {over}")
+        fine = _fine(self.case, over, half_px)
+        moved = moved_layers(fine, 0.0, 0.0, 0.0)
+        if fine.shares_spectra:
+            return _through_focus(fine, moved, dz_um)
+        return np.stack([_alone(fine, moved, dz) for dz in dz_um])
+
+    def veil(self) -> Veil:
+        """Return what stands in front of the target at nominal focus.
+
+        A face without end at the height of the target's top, once black and once white,
+        takes the target's place; what lies below it is not seen.
+        """
+        rows, columns = self.case.window.rows, self.case.window.columns
+        top_um = max(layer.z_um for layer in self.case.moving)
+        if all(layer.z_um <= top_um for layer in self.case.static):
+            return Veil(
+                light=np.zeros((rows, columns)), through=np.ones((rows, columns))
+            )
+        unlit = replace(self.case, light=Illumination())
+        black, white = (_faced(unlit, top_um, share) for share in (0.0, 1.0))
+        return Veil(light=black, through=white - black)
+
+    def _picture(
+        self, moved: tuple[Layer, ...], *, dz_um: float, zoom: float
+    ) -> FloatArray:
+        """Return the region, not clipped."""
+        case, backdrop = self.case, self.static
+        scope = replace(
+            case.microscope, magnification=case.microscope.magnification * zoom
+        )
+        focus_um = case.focus_um + dz_um
+        if dz_um != 0.0 or zoom != 1.0:
+            backdrop = still_layers(case, scope, focus_um=focus_um, model=case.model)
+        return picture(
+            case,
+            moved,
+            scope,
+            focus_um=focus_um,
+            model=case.model,
+            light=case.light,
+            backdrop=backdrop,
+        )
+
+
+def nominal_render(case: LookCase) -> NominalRender:
+    """Return the renderer that routines prepare with."""
+    static = still_layers(
+        case, case.microscope, focus_um=case.focus_um, model=case.model
+    )
+    return NominalRender(case=case, static=static)
+
+
+def _fine(case: LookCase, over: int, half_px: tuple[int, int]) -> LookCase:
+    """Return the target alone in a window of finer pixels about its nominal place."""
+    scope: Microscope = replace(
+        case.microscope,
+        pitch_um=case.microscope.pitch_um / over,
+        width_px=case.microscope.width_px * over,
+        height_px=case.microscope.height_px * over,
+        fill_factor=_POINT,
+    )
+    column = case.window.column + round(case.target.column)
+    row = case.window.row + round(case.target.row)
+    middle = (over - 1) // 2
+    window = Window(
+        row=(row - half_px[1]) * over + middle,
+        column=(column - half_px[0]) * over + middle,
+        rows=2 * half_px[1] * over + 1,
+        columns=2 * half_px[0] * over + 1,
+    )
+    # the light's gradient belongs to the frame, not to the target
+    even = Illumination(gain=case.light.gain)
+    return replace(case, static=(), microscope=scope, window=window, light=even)
+
+
+def _alone(fine: LookCase, moved: tuple[Layer, ...], dz_um: float) -> FloatArray:
+    """Return the picture of the target alone at one focus."""
+    return picture(
+        fine,
+        moved,
+        fine.microscope,
+        focus_um=fine.focus_um + dz_um,
+        model=fine.model,
+        light=fine.light,
+    )
+
+
+def _through_focus(
+    fine: LookCase, moved: tuple[Layer, ...], dz_um: Sequence[float]
+) -> FloatArray:
+    """Return the pictures of the target alone from spectra computed once."""
+    heights = [fine.focus_um + dz for dz in dz_um]
+    ready = prepare(
+        Scene(layers=moved, background=fine.background),
+        fine.microscope,
+        Range(focus_um=(min(heights), max(heights))),
+        model=fine.model,
+        window=fine.window,
+        sampling=fine.sampling,
+    )
+    return np.stack([ready.image(focus_um=z, light=fine.light) for z in heights])
+
+
+def _faced(case: LookCase, z_um: float, reflectance: float) -> FloatArray:
+    """Return the region with a face without end in the target's place."""
+    side = _VEILED * max(case.microscope.field_um)
+    corners = [(-side, -side), (side, -side), (side, side), (-side, side)]
+    edges = tuple(
+        Segment(start=a, end=b)
+        for a, b in zip(corners, corners[1:] + corners[:1], strict=True)
+    )
+    face = Layer(
+        name="face",
+        outline=Outline(rings=(Ring(edges=edges),)),
+        z_um=z_um,
+        reflectance=reflectance,
+    )
+    # what lies below is hidden, and need not be rendered
+    hidden = tuple(layer for layer in case.static if layer.z_um > z_um)
+    shown = replace(case, static=hidden)
+    backdrop = still_layers(
+        shown, shown.microscope, focus_um=shown.focus_um, model=shown.model
+    )
+    return picture(
+        shown,
+        (face,),
+        shown.microscope,
+        focus_um=shown.focus_um,
+        model=shown.model,
+        light=shown.light,
+        backdrop=backdrop,
+    )
