@@ -38,6 +38,7 @@ class NominalRender:
             full_well_e=sensor.full_well_e,
             read_noise_e=sensor.read_noise_e,
             bits=sensor.bits,
+            fill_factor=self.case.microscope.fill_factor,
         )
 
     @property

@@ -72,6 +72,8 @@ class Guess:
     column: float
     row: float
     theta_rad: float | None = None
+    z_um: float | None = None  # of the focus from nominal
+    zoom: float | None = None  # over nominal
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -105,6 +107,7 @@ class Camera:
     full_well_e: float
     read_noise_e: float  # one standard deviation
     bits: int
+    fill_factor: float  # light-sensitive share of a pixel's area
 
     def variance(self, image: FloatArray) -> FloatArray:
         """Return the variance of pixels whose mean is `image`, full scale squared.
