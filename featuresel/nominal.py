@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from featuresel.case import LookCase, moved_layers, picture, still_layers
-from featuresel.routines import Camera, Drifts, Veil
+from featuresel.routines import Blur, Camera, Drifts, Veil
 from optics.microscope import Microscope
 from optics.outline import Outline, Ring, Segment
 from optics.prepared import prepare
@@ -39,6 +39,16 @@ class NominalRender:
             read_noise_e=sensor.read_noise_e,
             bits=sensor.bits,
             fill_factor=self.case.microscope.fill_factor,
+        )
+
+    @property
+    def blur(self) -> Blur:
+        """Return what the optics can show."""
+        scope = self.case.microscope
+        return Blur(
+            cutoff_per_um=scope.cutoff_per_um,
+            depth_um=scope.wave_depth_um,
+            cone=scope.blur_diameter_um(1.0) / 2,
         )
 
     @property

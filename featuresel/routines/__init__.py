@@ -121,6 +121,15 @@ class Camera:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Blur:
+    """What the optics can show."""
+
+    cutoff_per_um: float  # finest detail with any contrast, cycles/um
+    depth_um: float  # wave depth of field
+    cone: float  # radius of the blur over the defocus
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Drifts:
     """What an image may differ in from the nominal one besides the target's pose."""
 
@@ -153,6 +162,11 @@ class LookModel(Protocol):
     @property
     def camera(self) -> Camera:
         """Return the camera's noise."""
+        ...
+
+    @property
+    def blur(self) -> Blur:
+        """Return what the optics can show."""
         ...
 
     @property
