@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 
 from featuresel.case import LookCase, Spread
+from featuresel.contour import with_contour
 from featuresel.routines import Target
 from optics.fidelity import Fidelity, choose
 from optics.layer_error import choose_layers
 from optics.lensing import lens_scene
-from optics.outline import place
+from optics.outline import Outline, place
 from optics.scene import Illumination, Layer, Scene
 from optics.sensor import Sensor
 from optics.shading import shade_error
@@ -20,7 +21,7 @@ from planner.model.assembly import Place
 from planner.model.requests import ANGLE_RAD, LOOK_SHARE, PERIOD_SHARE, Request
 from planner.model.scenes import relevant, world_scene
 from planner.model.sightings import needed_shape, search_um, spot_of
-from planner.model.targets import Shape, target_layers
+from planner.model.targets import Shape, outline_of, target_layers
 from planner.model.views import SEARCH_SIGMAS, ViewPlan
 
 _FOCUS_SIGMAS = 2.0  # a law must hold so far from the nominal focus
@@ -68,7 +69,9 @@ def build_case(
             read_noise_e=camera.read_noise_e,
             bits=camera.bits,
         ),
-        target=_target(task, shape, spot, view),
+        target=with_contour(
+            _target(task, shape, spot, view), _carrying(task, request, shape)
+        ),
         model=fidelity.model,
         sampling=fidelity.sampling,
         lens=lens,
@@ -156,6 +159,13 @@ def _layers(
         if layer.name in own
     )
     return static, moving
+
+
+def _carrying(task: Task, request: Request, shape: Shape) -> list[Outline]:
+    """Return the outlines that hold the target's edges, in the target's frame."""
+    if shape.owner in task.workcell.tools:
+        return [layer.outline for layer in target_layers(task, request.state, shape)]
+    return [outline_of(task, shape)]
 
 
 def _target(task: Task, shape: Shape, spot: Place, view: ViewPlan) -> Target:

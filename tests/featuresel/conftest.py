@@ -13,6 +13,7 @@ import numpy.typing as npt
 import pytest
 
 from featuresel.case import LookCase, Spread
+from featuresel.contour import with_contour
 from featuresel.nominal import nominal_render
 from featuresel.routines import (
     Artifact,
@@ -159,17 +160,16 @@ def make_case(
 def on_target(case: LookCase) -> LookCase:
     """Return the case with the target's pixels made to agree with its pose."""
     column, row = case.frame.to_pixel(case.x_um, case.y_um)
-    return replace(
-        case,
-        target=replace(
-            case.target,
-            column=column,
-            row=row,
-            theta_rad=case.theta_rad,
-            theta_range_rad=math.pi if case.theta_any else case.target.theta_range_rad,
-            px_per_um=case.microscope.px_per_um,
-        ),
+    target = replace(
+        case.target,
+        column=column,
+        row=row,
+        theta_rad=case.theta_rad,
+        theta_range_rad=math.pi if case.theta_any else case.target.theta_range_rad,
+        px_per_um=case.microscope.px_per_um,
     )
+    outlines = [layer.outline for layer in case.moving]
+    return replace(case, target=with_contour(target, outlines))
 
 
 def gear_layer(z_um: float = 0.0) -> Layer:
