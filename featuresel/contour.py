@@ -154,18 +154,20 @@ def _reach_um(kind: TargetKind, p: Mapping[str, float]) -> float:
 
 def _belongs(kind: TargetKind, p: Mapping[str, float], points: FloatArray) -> BoolArray:
     """Return which of (N, 4) points are on the target's own edges."""
-    x, y, nx, _ = points.T
+    x, y, nx = points[:, 0], points[:, 1], points[:, 2]
+    own: BoolArray = np.ones(len(points), dtype=np.bool_)
     if kind == "circle":
-        return np.abs(np.hypot(x, y) - p["radius_um"]) <= _ROUND * p["radius_um"]
-    if kind == "edge":
-        return (np.abs(x) <= _STRAIGHT * p["length_um"]) & (nx >= math.cos(_SQUARE))
-    if kind == "pair":
+        own = np.abs(np.hypot(x, y) - p["radius_um"]) <= _ROUND * p["radius_um"]
+    elif kind == "edge":
+        near = np.abs(x) <= _STRAIGHT * p["length_um"]
+        own = near & (nx >= math.cos(_SQUARE))
+    elif kind == "pair":
         off = np.abs(np.abs(x) - p["width_um"] / 2)
-        square = np.abs(nx) >= math.cos(_SQUARE)
-        return (off <= _STRAIGHT * p["length_um"]) & square
-    if kind == "corner":
-        return _on_legs(p, points)
-    return np.ones(len(points), dtype=np.bool_)
+        near = off <= _STRAIGHT * p["length_um"]
+        own = near & (np.abs(nx) >= math.cos(_SQUARE))
+    elif kind == "corner":
+        own = _on_legs(p, points)
+    return own
 
 
 def _on_legs(p: Mapping[str, float], points: FloatArray) -> BoolArray:
