@@ -80,7 +80,8 @@ def edge_points(
     edges = [e for o in outlines for ring in o.rings for e in ring.edges]
     parts = [_along(edge, spacing_um, within_um) for edge in edges]
     found = np.concatenate([np.empty((0, 4)), *parts])
-    return found[np.hypot(found[:, 0], found[:, 1]) <= within_um]
+    kept: FloatArray = found[np.hypot(found[:, 0], found[:, 1]) <= within_um]
+    return kept
 
 
 def _four(values: Sequence[float]) -> tuple[float, float, float, float]:
