@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -11,8 +12,11 @@ from featuresel.routines import (
     FloatArray,
     Guess,
     Measurement,
+    Routine,
     load,
 )
+
+HANDOVER_SIGMAS = 3.0  # of the place before must fit into a routine's capture range
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,21 +32,31 @@ def advance(
 ) -> Progress | Failure:
     """Return the chain's state after one more routine, or why that failed.
 
-    The angle is that of the last routine that gave one. A routine that does not give
-    the place leaves place and spread as they were, and the score is the lower one.
+    Angle, focus and zoom are those of the last routine that gave them. A routine that
+    does not give the place leaves place and spread as they were, and the score is the
+    lower one. Hand-over is gated: the code is "not_captured" where
+    `HANDOVER_SIGMAS` spreads of the place before do not fit into the routine's capture
+    range.
     """
     routine, before = load(name), progress.found
+    if before is not None and not _captures(routine, before):
+        reach = HANDOVER_SIGMAS * before.spread_px
+        message = f"{HANDOVER_SIGMAS:g} spreads of the place before it are {reach:.3g}"
+        message += f" px, it captures {routine.CAPTURE_PX:g} px"
+        return Failure(code="not_captured", message=f"{name}: {message}")
     found = routine.measure(image, artifact, progress.guess)
     if isinstance(found, Failure):
         return Failure(code=found.code, message=f"{name}: {found.message}")
-    if before is not None and found.theta_rad is None:
-        found = replace(found, theta_rad=before.theta_rad)
-    if before is not None and "xy" not in routine.GIVES:
-        score = min(found.score, before.score)
-        found = replace(found, spread_px=before.spread_px, score=score)
-    known = found.theta_rad
-    theta_rad = progress.guess.theta_rad if known is None else known
-    guess = Guess(column=found.column, row=found.row, theta_rad=theta_rad)
+    if before is not None:
+        found = _kept(found, before, placed="xy" in routine.GIVES)
+    start = progress.guess
+    guess = Guess(
+        column=found.column,
+        row=found.row,
+        theta_rad=start.theta_rad if found.theta_rad is None else found.theta_rad,
+        z_um=start.z_um if found.z_um is None else found.z_um,
+        zoom=start.zoom if found.zoom is None else found.zoom,
+    )
     return Progress(guess=guess, found=found)
 
 
@@ -80,3 +94,35 @@ def measure_chain(
         progress = after
     assert progress.found is not None  # noqa: S101 - stages are not empty
     return progress.found
+
+
+def _captures(routine: Routine, before: Measurement) -> bool:
+    """Return whether what was found is near enough for `routine` to start from."""
+    if math.isinf(routine.CAPTURE_PX):
+        return True  # it searches where the target may be
+    return HANDOVER_SIGMAS * before.spread_px <= routine.CAPTURE_PX  # no for a nan
+
+
+def _kept(found: Measurement, before: Measurement, *, placed: bool) -> Measurement:
+    """Return `found` with what only the routine before it could tell.
+
+    `placed` says whether the place is new too.
+    """
+    if found.theta_rad is None:
+        found = replace(
+            found,
+            theta_rad=before.theta_rad,
+            spread_theta_rad=before.spread_theta_rad,
+        )
+    if found.z_um is None:
+        found = replace(found, z_um=before.z_um, spread_z_um=before.spread_z_um)
+    if found.zoom is None:
+        found = replace(found, zoom=before.zoom)
+    if placed:
+        return found
+    return replace(
+        found,
+        spread_px=before.spread_px,
+        axis_rad=before.axis_rad,
+        score=min(found.score, before.score),
+    )

@@ -13,7 +13,7 @@ from featuresel.candidates import chains
 from featuresel.case import LookCase
 from featuresel.nominal import nominal_render
 from featuresel.routines import REGISTRY, Artifact, Failure, Guess, Measurement, load
-from featuresel.routines.chain import measure_chain
+from featuresel.routines.chain import Progress, advance, measure_chain
 
 Look = Callable[[str], LookCase]
 
@@ -89,6 +89,33 @@ def test_the_first_failure_ends_the_chain_and_says_who(look: Look) -> None:
     assert isinstance(found, Failure)
     assert found.code == "no_blob"
     assert found.message.startswith("otsu: ")
+
+
+def test_a_rough_place_is_not_handed_over(look: Look) -> None:
+    case = look("find_gear")
+    image = nominal_render(case)(dx_um=5.0, dy_um=-4.0, theta_rad=2.0)
+    chain = stages(case, "circle_caliper", "tooth_notch")
+    placed = advance(image, *chain[0], Progress(guess=start(case)))
+    assert isinstance(placed, Progress)
+    assert placed.found is not None
+    known = load("tooth_notch").CAPTURE_PX / 3  # three spreads must fit
+    for spread_px, captured in ((known, True), (known * 1.01, False)):
+        rough = replace(placed, found=replace(placed.found, spread_px=spread_px))
+        after = advance(image, *chain[1], rough)
+        assert isinstance(after, Progress) == captured
+        if isinstance(after, Failure):
+            assert after.code == "not_captured"
+            assert "it captures 2 px" in after.message
+
+
+def test_focus_and_zoom_stay_with_the_chain(look: Look) -> None:
+    case = look("find_gear")
+    image = nominal_render(case)()
+    name, artifact = stages(case, "circle_caliper")[0]
+    known = replace(start(case), z_um=3.0, zoom=1.01)
+    after = advance(image, name, artifact, Progress(guess=known))
+    assert isinstance(after, Progress)
+    assert (after.guess.z_um, after.guess.zoom) == (3.0, 1.01)
 
 
 def test_an_empty_chain_is_an_error(look: Look) -> None:
