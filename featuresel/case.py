@@ -24,6 +24,8 @@ from optics.shading import shaded
 
 FloatArray = npt.NDArray[np.float64]
 
+_SURE = LensErrors()  # no error is known, none unknown
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Spread:
@@ -36,10 +38,15 @@ class Spread:
     pose_sigma_xy_um: float
     pose_sigma_theta_rad: float
     search_um: float  # how far off a look may start; trials reach it at the extremes
+    # of what stands still and is not the target's owner, all of it together
+    occluder_sigma_um: float = 0.0
+    noise: tuple[float, float] = (1.0, 1.0)  # uniform, times the sensor's noise
+    lens: LensErrors = _SURE  # only its sigmas count, about the look's own
 
     def __post_init__(self) -> None:
         names = ("focus_sigma_um", "magnification_sigma", "pose_sigma_xy_um")
-        for name in (*names, "pose_sigma_theta_rad", "search_um"):
+        more = ("pose_sigma_theta_rad", "search_um", "occluder_sigma_um")
+        for name in (*names, *more):
             value = getattr(self, name)
             if not (value >= 0 and math.isfinite(value)):
                 raise ValueError(f"{name} must be finite and >= 0, got {value}")
@@ -52,6 +59,9 @@ class Spread:
             low, high = getattr(self, name)
             if not 0 <= low <= high < math.inf:
                 raise ValueError(f"{name} must be 0 <= low <= high, got {low}, {high}")
+        low, high = self.noise
+        if not 0 < low <= high < math.inf:
+            raise ValueError(f"noise must be 0 < low <= high, got {low}, {high}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

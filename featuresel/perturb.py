@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cache
 
 import numpy as np
 import numpy.typing as npt
-from scipy.linalg import hadamard
-from scipy.stats import qmc, truncnorm
+from scipy.stats import truncnorm
+
+from featuresel.axes import corner, generator, interior, words
 
 from featuresel.case import LookCase, moved_layers, picture, still_layers
+from featuresel.disturb import noisier, shifted, true_lens
+from optics.lens import LensErrors
 from optics.microscope import Microscope
 from optics.render import Covered
 from optics.scene import Illumination
@@ -20,7 +22,6 @@ from optics.sensor import expose, to_unit
 
 FloatArray = npt.NDArray[np.float64]
 
-_AXES = 8  # dx, dy, theta, focus, zoom, gain, gradient, gradient's direction
 _EVERY = 4  # each fourth trial is an extreme, whatever their number
 _CUT = 3.0  # normal spreads end at 3 sigma: trials stand for a working station
 _CORNER = 2.0  # sigmas at the extremes, all at once: already far out together
@@ -44,12 +45,18 @@ class Trial:
     gradient_y: float
     model: str
     seed: tuple[int, ...]  # of the noise
+    occluder_um: tuple[float, float] = (0.0, 0.0)  # of what is not the target's owner
+    lens: LensErrors | None = None  # what it truly does; None: what is known of it
+    noise: float = 1.0  # times the sensor's
 
 
-def words(key: str) -> tuple[int, ...]:
-    """Return the sha256 of `key` as eight 32-bit words."""
-    digest = hashlib.sha256(key.encode()).digest()
-    return tuple(int.from_bytes(digest[i : i + 4], "big") for i in range(0, 32, 4))
+@dataclass(frozen=True, slots=True)
+class _Rest:
+    """The axes that most looks leave at rest, in units of their spreads."""
+
+    occluder: Sequence[float]  # sigmas, 2
+    lens: Sequence[float]  # sigmas, 6
+    noise: float  # 0..1 of its interval
 
 
 def design(case: LookCase, count: int, root_seed: int) -> tuple[Trial, ...]:
@@ -58,7 +65,9 @@ def design(case: LookCase, count: int, root_seed: int) -> tuple[Trial, ...]:
     Trial k depends on the case, `root_seed` and k alone: other routines, cases or
     counts change none. Three of four are scrambled Sobol points mapped to the spreads;
     each fourth is an extreme of a folded two-level design (2 sigma in focus, zoom and
-    angle, the ends of the light's intervals, nine tenths to all of `search_um`).
+    angle, the ends of the light's and the noise's intervals, nine tenths to all of
+    `search_um`). A spread that is zero leaves its axis at rest and the others where
+    they were.
 
     Parameters
     ----------
@@ -78,16 +87,26 @@ def design(case: LookCase, count: int, root_seed: int) -> tuple[Trial, ...]:
         raise ValueError(f"count must be in 1..{MOST_TRIALS}, got {count}")
     if root_seed < 0:
         raise ValueError(f"root_seed must not be negative, got {root_seed}")
-    sobol = qmc.Sobol(_AXES, rng=_generator(root_seed, f"{case.key}/design"))
-    points = sobol.random_base2(max(1, (count - 1).bit_length()))
+    points = interior("design", case.key, root_seed, count)
+    others = [
+        interior(group, case.key, root_seed, count)
+        for group in ("occluder", "lens", "noise")
+    ]
     found = []
     for index in range(count):
-        turn, place = divmod(index, _EVERY)
-        if place == _EVERY - 1:
+        turn, place_of = divmod(index, _EVERY)
+        if place_of == _EVERY - 1:
             found.append(_extreme(case, index, turn, root_seed))
         else:
-            found.append(_interior(case, index, points[index - turn], root_seed))
+            row = index - turn
+            rest = _rest(*(more[row] for more in others))
+            found.append(_interior(case, index, points[row], rest, root_seed))
     return tuple(found)
+
+
+def rebuild(case: LookCase, root_seed: int, index: int) -> Trial:
+    """Return one trial of `design` by its number, such as a score's worst."""
+    return design(case, index + 1, root_seed)[index]
 
 
 def image(
@@ -99,10 +118,39 @@ def image(
     pose, so an estimator that trusts the nominal zoom errs by ratio x distance. Trials
     of one focus, zoom and blur law may share their `backdrop`.
     """
+    seen = _perturbed(case, trial)
     noiseless = picture(
-        case,
+        seen,
         moved_layers(case, trial.dx_um, trial.dy_um, trial.dtheta_rad),
-        _zoomed(case, trial),
+        seen.microscope,
+        focus_um=seen.focus_um,
+        model=seen.model,
+        light=seen.light,
+        backdrop=_still(seen) if backdrop is None else backdrop,
+    )
+    rng = np.random.default_rng(np.random.SeedSequence(trial.seed))
+    return to_unit(expose(noiseless, seen.sensor, rng), seen.sensor.bits)
+
+
+def still(case: LookCase, trial: Trial) -> tuple[Covered, ...]:
+    """Return what stands still in a trial, blurred.
+
+    Focus, zoom, law, lens and the occluder's place matter, the target's pose does not.
+    """
+    return _still(_perturbed(case, trial))
+
+
+def _still(seen: LookCase) -> tuple[Covered, ...]:
+    return still_layers(seen, seen.microscope, focus_um=seen.focus_um, model=seen.model)
+
+
+def _perturbed(case: LookCase, trial: Trial) -> LookCase:
+    """Return the look as it truly is in a trial, but for the target's pose."""
+    owner = case.target.name.partition(".")[0]
+    return replace(
+        case,
+        static=shifted(case.static, owner, trial.occluder_um),
+        microscope=_zoomed(case, trial),
         focus_um=case.focus_um + trial.dz_um,
         model=trial.model,
         light=Illumination(
@@ -110,19 +158,8 @@ def image(
             gradient_x=case.light.gradient_x + trial.gradient_x,
             gradient_y=case.light.gradient_y + trial.gradient_y,
         ),
-        backdrop=still(case, trial) if backdrop is None else backdrop,
-    )
-    rng = np.random.default_rng(np.random.SeedSequence(trial.seed))
-    return to_unit(expose(noiseless, case.sensor, rng), case.sensor.bits)
-
-
-def still(case: LookCase, trial: Trial) -> tuple[Covered, ...]:
-    """Return what stands still in a trial, blurred; only focus, zoom and law matter."""
-    return still_layers(
-        case,
-        _zoomed(case, trial),
-        focus_um=case.focus_um + trial.dz_um,
-        model=trial.model,
+        lens=case.lens if trial.lens is None else trial.lens,
+        sensor=noisier(case.sensor, trial.noise),
     )
 
 
@@ -132,7 +169,18 @@ def _zoomed(case: LookCase, trial: Trial) -> Microscope:
     return replace(case.microscope, magnification=magnification)
 
 
-def _interior(case: LookCase, index: int, point: FloatArray, root: int) -> Trial:
+def _rest(occluder: FloatArray, lens: FloatArray, noise: FloatArray) -> _Rest:
+    """Return points of the unit cube in units of the spreads."""
+    return _Rest(
+        tuple(truncnorm.ppf(occluder, -_CUT, _CUT)),
+        tuple(truncnorm.ppf(lens, -_CUT, _CUT)),
+        float(noise[0]),
+    )
+
+
+def _interior(
+    case: LookCase, index: int, point: FloatArray, rest: _Rest, root: int
+) -> Trial:
     """Return a point of the unit cube mapped to the spreads."""
     spread = case.spread
     normal = truncnorm.ppf(point[:5], -_CUT, _CUT)
@@ -152,30 +200,38 @@ def _interior(case: LookCase, index: int, point: FloatArray, root: int) -> Trial
         gain=low + point[5] * (high - low),
         gradient=weak + point[6] * (strong - weak),
         direction_rad=2 * math.pi * point[7],
+        rest=rest,
     )
 
 
 def _extreme(case: LookCase, index: int, turn: int, root: int) -> Trial:
     """Return a corner of the spreads; directions are drawn, never on a pixel grid."""
     spread = case.spread
-    sign = _signs()[turn % len(_signs())]
-    rng = _generator(root, f"{case.key}/extreme {index}")
+    sign = corner(turn)
+    rng = generator(root, f"{case.key}/extreme {index}")
     radius = spread.search_um * rng.uniform(0.9, 1.0)
-    corner = math.atan2(sign[1], sign[0]) + rng.uniform(-0.5, 0.5)
+    toward = math.atan2(sign[1], sign[0]) + rng.uniform(-0.5, 0.5)
     theta = _CORNER * sign[2] * spread.pose_sigma_theta_rad
     if case.theta_any:
         theta = rng.uniform(-math.pi, math.pi)
+    direction = rng.uniform(0, 2 * math.pi)
+    far = _CORNER * rng.uniform(0.9, 1.0, 2)
     return _trial(
         case,
         index,
         root,
-        place_um=(radius * math.cos(corner), radius * math.sin(corner)),
+        place_um=(radius * math.cos(toward), radius * math.sin(toward)),
         theta_rad=theta,
         dz_um=_CORNER * sign[3] * spread.focus_sigma_um,
         magnification=1 + _CORNER * sign[4] * spread.magnification_sigma,
         gain=spread.light_gain[int(sign[5] > 0)],
         gradient=spread.light_gradient[int(sign[6] > 0)],
-        direction_rad=rng.uniform(0, 2 * math.pi),
+        direction_rad=direction,
+        rest=_Rest(
+            (far[0] * sign[7], far[1] * sign[8]),
+            [_CORNER * s for s in sign[9:15]],
+            float(sign[15] > 0),
+        ),
     )
 
 
@@ -191,8 +247,10 @@ def _trial(
     gain: float,
     gradient: float,
     direction_rad: float,
+    rest: _Rest,
 ) -> Trial:
     """Return the trial with its blur law and noise seed."""
+    sigma, (low, high) = case.spread.occluder_sigma_um, case.spread.noise
     # interior and extremes both meet both laws: the parity shifts by one every round
     other = (index + index // _EVERY) % 2 == 1
     return Trial(
@@ -207,18 +265,7 @@ def _trial(
         gradient_y=float(gradient * math.sin(direction_rad)),
         model=_OTHER_MODEL.get(case.model, "exact") if other else case.model,
         seed=(root, *words(f"{case.key}/trial {index}")),
+        occluder_um=(sigma * float(rest.occluder[0]), sigma * float(rest.occluder[1])),
+        lens=true_lens(case.lens, case.spread.lens, rest.lens),
+        noise=low + rest.noise * (high - low),
     )
-
-
-@cache
-def _signs() -> FloatArray:
-    """Return 32 corners of 8 axes, (32, 8) of +-1: 16 orthogonal ones and mirrored."""
-    half = hadamard(16)[:, 1 : _AXES + 1].astype(np.float64)
-    signs: FloatArray = np.vstack((half, -half))
-    signs.setflags(write=False)
-    return signs
-
-
-def _generator(root: int, key: str) -> np.random.Generator:
-    """Return the generator of one cell."""
-    return np.random.default_rng(np.random.SeedSequence([root, *words(key)]))

@@ -8,10 +8,11 @@ from functools import partial
 
 import numpy as np
 
+from featuresel.axes import words
 from featuresel.candidates import Chain
 from featuresel.case import LookCase
 from featuresel.drift import one_by_one, through_focus
-from featuresel.perturb import Trial, words
+from featuresel.perturb import Trial
 from featuresel.routines import Failure, FloatArray
 from featuresel.trials import Map, Prepared, measure_one, period_rad
 

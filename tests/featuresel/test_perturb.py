@@ -11,17 +11,14 @@ import numpy as np
 import pytest
 
 from featuresel.case import LookCase, scene
+from featuresel.disturb import noisier, shifted
 from featuresel.nominal import nominal_render
-from featuresel.perturb import design, image, still, words
+from featuresel.perturb import Trial, design, image, rebuild, still
+from optics.lens import MAX_DISTORTION, LensErrors
 from optics.render import render
 from optics.scene import Illumination
 
 Look = Callable[[str], LookCase]
-
-
-def test_words_are_those_of_sha256() -> None:
-    assert words("")[0] == 0xE3B0C442  # sha256 of nothing
-    assert len(words("x")) == 8
 
 
 def test_more_trials_change_none(look: Look) -> None:
@@ -160,3 +157,111 @@ def test_nominal_render_is_the_renderers_image(look: Look) -> None:
         nominal_render(case)(dx_um=1.0, dy_um=2.0, theta_rad=0.3),
         np.clip(expected, 0, 1),
     )
+
+
+DOUBT = LensErrors(
+    distortion_sigma=0.01,
+    lateral_sigma=0.02,
+    scale_sigma_per_um=1e-4,
+    field_curvature_sigma_per_um=1e-5,
+    edge_offset_sigma_um=0.1,
+)
+
+
+def wider(case: LookCase) -> LookCase:
+    """Return the look with every axis that is at rest by default set free."""
+    spread = replace(case.spread, occluder_sigma_um=3.0, noise=(0.5, 2.0), lens=DOUBT)
+    return replace(case, spread=spread)
+
+
+def test_further_axes_move_no_other(look: Look) -> None:
+    case = look("between")
+    rest = {"occluder_um": (0.0, 0.0), "lens": None, "noise": 1.0}
+    calm = design(case, 40, 7)
+    freed = design(wider(case), 40, 7)
+    assert tuple(replace(trial, **rest) for trial in freed) == calm  # type: ignore[arg-type]
+    assert all(a.lens and a.occluder_um != (0.0, 0.0) for a in freed)
+    alone = replace(case, spread=replace(case.spread, occluder_sigma_um=3.0))
+    for a, b in zip(design(alone, 40, 7), freed, strict=True):
+        assert a.occluder_um == b.occluder_um
+
+
+def test_occluder_lens_and_noise_follow_their_spreads(look: Look) -> None:
+    trials = design(wider(look("between")), 1024, 3)
+    inside = [t for t in trials if t.index % 4 != 3]
+    n = len(inside)
+    drawn = {
+        "x": ([t.occluder_um[0] for t in inside], 3.0),
+        "y": ([t.occluder_um[1] for t in inside], 3.0),
+        "distortion": ([_lens(t).distortion for t in inside], 0.01),
+        "lateral": ([_lens(t).lateral_y for t in inside], 0.02),
+        "scale": ([_lens(t).scale_per_um for t in inside], 1e-4),
+        "curvature": ([_lens(t).field_curvature_per_um for t in inside], 1e-5),
+        "edges": ([_lens(t).edge_offset_um for t in inside], 0.1),
+    }
+    for name, (values, sigma) in drawn.items():
+        # as for the other axes: cut at 3 sigma, more even than random
+        rel = 4 / math.sqrt(2 * n)
+        assert np.std(values) == pytest.approx(0.987 * sigma, rel=rel), name
+        assert abs(np.mean(values)) < 4 * sigma / math.sqrt(n), name
+    noises = [t.noise for t in trials]
+    assert 0.5 <= min(noises) < 0.51
+    assert 1.99 < max(noises) <= 2.0
+    corners = [t for t in trials if t.index % 4 == 3]
+    assert {t.noise for t in corners} == {0.5, 2.0}
+    assert {round(abs(_lens(t).edge_offset_um), 12) for t in corners} == {0.2}
+    assert max(abs(t.occluder_um[0]) for t in corners) <= 6.0
+
+
+def _lens(trial: Trial) -> LensErrors:
+    assert trial.lens is not None
+    return trial.lens
+
+
+def test_what_is_known_of_the_lens_stays_known(look: Look) -> None:
+    case = replace(wider(look("post")), lens=LensErrors(distortion=0.249))
+    found = [_lens(t).distortion for t in design(case, 64, 1)]
+    assert max(found) == MAX_DISTORTION
+    assert np.median(found) == pytest.approx(0.249, abs=0.01)
+
+
+def test_an_occluder_moves_and_the_target_stays(look: Look) -> None:
+    case = look("between")
+    trial = replace(design(case, 1, 5)[0], occluder_um=(2.5, -1.0))
+    moved = replace(case, static=shifted(case.static, "part", (2.5, -1.0)))
+    expected = image(moved, replace(trial, occluder_um=(0.0, 0.0)))
+    np.testing.assert_array_equal(image(case, trial), expected)
+    assert shifted(case.static, "fingers", (2.5, -1.0)) == case.static
+
+
+def test_the_true_lens_shifts_the_image_by_the_defocus(look: Look) -> None:
+    case = look("post")
+    trial = replace(design(case, 1, 5)[0], dz_um=5.0, noise=1e-6, gain=1.0)
+    lens = LensErrors(lateral_x=0.2, lateral_y=-0.1)
+    # the target lies 5 um below the plane in focus: its image is shifted by
+    # -5 x (.2, -.1) um
+    seen = image(case, replace(trial, lens=lens))
+    moved = replace(trial, dx_um=trial.dx_um - 1.0, dy_um=trial.dy_um + 0.5)
+    expected = image(case, moved)
+    # noise of a millionth leaves rounding to 255 levels, which may fall either way
+    np.testing.assert_allclose(seen, expected, atol=1.01 / 255)
+
+
+def test_noise_is_multiplied_in_the_light_and_in_the_dark(look: Look) -> None:
+    sensor = look("post").sensor
+    loud = noisier(sensor, 3.0)
+    for mean in (0.0, 0.5, 1.0):
+        quiet_share = math.hypot(
+            math.sqrt(mean / sensor.full_well_e),
+            sensor.read_noise_e / sensor.full_well_e,
+        )
+        loud_share = math.hypot(
+            math.sqrt(mean / loud.full_well_e), loud.read_noise_e / loud.full_well_e
+        )
+        assert loud_share == pytest.approx(3 * quiet_share)
+
+
+def test_a_trial_is_rebuilt_by_its_number(look: Look) -> None:
+    case = wider(look("bore"))
+    trials = design(case, 70, 5)
+    assert [rebuild(case, 5, k) for k in (0, 3, 69)] == [trials[k] for k in (0, 3, 69)]
