@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.stats import truncnorm
 
-from featuresel.axes import corner, generator, interior, words
-
+from featuresel.axes import corner, generator, interior
+from featuresel.axes import words as words  # handed on: seeds are made of them
 from featuresel.case import LookCase, moved_layers, picture, still_layers
 from featuresel.disturb import noisier, shifted, true_lens
 from optics.lens import LensErrors
