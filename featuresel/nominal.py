@@ -95,8 +95,8 @@ class NominalRender:
             return _through_focus(fine, moved, dz_um)
         return np.stack([_alone(fine, moved, dz) for dz in dz_um])
 
-    def veil(self) -> Veil:
-        """Return what stands in front of the target at nominal focus.
+    def veil(self, dz_um: float = 0.0) -> Veil:
+        """Return what stands in front of the target, `dz_um` off nominal focus.
 
         A face without end at the height of the target's top, once black and once white,
         takes the target's place; what lies below it is not seen.
@@ -107,7 +107,8 @@ class NominalRender:
             return Veil(
                 light=np.zeros((rows, columns)), through=np.ones((rows, columns))
             )
-        unlit = replace(self.case, light=Illumination())
+        focus_um = self.case.focus_um + dz_um
+        unlit = replace(self.case, light=Illumination(), focus_um=focus_um)
         black, white = (_faced(unlit, top_um, share) for share in (0.0, 1.0))
         return Veil(light=black, through=white - black)
 

@@ -208,8 +208,8 @@ class LookModel(Protocol):
         """
         ...
 
-    def veil(self) -> Veil:
-        """Return what stands in front of the target at nominal focus."""
+    def veil(self, dz_um: float = 0.0) -> Veil:
+        """Return what stands in front of the target, `dz_um` off nominal focus."""
         ...
 
 
@@ -251,6 +251,7 @@ FRAME_PX = 640 * 480  # what a unit of cost filters
 REGISTRY: Mapping[str, str] = {
     "circle_caliper": "featuresel.routines.circle_caliper",
     "edge_caliper": "featuresel.routines.edge_caliper",
+    "likelihood": "featuresel.routines.likelihood",
     "ncc": "featuresel.routines.ncc",
     "otsu": "featuresel.routines.otsu",
     "tooth_notch": "featuresel.routines.tooth_notch",

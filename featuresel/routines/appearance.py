@@ -1,0 +1,362 @@
+"""How a target looks at any place, turn, focus and zoom: planes made once, then read.
+
+Only cells of the template that tell the pose, or in patches the light, are kept.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from featuresel.routines import Artifact, FloatArray, LookModel, Target
+from featuresel.routines.informative import informative_cells
+from featuresel.routines.spline import (
+    Basis,
+    basis,
+    cubic_weights,
+    depth_coefficients,
+    plane_coefficients,
+)
+
+BoolArray = npt.NDArray[np.bool_]
+IntArray = npt.NDArray[np.intp]
+Float32Array = npt.NDArray[np.float32]
+
+FOCUS_SIGMAS = 3.0  # of focus, that the planes reach to
+# Of a wave depth of field: the light at a point of the image then turns by less than a
+# radian from plane to plane, at all frequencies.
+_STEP_DEPTHS = 0.4
+_MOST_PLANES = 48
+_NEAR = 0.25  # of a step, beside focus: there the square's slope is taken
+_BEYOND = 2  # planes past the range, where a natural spline's end no longer tells
+_EVEN = 1e-4  # of full scale, that images on both sides of focus may differ by
+_SAMPLES = 1.9  # a period of the finest detail; what is finer has no contrast
+_MOST_BITS = 20  # that 32-bit floats hold exactly, and to spare
+_MARGIN_PX = 6.0  # around the target, beyond its blur
+_FINGER = 0.3  # of a finger's width, taken in beside the opening
+_BEHIND = 1.3  # of the way from grip to tips, taken in on both sides of the grip
+_SUPPORT = 2  # cells around one that a cubic spline needs
+
+
+@dataclass(frozen=True, slots=True)
+class _Grid:
+    """Samples of a template."""
+
+    over: int  # per pixel
+    middle: tuple[float, float]  # (column, row) of the reference point
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pose:
+    """Where the target is, px of the region, and how it is turned, focused, zoomed."""
+
+    column: float
+    row: float
+    turn_rad: float  # from the template, counter-clockwise as displayed
+    z_um: float
+    zoom: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Light:
+    """The target's light at N pixels, and what it changes by with the pose."""
+
+    value: FloatArray  # (N,)
+    across: FloatArray  # (N,) by a move of the target to the right, per px
+    down: FloatArray  # (N,) by a move downwards, per px
+    turn: FloatArray  # (N,) by a turn, per rad
+    focus: FloatArray  # (N,) by focus, per um; where that is even, by its square
+    grow: FloatArray  # (N,) by zoom, per unit of the ratio
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Appearance:
+    """Planes of a target's light, ready to be read."""
+
+    planes: Float32Array  # (focus, turn harmonics, cells); the first cell is nothing
+    cells: IntArray  # (rows * columns,) of the template: where each one is kept
+    uses: IntArray  # (rows * columns,) bit g is set: worth comparing at focus g
+    shape: tuple[int, int]  # of the template
+    over: int  # samples per pixel
+    middle: tuple[float, float]  # (column, row) of the reference point in the template
+    first_um: float  # focus of the first plane
+    step_um: float
+    is_even: bool  # images on both sides of focus are alike
+    bits: int  # focus heights that `uses` tells apart
+
+    @property
+    def reach_um(self) -> float:
+        """Return how far from nominal the planes go."""
+        return self.first_um + (len(self.planes) - 1 - _BEYOND) * self.step_um
+
+    def pixels(self, pose: Pose, shape: tuple[int, ...]) -> tuple[IntArray, IntArray]:
+        """Return (columns, rows) of a region's pixels that are worth comparing."""
+        half = math.hypot(*self.shape) / 2 / self.over * pose.zoom
+        left = max(0, math.ceil(pose.column - half))
+        right = min(shape[1] - 1, math.floor(pose.column + half))
+        top = max(0, math.ceil(pose.row - half))
+        bottom = min(shape[0] - 1, math.floor(pose.row + half))
+        rows, columns = np.mgrid[top : bottom + 1, left : right + 1]
+        flat_columns, flat_rows = columns.ravel(), rows.ravel()
+        x, y = self._place(pose, flat_columns, flat_rows)
+        inside = (x >= 0) & (x <= self.shape[1] - 1) & (y >= 0)
+        inside &= y <= self.shape[0] - 1
+        nearest = np.rint(np.where(inside, y, 0)).astype(np.intp) * self.shape[1]
+        nearest += np.rint(np.where(inside, x, 0)).astype(np.intp)
+        good = inside & (self.uses[nearest] >> self._bit(pose.z_um) & 1 > 0)
+        return flat_columns[good], flat_rows[good]
+
+    def some_pixels(
+        self, pose: Pose, shape: tuple[int, ...], count: int
+    ) -> tuple[IntArray, IntArray]:
+        """Return about `count` (columns, rows) of those of `pixels`, in less time."""
+        cells = np.flatnonzero(self.uses >> self._bit(pose.z_um) & 1)
+        cells = cells[:: max(1, len(cells) // count)]
+        x = (cells % self.shape[1] - self.middle[0]) * pose.zoom / self.over
+        y = (cells // self.shape[1] - self.middle[1]) * pose.zoom / self.over
+        c, s = math.cos(pose.turn_rad), math.sin(pose.turn_rad)
+        columns = np.rint(pose.column + c * x + s * y).astype(np.intp)
+        rows = np.rint(pose.row - s * x + c * y).astype(np.intp)
+        good = (columns >= 0) & (columns < shape[1]) & (rows >= 0) & (rows < shape[0])
+        return columns[good], rows[good]
+
+    def _bit(self, z_um: float) -> int:
+        """Return which of the heights that `uses` tells apart is nearest."""
+        low_um = 0.0 if self.is_even else self.first_um
+        place = (abs(z_um) if self.is_even else z_um) - low_um
+        share = place / (self.reach_um + _BEYOND * self.step_um - low_um)
+        return min(max(round(share * (self.bits - 1)), 0), self.bits - 1)
+
+    def light(self, pose: Pose, columns: IntArray, rows: IntArray) -> Light:
+        """Return the target's light at pixels (N,), and its slopes."""
+        value, depth = self._focused(pose)
+        x, y = self._place(pose, columns, rows)
+        left = np.clip(np.floor(x).astype(np.intp), 1, self.shape[1] - 3)
+        top = np.clip(np.floor(y).astype(np.intp), 1, self.shape[0] - 3)
+        wx, sx = cubic_weights(x - left)
+        wy, sy = cubic_weights(y - top)
+        start = (top - 1) * self.shape[1] + left - 1
+        grid = np.arange(4)[:, None] * self.shape[1] + np.arange(4)
+        cells = self.cells[start[:, None] + grid.ravel()].reshape(-1, 4, 4)
+        near, deep = value[cells], depth[cells]
+        lines = np.einsum("nij,jn->ni", near, wx)
+        mean = np.einsum("ni,in->n", lines, wy)
+        by_x = np.einsum("nij,jn,in->n", near, sx, wy, optimize=True)
+        by_y = np.einsum("ni,in->n", lines, sy)
+        by_z = np.einsum("nij,jn,in->n", deep, wx, wy, optimize=True)
+        return self._slopes(pose, columns, rows, (mean, by_x, by_y, by_z))
+
+    def _slopes(
+        self,
+        pose: Pose,
+        columns: IntArray,
+        rows: IntArray,
+        read: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
+    ) -> Light:
+        """Return slopes by the pose from those along the template's samples."""
+        mean, by_x, by_y, by_z = read
+        c, s = math.cos(pose.turn_rad), math.sin(pose.turn_rad)
+        k = self.over / pose.zoom
+        # a move of the target is the opposite move of the pixels over the template
+        across, down = -k * (c * by_x + s * by_y), -k * (c * by_y - s * by_x)
+        u, v = columns - pose.column, rows - pose.row
+        return Light(
+            value=mean,
+            across=across,
+            down=down,
+            # counter-clockwise as displayed: right goes up, up goes left
+            turn=across * v - down * u,
+            focus=by_z,
+            grow=(across * u + down * v) / pose.zoom,
+        )
+
+    def _place(
+        self, pose: Pose, columns: IntArray, rows: IntArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return where pixels lie in the template, in samples."""
+        c, s = math.cos(pose.turn_rad), math.sin(pose.turn_rad)
+        u, v = columns - pose.column, rows - pose.row
+        k = self.over / pose.zoom
+        return self.middle[0] + k * (c * u - s * v), self.middle[1] + k * (
+            s * u + c * v
+        )
+
+    def _focused(self, pose: Pose) -> tuple[Float32Array, Float32Array]:
+        """Return coefficients of all cells at a focus and turn, and by focus."""
+        z_um = abs(pose.z_um) if self.is_even else pose.z_um
+        at = self._basis(z_um)
+        slopes, first = at.slopes / self.step_um, at.first
+        if self.is_even:  # by the square of the focus, finite where its slope is not
+            off_um = max(z_um, _NEAR * self.step_um)
+            beside = self._basis(off_um)
+            slopes, first = beside.slopes / self.step_um / (2 * off_um), beside.first
+        turns = np.array([1.0])
+        if self.planes.shape[1] == 3:
+            turns = np.array(
+                [1.0, math.cos(4 * pose.turn_rad), math.sin(4 * pose.turn_rad)]
+            )
+        return (
+            self._mixed(at.first, np.outer(at.weights, turns)),
+            self._mixed(first, np.outer(slopes, turns)),
+        )
+
+    def _basis(self, z_um: float) -> Basis:
+        """Return the planes' weights at a focus."""
+        return basis((z_um - self.first_um) / self.step_um, len(self.planes))
+
+    def _mixed(self, first: int, weights: FloatArray) -> Float32Array:
+        """Return the weighted sum of four planes' (4, harmonics) coefficients."""
+        near = self.planes[first : first + 4]
+        mixed: Float32Array = weights.ravel().astype(np.float32) @ near.reshape(
+            -1, near.shape[2]
+        )
+        return mixed
+
+
+def prepare_appearance(
+    model: LookModel, target: Target, shape: tuple[int, ...], *, turns: bool
+) -> Artifact:
+    """Return the planes of a target as an artifact, see `read_appearance`.
+
+    Parameters
+    ----------
+    model : LookModel
+        The look.
+    target : Target
+        What is to be found.
+    shape : (rows, columns)
+        Of the region.
+    turns : bool
+        Whether the target may lie at an angle to the nominal one.
+    """
+    half = _half_px(model, target, shape)
+    over = _over(model, target)
+    first, step, count, is_even = _stops(model, half)
+    depths = first + step * np.arange(count)
+    seen = np.abs(depths) if is_even else depths
+    distinct, back = np.unique(np.round(seen, 9), return_inverse=True)
+    stack = model.template(tuple(distinct.tolist()), over=over, half_px=half)
+    side = math.sqrt(model.camera.fill_factor)
+    planes = np.stack(
+        [plane_coefficients(t, over=over, side=side, turns=turns) for t in stack]
+    )
+    grid = _Grid(
+        over=over,
+        middle=(
+            over * (half[0] + target.column - round(target.column)),
+            over * (half[1] + target.row - round(target.row)),
+        ),
+    )
+    told = np.unique(np.linspace(0, len(distinct) - 1, _MOST_BITS).round().astype(int))
+    used = _used(planes[:, :2].sum(axis=1), distinct, model, grid)[told]
+    kept = _grown(used.any(axis=0))
+    cells = np.where(kept.ravel(), np.cumsum(kept.ravel()), 0)
+    deep = depth_coefficients(planes[back].reshape(count, planes.shape[1], -1))
+    packed = np.zeros((count, planes.shape[1], int(kept.sum()) + 1), np.float32)
+    packed[:, :, 1:] = deep[:, :, kept.ravel()]
+    uses = (used.reshape(len(used), -1).T @ 2.0 ** np.arange(len(used))).ravel()
+    return Artifact(
+        parameters={
+            "over": float(over),
+            "middle_column": grid.middle[0],
+            "middle_row": grid.middle[1],
+            "first_um": first,
+            "step_um": step,
+            "is_even": float(is_even),
+            "bits": float(len(used)),
+        },
+        arrays={
+            "planes": packed,
+            "cells": cells.reshape(stack.shape[1:]).astype(np.float32),
+            "uses": uses.reshape(stack.shape[1:]).astype(np.float32),
+        },
+    )
+
+
+def read_appearance(artifact: Artifact) -> Appearance:
+    """Return the planes that `prepare_appearance` made."""
+    p: Mapping[str, float] = artifact.parameters
+    where = artifact.arrays["cells"]
+    return Appearance(
+        planes=artifact.arrays["planes"],
+        cells=where.ravel().astype(np.intp),
+        uses=artifact.arrays["uses"].ravel().astype(np.intp),
+        shape=(where.shape[0], where.shape[1]),
+        over=int(p["over"]),
+        middle=(p["middle_column"], p["middle_row"]),
+        first_um=p["first_um"],
+        step_um=p["step_um"],
+        is_even=p["is_even"] > 0,
+        bits=int(p["bits"]),
+    )
+
+
+def _half_px(
+    model: LookModel, target: Target, shape: tuple[int, ...]
+) -> tuple[int, int]:
+    """Return half the template's sides: the target and its blur, or all in reach."""
+    names = ("radius_um", "outer_um", "extent_um")
+    far = (
+        max(target.column, shape[1] - 1 - target.column) + target.search_px,
+        max(target.row, shape[0] - 1 - target.row) + target.search_px,
+    )
+    reach = FOCUS_SIGMAS * model.drifts.focus_sigma_um * model.blur.cone
+    if target.kind == "jaws":  # the tips and what is behind them between the faces
+        p = target.parameters
+        wide = p["opening_um"] / 2 + _FINGER * p["finger_width_um"]
+        size = (wide, _BEHIND * p["grip_from_tip_um"])
+    else:
+        extent = next(target.parameters[n] for n in names if n in target.parameters)
+        size = (extent, extent)
+    want = [(side + reach) * target.px_per_um + _MARGIN_PX for side in size]
+    return math.ceil(min(want[0], far[0])), math.ceil(min(want[1], far[1]))
+
+
+def _over(model: LookModel, target: Target) -> int:
+    """Return samples per pixel, odd: enough for the finest detail in the image."""
+    finest = model.blur.cutoff_per_um / target.px_per_um
+    return 2 * math.ceil((_SAMPLES * finest - 1) / 2) + 1 if finest > 0.5 else 1
+
+
+def _stops(model: LookModel, half: tuple[int, int]) -> tuple[float, float, int, bool]:
+    """Return first focus and step of the planes, um, their number, and evenness."""
+    step = _STEP_DEPTHS * model.blur.depth_um
+    reach = max(FOCUS_SIGMAS * model.drifts.focus_sigma_um, step)
+    near, far = model.template((-reach / 2, reach / 2), over=1, half_px=half)
+    is_even = bool(np.abs(near - far).max() < _EVEN)
+    span = reach if is_even else 2 * reach
+    steps = min(math.ceil(span / step), _MOST_PLANES)
+    step = span / steps
+    first = -_BEYOND * step - (0.0 if is_even else reach)
+    return first, step, steps + 1 + 2 * _BEYOND, is_even
+
+
+def _used(
+    light: FloatArray, depths: FloatArray, model: LookModel, artifact: _Grid
+) -> BoolArray:
+    """Return cells worth comparing; none so near the border that support is missing."""
+    over = artifact.over
+    down, across = (over * np.gradient(light, axis=axis) for axis in (1, 2))
+    rows, columns = light.shape[1:]
+    v, u = np.mgrid[0:rows, 0:columns].astype(np.float64)
+    u, v = u - artifact.middle[0], v - artifact.middle[1]
+    slopes = [across, down, across * v - down * u]
+    if len(depths) > 1:
+        slopes.append(np.gradient(light, depths, axis=0))
+    used = informative_cells(light, model.camera, over=over, gradient=tuple(slopes))
+    inner = np.zeros_like(used)
+    edge = _SUPPORT + 2
+    inner[:, edge:-edge, edge:-edge] = True
+    return np.asarray(used & inner)
+
+
+def _grown(used: BoolArray) -> BoolArray:
+    """Return the cells and those around them that a spline reads."""
+    size = 2 * _SUPPORT + 1
+    kernel = np.ones((size, size), np.uint8)
+    return np.asarray(cv2.dilate(used.astype(np.uint8), kernel) > 0)

@@ -1,0 +1,225 @@
+"""The maximum-likelihood pose: the image against what the optics say it should be.
+
+The most accurate routine near its answer, and the only one that knows how far light and
+blur may change: focus, zoom and light are free where the look's trials vary them. It
+needs a guess within a pixel or two, and the angle where the target has one.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from featuresel.routines import (
+    Artifact,
+    Camera,
+    Failure,
+    FloatArray,
+    Guess,
+    Known,
+    LookModel,
+    Measurement,
+    Target,
+    TargetKind,
+)
+from featuresel.routines.appearance import (
+    FOCUS_SIGMAS,
+    Appearance,
+    Pose,
+    prepare_appearance,
+    read_appearance,
+)
+from featuresel.routines.pose_fit import (
+    Free,
+    Front,
+    Job,
+    PoseFit,
+    fit_pose,
+    try_each,
+)
+
+NAME = "likelihood"
+VERSION = "1"
+KINDS: tuple[TargetKind, ...] = ("circle", "teeth", "outline", "jaws")
+GIVES: tuple[Known, ...] = ("xy", "theta", "z", "zoom")
+NEEDS: tuple[Known, ...] = ("xy", "theta")
+CAPTURE_PX = 2.0
+CONTROL = False
+
+_LEAST_SIGNAL = 0.03  # of full scale, that the target must vary by
+_DEPTHS = (0.1, 0.35, 0.6, 0.85)  # of the reach in focus, where fits start
+_TRIED = 4  # turns by a period and less on both sides are compared, if more there are
+_WORST_CHI2 = 60.0  # worse is another thing; what trials show sets a finer gate
+_LEAST_USED = 0.55  # share of pixels that must be the target's
+_FAR_PX = 3.0  # the most that the fit may move from the guess
+
+
+def prepare(model: LookModel, target: Target) -> Artifact | Failure:
+    """Return the target's planes, what stands before it, and what is free."""
+    image = model()
+    if float(np.ptp(image)) < _LEAST_SIGNAL:
+        return Failure(code="no_contrast", message="the target does not stand out")
+    turns = target.kind != "circle"
+    made = prepare_appearance(model, target, image.shape, turns=turns)
+    reach = max(FOCUS_SIGMAS * model.drifts.focus_sigma_um, 1.0)
+    veils = [model.veil(dz) for dz in (-reach, 0.0, reach)]
+    arrays = dict(made.arrays)
+    if any(float(v.through.min()) < 1 for v in veils):
+        arrays["front_light"] = np.stack([v.light for v in veils]).astype(np.float32)
+        arrays["front_through"] = np.stack([v.through for v in veils]).astype(
+            np.float32
+        )
+    camera, drifts = model.camera, model.drifts
+    return Artifact(
+        parameters={
+            **made.parameters,
+            "turns": float(turns),
+            "theta_rad": target.theta_rad,
+            "symmetry": float(max(target.symmetry, 1)),
+            "range_rad": target.theta_range_rad,
+            "focus_sigma_um": drifts.focus_sigma_um,
+            "zoom_sigma": drifts.zoom_sigma,
+            "gradient": drifts.gradient,
+            "front_reach_um": reach,
+            "full_well_e": camera.full_well_e,
+            "read_noise_e": camera.read_noise_e,
+            "bits": float(camera.bits),
+            "fill_factor": camera.fill_factor,
+        },
+        arrays=arrays,
+    )
+
+
+def measure(
+    image: FloatArray, artifact: Artifact, guess: Guess
+) -> Measurement | Failure:
+    """Return the likeliest pose near the guess; fails if too little of it fits."""
+    job = read_job(image, artifact)
+    p = artifact.parameters
+    if guess.theta_rad is None and p["turns"]:
+        return Failure(code="no_angle", message="the fit needs an angle to start at")
+    start = _start(job, p, guess)
+    found = fit_pose(job, start)
+    if isinstance(found, Failure):
+        return found
+    if p["symmetry"] > 1 and p["turns"] and guess.z_um is None:
+        found = _other_turns(job, p, found)
+        if isinstance(found, Failure):
+            return found
+    return _answer(found, p, guess)
+
+
+def cost(artifact: Artifact, _pixels: int) -> float:
+    """Return the work of one `measure`, see `featuresel.routines.Routine`."""
+    cells = artifact.arrays["planes"].shape[2]
+    return 4.0 + 3e-4 * float(cells)
+
+
+def read_job(image: FloatArray, artifact: Artifact) -> Job:
+    """Return the image with all that it is compared with."""
+    p, arrays = artifact.parameters, artifact.arrays
+    front = None
+    if "front_light" in arrays:
+        front = Front(
+            light=arrays["front_light"].astype(np.float64),
+            through=arrays["front_through"].astype(np.float64),
+            reach_um=p["front_reach_um"],
+        )
+    return Job(
+        image=image,
+        looks=read_appearance(artifact),
+        front=front,
+        camera=Camera(
+            full_well_e=p["full_well_e"],
+            read_noise_e=p["read_noise_e"],
+            bits=int(p["bits"]),
+            fill_factor=p["fill_factor"],
+        ),
+        free=Free(
+            turn=p["turns"] > 0,
+            z_sigma_um=p["focus_sigma_um"],
+            zoom_sigma=p["zoom_sigma"],
+            gradient=p["gradient"] > 0,
+        ),
+    )
+
+
+def _start(job: Job, p: Mapping[str, float], guess: Guess) -> Pose:
+    """Return where the fit starts; an unknown focus is that which fits best of some."""
+    turn = 0.0
+    if guess.theta_rad is not None and p["turns"]:
+        turn = math.remainder(guess.theta_rad - p["theta_rad"], 2 * math.pi)
+    pose = Pose(
+        column=guess.column,
+        row=guess.row,
+        turn_rad=turn,
+        z_um=guess.z_um or 0.0,
+        zoom=guess.zoom or 1.0,
+    )
+    if guess.z_um is not None or p["focus_sigma_um"] == 0:
+        return pose
+    return try_each(job, [replace(pose, z_um=z) for z in _depths(job.looks)])
+
+
+def _depths(looks: Appearance) -> list[float]:
+    """Return focus heights to start at, on both sides where they look different."""
+    ahead = [share * looks.reach_um for share in _DEPTHS]
+    return ahead if looks.is_even else [*ahead, *(-z for z in ahead)]
+
+
+def _other_turns(job: Job, p: Mapping[str, float], found: PoseFit) -> PoseFit | Failure:
+    """Return the best fit among the turns that a pattern's symmetry allows for.
+
+    Half a period too: beyond the first sign change of the transfer function teeth and
+    gaps swap.
+    """
+    period = 2 * math.pi / p["symmetry"]
+    count = int(p["symmetry"])
+    near = [k / 2 for k in range(-_TRIED, _TRIED + 1) if k]
+    far = [float(k) for k in range(_TRIED // 2 + 1, count - _TRIED // 2)]
+    here = found.pose
+    others = [replace(here, turn_rad=here.turn_rad + k * period) for k in (*near, *far)]
+    best = try_each(job, [here, *others])
+    if best is here:
+        return found
+    other = fit_pose(job, best)
+    if isinstance(other, Failure) or other.chi2 >= found.chi2:
+        return found
+    return other
+
+
+def _answer(
+    found: PoseFit, p: Mapping[str, float], guess: Guess
+) -> Measurement | Failure:
+    """Return the measurement, or why the fit cannot be believed."""
+    pose = found.pose
+    if found.chi2 > _WORST_CHI2 or found.used < _LEAST_USED:
+        return Failure(
+            code="misfit",
+            message=f"chi squared {found.chi2:.1f} a pixel, {found.used:.0%} of the "
+            f"pixels fit",
+        )
+    moved = math.hypot(pose.column - guess.column, pose.row - guess.row)
+    if moved > _FAR_PX:
+        return Failure(code="outside", message=f"{moved:.1f} px from the guess")
+    theta = None
+    if p["turns"]:
+        theta = math.remainder(p["theta_rad"] + pose.turn_rad, 2 * math.pi)
+        turned = abs(math.remainder(pose.turn_rad, 2 * math.pi))
+        if turned > 1.2 * p["range_rad"] + 0.01:
+            return Failure(code="outside", message=f"turned by {turned:.3f} rad")
+    sigma = found.sigma
+    return Measurement(
+        column=pose.column,
+        row=pose.row,
+        theta_rad=theta,
+        score=found.used / max(1.0, found.chi2),
+        spread_px=float(max(sigma[0], sigma[1])),
+        spread_theta_rad=float(sigma[2]) if p["turns"] else None,
+        z_um=pose.z_um if p["focus_sigma_um"] > 0 else None,
+        spread_z_um=float(sigma[3]) if p["focus_sigma_um"] > 0 else None,
+        zoom=pose.zoom if p["zoom_sigma"] > 0 else None,
+    )
