@@ -250,10 +250,16 @@ FRAME_PX = 640 * 480  # what a unit of cost filters
 # id -> module; loaded on first use so that the executor's start stays cheap
 REGISTRY: Mapping[str, str] = {
     "circle_caliper": "featuresel.routines.circle_caliper",
+    "ecc": "featuresel.routines.ecc",
     "edge_caliper": "featuresel.routines.edge_caliper",
+    "hough": "featuresel.routines.hough",
+    "iso_circle": "featuresel.routines.iso_circle",
+    "iso_ellipse": "featuresel.routines.iso_ellipse",
+    "keypoints": "featuresel.routines.keypoints",
     "likelihood": "featuresel.routines.likelihood",
     "ncc": "featuresel.routines.ncc",
     "otsu": "featuresel.routines.otsu",
+    "phase_correlation": "featuresel.routines.phase_correlation",
     "tooth_notch": "featuresel.routines.tooth_notch",
 }
 

@@ -1,0 +1,95 @@
+"""Circle through the iso-line at the level that the render predicts for its rim."""
+
+from __future__ import annotations
+
+from featuresel.routines import (
+    Artifact,
+    Failure,
+    FloatArray,
+    Guess,
+    Known,
+    Measurement,
+    Render,
+    Target,
+    TargetKind,
+)
+from featuresel.routines.circle_fit import Circle
+from featuresel.routines.rim import CAPTURE_PX as _AWAY_PX
+from featuresel.routines.rim import approach
+from featuresel.routines.rim_plan import part_offset, placed, rim_numbers
+
+NAME = "iso_circle"
+VERSION = "1"
+KINDS: tuple[TargetKind, ...] = ("circle", "teeth")
+GIVES: tuple[Known, ...] = ("xy",)
+NEEDS: tuple[Known, ...] = ("xy",)
+CAPTURE_PX = _AWAY_PX
+CONTROL = False
+
+_RADIUS_OFF = 0.1  # of the radius, at least 1 px: as far as blur and zoom may move it
+_USED = 0.5  # of the points must fit the circle
+
+
+def prepare(render: Render, target: Target) -> Artifact | Failure:
+    """Return radius, level and filter, and where the notch pulls the centre."""
+    numbers = rim_numbers(render, target)
+    if isinstance(numbers, Failure):
+        return numbers
+
+    def centre(image: FloatArray, guess: Guess) -> tuple[float, float, float] | Failure:
+        fitted = _fit(image, Artifact(parameters=numbers), guess)
+        if isinstance(fitted, Failure):
+            return fitted
+        circle, _ = fitted
+        return circle.column, circle.row, circle.radius_px
+
+    offset = part_offset(render, target, centre)
+    if isinstance(offset, Failure):
+        return offset
+    return Artifact(parameters={**numbers, **offset})
+
+
+def measure(
+    image: FloatArray, artifact: Artifact, guess: Guess
+) -> Measurement | Failure:
+    """Return the circle's centre; fails if it is faint, cut off or of another size."""
+    p = artifact.parameters
+    fitted = _fit(image, artifact, guess)
+    if isinstance(fitted, Failure):
+        return fitted
+    circle, spread_px = fitted
+    off = abs(circle.radius_px - p["seen_px"])
+    if off > max(1.0, _RADIUS_OFF * p["radius_px"]):
+        return Failure(
+            code="radius_off",
+            message=f"radius {circle.radius_px:.2f} px, predicted {p['seen_px']:.2f}",
+        )
+    if circle.used.mean() < _USED:
+        return Failure(
+            code="few_points",
+            message=f"{circle.used.mean():.0%} of the points fit, at least {_USED:.0%}",
+        )
+    column, row = placed((circle.column, circle.row), p, guess)
+    return Measurement(
+        column=column,
+        row=row,
+        theta_rad=None,
+        score=float(circle.used.mean()),
+        spread_px=spread_px,
+    )
+
+
+def cost(_artifact: Artifact, _pixels: int) -> float:
+    """Return the work of one `measure`, see `featuresel.routines.Routine`."""
+    return 9.0
+
+
+def _fit(
+    image: FloatArray, artifact: Artifact, guess: Guess
+) -> tuple[Circle, float] | Failure:
+    """Return the circle and the spread of its centre."""
+    found = approach(image, artifact.parameters, guess)
+    if isinstance(found, Failure):
+        return found
+    points, circle = found
+    return circle, points.spread_px(circle.spread_px)
