@@ -8,8 +8,10 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Protocol, TypeVar
 
+from featuresel.bias import BiasCurve, unbiased
 from featuresel.candidates import Chain
 from featuresel.case import LookCase
+from featuresel.located import along, located
 from featuresel.nominal import nominal_render
 from featuresel.perturb import Trial, image
 from featuresel.routines import (
@@ -31,6 +33,7 @@ WRONG_TOLERANCES = 2.0
 
 A = TypeVar("A")
 B = TypeVar("B")
+Curves = Mapping[Chain, BiasCurve]
 
 
 class Map(Protocol):
@@ -63,6 +66,13 @@ class Outcome:
     theta_rad: float | None  # None: no angle given
     score: float | None
     spread_um: float | None  # the chain's own estimate
+    spread_theta_rad: float | None = None
+    # the one direction, in the target's true frame, in which the place is known: the
+    # errors above are the part along it
+    axis_rad: float | None = None
+    depth_um: float | None = None  # how far out of focus the chain says it is
+    z_um: float | None = None  # error of that; one image does not tell the sign
+    zoom: float | None = None  # error of the ratio to nominal
 
     @property
     def distance_um(self) -> float:
@@ -96,6 +106,7 @@ def run(
     prepared: Prepared,
     trials: Sequence[Trial],
     map: Map = map,  # noqa: A002 - it is the builtin, or a pool's
+    curves: Curves | None = None,
 ) -> tuple[Outcome, ...]:
     """Return what every chain said of every trial, trial by trial.
 
@@ -110,6 +121,9 @@ def run(
     map : callable
         Stands in for the builtin; gets a picklable function and chunks of trials, so
         that a process pool's `map` can do the work. The result does not depend on it.
+    curves : mapping of Chain to BiasCurve, optional
+        What is taken off the places that a chain finds, by
+        `featuresel.bias_prediction.predict_bias`.
 
     Returns
     -------
@@ -117,18 +131,35 @@ def run(
         Each image is made once and every chain measures it.
     """
     chunks = [tuple(trials[i : i + _CHUNK]) for i in range(0, len(trials), _CHUNK)]
-    done = map(partial(_run_chunk, case, prepared), chunks)
+    done = map(partial(_run_chunk, case, prepared, curves or {}), chunks)
     return tuple(outcome for chunk in done for outcome in chunk)
 
 
 def measure_trial(
-    case: LookCase, prepared: Prepared, trial: Trial
+    case: LookCase, prepared: Prepared, trial: Trial, curves: Curves | None = None
 ) -> tuple[Outcome, ...]:
     """Return what each chain says of one trial's image."""
-    picture = image(case, trial)
+    return measure_picture(case, prepared, trial, image(case, trial), curves)
+
+
+def measure_picture(
+    case: LookCase,
+    prepared: Prepared,
+    trial: Trial,
+    picture: FloatArray,
+    curves: Curves | None = None,
+) -> tuple[Outcome, ...]:
+    """Return what each chain says of an image of the region in which `trial` holds."""
     done: dict[Chain, Progress | Failure] = {}
+    known = curves or {}
     return tuple(
-        _outcome(case, trial, chain, _follow(case, prepared, chain, picture, done))
+        _outcome(
+            case,
+            trial,
+            chain,
+            _follow(case, prepared, chain, picture, done),
+            known.get(chain),
+        )
         for chain in prepared.chains
     )
 
@@ -172,34 +203,35 @@ def _step(
 
 
 def _run_chunk(
-    case: LookCase, prepared: Prepared, trials: Sequence[Trial]
+    case: LookCase, prepared: Prepared, curves: Curves, trials: Sequence[Trial]
 ) -> list[Outcome]:
     """Return the outcomes of some trials, in order."""
-    return [o for trial in trials for o in measure_trial(case, prepared, trial)]
+    return [o for trial in trials for o in measure_trial(case, prepared, trial, curves)]
 
 
 def _outcome(
-    case: LookCase, trial: Trial, chain: Chain, found: Measurement | Failure
+    case: LookCase,
+    trial: Trial,
+    chain: Chain,
+    found: Measurement | Failure,
+    curve: BiasCurve | None,
 ) -> Outcome:
     """Return the errors of a measurement in the world's and the target's axes."""
     if isinstance(found, Failure):
-        return Outcome(
-            chain=chain,
-            trial=trial.index,
-            failure=found.code,
-            world_um=None,
-            target_um=None,
-            theta_rad=None,
-            score=None,
-            spread_um=None,
-        )
-    x, y = case.frame.to_world(found.column, found.row)
-    ex, ey = x - case.x_um - trial.dx_um, y - case.y_um - trial.dy_um
+        return _failed(chain, trial, found)
+    place = located(case, found)
+    if isinstance(place, Failure):
+        return _failed(chain, trial, place)
+    depth = None if found.z_um is None else abs(found.z_um)
+    if curve is not None:
+        place = unbiased(case, place, curve, depth)
+    off = (place.x_um - case.x_um - trial.dx_um, place.y_um - case.y_um - trial.dy_um)
+    ex, ey = along(off, place.axis_rad)
     theta = case.theta_rad + trial.dtheta_rad
     c, s = math.cos(theta), math.sin(theta)
-    turned = None
-    if found.theta_rad is not None:
-        turned = math.remainder(found.theta_rad - theta, period_rad(case))
+    turned, axis = None, place.axis_rad
+    if place.theta_rad is not None:
+        turned = math.remainder(place.theta_rad - theta, period_rad(case))
     return Outcome(
         chain=chain,
         trial=trial.index,
@@ -209,6 +241,25 @@ def _outcome(
         theta_rad=turned,
         score=found.score,
         spread_um=found.spread_px * case.microscope.um_per_px,
+        spread_theta_rad=found.spread_theta_rad,
+        axis_rad=None if axis is None else math.remainder(axis - theta, 2 * math.pi),
+        depth_um=depth,
+        z_um=None if depth is None else depth - abs(trial.dz_um),
+        zoom=None if found.zoom is None else found.zoom - trial.magnification,
+    )
+
+
+def _failed(chain: Chain, trial: Trial, failure: Failure) -> Outcome:
+    """Return the outcome of a trial that was not answered."""
+    return Outcome(
+        chain=chain,
+        trial=trial.index,
+        failure=failure.code,
+        world_um=None,
+        target_um=None,
+        theta_rad=None,
+        score=None,
+        spread_um=None,
     )
 
 

@@ -12,6 +12,7 @@ from featuresel.axes import words
 from featuresel.candidates import Chain
 from featuresel.case import LookCase
 from featuresel.drift import one_by_one, through_focus
+from featuresel.located import along, located
 from featuresel.perturb import Trial
 from featuresel.routines import Failure, FloatArray
 from featuresel.trials import Map, Prepared, measure_one, period_rad
@@ -130,13 +131,15 @@ def _meets(
     found = measure_one(case, prepared, chain, picture)
     if isinstance(found, Failure):
         return False
-    x, y = case.frame.to_world(found.column, found.row)
-    error = math.hypot(x - case.x_um - trial.dx_um, y - case.y_um - trial.dy_um)
-    if error > case.tolerance_um:
+    place = located(case, found)
+    if isinstance(place, Failure):
+        return False
+    off = (place.x_um - case.x_um - trial.dx_um, place.y_um - case.y_um - trial.dy_um)
+    if math.hypot(*along(off, place.axis_rad)) > case.tolerance_um:
         return False
     if case.tolerance_theta_rad is None:
         return True
-    if found.theta_rad is None:
+    if place.theta_rad is None:
         return False
-    turned = found.theta_rad - case.theta_rad - trial.dtheta_rad
+    turned = place.theta_rad - case.theta_rad - trial.dtheta_rad
     return abs(math.remainder(turned, period_rad(case))) <= case.tolerance_theta_rad

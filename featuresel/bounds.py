@@ -1,0 +1,122 @@
+"""Confidence bounds of rates, spreads and means from a number of trials."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.stats import beta, chi2, t, trim_mean
+
+FloatArray = npt.NDArray[np.float64]
+
+CONFIDENCE = 0.95  # of all bounds, one-sided
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Estimate:
+    """Mean and standard deviation of errors along one axis, with their bounds."""
+
+    count: int
+    mean: float
+    sigma: float
+    sigma_lower: float
+    sigma_upper: float
+    mean_reach: float  # how far the true mean may be off, to either side
+
+    @property
+    def need(self) -> float:
+        """Return 2 sigma + |mean|, what a tolerance must hold."""
+        return 2 * self.sigma + abs(self.mean)
+
+    @property
+    def need_lower(self) -> float:
+        """Return the least need that is not refuted."""
+        return 2 * self.sigma_lower + max(0.0, abs(self.mean) - self.mean_reach)
+
+    @property
+    def need_upper(self) -> float:
+        """Return the largest need that is not refuted."""
+        return 2 * self.sigma_upper + abs(self.mean) + self.mean_reach
+
+
+def estimate(values: FloatArray, confidence: float = CONFIDENCE) -> Estimate | None:
+    """Return mean and spread of errors with bounds, None of fewer than two.
+
+    Parameters
+    ----------
+    values : (N,) float array
+        Errors, finite.
+    confidence : float
+        Of each of the bounds, one-sided.
+
+    Notes
+    -----
+    The bounds of sigma are those of chi-square, with `freedom` degrees of freedom so
+    that they hold for long tails too: trials of several focus heights are a mixture of
+    narrow and wide distributions. Of 24 values the kurtosis is not known well: of a
+    half and half mixture of widths 1 and 2 the bounds of sigma at 95 % then hold for
+    93 %, of 304 values for 94.4 %. The mean's are Student's.
+    """
+    count = len(values)
+    if count < 2:
+        return None
+    sigma, nu = float(values.std(ddof=1)), freedom(values)
+    return Estimate(
+        count=count,
+        mean=float(values.mean()),
+        sigma=sigma,
+        sigma_lower=sigma * math.sqrt(nu / chi2.ppf(confidence, nu)),
+        sigma_upper=sigma * math.sqrt(nu / chi2.ppf(1 - confidence, nu)),
+        mean_reach=float(t.ppf(confidence, count - 1)) * sigma / math.sqrt(count),
+    )
+
+
+def freedom(values: FloatArray) -> float:
+    """Return the degrees of freedom of a sample variance, given the sample's tails.
+
+    N - 1 for normal values and for shorter tails, fewer for longer ones, at least 1.
+
+    References
+    ----------
+    O'Neill (2014), Some useful moment results in sampling problems, The American
+    Statistician 68: 2 N / (kurtosis - (N - 3) / (N - 1)). The kurtosis is that of
+    Bonett (2006), Computational Statistics & Data Analysis 50, about a trimmed mean,
+    because the plain one is too low in small samples of long tails.
+    """
+    n = len(values)
+    about = values - values.mean()
+    square = float((about**2).sum())
+    if square == 0 or n < 5:
+        return float(max(n - 1, 1))
+    middle = trim_mean(values, min(0.5 / math.sqrt(n - 4), 0.49))
+    kurtosis = n * float(((values - middle) ** 4).sum()) / square**2
+    excess = max(kurtosis - (n - 3) / (n - 1), 2 * n / (n - 1))  # 2 n / (n - 1): normal
+    return max(1.0, 2 * n / excess)
+
+
+def success_lower(success: int, trials: int, confidence: float = CONFIDENCE) -> float:
+    """Return the least success rate that is not refuted, one-sided.
+
+    References
+    ----------
+    Clopper & Pearson (1934).
+    """
+    _check(success, trials)
+    if success == 0:
+        return 0.0
+    return float(beta.ppf(1 - confidence, success, trials - success + 1))
+
+
+def failure_upper(failures: int, trials: int, confidence: float = CONFIDENCE) -> float:
+    """Return the largest failure rate that is not refuted, one-sided."""
+    _check(failures, trials)
+    if failures == trials:
+        return 1.0
+    return float(beta.ppf(confidence, failures + 1, trials - failures))
+
+
+def _check(count: int, trials: int) -> None:
+    if not 0 <= count <= trials or trials < 1:
+        raise ValueError(f"need 0 <= count <= trials and trials >= 1, got {count}")

@@ -1,0 +1,56 @@
+"""A measured feature to the pose of what the look is to locate."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from featuresel.case import LookCase
+from featuresel.routines import Failure, Measurement
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Located:
+    """The look's reference point in the world, as one measurement has it."""
+
+    x_um: float
+    y_um: float
+    theta_rad: float | None  # of the look's frame; None: not measured
+    axis_rad: float | None  # the one direction in which the place is known, world
+
+
+def located(case: LookCase, found: Measurement) -> Located | Failure:
+    """Return where the look's reference point is, given a feature of it.
+
+    The feature lies `Target.offset_um` off the reference point and is turned against
+    the look's frame by as much as nominally. Where the measurement has no angle the
+    nominal one takes its place; if any angle is possible that is a failure, because
+    the reference point may be anywhere on a circle about the feature. So is an answer
+    that is not finite.
+    """
+    numbers = (found.column, found.row, found.theta_rad or 0.0, found.axis_rad or 0.0)
+    if not all(map(math.isfinite, numbers)):
+        return Failure(code="not_finite", message=f"the answer is {found}")
+    frame_rad = case.target.theta_rad - case.theta_rad
+    theta = None if found.theta_rad is None else found.theta_rad - frame_rad
+    x, y = case.frame.to_world(found.column, found.row)
+    off_x, off_y = case.target.offset_um
+    if (off_x, off_y) != (0.0, 0.0):
+        if theta is None and case.theta_any:
+            return Failure(
+                code="no_angle",
+                message="the feature is off the reference point, its angle unknown",
+            )
+        turn = case.theta_rad if theta is None else theta
+        c, s = math.cos(turn), math.sin(turn)
+        x, y = x - (c * off_x - s * off_y), y - (s * off_x + c * off_y)
+    return Located(x_um=x, y_um=y, theta_rad=theta, axis_rad=found.axis_rad)
+
+
+def along(error_um: tuple[float, float], axis_rad: float | None) -> tuple[float, float]:
+    """Return an error, or the part of it along the direction that is known."""
+    if axis_rad is None:
+        return error_um
+    c, s = math.cos(axis_rad), math.sin(axis_rad)
+    length = c * error_um[0] + s * error_um[1]
+    return (length * c, length * s)
