@@ -1,0 +1,150 @@
+"""A feature of a part: what a look can aim at, in the part's frame."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+from featuresel.contour import with_contour
+from featuresel.routines import Target, TargetKind
+from optics.outline import Outline, Point, place
+
+# what tells two features of one kind and place apart
+_SIZES = ("radius_um", "outer_um", "extent_um", "length_um", "width_um", "reach_um")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Feature:
+    """Part of an outline that a routine can find; parameters as in `Target`."""
+
+    name: str
+    kind: TargetKind
+    center_um: Point  # reference point in the part's frame
+    angle_rad: float = 0.0  # of the feature's frame in the part's
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    symmetry: int = 1  # order of the rotational symmetry; 1 = none, 0 = any turn
+    symmetry_broken_by: str = ""
+    finest_um: float  # smallest detail that a routine needs resolved
+    bright: bool  # brighter than what surrounds it, if the part is
+    edge_um: float  # length of the drawn edges it is made of: what tells its place
+    # largest share of those edges that meets itself under a turn the symmetry does not
+    # have: what a wrong answer would look like
+    alike: float = 0.0
+
+    def __post_init__(self) -> None:
+        values = (*self.center_um, self.angle_rad, *self.parameters.values())
+        if not all(math.isfinite(value) for value in values):
+            raise ValueError(f"numbers of {self.name!r} must be finite, got {values}")
+        for name in ("finest_um", "edge_um"):
+            if not getattr(self, name) > 0:  # also refuses nan
+                raise ValueError(f"{name} must be positive, got {getattr(self, name)}")
+        if self.symmetry < 0 or not 0 <= self.alike <= 1:
+            raise ValueError(
+                f"symmetry must be >= 0 and alike in 0..1, got {self.symmetry}, "
+                f"{self.alike}"
+            )
+
+    @property
+    def period_rad(self) -> float:
+        """Return the smallest turn that leaves it the same; 0 for what is round."""
+        if self.symmetry_broken_by:
+            return math.tau
+        return math.tau / self.symmetry if self.symmetry else 0.0
+
+
+def coincide(a: Feature, b: Feature, *, within_um: float) -> bool:
+    """Return whether two features are one: kind, place and sizes are the same.
+
+    Sizes that only one of them states do not count.
+    """
+    if a.kind != b.kind or math.dist(a.center_um, b.center_um) > within_um:
+        return False
+    shared = [n for n in _SIZES if n in a.parameters and n in b.parameters]
+    same = all(abs(a.parameters[n] - b.parameters[n]) <= within_um for n in shared)
+    if a.kind not in ("edge", "pair", "corner"):
+        return same
+    order = 2 if a.kind == "pair" else 1  # turned by half a turn a pair is the same
+    turn = math.remainder(a.angle_rad - b.angle_rad, math.tau / order)
+    return same and abs(turn) <= 1e-3
+
+
+def in_frame(outline: Outline, feature: Feature) -> Outline:
+    """Return an outline of the part's frame in the feature's own frame."""
+    x, y = feature.center_um
+    return place(place(outline, -x, -y), 0.0, 0.0, -feature.angle_rad)
+
+
+def to_target(
+    feature: Feature,
+    *,
+    about_um: Point,
+    column: float,
+    row: float,
+    theta_rad: float,
+    px_per_um: float,
+    search_px: float,
+    theta_range_rad: float,
+    outline: Outline | None = None,
+) -> Target:
+    """Return the feature as what routines look for.
+
+    Parameters
+    ----------
+    feature : Feature
+        Of the part that the look is to locate.
+    about_um : (x, y)
+        The point of the part that the look is to locate, in the part's frame.
+    column, row : float
+        Where that point is nominally, px of the region.
+    theta_rad : float
+        Nominal angle of the part, counter-clockwise.
+    px_per_um : float
+        Scale of the image, > 0.
+    search_px : float
+        The point is within this of its nominal place.
+    theta_range_rad : float
+        The part's angle is within this of nominal; pi = any.
+    outline : Outline, optional
+        The part's, for the target's contour.
+
+    Returns
+    -------
+    Target
+        It looks for the feature where the part's nominal pose has it. `search_px` holds
+        the swing of the feature about the point too, `theta_rad` the angle of the
+        feature's own frame, `offset_um` the feature's place seen from the point, in the
+        part's axes.
+
+    Raises
+    ------
+    ValueError
+        If `px_per_um` is not positive.
+    """
+    if not px_per_um > 0:
+        raise ValueError(f"px_per_um must be positive, got {px_per_um}")
+    x, y = feature.center_um[0] - about_um[0], feature.center_um[1] - about_um[1]
+    c, s = math.cos(theta_rad), math.sin(theta_rad)
+    swing = 2 * math.sin(min(theta_range_rad, math.pi) / 2) * math.hypot(x, y)
+    target = Target(
+        name=feature.name,
+        kind=feature.kind,
+        column=column + px_per_um * (c * x - s * y),
+        row=row - px_per_um * (s * x + c * y),
+        theta_rad=theta_rad + feature.angle_rad,
+        px_per_um=px_per_um,
+        search_px=search_px + px_per_um * swing,
+        theta_range_rad=theta_range_rad,
+        symmetry=feature.symmetry,
+        bright=feature.bright,
+        parameters=feature.parameters,
+        offset_um=(x, y),
+    )
+    if outline is None:
+        return target
+    return with_contour(target, [in_frame(outline, feature)])
+
+
+def renamed(feature: Feature, name: str) -> Feature:
+    """Return the feature under another name."""
+    return replace(feature, name=name)

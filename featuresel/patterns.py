@@ -1,0 +1,306 @@
+"""Rotational symmetry: rings compared with themselves turned, and toothed rings."""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial import ConvexHull, QhullError, cKDTree
+
+from featuresel.circles import Circle, is_on
+from featuresel.clean import Clean
+from featuresel.feature import Feature
+from optics.outline import Arc, Edge, Point
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+
+NEAR = 2e-3  # of the radius: edges nearer than this meet when one is turned
+WHOLE = 0.998  # of the length has to meet for a symmetry that nothing breaks
+PATTERN = 0.7  # of the length has to meet for a pattern with something missing
+DEPTH = 0.02  # of the outer radius: shallower teeth are no teeth
+_TRIED = 400  # points that are turned
+_SMALL_ORDERS = range(2, 13)  # tried on anything
+_LEAST_TEETH, _MOST_TEETH = 3, 360
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Notch:
+    """The one place where a pattern or circle is interrupted."""
+
+    angle_rad: float  # of its middle about the pattern's centre, in [0, 2 pi)
+    radius_um: float  # of its middle
+    width_um: float
+    edge_um: float  # length of its own edges
+
+
+@dataclass(frozen=True, slots=True)
+class Curve:
+    """Points along rings, to be compared with themselves turned."""
+
+    tried: FloatArray  # (N, 2) um, evenly along the rings
+    tree: cKDTree  # of points so dense that their spacing does not matter
+    center_um: Point
+    radius_um: float  # of the farthest point from the centre
+
+    def share(self, turn_rad: float) -> float:
+        """Return the share of the length that meets the rings when turned."""
+        return float(self.meets(turn_rad).mean())
+
+    def meets(self, turn_rad: float) -> BoolArray:
+        """Return which of the points meet the rings when turned, (N,)."""
+        c, s = math.cos(turn_rad), math.sin(turn_rad)
+        rays = self.tried - np.array(self.center_um)
+        turned = rays @ np.array([[c, s], [-s, c]]) + np.array(self.center_um)
+        away, _ = self.tree.query(turned)
+        return np.asarray(away <= NEAR * self.radius_um, dtype=np.bool_)
+
+
+def curve(rings: Sequence[Clean], center_um: Point) -> Curve:
+    """Return the rings as a curve about a point."""
+    corners = np.concatenate([ring.points for ring in rings])
+    radius = float(np.hypot(*(corners - np.array(center_um)).T).max())
+    spacing = NEAR * radius / 4  # adds at most an eighth of it to a distance
+    length = sum(ring.length_um for ring in rings)
+    return Curve(
+        tried=_along(rings, length / _TRIED),
+        tree=cKDTree(_along(rings, spacing)),
+        center_um=center_um,
+        radius_um=radius,
+    )
+
+
+def order_of(shape: Curve) -> tuple[int, float]:
+    """Return the order of the symmetry, and how alike the next likely turn is.
+
+    Returns
+    -------
+    (int, float)
+        The order of all turns that meet; 1 if none does, 0 if any does. The share
+        that meets for the best of the other orders, whose turns the symmetry lacks.
+    """
+    if _background(shape) >= WHOLE:
+        return 0, 0.0
+    shares = {n: shape.share(math.tau / n) for n in _orders(shape)}
+    order = math.lcm(*(n for n, share in shares.items() if share >= WHOLE))
+    others = [share for n, share in shares.items() if order % n]
+    return order, max(others, default=0.0)
+
+
+def pattern_of(shape: Curve) -> tuple[int, float]:
+    """Return the order of a pattern that may be interrupted, and how much of it meets.
+
+    What meets under any turn, as round parts do, does not count: 1 means that all the
+    rest meets, and less than `PATTERN` is no pattern (order 1).
+    """
+    base = _background(shape)
+    if base >= WHOLE:
+        return 1, 0.0
+    shares = {
+        n: (shape.share(math.tau / n) - base) / (1 - base) for n in _orders(shape)
+    }
+    order = max((n for n, share in shares.items() if share >= PATTERN), default=1)
+    return order, shares.get(order, 0.0)
+
+
+def centroid(rings: Sequence[Clean]) -> Point:
+    """Return the centroid of the area between the rings."""
+    area = moment_x = moment_y = 0.0
+    origin = rings[0].points[0]  # near: less is lost to rounding
+    for ring in rings:
+        x, y = (ring.points - origin).T
+        cross = x * np.roll(y, -1) - np.roll(x, -1) * y
+        area += float(cross.sum()) / 2
+        moment_x += float((cross * (x + np.roll(x, -1))).sum()) / 6
+        moment_y += float((cross * (y + np.roll(y, -1))).sum()) / 6
+    if not abs(area) > 0:
+        x, y = rings[0].points.mean(axis=0)
+        return (float(x), float(y))
+    return (float(origin[0] + moment_x / area), float(origin[1] + moment_y / area))
+
+
+def teeth(ring: Clean) -> tuple[Feature, Notch | None] | None:
+    """Return a toothed ring as a feature without a name, and what interrupts it.
+
+    The ring goes in and out about a centre, at least three times, and meets itself over
+    `PATTERN` of its length when turned by a tooth. The centre is that of most of its
+    arcs, or of its area.
+    """
+    best: tuple[float, int, Curve] | None = None
+    for center in _centers(ring):
+        inner, outer = _radii(ring, center)
+        if outer - inner < DEPTH * outer or _is_convex(ring):
+            continue
+        shape = curve([ring], center)
+        found, share = pattern_of(shape)
+        if found >= _LEAST_TEETH and (best is None or share > best[0] + 1e-3):
+            best = (share, found, shape)
+    return None if best is None else _toothed(ring, best[1], best[2])
+
+
+def notch_of(ring: Clean, circle: Circle) -> Notch | None:
+    """Return the only interruption of a round ring, None if there is not just one."""
+    off = np.array([not is_on(edge, circle) for edge in ring.edges])
+    first, count = _only_run(off)
+    if count == 0:
+        return None
+    run = [ring.edges[(first + k) % len(off)] for k in range(count)]
+    points = [point for edge in run for point in _samples(edge)]
+    return _notch(np.array([*points, run[-1].end]), circle.center_um)
+
+
+def _background(shape: Curve) -> float:
+    """Return the share that meets under turns that no pattern has."""
+    return max(shape.share(math.tau / n) for n in (89, 97))
+
+
+def _orders(shape: Curve) -> list[int]:
+    """Return the orders worth trying: small ones, and those of what goes in and out."""
+    orders = set(_SMALL_ORDERS)
+    reach = np.hypot(*(shape.tried - np.array(shape.center_um)).T)
+    for level in np.linspace(0.05, 0.95, 10):  # teeth may be a tenth of all there is
+        middle = reach.min() + level * (reach.max() - reach.min())
+        count = int(np.count_nonzero((reach > middle) & (np.roll(reach, 1) <= middle)))
+        for near in (count - 1, count, count + 1):  # a notch adds or hides one
+            most = min(near, _MOST_TEETH)
+            orders |= {n for n in range(2, most + 1) if near % n == 0}
+    return sorted(orders)
+
+
+def _along(rings: Sequence[Clean], spacing_um: float) -> FloatArray:
+    """Return points evenly along the rings, (N, 2) um, about `spacing_um` apart."""
+    found = []
+    for ring in rings:
+        closed = np.vstack([ring.points, ring.points[:1]])
+        steps = np.hypot(*np.diff(closed, axis=0).T)
+        at = np.concatenate([[0.0], np.cumsum(steps)])
+        count = max(8, math.ceil(at[-1] / spacing_um))
+        where = (np.arange(count) + 0.5) / count * at[-1]
+        found.append(
+            np.column_stack([np.interp(where, at, closed[:, k]) for k in (0, 1)])
+        )
+    return np.concatenate(found)
+
+
+def _centers(ring: Clean) -> list[Point]:
+    """Return points the ring may be symmetrical about, the likeliest first."""
+    arcs = [edge for edge in ring.edges if isinstance(edge, Arc)]
+    within = NEAR * float(np.ptp(ring.points, axis=0).max())
+    groups: list[tuple[float, Point]] = []
+    for arc in arcs:
+        if not any(math.dist(arc.center, point) <= within for _, point in groups):
+            near = [a for a in arcs if math.dist(a.center, arc.center) <= within]
+            groups.append((sum(a.length_um for a in near), arc.center))
+    groups.sort(key=lambda group: (-group[0], group[1]))
+    return [*(point for _, point in groups[:2]), centroid([ring])]
+
+
+def _radii(ring: Clean, center: Point) -> tuple[float, float]:
+    """Return the radii between which most of the ring lies: roots and tips."""
+    reach = np.hypot(*(ring.points - np.array(center)).T)
+    return float(reach.min()), float(reach.max())
+
+
+def _is_convex(ring: Clean) -> bool:
+    """Return whether the ring is its own hull: a polygon, no teeth."""
+    x, y = ring.points.T
+    area = abs(float((x * np.roll(y, -1) - np.roll(x, -1) * y).sum())) / 2
+    try:
+        hull = float(ConvexHull(ring.points).volume)  # of two dimensions: the area
+    except QhullError:  # all points on a line
+        return True
+    return area > (1 - DEPTH / 10) * hull
+
+
+def _toothed(ring: Clean, count: int, shape: Curve) -> tuple[Feature, Notch | None]:
+    """Return the feature of a ring of `count` teeth, and its own notch."""
+    pitch, center = math.tau / count, np.array(shape.center_um)
+    fine = replace(shape, tried=_along([ring], ring.length_um / (10 * _TRIED)))
+    # what meets few of its copies is what breaks the pattern, not what it faces
+    off = np.mean([fine.meets(k * pitch) for k in range(1, count)], axis=0) < 0.5
+    first, run = _only_run(off)
+    around = fine.tried[np.arange(first - 1, first + run + 1) % len(off)]
+    notch = _notch(around, shape.center_um) if run else None
+    reach = np.hypot(*(fine.tried - center).T)[~off]
+    corners = np.hypot(*(ring.points - center).T)
+    near = NEAR * shape.radius_um
+    outer = float(corners[corners <= reach.max() + near].max())
+    root = float(corners[corners >= reach.min() - near].min())
+    share = shape.share(pitch)
+    feature = Feature(
+        name="",
+        kind="teeth",
+        center_um=shape.center_um,
+        parameters={
+            "count": float(count),
+            "outer_um": outer,
+            "root_um": root,
+            "phase_rad": _phase(fine.tried - center, (outer + root) / 2, count),
+        },
+        symmetry=count,
+        finest_um=outer - root,
+        bright=not ring.hole,
+        edge_um=ring.length_um,
+        alike=0.0 if share >= WHOLE else share,
+    )
+    return feature, notch
+
+
+def _phase(rays: FloatArray, radius_um: float, count: int) -> float:
+    """Return the angle of a tooth's middle, in [0, 2 pi / count).
+
+    The mean over the places where the ring goes out through a radius and comes back.
+    """
+    over, before = np.hypot(*rays.T) - radius_um, np.roll(np.hypot(*rays.T), 1)
+    before = before - radius_um
+    crossings = []
+    for k in np.flatnonzero((over > 0) != (before > 0)).tolist():
+        share = before[k] / (before[k] - over[k])
+        x, y = rays[k - 1] + share * (rays[k] - rays[k - 1])
+        crossings.append((math.atan2(y, x), bool(over[k] > 0)))
+    turn = 0j
+    for k, (angle, outward) in enumerate(crossings):
+        if outward:
+            back = crossings[(k + 1) % len(crossings)][0]
+            middle = angle + math.remainder(back - angle, math.tau) / 2
+            turn += cmath.rect(1.0, count * middle)
+    phase = (cmath.phase(turn) / count) % (math.tau / count)
+    return 0.0 if math.tau / count - phase < 1e-9 else phase
+
+
+def _only_run(off: BoolArray) -> tuple[int, int]:
+    """Return start and length of the only run around a ring; (0, 0) if not just one."""
+    starts = np.flatnonzero(off & ~np.roll(off, 1))
+    if len(starts) != 1:
+        return 0, 0
+    return int(starts[0]), int(np.count_nonzero(off))
+
+
+def _notch(run: FloatArray, center: Point) -> Notch:
+    """Return the notch along a path, (N, 2) um, from rim to rim."""
+    rays = run - np.array(center)
+    middle = (rays[0] + rays[-1]) / 2
+    rim = float(np.hypot(*rays[[0, -1]].T).mean())
+    sides = middle[0] * rays[:, 1] - middle[1] * rays[:, 0]
+    reach = rim
+    for k in range(len(rays) - 1):
+        if sides[k] * sides[k + 1] <= 0 and sides[k] != sides[k + 1]:
+            share = sides[k] / (sides[k] - sides[k + 1])
+            reach = float(np.hypot(*(rays[k] + share * (rays[k + 1] - rays[k]))))
+    return Notch(
+        angle_rad=math.atan2(middle[1], middle[0]) % math.tau,
+        radius_um=(rim + reach) / 2,
+        width_um=math.dist(rays[0], rays[-1]),
+        edge_um=float(np.hypot(*np.diff(run, axis=0).T).sum()),
+    )
+
+
+def _samples(edge: Edge) -> list[Point]:
+    """Return points along an edge without its end."""
+    if isinstance(edge, Arc):
+        return [edge.at(k / 64) for k in range(64)]
+    return [edge.start]
