@@ -49,11 +49,15 @@ def calibrate(errors: FloatArray, spreads: FloatArray) -> Calibration | None:
     -------
     Calibration or None
         None of fewer than four answers, or where a spread is not positive: nothing
-        makes that an honest one. The factor squared is the sum of (error - bias)**2 / spread**2 over N - 3:
-        one for the bias, two because 1 / chi-square has a mean of 1 / (N - 3), so that
-        the normalised squared error of a *later* trial is 1 on average. The reach is
-        the ceil((N + 1) COVERAGE)-th smallest |error - bias| / spread, which a later
-        one exceeds with probability 1 - COVERAGE at most.
+        makes that an honest one.
+
+    Notes
+    -----
+    The factor squared is the sum of (error - bias)**2 / spread**2 over N - 3: one for
+    the bias, two because 1 / chi-square has a mean of 1 / (N - 3), so that the
+    normalised squared error of a *later* trial is 1 on average. The reach is the
+    ceil((N + 1) COVERAGE)-th smallest |error - bias| / spread, which a later one
+    exceeds with probability 1 - COVERAGE at most.
 
     References
     ----------

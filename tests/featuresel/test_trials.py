@@ -49,11 +49,12 @@ def test_outcomes_are_those_of_the_chain_the_executor_runs(look: Look) -> None:
     trial = design(case, 4, 1)[3]
     picture = image(case, trial)
     for outcome in run(case, ready, [trial]):
-        stages = []
-        for name in outcome.chain:
-            artifact = ready.artifacts[name]
-            assert isinstance(artifact, Artifact)
-            stages.append((name, artifact))
+        artifacts = [ready.artifacts[name] for name in outcome.chain]
+        able = [a for a in artifacts if isinstance(a, Artifact)]
+        if len(able) < len(artifacts):
+            assert outcome.failure == "not_prepared"
+            continue
+        stages = list(zip(outcome.chain, able, strict=True))
         found = measure_chain(picture, stages, start(case))
         if isinstance(found, Failure):
             assert outcome.failure == found.code
