@@ -1,0 +1,261 @@
+"""Peaks of a focus sweep: where the scores were highest, how surely, or why not."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from featuresel.routines import Failure, FloatArray
+
+Numbers = Sequence[float] | FloatArray
+
+_FEWEST = 5  # stops in a sweep
+_LEAST = 4  # of them on the peak: one more than a curve has numbers
+_FOOT = 0.1  # of the height: neighbours of the upper half join in above this
+_FLAT = 0.15  # of the highest score, the least the scores must vary by
+_ROUNDS = 6  # of reweighting the logarithm's noise
+_PAIRS = 48  # points compared either side of the mirror: many to a stop
+_STEPS = 40  # of the mirror's search; it rests after about six
+_STILL = 1e-9  # of the half width: the mirror is at rest
+_LIFT = 0.05  # of the height: what scores near 0 are lifted by for their reciprocal
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FocusPeak:
+    """Where a sweep was sharpest."""
+
+    z_um: float
+    sigma_um: float  # one standard deviation, from how well the curve fits
+    width_um: float  # standard deviation of a Gaussian as wide as the peak
+
+
+Fit = Callable[[Numbers, Numbers], FocusPeak | Failure]
+
+
+@dataclass(frozen=True, slots=True)
+class _Hill:
+    """A sweep that has one peak inside."""
+
+    z: FloatArray
+    s: FloatArray
+    low: float
+    high: float
+    first: int  # of the upper half and what joins in
+    last: int
+
+
+def gaussian_peak(z_um: Numbers, scores: Numbers) -> FocusPeak | Failure:
+    """Return where the scores peak, by a Gaussian through their upper half.
+
+    One stop more on either side joins in, lightly weighted, so that coarse sweeps have
+    enough of them.
+
+    Parameters
+    ----------
+    z_um : (N,) sequence of float
+        Stops of the sweep, strictly rising, N >= 5.
+    scores : (N,) sequence of float
+        Sharpness at each.
+
+    Returns
+    -------
+    FocusPeak or Failure
+        Fails with "few_stops", "flat", "border" (the peak is not inside the sweep),
+        "several_peaks" or "coarse" (fewer than 4 stops on the peak).
+
+    Raises
+    ------
+    ValueError
+        If the lengths differ, the stops do not rise or a value is not finite.
+    """
+    hill = _hill(z_um, scores)
+    if isinstance(hill, Failure):
+        return hill
+    used = slice(hill.first, hill.last + 1)
+    return _gaussian(hill.z[used], hill.s[used] - hill.low)
+
+
+def mirror_peak(z_um: Numbers, scores: Numbers) -> FocusPeak | Failure:
+    """Return the z0 about which the upper half is its own mirror image.
+
+    A curve u through all stops is compared with its reflection, u(z0 + d) with
+    u(z0 - d), for d up to half the width at half height; z0 makes the sum of squared
+    differences least. No shape is supposed but that blur is even in defocus.
+
+    Parameters
+    ----------
+    z_um : (N,) sequence of float
+        Stops of the sweep, strictly rising, N >= 5.
+    scores : (N,) sequence of float
+        Sharpness at each.
+
+    Returns
+    -------
+    FocusPeak or Failure
+        As `gaussian_peak`; "several_peaks" also where no mirror is found.
+
+    Raises
+    ------
+    ValueError
+        As `gaussian_peak`.
+
+    Notes
+    -----
+    u is the cubic spline through -1/s: a squared gradient falls as the blur widens, and
+    the blur's width bends less than the peak, so that fewer stops draw it. Differences
+    are linear in u's values at the stops, r = B u, so that values of one standard
+    deviation each move z0 by |B^T r'| / |r'|^2, r' being dr/dz0.
+    """
+    hill = _hill(z_um, scores)
+    if isinstance(hill, Failure):
+        return hill
+    left, right = _half_height(hill)
+    reach = (right - left) / 2
+    away = reach * (np.arange(_PAIRS) + 0.5) / _PAIRS
+    height = hill.high - hill.low
+    u = -1 / (hill.s - hill.low + max(hill.low, _LIFT * height))
+    spline = _spline(hill.z)
+    top = (left + right) / 2
+    for _ in range(_STEPS):
+        rows, slopes = _reflected(hill.z, spline, top, away)
+        r, dr = rows @ u, slopes @ u
+        step = -float(r @ dr) / float(dr @ dr)
+        top = float(np.clip(top + step, left, right))
+        if abs(step) < _STILL * reach:
+            break
+    else:
+        return Failure(code="several_peaks", message="no mirror image is found")
+    noise = float(r @ r) / _freedom(rows, dr)
+    sigma = math.sqrt(noise) * float(np.linalg.norm(rows.T @ dr)) / float(dr @ dr)
+    return FocusPeak(
+        z_um=top, sigma_um=sigma, width_um=reach / math.sqrt(2 * math.log(2))
+    )
+
+
+FITS: Mapping[str, Fit] = {"gaussian": gaussian_peak, "mirror": mirror_peak}
+
+
+def _hill(z_um: Numbers, scores: Numbers) -> _Hill | Failure:
+    """Return the sweep if it has one peak inside, with enough stops on it."""
+    z, s = np.array(z_um, dtype=np.float64), np.array(scores, dtype=np.float64)
+    if z.shape != s.shape or z.ndim != 1:
+        raise ValueError(f"need as many stops as scores, got {len(z)} and {len(s)}")
+    if not (np.isfinite(z).all() and np.isfinite(s).all() and (np.diff(z) > 0).all()):
+        raise ValueError("stops must rise and all values be finite")
+    if len(z) < _FEWEST:
+        return Failure(code="few_stops", message=f"{len(z)} stops, at least {_FEWEST}")
+    low, high = float(s.min()), float(s.max())
+    if high - low <= _FLAT * abs(high):
+        return Failure(
+            code="flat",
+            message=f"scores vary from {low:.4g} to {high:.4g}, "
+            f"by {_FLAT:.0%} at least",
+        )
+    upper = np.flatnonzero(s >= (low + high) / 2)
+    problem = _shape(upper, len(z))
+    if problem is not None:
+        return problem
+    first, last = int(upper[0]), int(upper[-1])
+    foot = low + _FOOT * (high - low)
+    first -= int(s[first - 1] > foot)
+    last += int(s[last + 1] > foot)
+    if last - first + 1 < _LEAST:
+        return Failure(
+            code="coarse",
+            message=f"{last - first + 1} stops on the peak, at least {_LEAST}",
+        )
+    return _Hill(z=z, s=s, low=low, high=high, first=first, last=last)
+
+
+def _shape(upper: np.ndarray[tuple[int], np.dtype[np.intp]], n: int) -> Failure | None:
+    """Return why the stops of the upper half are not one peak inside the sweep."""
+    if upper[0] == 0 or upper[-1] == n - 1:
+        return Failure(code="border", message="the peak reaches the end of the sweep")
+    if upper[-1] - upper[0] + 1 != len(upper):
+        return Failure(code="several_peaks", message="the upper half has gaps")
+    return None
+
+
+def _gaussian(z: FloatArray, height: FloatArray) -> FocusPeak | Failure:
+    """Return the Gaussian through positive heights, weighted by the fit itself.
+
+    References
+    ----------
+    Guo (2011): the logarithm of noisy values needs weights of the model squared.
+    """
+    middle, scale = float(z.mean()), float(np.ptp(z))
+    x = (z - middle) / scale
+    design = np.stack((np.ones_like(x), x, x * x), axis=1)
+    target, weight = np.log(height), height
+    for _ in range(_ROUNDS):
+        a, b, c = np.linalg.lstsq(design * weight[:, None], target * weight)[0]
+        weight = np.exp(np.clip(a + b * x + c * x * x, -50, 50))
+    if not c < 0:
+        return Failure(code="flat", message="the upper half has no maximum")
+    top = -b / (2 * c)
+    if not x[0] <= top <= x[-1]:
+        return Failure(code="border", message="the fitted peak is off the upper half")
+    left = (target - design @ np.array((a, b, c))) * weight
+    variance = float(left @ left) / max(len(z) - 3, 1)
+    normal = (design * weight[:, None]).T @ (design * weight[:, None])
+    gradient = np.array((0.0, -1 / (2 * c), b / (2 * c * c)))
+    spread = math.sqrt(variance * float(gradient @ np.linalg.solve(normal, gradient)))
+    return FocusPeak(
+        z_um=middle + scale * float(top),
+        sigma_um=scale * spread,
+        width_um=scale * math.sqrt(-1 / (2 * float(c))),
+    )
+
+
+def _half_height(hill: _Hill) -> tuple[float, float]:
+    """Return where straight lines between stops cross half the height, um."""
+    level = (hill.low + hill.high) / 2
+    upper = np.flatnonzero(hill.s >= level)
+    crossings = []
+    for inside, outside in ((upper[0], upper[0] - 1), (upper[-1], upper[-1] + 1)):
+        share = (hill.s[inside] - level) / (hill.s[inside] - hill.s[outside])
+        crossings.append(hill.z[inside] + share * (hill.z[outside] - hill.z[inside]))
+    return float(crossings[0]), float(crossings[1])
+
+
+def _spline(z: FloatArray) -> FloatArray:
+    """Return what gives the natural spline's second derivatives from scores, (N, N)."""
+    n, h = len(z), np.diff(z)
+    system, right = np.eye(n), np.zeros((n, n))
+    for i in range(1, n - 1):
+        system[i, i - 1 : i + 2] = h[i - 1] / 6, (h[i - 1] + h[i]) / 3, h[i] / 6
+        right[i, i - 1 : i + 2] = 1 / h[i - 1], -1 / h[i - 1] - 1 / h[i], 1 / h[i]
+    return np.asarray(np.linalg.solve(system, right))
+
+
+def _reflected(
+    z: FloatArray, spline: FloatArray, top: float, away: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return what gives s(top + d) - s(top - d) and its slope in top, (D, N) each."""
+    ahead, ahead_slope = _at(z, spline, top + away)
+    behind, behind_slope = _at(z, spline, top - away)
+    return ahead - behind, ahead_slope - behind_slope
+
+
+def _at(
+    z: FloatArray, spline: FloatArray, x: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return what gives the spline's value and slope at x from scores, (D, N) each."""
+    i = np.clip(np.searchsorted(z, x) - 1, 0, len(z) - 2)
+    h = (z[i + 1] - z[i])[:, None]
+    b = (x - z[i])[:, None] / h
+    a = 1 - b
+    unit, lower, upper = np.eye(len(z)), spline[i], spline[i + 1]
+    value = a * unit[i] + b * unit[i + 1]
+    value = value + ((a**3 - a) * lower + (b**3 - b) * upper) * h**2 / 6
+    slope = (unit[i + 1] - unit[i]) / h
+    slope = slope + ((1 - 3 * a**2) * lower + (3 * b**2 - 1) * upper) * h / 6
+    return value, slope
+
+
+def _freedom(rows: FloatArray, dr: FloatArray) -> float:
+    """Return the mean of |r|^2 over a score's variance, z0 being fitted."""
+    return float((rows**2).sum() - ((rows.T @ dr) ** 2).sum() / float(dr @ dr))
