@@ -6,21 +6,24 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 
 import numpy as np
 import numpy.typing as npt
 from scipy.special import log_ndtr, ndtr
 
 from featuresel.case import LookCase
-from featuresel.information import Information, inverse, limit, places
+from featuresel.information import Information, covariance, inverse, places
 from featuresel.routines import Camera
 from featuresel.sensitivity import Sensitivities
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
+IndexArray = npt.NDArray[np.intp]
 
 _FAR = 38.0  # sigmas beyond which a normal density is 0 in double precision
+_NOTHING = 1e-12  # of what a pixel tells in mid-scale: what rounding leaves of 0
+_ROUNDS = 2  # of choosing pixels: a third takes none off a gear's
 
 
 def camera_of(case: LookCase) -> Camera:
@@ -67,7 +70,8 @@ def weights(mean: FloatArray, camera: Camera, *, ceiling: float = 1.0) -> FloatA
     high = np.clip((top - mean) / sigma, -_FAR, _FAR)
     inside = ndtr(high) - ndtr(low) - (high * _normal(high) - low * _normal(low))
     left = inside + _cut(low) + _cut(-high)
-    told: FloatArray = np.where(mean > 0, np.clip(left, 0.0, 1.0) / variance, 0.0)
+    seen = (mean > 0) & (left > _NOTHING)
+    told: FloatArray = np.where(seen, np.minimum(left, 1.0) / variance, 0.0)
     return told
 
 
@@ -122,7 +126,9 @@ def informative(
 
     Pixels are taken in falling order of their `density` of what is wanted, relative to
     each limit, until 1 / limit**2 of every wanted parameter that is observable reaches
-    `share` of what all pixels give, the rest of `seen` being unknown.
+    `share` of what all pixels give, the rest of `seen` being unknown. What pixels tell
+    depends on what else is taken, so they are ranked again by those found first; the
+    smaller set is returned. None if nothing wanted is observable.
 
     Raises
     ------
@@ -134,23 +140,28 @@ def informative(
     if not 0 < share <= 1:
         raise ValueError(f"share must be in (0, 1], got {share}")
     slopes, errors = _scores(seen, camera, mask)
-    whole = limit(_summed(seen.names, slopes, errors))
-    asked = [seen.names[k] for k in places(seen.names, wanted)]
-    goal = {name: whole[name] / math.sqrt(share) for name in asked}
-    goal = {name: sigma for name, sigma in goal.items() if sigma < math.inf}
+    known = _summed(seen.names, slopes, errors)
+    variances, at = np.diag(covariance(known)), places(seen.names, wanted)
+    at = [k for k in at if variances[k] < math.inf]
+    goal = variances[at] / share * (1 + 1e-12)
+
+    def told(taken: IndexArray) -> Information:
+        return _summed(seen.names, slopes[:, taken], errors[:, taken])
+
+    best: IndexArray = np.arange(seen.mean.size if at else 0)
+    for _ in range(_ROUNDS if at else 0):
+        influence = inverse(known)[0][at] @ slopes
+        rank = (influence**2 / variances[at, None]).sum(axis=0)
+        order = np.argsort(-rank, kind="stable")
+        few, many = 0, len(order)
+        while many - few > 1:
+            middle = (few + many) // 2
+            left = np.diag(covariance(told(order[:middle])))[at]
+            few, many = (few, middle) if (left <= goal).all() else (middle, many)
+        known = told(order[:many])
+        best = min(best, order[:many], key=len)
     chosen = np.zeros(seen.mean.size, dtype=np.bool_)
-    if not goal:
-        return chosen.reshape(seen.mean.shape)
-    parts = density(seen, camera, mask=mask).reshape(len(slopes), -1)
-    rank = sum(parts[seen.names.index(n)] * whole[n] ** 2 for n in goal)
-    order = np.argsort(-np.asarray(rank), kind="stable")
-
-    def enough(count: int) -> bool:
-        first = order[:count]
-        told = limit(_summed(seen.names, slopes[:, first], errors[:, first]))
-        return all(told[name] <= sigma * (1 + 1e-12) for name, sigma in goal.items())
-
-    chosen[order[: _smallest(enough, chosen.size)]] = True
+    chosen[best] = True
     return chosen.reshape(seen.mean.shape)
 
 
@@ -178,15 +189,6 @@ def _summed(
     return Information(
         names=names, matrix=slopes @ slopes.T, faked=(errors**2).sum(axis=1)
     )
-
-
-def _smallest(enough: Callable[[int], bool], count: int) -> int:
-    """Return the smallest number up to `count` that is enough; more is no less."""
-    few, many = 0, count
-    while many - few > 1:
-        middle = (few + many) // 2
-        few, many = (few, middle) if enough(middle) else (middle, many)
-    return many
 
 
 def _normal(t: FloatArray) -> FloatArray:

@@ -84,6 +84,7 @@ def choose(
     bad = {name: spread for name, spread in spreads.items() if not spread >= 0}
     if bad:
         raise ValueError(f"spreads must not be negative, got {bad}")
+    places(information.names, spreads)  # or a KeyError
     subsets = [
         chosen
         for count in range(len(spreads) + 1)

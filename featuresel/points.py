@@ -14,6 +14,7 @@ from optics.microscope import Microscope
 
 FloatArray = npt.NDArray[np.float64]
 
+_ANGLE = 1e-12  # rad, what rounding leaves of the direction of an edge
 _COLUMNS = ("x", "y", "theta", "zoom")  # of `optics.jacobian.point_jacobian`
 
 
@@ -61,10 +62,11 @@ def pose_information(
         raise ValueError("precision must be symmetric and not negative")
     moves = point_jacobian(points_px, microscope, axis_um=axis_um).reshape(-1, 2, 4)
     moves = moves[:, :, [_COLUMNS.index(name) for name in names]]
+    size = np.trace(weight, axis1=1, axis2=2)
     return Information(
         names=tuple(names),
         matrix=np.einsum("nip,nij,njq->pq", moves, weight, moves),
-        faked=np.zeros(len(names)),
+        faked=_ANGLE**2 * np.einsum("nip,n->p", moves**2, size),
     )
 
 
