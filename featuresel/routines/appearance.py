@@ -111,12 +111,15 @@ class Appearance:
         good = inside & (self.uses[nearest] >> self._bit(pose.z_um) & 1 > 0)
         return flat_columns[good], flat_rows[good]
 
-    def some_pixels(
-        self, pose: Pose, shape: tuple[int, ...], count: int
+    def some_cells(self, z_um: float, count: int) -> IntArray:
+        """Return about `count` of the cells that are worth comparing at a focus."""
+        cells = np.flatnonzero(self.uses >> self._bit(z_um) & 1)
+        return cells[:: max(1, len(cells) // count)]
+
+    def pixels_at(
+        self, cells: IntArray, pose: Pose, shape: tuple[int, ...]
     ) -> tuple[IntArray, IntArray]:
-        """Return about `count` (columns, rows) of those of `pixels`, in less time."""
-        cells = np.flatnonzero(self.uses >> self._bit(pose.z_um) & 1)
-        cells = cells[:: max(1, len(cells) // count)]
+        """Return (columns, rows) of the pixels that cells of the template fall on."""
         x = (cells % self.shape[1] - self.middle[0]) * pose.zoom / self.over
         y = (cells // self.shape[1] - self.middle[1]) * pose.zoom / self.over
         c, s = math.cos(pose.turn_rad), math.sin(pose.turn_rad)
@@ -132,24 +135,42 @@ class Appearance:
         share = place / (self.reach_um + _BEYOND * self.step_um - low_um)
         return min(max(round(share * (self.bits - 1)), 0), self.bits - 1)
 
+    def value(self, pose: Pose, columns: IntArray, rows: IntArray) -> FloatArray:
+        """Return the target's light at pixels (N,)."""
+        at = self._basis(abs(pose.z_um) if self.is_even else pose.z_um)
+        plane = self._mixed(at.first, np.outer(at.weights, self._turns(pose)))
+        cells, (wx, _), (wy, _) = self._near(pose, columns, rows)
+        lines = np.einsum("nij,jn->ni", plane[cells], wx)
+        value: FloatArray = np.einsum("ni,in->n", lines, wy).astype(np.float64)
+        return value
+
     def light(self, pose: Pose, columns: IntArray, rows: IntArray) -> Light:
         """Return the target's light at pixels (N,), and its slopes."""
-        value, depth = self._focused(pose)
+        value, by_focus = self._focused(pose)
+        cells, (wx, sx), (wy, sy) = self._near(pose, columns, rows)
+        near = value[cells]
+        lines = np.einsum("nij,jn->ni", near, wx)
+        leaning = np.einsum("nij,jn->ni", near, sx)
+        deep = np.einsum("nij,jn->ni", by_focus[cells], wx)
+        read = [(lines, wy), (leaning, wy), (lines, sy), (deep, wy)]
+        mean, by_x, by_y, by_z = (
+            np.einsum("ni,in->n", a, b).astype(np.float64) for a, b in read
+        )
+        return self._slopes(pose, columns, rows, (mean, by_x, by_y, by_z))
+
+    def _near(
+        self, pose: Pose, columns: IntArray, rows: IntArray
+    ) -> tuple[IntArray, tuple[Float32Array, ...], tuple[Float32Array, ...]]:
+        """Return 16 cells around each pixel, (N, 4, 4), and weights across and down."""
         x, y = self._place(pose, columns, rows)
         left = np.clip(np.floor(x).astype(np.intp), 1, self.shape[1] - 3)
         top = np.clip(np.floor(y).astype(np.intp), 1, self.shape[0] - 3)
-        wx, sx = cubic_weights(x - left)
-        wy, sy = cubic_weights(y - top)
         start = (top - 1) * self.shape[1] + left - 1
         grid = np.arange(4)[:, None] * self.shape[1] + np.arange(4)
         cells = self.cells[start[:, None] + grid.ravel()].reshape(-1, 4, 4)
-        near, deep = value[cells], depth[cells]
-        lines = np.einsum("nij,jn->ni", near, wx)
-        mean = np.einsum("ni,in->n", lines, wy)
-        by_x = np.einsum("nij,jn,in->n", near, sx, wy, optimize=True)
-        by_y = np.einsum("ni,in->n", lines, sy)
-        by_z = np.einsum("nij,jn,in->n", deep, wx, wy, optimize=True)
-        return self._slopes(pose, columns, rows, (mean, by_x, by_y, by_z))
+        across = cubic_weights((x - left).astype(np.float32))
+        down = cubic_weights((y - top).astype(np.float32))
+        return cells, across, down
 
     def _slopes(
         self,
@@ -195,15 +216,18 @@ class Appearance:
             off_um = max(z_um, _NEAR * self.step_um)
             beside = self._basis(off_um)
             slopes, first = beside.slopes / self.step_um / (2 * off_um), beside.first
-        turns = np.array([1.0])
-        if self.planes.shape[1] == 3:
-            turns = np.array(
-                [1.0, math.cos(4 * pose.turn_rad), math.sin(4 * pose.turn_rad)]
-            )
+        turns = self._turns(pose)
         return (
             self._mixed(at.first, np.outer(at.weights, turns)),
             self._mixed(first, np.outer(slopes, turns)),
         )
+
+    def _turns(self, pose: Pose) -> FloatArray:
+        """Return the weights of the planes' harmonics."""
+        if self.planes.shape[1] == 1:
+            return np.array([1.0])
+        turn = 4 * pose.turn_rad
+        return np.array([1.0, math.cos(turn), math.sin(turn)])
 
     def _basis(self, z_um: float) -> Basis:
         """Return the planes' weights at a focus."""
@@ -219,7 +243,12 @@ class Appearance:
 
 
 def prepare_appearance(
-    model: LookModel, target: Target, shape: tuple[int, ...], *, turns: bool
+    model: LookModel,
+    target: Target,
+    shape: tuple[int, ...],
+    *,
+    turns: bool,
+    reach_um: float,
 ) -> Artifact:
     """Return the planes of a target as an artifact, see `read_appearance`.
 
@@ -233,10 +262,12 @@ def prepare_appearance(
         Of the region.
     turns : bool
         Whether the target may lie at an angle to the nominal one.
+    reach_um : float
+        How far from nominal the focus may be.
     """
-    half = _half_px(model, target, shape)
+    half = _half_px(model, target, shape, reach_um)
     over = _over(model, target)
-    first, step, count, is_even = _stops(model, half)
+    first, step, count, is_even = _stops(model, half, reach_um)
     depths = first + step * np.arange(count)
     seen = np.abs(depths) if is_even else depths
     distinct, back = np.unique(np.round(seen, 9), return_inverse=True)
@@ -297,7 +328,7 @@ def read_appearance(artifact: Artifact) -> Appearance:
 
 
 def _half_px(
-    model: LookModel, target: Target, shape: tuple[int, ...]
+    model: LookModel, target: Target, shape: tuple[int, ...], reach_um: float
 ) -> tuple[int, int]:
     """Return half the template's sides: the target and its blur, or all in reach."""
     names = ("radius_um", "outer_um", "extent_um")
@@ -305,7 +336,7 @@ def _half_px(
         max(target.column, shape[1] - 1 - target.column) + target.search_px,
         max(target.row, shape[0] - 1 - target.row) + target.search_px,
     )
-    reach = FOCUS_SIGMAS * model.drifts.focus_sigma_um * model.blur.cone
+    reach = reach_um * model.blur.cone
     if target.kind == "jaws":  # the tips and what is behind them between the faces
         p = target.parameters
         wide = p["opening_um"] / 2 + _FINGER * p["finger_width_um"]
@@ -323,10 +354,12 @@ def _over(model: LookModel, target: Target) -> int:
     return 2 * math.ceil((_SAMPLES * finest - 1) / 2) + 1 if finest > 0.5 else 1
 
 
-def _stops(model: LookModel, half: tuple[int, int]) -> tuple[float, float, int, bool]:
+def _stops(
+    model: LookModel, half: tuple[int, int], reach_um: float
+) -> tuple[float, float, int, bool]:
     """Return first focus and step of the planes, um, their number, and evenness."""
     step = _STEP_DEPTHS * model.blur.depth_um
-    reach = max(FOCUS_SIGMAS * model.drifts.focus_sigma_um, step)
+    reach = max(reach_um, step)
     near, far = model.template((-reach / 2, reach / 2), over=1, half_px=half)
     is_even = bool(np.abs(near - far).max() < _EVEN)
     span = reach if is_even else 2 * reach

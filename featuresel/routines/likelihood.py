@@ -2,7 +2,8 @@
 
 The most accurate routine near its answer, and the only one that knows how far light and
 blur may change: focus, zoom and light are free where the look's trials vary them. It
-needs a guess within a pixel or two, and the angle where the target has one.
+needs a guess within a pixel or two; the angle too, unless it is known within a few
+degrees or repeats so soon.
 """
 
 from __future__ import annotations
@@ -27,30 +28,25 @@ from featuresel.routines import (
 )
 from featuresel.routines.appearance import (
     FOCUS_SIGMAS,
-    Appearance,
     Pose,
     prepare_appearance,
     read_appearance,
 )
-from featuresel.routines.pose_fit import (
-    Free,
-    Front,
-    Job,
-    PoseFit,
-    fit_pose,
-    try_each,
-)
+from featuresel.routines.comparison import Free, Front, Job, View, try_each
+from featuresel.routines.pose_fit import PoseFit, fit_pose
 
 NAME = "likelihood"
 VERSION = "1"
 KINDS: tuple[TargetKind, ...] = ("circle", "teeth", "outline", "jaws")
 GIVES: tuple[Known, ...] = ("xy", "theta", "z", "zoom")
-NEEDS: tuple[Known, ...] = ("xy", "theta")
+NEEDS: tuple[Known, ...] = ("xy",)
 CAPTURE_PX = 2.0
 CONTROL = False
 
 _LEAST_SIGNAL = 0.03  # of full scale, that the target must vary by
 _DEPTHS = (0.1, 0.35, 0.6, 0.85)  # of the reach in focus, where fits start
+_TURN_PX = 2.5  # that the rim moves by between turns where fits start
+_MOST_TURNS = 24  # of them, at every focus height: more take too long
 _TRIED = 4  # turns by a period and less on both sides are compared, if more there are
 _WORST_CHI2 = 60.0  # worse is another thing; what trials show sets a finer gate
 _LEAST_USED = 0.55  # share of pixels that must be the target's
@@ -59,12 +55,22 @@ _FAR_PX = 3.0  # the most that the fit may move from the guess
 
 def prepare(model: LookModel, target: Target) -> Artifact | Failure:
     """Return the target's planes, what stands before it, and what is free."""
+    return prepare_job(model, target)
+
+
+def prepare_job(
+    model: LookModel, target: Target, *, offset_um: float = 0.0
+) -> Artifact | Failure:
+    """Return what `read_job` reads, for images taken up to `offset_um` off focus."""
+    reach_um = offset_um + FOCUS_SIGMAS * model.drifts.focus_sigma_um
     image = model()
     if float(np.ptp(image)) < _LEAST_SIGNAL:
         return Failure(code="no_contrast", message="the target does not stand out")
     turns = target.kind != "circle"
-    made = prepare_appearance(model, target, image.shape, turns=turns)
-    reach = max(FOCUS_SIGMAS * model.drifts.focus_sigma_um, 1.0)
+    made = prepare_appearance(
+        model, target, image.shape, turns=turns, reach_um=reach_um
+    )
+    reach = max(reach_um, 1.0)
     veils = [model.veil(dz) for dz in (-reach, 0.0, reach)]
     arrays = dict(made.arrays)
     if any(float(v.through.min()) < 1 for v in veils):
@@ -97,11 +103,10 @@ def measure(
     image: FloatArray, artifact: Artifact, guess: Guess
 ) -> Measurement | Failure:
     """Return the likeliest pose near the guess; fails if too little of it fits."""
-    job = read_job(image, artifact)
-    p = artifact.parameters
-    if guess.theta_rad is None and p["turns"]:
-        return Failure(code="no_angle", message="the fit needs an angle to start at")
-    start = _start(job, p, guess)
+    job, p = read_job((View(image=image),), artifact), artifact.parameters
+    start = start_pose(job, p, guess)
+    if isinstance(start, Failure):
+        return start
     found = fit_pose(job, start)
     if isinstance(found, Failure):
         return found
@@ -109,7 +114,7 @@ def measure(
         found = _other_turns(job, p, found)
         if isinstance(found, Failure):
             return found
-    return _answer(found, p, guess)
+    return answer(found, p, guess)
 
 
 def cost(artifact: Artifact, _pixels: int) -> float:
@@ -118,8 +123,8 @@ def cost(artifact: Artifact, _pixels: int) -> float:
     return 4.0 + 3e-4 * float(cells)
 
 
-def read_job(image: FloatArray, artifact: Artifact) -> Job:
-    """Return the image with all that it is compared with."""
+def read_job(views: tuple[View, ...], artifact: Artifact) -> Job:
+    """Return images with all that they are compared with."""
     p, arrays = artifact.parameters, artifact.arrays
     front = None
     if "front_light" in arrays:
@@ -129,7 +134,7 @@ def read_job(image: FloatArray, artifact: Artifact) -> Job:
             reach_um=p["front_reach_um"],
         )
     return Job(
-        image=image,
+        views=views,
         looks=read_appearance(artifact),
         front=front,
         camera=Camera(
@@ -147,27 +152,47 @@ def read_job(image: FloatArray, artifact: Artifact) -> Job:
     )
 
 
-def _start(job: Job, p: Mapping[str, float], guess: Guess) -> Pose:
-    """Return where the fit starts; an unknown focus is that which fits best of some."""
-    turn = 0.0
-    if guess.theta_rad is not None and p["turns"]:
-        turn = math.remainder(guess.theta_rad - p["theta_rad"], 2 * math.pi)
-    pose = Pose(
-        column=guess.column,
-        row=guess.row,
-        turn_rad=turn,
-        z_um=guess.z_um or 0.0,
-        zoom=guess.zoom or 1.0,
-    )
-    if guess.z_um is not None or p["focus_sigma_um"] == 0:
-        return pose
-    return try_each(job, [replace(pose, z_um=z) for z in _depths(job.looks)])
+def start_pose(job: Job, p: Mapping[str, float], guess: Guess) -> Pose | Failure:
+    """Return where the fit starts: focus and angle that fit best, if not known."""
+    turns = _turns(job, p, guess)
+    if isinstance(turns, Failure):
+        return turns
+    depths = [guess.z_um or 0.0]
+    if guess.z_um is None and p["focus_sigma_um"] > 0:
+        depths = _depths(job)
+    starts = [
+        Pose(
+            column=guess.column,
+            row=guess.row,
+            turn_rad=turn,
+            z_um=z_um,
+            zoom=guess.zoom or 1.0,
+        )
+        for z_um in depths
+        for turn in turns
+    ]
+    return starts[0] if len(starts) == 1 else try_each(job, starts)
 
 
-def _depths(looks: Appearance) -> list[float]:
+def _turns(job: Job, p: Mapping[str, float], guess: Guess) -> list[float] | Failure:
+    """Return turns to start at: the guess's, or all within a period of the pattern."""
+    if not p["turns"]:
+        return [0.0]
+    if guess.theta_rad is not None:
+        return [math.remainder(guess.theta_rad - p["theta_rad"], 2 * math.pi)]
+    rim_px = max(job.looks.shape) / 2 / job.looks.over
+    reach = min(p["range_rad"], math.pi / p["symmetry"])
+    count = math.ceil(2 * reach * rim_px / _TURN_PX)
+    if count > _MOST_TURNS:
+        return Failure(code="no_angle", message="the fit needs an angle to start at")
+    return [reach * ((2 * k + 1) / count - 1) for k in range(count)]
+
+
+def _depths(job: Job) -> list[float]:
     """Return focus heights to start at, on both sides where they look different."""
-    ahead = [share * looks.reach_um for share in _DEPTHS]
-    return ahead if looks.is_even else [*ahead, *(-z for z in ahead)]
+    farthest = max(abs(view.dz_um) for view in job.views)
+    ahead = [share * (job.looks.reach_um - farthest) for share in _DEPTHS]
+    return ahead if job.squared else [*ahead, *(-z for z in ahead)]
 
 
 def _other_turns(job: Job, p: Mapping[str, float], found: PoseFit) -> PoseFit | Failure:
@@ -191,7 +216,7 @@ def _other_turns(job: Job, p: Mapping[str, float], found: PoseFit) -> PoseFit | 
     return other
 
 
-def _answer(
+def answer(
     found: PoseFit, p: Mapping[str, float], guess: Guess
 ) -> Measurement | Failure:
     """Return the measurement, or why the fit cannot be believed."""

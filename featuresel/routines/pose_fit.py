@@ -1,16 +1,24 @@
-"""The pose, focus, zoom and light under which a target's image is the most likely."""
+"""The pose, focus, zoom and light under which images of a target are the likeliest."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from featuresel.routines import Camera, Failure, FloatArray
-from featuresel.routines.appearance import Appearance, Light, Pose
+from featuresel.routines import Failure, FloatArray
+from featuresel.routines.appearance import Pose
+from featuresel.routines.comparison import (
+    FEWEST,
+    REJECT,
+    Job,
+    Seen,
+    fitted_light,
+    pixels_of,
+    see,
+)
 from featuresel.routines.sampling import median
 
 BoolArray = npt.NDArray[np.bool_]
@@ -21,61 +29,8 @@ _SETTLED = 1e-3  # squared length of a step in standard deviations: nothing is g
 _FAR_PX = 1.5  # the most that one step may move the image
 _FAR_DEPTHS = 1.0  # the most that one step may change the focus, steps of the planes
 _AGAIN_PX = 0.5  # a move after which the pixels are chosen anew
-_REJECT = 8.0  # robust deviations beyond which a pixel is not the target's
 _FULL = 0.99  # of full scale, where the camera may have clipped
-_FEWEST = 40  # pixels
-_SOME = 400  # pixels, enough to tell a wrong start
-_LOOSE = 3.0  # times the spread, that focus and zoom are held to: images tell more
-_CLEAR = 0.02  # share of the target's light that must come through
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Front:
-    """What stands before the target at three focus heights, as maps of the region."""
-
-    light: FloatArray  # (3, rows, columns)
-    through: FloatArray  # (3, rows, columns)
-    reach_um: float  # heights are -reach, 0 and reach off nominal
-
-    def at(
-        self, z_um: float, columns: IntArray, rows: IntArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return light and share let through at pixels, a parabola over the focus."""
-        t = min(max(z_um / self.reach_um, -1.0), 1.0)
-        weights = np.array([t * (t - 1) / 2, 1 - t * t, t * (t + 1) / 2])
-        return (
-            np.tensordot(weights, self.light[:, rows, columns], axes=1),
-            np.tensordot(weights, self.through[:, rows, columns], axes=1),
-        )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Free:
-    """What the fit may change besides the place, and how far it is likely to."""
-
-    turn: bool
-    z_sigma_um: float  # 0: the focus is nominal
-    zoom_sigma: float  # 0: the zoom is nominal
-    gradient: bool  # whether the light may have one
-
-    @property
-    def chosen(self) -> BoolArray:
-        """Return which of column, row, turn, z, zoom, gain and gradients are free."""
-        z, zoom = self.z_sigma_um > 0, self.zoom_sigma > 0
-        return np.array(
-            [True, True, self.turn, z, zoom, True, self.gradient, self.gradient]
-        )
-
-    def precision(self, looks: Appearance) -> FloatArray:
-        """Return the weights that draw focus and zoom to nominal, (8,).
-
-        Only so much that what cannot be seen stays nominal.
-        """
-        weights, z = np.zeros(8), _LOOSE * self.z_sigma_um
-        for k, sigma in ((3, z**2 if looks.is_even else z), (4, self.zoom_sigma)):
-            if sigma > 0:
-                weights[k] = 1 / (_LOOSE * sigma) ** 2
-        return weights
+_ZOOMS = (0.8, 1.25)  # beyond, nothing that starts near nominal gets
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,10 +38,9 @@ class PoseFit:
     """What fits best."""
 
     pose: Pose
-    light: tuple[float, float, float]  # gain, and its changes across and down
-    covariance: FloatArray  # (8, 8) of column, row, turn, focus, zoom and light; where
-    # both sides of focus look alike, of its square
-    is_even: bool
+    light: FloatArray  # (3,) gain, and its changes across and down the region
+    covariance: FloatArray  # (8, 8) of column, row, turn, focus, zoom and light
+    squared: bool  # the covariance is of the square of the focus
     chi2: float  # of the pixels used, each: 1 if only noise is left
     used: float  # share of the pixels that are the target's
     pixels: int
@@ -98,21 +52,10 @@ class PoseFit:
         What the model leaves unexplained counts as more noise.
         """
         sigma = np.sqrt(np.diag(self.covariance)[:5] * max(1.0, self.chi2))
-        if self.is_even:  # of the square: about focus its root spreads as the root
+        if self.squared:  # about focus its root spreads as the root
             off_um = abs(self.pose.z_um)
             sigma[3] = sigma[3] / max(2 * off_um, math.sqrt(sigma[3]), 1e-12)
-        return sigma
-
-
-@dataclass(frozen=True, slots=True)
-class Job:
-    """An image and everything it is compared with."""
-
-    image: FloatArray
-    looks: Appearance
-    front: Front | None
-    camera: Camera
-    free: Free
+        return np.asarray(sigma)
 
 
 def fit_pose(job: Job, start: Pose) -> PoseFit | Failure:
@@ -125,169 +68,138 @@ def fit_pose(job: Job, start: Pose) -> PoseFit | Failure:
     ----------
     Baker & Matthews (2004), forwards additive; Beaton & Tukey (1974).
     """
-    state = _State(pose=start, light=None)
-    chosen = _pixels(job, start)
-    last = start
+    pose, light = start, None
+    chosen, last = pixels_of(job, start), start
     for _ in range(_ROUNDS):
-        if _moved(last, state.pose) > _AGAIN_PX or _refocused(job, last, state.pose):
-            chosen, last = _pixels(job, state.pose), state.pose
-        if len(chosen[0]) < _FEWEST:
-            return Failure(code="outside", message=f"{len(chosen[0])} pixels in view")
-        step = _step(job, state, chosen)
-        if isinstance(step, Failure):
-            return step
-        state = step.after
-        if step.length < _SETTLED:
-            return step.result(state)
+        if _is_elsewhere(job, last, pose):
+            chosen, last = pixels_of(job, pose), pose
+        if sum(len(columns) for columns, _ in chosen) < FEWEST:
+            return Failure(code="outside", message="the target is not in view")
+        linear = _linear(job, pose, light, chosen)
+        if isinstance(linear, Failure):
+            return linear
+        move = linear.move(job, pose)
+        if move is None:
+            return Failure(code="no_contrast", message="the image tells no pose")
+        pose, light = _after(job, pose, move), linear.light + move[5:]
+        if float(move @ linear.normal @ move) < _SETTLED:
+            return linear.result(job, pose, light)
     return Failure(code="diverged", message=f"not settled after {_ROUNDS} rounds")
 
 
-def misfit(job: Job, pose: Pose) -> float:
-    """Return chi squared a pixel at a pose under the best light, on few pixels."""
-    columns, rows = job.looks.some_pixels(pose, job.image.shape, _SOME)
-    if len(columns) < _FEWEST:
-        return math.inf
-    seen = _seen(job, pose, columns, rows)
-    light = _fitted_light(seen, job.free.gradient)
-    mean = seen.target @ light
-    left = (seen.value - mean) ** 2 / job.camera.variance(mean)
-    return float(np.minimum(left, _REJECT**2).mean())
+def step_once(job: Job, start: Pose) -> PoseFit | Failure:
+    """Return the pose one Gauss-Newton step from `start`, as `fit_pose` would step.
+
+    Chi squared is what the linear problem leaves.
+    """
+    chosen = pixels_of(job, start)
+    if sum(len(columns) for columns, _ in chosen) < FEWEST:
+        return Failure(code="outside", message="the target is not in view")
+    linear = _linear(job, start, None, chosen)
+    if isinstance(linear, Failure):
+        return linear
+    move = linear.move(job, start)
+    if move is None:
+        return Failure(code="no_contrast", message="the image tells no pose")
+    gained = float(move @ (2 * linear.right - linear.normal @ move)) / linear.pixels
+    after = replace(linear, chi2=max(linear.chi2 - gained, 0.0))
+    return after.result(job, _after(job, start, move), linear.light + move[5:])
 
 
 @dataclass(frozen=True, slots=True)
-class _State:
-    """Where the fit stands."""
+class _Linear:
+    """The linear least-squares problem at one pose."""
 
-    pose: Pose
-    light: FloatArray | None  # gain and gradients; None before the first step
-
-
-@dataclass(frozen=True, slots=True)
-class _Seen:
-    """What pixels show and what the model says they should under even light."""
-
-    value: FloatArray  # (N,) of the image
-    target: FloatArray  # (N, 3): light by gain, and by gradients
-    slopes: FloatArray  # (N, 5) by the pose, in even light
-    place: FloatArray  # (N, 2) across the region, -.5 to .5
-
-
-@dataclass(frozen=True, slots=True)
-class _Step:
-    """One step of Gauss-Newton."""
-
-    after: _State
-    length: float  # squared, in standard deviations
+    light: FloatArray  # (3,) that it starts from
     normal: FloatArray  # (8, 8)
-    chosen: BoolArray
-    is_even: bool
+    right: FloatArray  # (8,)
     chi2: float
     used: float
     pixels: int
 
-    def result(self, state: _State) -> PoseFit:
-        """Return the fit that ends here."""
-        pick = np.flatnonzero(self.chosen)
+    def move(self, job: Job, pose: Pose) -> FloatArray | None:
+        """Return the step, (8,), as far as may be believed; None if there is none."""
+        pick = np.flatnonzero(job.free.chosen)
+        move = np.zeros(8)
+        try:
+            move[pick] = np.linalg.solve(
+                self.normal[np.ix_(pick, pick)], self.right[pick]
+            )
+        except np.linalg.LinAlgError:
+            return None
+        if not np.isfinite(move).all():
+            return None
+        move *= _shortened(job, pose, move)
+        # the focus stays where planes are, its square positive
+        move[3] = job.focus(_after(job, pose, move)) - job.focus(pose)
+        return move
+
+    def result(self, job: Job, pose: Pose, light: FloatArray) -> PoseFit:
+        """Return the fit that ends at a pose."""
+        pick = np.ix_(*2 * (np.flatnonzero(job.free.chosen),))
         covariance = np.zeros((8, 8))
-        covariance[np.ix_(pick, pick)] = np.linalg.pinv(self.normal[np.ix_(pick, pick)])
-        light = np.zeros(3) if state.light is None else state.light
+        covariance[pick] = np.linalg.pinv(self.normal[pick], hermitian=True)
         return PoseFit(
-            pose=state.pose,
-            light=(float(light[0]), float(light[1]), float(light[2])),
+            pose=pose,
+            light=light,
             covariance=covariance,
-            is_even=self.is_even,
+            squared=job.squared,
             chi2=self.chi2,
             used=self.used,
             pixels=self.pixels,
         )
 
 
-def _pixels(job: Job, pose: Pose) -> tuple[IntArray, IntArray]:
-    """Return the pixels that tell the pose and can be seen."""
-    columns, rows = job.looks.pixels(pose, job.image.shape)
-    if job.front is None:
-        return columns, rows
-    clear = job.front.through[1, rows, columns] > _CLEAR
-    return columns[clear], rows[clear]
-
-
-def _seen(job: Job, pose: Pose, columns: IntArray, rows: IntArray) -> _Seen:
-    """Return the pixels' values and the model's."""
-    looks: Light = job.looks.light(pose, columns, rows)
-    slopes = np.stack(
-        (looks.across, looks.down, looks.turn, looks.focus, looks.grow), axis=1
+def _linear(
+    job: Job,
+    pose: Pose,
+    light: FloatArray | None,
+    pixels: tuple[tuple[IntArray, IntArray], ...],
+) -> _Linear | Failure:
+    """Return the problem at a pose; without a light, at the one that fits best."""
+    seen = _together(
+        [see(job, v, pose, p) for v, p in zip(job.views, pixels, strict=True)]
     )
-    mean = looks.value
-    if job.front is not None:
-        light, through = job.front.at(pose.z_um, columns, rows)
-        mean, slopes = light + through * mean, through[:, None] * slopes
-    height, width = job.image.shape
-    place = np.stack((columns / width - 0.5, rows / height - 0.5), axis=1)
-    target = np.concatenate((mean[:, None], mean[:, None] * place), axis=1)
-    return _Seen(job.image[rows, columns], target, slopes, place)
-
-
-def _fitted_light(seen: _Seen, gradient: bool) -> FloatArray:  # noqa: FBT001
-    """Return the light by plain least squares."""
-    columns = seen.target if gradient else seen.target[:, :1]
-    solved = np.linalg.lstsq(columns, seen.value)[0]
-    light: FloatArray = np.zeros(3)
-    light[: len(solved)] = solved
-    return light
-
-
-def _step(
-    job: Job, state: _State, pixels: tuple[IntArray, IntArray]
-) -> _Step | Failure:
-    """Return the next state from the present one."""
-    seen = _seen(job, state.pose, *pixels)
-    light = state.light
     if light is None:
-        light = _fitted_light(seen, job.free.gradient)
-    lit = light[0] + seen.place @ light[1:]
-    mean = seen.target @ light
+        light = fitted_light(seen.value, seen.target, job.free)
     if not (np.isfinite(light).all() and light[0] > 0):
         return Failure(code="no_contrast", message="no light fits the image")
+    mean = seen.target @ light
     noise = np.sqrt(job.camera.variance(mean))
     residual = (seen.value - mean) / noise
     scale = max(1.0, 1.4826 * median(np.abs(residual)))
-    ratio = residual / (_REJECT * scale)
+    ratio = residual / (REJECT * scale)
     trusted = (np.abs(ratio) < 1) & (seen.value < _FULL) & (mean < _FULL)
-    if trusted.sum() < _FEWEST:
+    if trusted.sum() < FEWEST:
         return Failure(code="misfit", message=f"{int(trusted.sum())} pixels fit")
     weight = np.where(trusted, (1 - ratio**2) ** 2, 0.0)
+    lit = light[0] + seen.place @ light[1:]
     design = np.concatenate((seen.slopes * lit[:, None], seen.target), axis=1)
     design /= noise[:, None]
-    chosen, pull = job.free.chosen, job.free.precision(job.looks)
-    normal = (design * weight[:, None]).T @ design + np.diag(pull)
+    pull = job.free.precision(squared=job.squared)
     right = design.T @ (weight * residual)
-    right[3] += pull[3] * -_focus(job, state.pose)
-    right[4] += pull[4] * (1 - state.pose.zoom)
-    pick = np.flatnonzero(chosen)
-    part = normal[np.ix_(pick, pick)]
-    move = np.zeros(8)
-    try:
-        move[pick] = np.linalg.solve(part, right[pick])
-    except np.linalg.LinAlgError:
-        return Failure(code="no_contrast", message="the image does not tell the pose")
-    move *= _shortened(job, state.pose, move)
-    after = _after(job, state.pose, move)
-    move[3] = _focus(job, after) - _focus(job, state.pose)
-    return _Step(
-        after=_State(pose=after, light=light + move[5:]),
-        length=float(move @ normal @ move),
-        normal=normal,
-        chosen=chosen,
-        is_even=job.looks.is_even,
+    right[3] -= pull[3] * job.focus(pose)
+    right[4] += pull[4] * (1 - pose.zoom)
+    return _Linear(
+        light=light,
+        normal=(design * weight[:, None]).T @ design + np.diag(pull),
+        right=right,
         chi2=float((residual[trusted] ** 2).mean()),
         used=float(trusted.mean()),
         pixels=len(residual),
     )
 
 
-def _focus(job: Job, pose: Pose) -> float:
-    """Return what is fitted for the focus: its square where both sides look alike."""
-    return pose.z_um**2 if job.looks.is_even else pose.z_um
+def _together(seen: list[Seen]) -> Seen:
+    """Return the pixels of all views in one."""
+    if len(seen) == 1:
+        return seen[0]
+    return Seen(
+        value=np.concatenate([s.value for s in seen]),
+        target=np.concatenate([s.target for s in seen]),
+        slopes=np.concatenate([s.slopes for s in seen]),
+        place=np.concatenate([s.place for s in seen]),
+    )
 
 
 def _shortened(job: Job, pose: Pose, move: FloatArray) -> float:
@@ -295,38 +207,27 @@ def _shortened(job: Job, pose: Pose, move: FloatArray) -> float:
     size = max(job.looks.shape) / 2 / job.looks.over
     far = max(math.hypot(move[0], move[1]), abs(move[2]) * size, abs(move[4]) * size)
     most = _FAR_DEPTHS * job.looks.step_um
-    if job.looks.is_even:
+    if job.squared:
         most *= 2 * abs(pose.z_um) + most
-    deep = abs(move[3]) / most
-    return float(1 / max(1.0, far / _FAR_PX, deep))
+    return float(1 / max(1.0, far / _FAR_PX, abs(move[3]) / most))
 
 
 def _after(job: Job, pose: Pose, move: FloatArray) -> Pose:
     """Return the pose after a step; focus stays where planes are."""
-    reach = job.looks.reach_um
-    if job.looks.is_even:
-        z_um = math.sqrt(max(pose.z_um**2 + float(move[3]), 0.0))
-    else:
-        z_um = pose.z_um + float(move[3])
+    farthest = max(abs(view.dz_um) for view in job.views)
+    reach, z_um = job.looks.reach_um - farthest, job.focus(pose) + float(move[3])
+    if job.squared:
+        z_um = math.sqrt(max(z_um, 0.0))
     return Pose(
         column=pose.column + float(move[0]),
         row=pose.row + float(move[1]),
         turn_rad=pose.turn_rad + float(move[2]),
         z_um=min(max(z_um, -reach), reach),
-        zoom=min(max(pose.zoom + float(move[4]), 0.8), 1.25),
+        zoom=min(max(pose.zoom + float(move[4]), _ZOOMS[0]), _ZOOMS[1]),
     )
 
 
-def _moved(one: Pose, other: Pose) -> float:
-    return math.hypot(one.column - other.column, one.row - other.row)
-
-
-def _refocused(job: Job, one: Pose, other: Pose) -> bool:
-    """Return whether other pixels tell most at the new focus."""
-    return abs(one.z_um - other.z_um) > job.looks.step_um
-
-
-def try_each(job: Job, poses: Sequence[Pose]) -> Pose:
-    """Return the pose that fits best of some, the first of equals."""
-    found = [misfit(job, pose) for pose in poses]
-    return poses[int(np.argmin(found))]
+def _is_elsewhere(job: Job, one: Pose, other: Pose) -> bool:
+    """Return whether other pixels tell most at the other pose."""
+    moved = math.hypot(one.column - other.column, one.row - other.row)
+    return moved > _AGAIN_PX or abs(one.z_um - other.z_um) > job.looks.step_um

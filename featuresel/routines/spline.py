@@ -9,10 +9,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
+import numpy.typing as npt
 
 from featuresel.routines import FloatArray
+
+Floats = TypeVar("Floats", FloatArray, npt.NDArray[np.float32])
 
 _ANGLES = 64  # of the mean over directions: exact to 1e-12 up to 3 cycles a pixel
 _RADII = 512  # of the table of a0 and a4
@@ -40,19 +44,17 @@ def basis(place: float, count: int) -> Basis:
     return Basis(first=first, weights=weights[:, 0], slopes=slopes[:, 0])
 
 
-def cubic_weights(t: FloatArray) -> tuple[FloatArray, FloatArray]:
+def cubic_weights(t: Floats) -> tuple[Floats, Floats]:
     """Return weights and slopes, (4, N), of the four neighbours for t in 0..1."""
     r = 1 - t
     t2, r2 = t * t, r * r
-    weights = np.array(
-        [
-            r2 * r / 6,
-            (4 - 3 * t2 * (2 - t)) / 6,
-            (4 - 3 * r2 * (2 - r)) / 6,
-            t2 * t / 6,
-        ]
-    )
-    slopes = np.array([-r2 / 2, t * (3 * t - 4) / 2, r * (4 - 3 * r) / 2, t2 / 2])
+    weights, slopes = np.empty((4, *t.shape), t.dtype), np.empty((4, *t.shape), t.dtype)
+    weights[0], weights[3] = r2 * r / 6, t2 * t / 6
+    weights[1] = (4 - 3 * t2 * (2 - t)) / 6
+    weights[2] = (4 - 3 * r2 * (2 - r)) / 6
+    slopes[0], slopes[3] = -r2 / 2, t2 / 2
+    slopes[1] = t * (3 * t - 4) / 2
+    slopes[2] = r * (4 - 3 * r) / 2
     return weights, slopes
 
 

@@ -1,0 +1,200 @@
+"""Images of a look against what its target should look like, pixel by pixel."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from featuresel.routines import Camera, FloatArray
+from featuresel.routines.appearance import Appearance, Pose
+
+BoolArray = npt.NDArray[np.bool_]
+IntArray = npt.NDArray[np.intp]
+
+FEWEST = 40  # pixels
+REJECT = 8.0  # deviations beyond which a pixel is not the target's
+_SOME = 400  # pixels, enough to tell a wrong start
+_LOOSE = 3.0  # times the spread, that focus and zoom are held to: images tell more
+_CLEAR = 0.02  # share of the target's light that must come through
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Front:
+    """What stands before the target at three focus heights, as maps of the region."""
+
+    light: FloatArray  # (3, rows, columns)
+    through: FloatArray  # (3, rows, columns)
+    reach_um: float  # heights are -reach, 0 and reach off nominal
+
+    def at(
+        self, z_um: float, columns: IntArray, rows: IntArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return light and share let through at pixels, a parabola over the focus."""
+        t = min(max(z_um / self.reach_um, -1.0), 1.0)
+        weights = np.array([t * (t - 1) / 2, 1 - t * t, t * (t + 1) / 2])
+        return (
+            np.tensordot(weights, self.light[:, rows, columns], axes=1),
+            np.tensordot(weights, self.through[:, rows, columns], axes=1),
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Free:
+    """What the fit may change besides the place, and how far it is likely to."""
+
+    turn: bool
+    z_sigma_um: float  # 0: the focus is nominal
+    zoom_sigma: float  # 0: the zoom is nominal
+    gradient: bool  # whether the light may have one
+
+    @property
+    def chosen(self) -> BoolArray:
+        """Return which of column, row, turn, z, zoom, gain and gradients are free."""
+        z, zoom = self.z_sigma_um > 0, self.zoom_sigma > 0
+        return np.array(
+            [True, True, self.turn, z, zoom, True, self.gradient, self.gradient]
+        )
+
+    def precision(self, *, squared: bool) -> FloatArray:
+        """Return the weights that draw focus (or its square) and zoom to nominal, (8,).
+
+        Only so much that what cannot be seen stays nominal.
+        """
+        weights, z = np.zeros(8), _LOOSE * self.z_sigma_um
+        for k, sigma in ((3, z**2 if squared else z), (4, self.zoom_sigma)):
+            if sigma > 0:
+                weights[k] = 1 / (_LOOSE * sigma) ** 2
+        return weights
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class View:
+    """One image, taken `dz_um` off the focus that is to be found."""
+
+    image: FloatArray  # (rows, columns), 0..1 of full scale
+    dz_um: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Job:
+    """Images of one target and everything they are compared with."""
+
+    views: tuple[View, ...]  # of one size
+    looks: Appearance
+    front: Front | None
+    camera: Camera
+    free: Free
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Return (rows, columns) of the region."""
+        return self.views[0].image.shape
+
+    @property
+    def squared(self) -> bool:
+        """Return whether the square of the focus is fitted: its sign does not show."""
+        return self.looks.is_even and len(self.views) == 1
+
+    def focus(self, pose: Pose) -> float:
+        """Return what is fitted for the focus: its height or, see above, the square."""
+        return pose.z_um**2 if self.squared else pose.z_um
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """What pixels show and what the model says they should."""
+
+    value: FloatArray  # (N,) of the image
+    target: FloatArray  # (N, 3): light by gain, and by gradients
+    slopes: FloatArray  # (N, 5) by the pose, in even light
+    place: FloatArray  # (N, 2) across the region, -.5 to .5
+
+
+def pixels_of(job: Job, pose: Pose) -> tuple[tuple[IntArray, IntArray], ...]:
+    """Return for each view (columns, rows) that tell the pose and can be seen."""
+    return tuple(_pixels(job, at(pose, view)) for view in job.views)
+
+
+def at(pose: Pose, view: View) -> Pose:
+    """Return the pose with the focus that a view has of it."""
+    return pose if view.dz_um == 0 else replace(pose, z_um=pose.z_um + view.dz_um)
+
+
+def see(job: Job, view: View, pose: Pose, pixels: tuple[IntArray, IntArray]) -> Seen:
+    """Return the pixels' values and the model's in one view."""
+    here, (columns, rows) = at(pose, view), pixels
+    looks = job.looks.light(here, columns, rows)
+    focus = looks.focus
+    if job.looks.is_even and not job.squared:  # by the height, not by its square
+        focus = 2 * here.z_um * focus
+    slopes = np.stack((looks.across, looks.down, looks.turn, focus, looks.grow), axis=1)
+    mean = looks.value
+    if job.front is not None:
+        light, through = job.front.at(here.z_um, columns, rows)
+        mean, slopes = light + through * mean, through[:, None] * slopes
+    place = _place(job, columns, rows)
+    value = view.image[rows, columns]
+    return Seen(value, _lit(mean, place), slopes, place)
+
+
+def fitted_light(value: FloatArray, target: FloatArray, free: Free) -> FloatArray:
+    """Return gain and gradients, (3,), by plain least squares."""
+    columns = target if free.gradient else target[:, :1]
+    solved = np.linalg.lstsq(columns.T @ columns, columns.T @ value)[0]
+    light: FloatArray = np.zeros(3)
+    light[: len(solved)] = solved
+    return light
+
+
+def misfit(job: Job, pose: Pose, cells: IntArray) -> float:
+    """Return chi squared a pixel at a pose under the best light, on few pixels."""
+    values, targets = [], []
+    for view in job.views:
+        here = at(pose, view)
+        columns, rows = job.looks.pixels_at(cells, here, job.shape)
+        mean = job.looks.value(here, columns, rows)
+        if job.front is not None:
+            light, through = job.front.at(here.z_um, columns, rows)
+            mean = light + through * mean
+        values.append(view.image[rows, columns])
+        targets.append(_lit(mean, _place(job, columns, rows)))
+    value, target = np.concatenate(values), np.concatenate(targets)
+    if len(value) < FEWEST:
+        return math.inf
+    mean = target @ fitted_light(value, target, job.free)
+    left = (value - mean) ** 2 / job.camera.variance(mean)
+    return float(np.minimum(left, REJECT**2).mean())
+
+
+def try_each(job: Job, poses: Sequence[Pose]) -> Pose:
+    """Return the pose that fits best of some, the first of equals."""
+    found, cells, at_um = [], np.zeros(0, np.intp), math.nan
+    for pose in poses:
+        if pose.z_um != at_um:
+            cells, at_um = job.looks.some_cells(pose.z_um, _SOME), pose.z_um
+        found.append(misfit(job, pose, cells))
+    return poses[int(np.argmin(found))]
+
+
+def _pixels(job: Job, pose: Pose) -> tuple[IntArray, IntArray]:
+    """Return the pixels that tell the pose and can be seen."""
+    columns, rows = job.looks.pixels(pose, job.shape)
+    if job.front is None:
+        return columns, rows
+    clear = job.front.through[1, rows, columns] > _CLEAR
+    return columns[clear], rows[clear]
+
+
+def _place(job: Job, columns: IntArray, rows: IntArray) -> FloatArray:
+    """Return where pixels lie in the region, (N, 2), -.5 to .5."""
+    height, width = job.shape
+    return np.stack((columns / width - 0.5, rows / height - 0.5), axis=1)
+
+
+def _lit(mean: FloatArray, place: FloatArray) -> FloatArray:
+    """Return (N, 3): the pixels' light by gain, and by gradients."""
+    return np.stack((mean, mean * place[:, 0], mean * place[:, 1]), axis=1)

@@ -1,0 +1,73 @@
+"""Signed depth from images on both sides of focus, fitted as one.
+
+One image does not tell on which side of focus a face lies, and near focus hardly how
+far off. A pair, or a stack, taken at known distances tells both: place, angle, zoom and
+light are shared, and only the focus differs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from featuresel.routines import (
+    Artifact,
+    Failure,
+    FloatArray,
+    Guess,
+    LookModel,
+    Measurement,
+    Target,
+)
+from featuresel.routines.comparison import View
+from featuresel.routines.likelihood import answer, prepare_job, read_job, start_pose
+from featuresel.routines.pose_fit import fit_pose
+
+
+def prepare(
+    model: LookModel, target: Target, *, offset_um: float
+) -> Artifact | Failure:
+    """Return what `measure` needs for images up to `offset_um` from the face."""
+    return prepare_job(model, target, offset_um=offset_um)
+
+
+def measure(
+    images: Sequence[FloatArray],
+    offsets_um: Sequence[float],
+    artifact: Artifact,
+    guess: Guess,
+) -> Measurement | Failure:
+    """Return the pose that all images have in common, and its signed focus.
+
+    Parameters
+    ----------
+    images : sequence of (rows, columns) arrays
+        At least two, 0..1 of full scale.
+    offsets_um : sequence of float
+        Focus of each image against the height that is to be found.
+    artifact : Artifact
+        By `prepare` of this module.
+    guess : Guess
+        As for `featuresel.routines.likelihood.measure`.
+
+    Returns
+    -------
+    Measurement or Failure
+        `z_um` is the focus from nominal, signed: positive above.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than two images, or not as many offsets.
+    """
+    if len(images) < 2 or len(images) != len(offsets_um):
+        raise ValueError("need two images or more, and as many offsets")
+    views = tuple(
+        View(image=image, dz_um=offset)
+        for image, offset in zip(images, offsets_um, strict=True)
+    )
+    job, p = read_job(views, artifact), artifact.parameters
+    start = start_pose(job, p, guess)
+    if isinstance(start, Failure):
+        return start
+    found = fit_pose(job, start)
+    return found if isinstance(found, Failure) else answer(found, p, guess)

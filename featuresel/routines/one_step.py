@@ -1,0 +1,61 @@
+"""The likeliest pose one linear step from the guess: for the last cycles of a servo.
+
+What `likelihood` finds, where its last answer or the servo's own model already says
+within a third of a pixel where the target is and how far out of focus.
+"""
+
+from __future__ import annotations
+
+import math
+
+from featuresel.routines import (
+    Artifact,
+    Failure,
+    FloatArray,
+    Guess,
+    Known,
+    LookModel,
+    Measurement,
+    Target,
+    TargetKind,
+)
+from featuresel.routines.comparison import View
+from featuresel.routines.likelihood import answer, prepare_job, read_job, start_pose
+from featuresel.routines.pose_fit import step_once
+
+NAME = "one_step"
+VERSION = "1"
+KINDS: tuple[TargetKind, ...] = ("circle", "teeth", "outline", "jaws")
+GIVES: tuple[Known, ...] = ("xy", "theta", "z", "zoom")
+NEEDS: tuple[Known, ...] = ("xy", "theta", "z")
+CAPTURE_PX = 0.35
+CONTROL = False
+
+
+def prepare(model: LookModel, target: Target) -> Artifact | Failure:
+    """Return what `featuresel.routines.likelihood` prepares too."""
+    return prepare_job(model, target)
+
+
+def measure(
+    image: FloatArray, artifact: Artifact, guess: Guess
+) -> Measurement | Failure:
+    """Return the pose after one step; fails if that is longer than a step may be."""
+    if guess.z_um is None and artifact.parameters["focus_sigma_um"] > 0:
+        return Failure(code="no_focus", message="one step needs to know the focus")
+    job, p = read_job((View(image=image),), artifact), artifact.parameters
+    start = start_pose(job, p, guess)
+    if isinstance(start, Failure):
+        return start
+    found = step_once(job, start)
+    if isinstance(found, Failure):
+        return found
+    moved = math.hypot(found.pose.column - guess.column, found.pose.row - guess.row)
+    if moved > 2 * CAPTURE_PX:
+        return Failure(code="not_captured", message=f"a step of {moved:.2f} px")
+    return answer(found, p, guess)
+
+
+def cost(artifact: Artifact, _pixels: int) -> float:
+    """Return the work of one `measure`, see `featuresel.routines.Routine`."""
+    return 2.0 + 5e-5 * float(artifact.arrays["planes"].shape[2])
