@@ -6,14 +6,14 @@ import numpy as np
 
 from featuresel.routines import Failure, FloatArray
 from featuresel.routines.focus_measures import MEASURES
-from featuresel.routines.focus_peak import FITS, FocusPeak, Numbers
+from featuresel.routines.focus_peak import FocusPeak, Numbers, mirror_peak
 from featuresel.routines.sampling import BoolArray
 
-__all__ = ["FIT", "MEASURE", "FocusPeak", "peak", "ring_mask", "score"]
+__all__ = ["MEASURE", "FocusPeak", "peak", "ring_mask", "score"]
 
-# The best of those that show one maximum under noise: docs/focus.md has the table.
+# One maximum under noise, most range and least error by fine steps: docs/focus.md has
+# the table.
 MEASURE = "tenengrad"
-FIT = "mirror"
 
 
 def ring_mask(
@@ -47,8 +47,8 @@ def score(image: FloatArray, mask: BoolArray | None = None) -> float:
     return MEASURES[MEASURE](image, mask)
 
 
-def peak(z_um: Numbers, scores: Numbers) -> FocusPeak | Failure:
-    """Return where the scores peak by the default fit.
+def peak(z_um: Numbers, scores: Numbers, *, noise: float = 0.0) -> FocusPeak | Failure:
+    """Return where the scores peak by the default fit, `mirror_peak`.
 
     Parameters
     ----------
@@ -56,6 +56,8 @@ def peak(z_um: Numbers, scores: Numbers) -> FocusPeak | Failure:
         Stops of the sweep, strictly rising, N >= 5.
     scores : (N,) sequence of float
         Sharpness at each.
+    noise : float
+        What is known of the standard deviation of a score, over the peak's height.
 
     Returns
     -------
@@ -68,4 +70,4 @@ def peak(z_um: Numbers, scores: Numbers) -> FocusPeak | Failure:
     ValueError
         If the lengths differ, the stops do not rise or a value is not finite.
     """
-    return FITS[FIT](z_um, scores)
+    return mirror_peak(z_um, scores, noise=noise)

@@ -21,6 +21,10 @@ _PAIRS = 48  # points compared either side of the mirror: many to a stop
 _STEPS = 40  # of the mirror's search; it rests after about six
 _STILL = 1e-9  # of the half width: the mirror is at rest
 _LIFT = 0.05  # of the height: what scores near 0 are lifted by for their reciprocal
+_DRAWN = 0.015  # of the width: the mirror's error by stops one width apart
+_CLEARLY = 2.0  # times the known noise: above, the curve is no mirror image
+# Student's interval that holds 68 % over the normal one's, by one over the freedom
+_STUDENT = ((0.0, 0.1, 0.2, 1 / 3, 0.5, 1.0), (1.0, 1.053, 1.111, 1.197, 1.321, 1.837))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,6 +49,16 @@ class _Hill:
     high: float
     first: int  # of the upper half and what joins in
     last: int
+
+
+@dataclass(frozen=True, slots=True)
+class _Mirror:
+    """Where a curve is its own mirror image, and what is left there."""
+
+    top: float
+    rows: FloatArray  # (D, N), what gives the differences from u at the stops
+    r: FloatArray  # (D,) the differences
+    slope: FloatArray  # (D,) of them in the top
 
 
 def gaussian_peak(z_um: Numbers, scores: Numbers) -> FocusPeak | Failure:
@@ -78,7 +92,9 @@ def gaussian_peak(z_um: Numbers, scores: Numbers) -> FocusPeak | Failure:
     return _gaussian(hill.z[used], hill.s[used] - hill.low)
 
 
-def mirror_peak(z_um: Numbers, scores: Numbers) -> FocusPeak | Failure:
+def mirror_peak(
+    z_um: Numbers, scores: Numbers, *, noise: float = 0.0
+) -> FocusPeak | Failure:
     """Return the z0 about which the upper half is its own mirror image.
 
     A curve u through all stops is compared with its reflection, u(z0 + d) with
@@ -91,48 +107,60 @@ def mirror_peak(z_um: Numbers, scores: Numbers) -> FocusPeak | Failure:
         Stops of the sweep, strictly rising, N >= 5.
     scores : (N,) sequence of float
         Sharpness at each.
+    noise : float
+        What is known of the standard deviation of a score, over the peak's height; 0 if
+        nothing. A few stops tell little of it, so that sigma is wide without.
 
     Returns
     -------
     FocusPeak or Failure
-        As `gaussian_peak`; "several_peaks" also where no mirror is found.
+        As `gaussian_peak`; "several_peaks" also where no mirror is found. Sigma is by
+        the known noise, unless the fit clearly shows more.
 
     Raises
     ------
     ValueError
-        As `gaussian_peak`.
+        As `gaussian_peak`, and if the noise is negative or not finite.
 
     Notes
     -----
     u is the cubic spline through -1/s: a squared gradient falls as the blur widens, and
     the blur's width bends less than the peak, so that fewer stops draw it. Differences
-    are linear in u's values at the stops, r = B u, so that values of one standard
-    deviation each move z0 by |B^T r'| / |r'|^2, r' being dr/dz0.
+    count relative to the mean of both sides, which makes more of the top where noise is
+    less in u. They are linear in u's values at the stops, r = B u, so that values of
+    one standard deviation each move z0 by |B^T r'| / |r'|^2, r' being dr/dz0. To that
+    comes what the stops leave undrawn, `mirror_error_um`.
     """
+    if not 0 <= noise < math.inf:
+        raise ValueError(f"noise must be finite and >= 0, got {noise}")
     hill = _hill(z_um, scores)
     if isinstance(hill, Failure):
         return hill
-    left, right = _half_height(hill)
-    reach = (right - left) / 2
-    away = reach * (np.arange(_PAIRS) + 0.5) / _PAIRS
     height = hill.high - hill.low
-    u = -1 / (hill.s - hill.low + max(hill.low, _LIFT * height))
-    spline = _spline(hill.z)
-    top = (left + right) / 2
-    for _ in range(_STEPS):
-        rows, slopes = _reflected(hill.z, spline, top, away)
-        r, dr = rows @ u, slopes @ u
-        step = -float(r @ dr) / float(dr @ dr)
-        top = float(np.clip(top + step, left, right))
-        if abs(step) < _STILL * reach:
-            break
-    else:
+    lift = max(hill.low, _LIFT * height)
+    u = -1 / (hill.s - hill.low + lift)
+    left, right = _half_height(hill, u, -1 / (height / 2 + lift))
+    mirror = _mirror(hill.z, u, left, right)
+    if mirror is None:
         return Failure(code="several_peaks", message="no mirror image is found")
-    noise = float(r @ r) / _freedom(rows, dr)
-    sigma = math.sqrt(noise) * float(np.linalg.norm(rows.T @ dr)) / float(dr @ dr)
+    width = (right - left) / math.sqrt(8 * math.log(2))
+    step = float(np.diff(hill.z[hill.first : hill.last + 1]).max())
+    chance = _chance_um(mirror, noise * height * u**2)
     return FocusPeak(
-        z_um=top, sigma_um=sigma, width_um=reach / math.sqrt(2 * math.log(2))
+        z_um=mirror.top,
+        sigma_um=math.hypot(chance, mirror_error_um(step, width)),
+        width_um=width,
     )
+
+
+def mirror_error_um(step_um: float, width_um: float) -> float:
+    """Return what the mirror fit errs by without noise, one standard deviation.
+
+    Measured: it falls with the fifth power of the step at least, and the factor holds
+    for squared gradients up to 1.15 widths, where stops become too few for a fit
+    (figure `focus.mirror.undrawn_ratio`).
+    """
+    return _DRAWN * width_um * (step_um / width_um) ** 5
 
 
 FITS: Mapping[str, Fit] = {"gaussian": gaussian_peak, "mirror": mirror_peak}
@@ -210,13 +238,15 @@ def _gaussian(z: FloatArray, height: FloatArray) -> FocusPeak | Failure:
     )
 
 
-def _half_height(hill: _Hill) -> tuple[float, float]:
-    """Return where straight lines between stops cross half the height, um."""
-    level = (hill.low + hill.high) / 2
-    upper = np.flatnonzero(hill.s >= level)
+def _half_height(hill: _Hill, u: FloatArray, level: float) -> tuple[float, float]:
+    """Return where straight lines between stops cross half the height, um.
+
+    u is nearly straight there.
+    """
+    upper = np.flatnonzero(u >= level)
     crossings = []
     for inside, outside in ((upper[0], upper[0] - 1), (upper[-1], upper[-1] + 1)):
-        share = (hill.s[inside] - level) / (hill.s[inside] - hill.s[outside])
+        share = (u[inside] - level) / (u[inside] - u[outside])
         crossings.append(hill.z[inside] + share * (hill.z[outside] - hill.z[inside]))
     return float(crossings[0]), float(crossings[1])
 
@@ -231,13 +261,22 @@ def _spline(z: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.solve(system, right))
 
 
-def _reflected(
-    z: FloatArray, spline: FloatArray, top: float, away: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return what gives s(top + d) - s(top - d) and its slope in top, (D, N) each."""
-    ahead, ahead_slope = _at(z, spline, top + away)
-    behind, behind_slope = _at(z, spline, top - away)
-    return ahead - behind, ahead_slope - behind_slope
+def _mirror(z: FloatArray, u: FloatArray, left: float, right: float) -> _Mirror | None:
+    """Return the mirror between two ends by Gauss and Newton's steps, None if none."""
+    reach, spline = (right - left) / 2, _spline(z)
+    away = reach * (np.arange(_PAIRS) + 0.5) / _PAIRS
+    top = (left + right) / 2
+    for _ in range(_STEPS):
+        ahead, ahead_slope = _at(z, spline, top + away)
+        behind, behind_slope = _at(z, spline, top - away)
+        weight = 2 / np.abs((ahead + behind) @ u)[:, None]
+        rows = (ahead - behind) * weight
+        r, slope = rows @ u, (ahead_slope - behind_slope) * weight @ u
+        move = -float(r @ slope) / float(slope @ slope)
+        top = float(np.clip(top + move, left, right))
+        if abs(move) < _STILL * reach:
+            return _Mirror(top=top, rows=rows, r=r, slope=slope)
+    return None
 
 
 def _at(
@@ -256,6 +295,20 @@ def _at(
     return value, slope
 
 
-def _freedom(rows: FloatArray, dr: FloatArray) -> float:
-    """Return the mean of |r|^2 over a score's variance, z0 being fitted."""
-    return float((rows**2).sum() - ((rows.T @ dr) ** 2).sum() / float(dr @ dr))
+def _chance_um(mirror: _Mirror, known: FloatArray) -> float:
+    """Return the standard deviation of the mirror, by what is known or by the fit.
+
+    `known` are the standard deviations of u at the stops, (N,).
+    """
+    rows, r, slope = mirror.rows, mirror.r, mirror.slope
+    squared = float(slope @ slope)
+    pull = rows.T @ slope / squared  # of the top by each value of u
+    sure = float(np.linalg.norm(pull * known))
+    left = rows - np.outer(slope, slope @ rows) / squared
+    spread = left.T @ left
+    told = float(np.trace(spread))  # the mean of |r|^2 over a value's variance
+    freedom = told**2 / float((spread**2).sum())  # Satterthwaite (1946)
+    fitted = math.sqrt(float(r @ r) / told) * float(np.linalg.norm(pull))
+    if sure > 0 and fitted <= _CLEARLY * sure:
+        return sure
+    return fitted * float(np.interp(1 / max(freedom, 1.0), *_STUDENT))
