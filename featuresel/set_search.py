@@ -1,0 +1,155 @@
+"""Greedy choice and exchange: the most telling set of a size."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from featuresel.pose_need import Known, Need, known
+from featuresel.sights import Sight, information
+
+FloatArray = npt.NDArray[np.float64]
+
+MARGIN = 0.02  # of log det: a hundredth of every sigma is no reason to pay more
+_FAR = 1e3  # radii: a pose known so badly is not known
+_SWEEPS = 20  # of exchanges: two are enough but for ties
+
+
+@dataclass(frozen=True, slots=True)
+class Search:
+    """One choice among some features; sets are tuples of their places in `sights`."""
+
+    sights: tuple[Sight, ...]
+    need: Need
+    matrices: FloatArray  # (N, 3, 3) what each tells
+
+    @classmethod
+    def of(cls, sights: Sequence[Sight], need: Need) -> Search:
+        """Return the search among `sights`."""
+        matrices = [information([sight], need.radius_um) for sight in sights]
+        return cls(sights=tuple(sights), need=need, matrices=np.array(matrices))
+
+    def chosen(self) -> tuple[int, ...]:
+        """Return the smallest set that meets the limits, or what comes nearest."""
+        tried = []
+        for size in range(1, min(self.need.most, len(self.sights)) + 1):
+            taken = self.best_of(size)
+            if self.excess(taken) > 1:
+                taken = self.nearer(taken)
+            if self.excess(taken) <= 1:
+                return taken
+            tried.append(taken)
+        return min(tried, key=lambda way: (self.excess(way), -self.tells(way)))
+
+    def best_of(self, size: int) -> tuple[int, ...]:
+        """Return the most telling set of `size`, greedily and by exchanges.
+
+        Started from the best feature and from every other: two edges may tell much
+        together that tell little each.
+        """
+        best: tuple[int, ...] = ()
+        for start in ((), *((k,) for k in self._order())):
+            way = self._settled(self._filled(start, size))
+            if not best or self._is_better(way, best):
+                best = way
+        return best
+
+    def nearer(self, taken: tuple[int, ...]) -> tuple[int, ...]:
+        """Return the set after exchanges that bring it nearer to the limits."""
+        for _ in range(_SWEEPS):
+            ways = sorted(self._neighbours(taken), key=self.excess)
+            if not ways or not self.excess(ways[0]) < self.excess(taken) * (1 - 1e-9):
+                break
+            taken = ways[0]
+        return taken
+
+    def excess(self, taken: Sequence[int]) -> float:
+        """Return the largest of what a set reaches over its limits; 1 just meets."""
+        need, found = self.need, self.known(taken)
+        shares = [self.share(found), found.conditioning / need.conditioning]
+        if need.redundant:
+            shares.append(max(map(self.share, self.dropped(taken))))
+        return max(shares)
+
+    def _filled(self, taken: tuple[int, ...], size: int) -> tuple[int, ...]:
+        """Return the set with the feature that tells most added, up to `size`."""
+        while len(taken) < size:
+            ways = [(*taken, k) for k in self._order() if k not in taken]
+            best = ways[0]
+            for way in ways[1:]:
+                if self.tells(way) > self.tells(best) + MARGIN:
+                    best = way
+            taken = best
+        return taken
+
+    def _settled(self, taken: tuple[int, ...]) -> tuple[int, ...]:
+        """Return the set after exchanges of one feature, until none is better."""
+        for _ in range(_SWEEPS):
+            best = taken
+            for way in self._neighbours(taken):
+                if self._is_better(way, best):
+                    best = way
+            if best == taken:
+                break
+            taken = best
+        return taken
+
+    def _is_better(self, way: tuple[int, ...], best: tuple[int, ...]) -> bool:
+        """Return whether a set tells more, or no less and is cheaper."""
+        gain = self.tells(way) - self.tells(best)
+        return gain > MARGIN or (gain >= 0 and self.cost(way) < self.cost(best))
+
+    def _order(self) -> list[int]:
+        """Return the features, cheapest first, then by name."""
+        key = [(sight.cost, sight.name) for sight in self.sights]
+        return sorted(range(len(key)), key=key.__getitem__)
+
+    def some(self, taken: Sequence[int]) -> list[Sight]:
+        return [self.sights[k] for k in taken]
+
+    def known(self, taken: Sequence[int]) -> Known:
+        """Return how well some features tell the pose."""
+        return known(self.some(taken), self.need)
+
+    def cost(self, taken: Sequence[int]) -> float:
+        return sum(self.sights[k].cost for k in taken)
+
+    def tells(self, taken: Sequence[int]) -> float:
+        """Return log det, of sets that are blind somewhere as if a little were known.
+
+        It ranks blind sets by what they do tell; without an unwanted angle it is the
+        log det of the Schur complement.
+        """
+        need = self.need
+        matrix = (
+            self.matrices[list(taken)].sum(axis=0)
+            + np.eye(3) * (_FAR * need.radius_um) ** -2
+        )
+        told = float(np.linalg.slogdet(matrix)[1])
+        if need.sigma_theta_rad is None:  # det of what is left without the angle
+            told -= math.log(matrix[2, 2])
+        return told
+
+    def dropped(self, taken: Sequence[int]) -> list[Known]:
+        """Return what is known with each feature dropped in turn."""
+        return [self.known([k for k in taken if k != out]) for out in taken]
+
+    def share(self, found: Known) -> float:
+        """Return the larger sigma over its limit."""
+        share = found.sigma_um / self.need.sigma_um
+        if self.need.sigma_theta_rad is None:
+            return share
+        return max(share, found.sigma_theta_rad / self.need.sigma_theta_rad)
+
+    def _neighbours(self, taken: tuple[int, ...]) -> list[tuple[int, ...]]:
+        """Return the sets with one feature exchanged, in a fixed order."""
+        return [
+            (*taken[:at], other, *taken[at + 1 :])
+            for at in range(len(taken))
+            for other in self._order()
+            if other not in taken
+        ]
