@@ -250,6 +250,7 @@ FRAME_PX = 640 * 480  # what a unit of cost filters
 # id -> module; loaded on first use so that the executor's start stays cheap
 REGISTRY: Mapping[str, str] = {
     "circle_caliper": "featuresel.routines.circle_caliper",
+    "contour_match": "featuresel.routines.contour_match",
     "ecc": "featuresel.routines.ecc",
     "edge_caliper": "featuresel.routines.edge_caliper",
     "hough": "featuresel.routines.hough",
@@ -258,6 +259,7 @@ REGISTRY: Mapping[str, str] = {
     "keypoints": "featuresel.routines.keypoints",
     "likelihood": "featuresel.routines.likelihood",
     "ncc": "featuresel.routines.ncc",
+    "one_step": "featuresel.routines.one_step",
     "otsu": "featuresel.routines.otsu",
     "phase_correlation": "featuresel.routines.phase_correlation",
     "tooth_notch": "featuresel.routines.tooth_notch",
