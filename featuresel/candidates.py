@@ -81,7 +81,7 @@ def has_angle(target: Target) -> bool:
     Circles have none. A pattern that repeats has one if a notch breaks the symmetry, or
     if half a period is wider than the range, so that no two angles look alike.
     """
-    if target.kind == "circle":
+    if target.kind == "circle" or target.symmetry == 0:
         return False
     if "notch_rad" in target.parameters:
         return True

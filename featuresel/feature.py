@@ -29,8 +29,9 @@ class Feature:
     bright: bool  # brighter than what surrounds it, if the part is
     edge_um: float  # length of the drawn edges it is made of: what tells its place
     # largest share of those edges that meets itself under a turn the symmetry does not
-    # have: what a wrong answer would look like
+    # have: what a wrong answer would look like; and that turn, the smallest such
     alike: float = 0.0
+    alike_rad: float = math.tau
 
     def __post_init__(self) -> None:
         values = (*self.center_um, self.angle_rad, *self.parameters.values())
@@ -39,10 +40,10 @@ class Feature:
         for name in ("finest_um", "edge_um"):
             if not getattr(self, name) > 0:  # also refuses nan
                 raise ValueError(f"{name} must be positive, got {getattr(self, name)}")
-        if self.symmetry < 0 or not 0 <= self.alike <= 1:
+        if self.symmetry < 0 or not (0 <= self.alike <= 1 and self.alike_rad > 0):
             raise ValueError(
-                f"symmetry must be >= 0 and alike in 0..1, got {self.symmetry}, "
-                f"{self.alike}"
+                "symmetry must be >= 0, alike in 0..1 and its turn positive, got "
+                f"{self.symmetry}, {self.alike}, {self.alike_rad}"
             )
 
     @property

@@ -122,7 +122,7 @@ def _whole(outline: Outline, rings: Sequence[Clean]) -> list[Feature]:
     """Return the whole outline; a symmetrical one about the centre of its symmetry."""
     shown = sorted(rings, key=lambda ring: -ring.length_um)[:_MOST_RINGS]
     shape = curve(shown, centroid(rings))
-    order, alike = order_of(shape)
+    order, alike, other = order_of(shape)
     x0, y0, x1, y1 = outline.bounds_um
     middle = ((x0 + x1) / 2, (y0 + y1) / 2)
     center = middle if order == 1 else shape.center_um
@@ -138,6 +138,7 @@ def _whole(outline: Outline, rings: Sequence[Clean]) -> list[Feature]:
             bright=True,
             edge_um=sum(ring.length_um for ring in rings),
             alike=alike,
+            alike_rad=math.tau / other,
         )
     ]
 

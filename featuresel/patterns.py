@@ -74,21 +74,23 @@ def curve(rings: Sequence[Clean], center_um: Point) -> Curve:
     )
 
 
-def order_of(shape: Curve) -> tuple[int, float]:
-    """Return the order of the symmetry, and how alike the next likely turn is.
+def order_of(shape: Curve) -> tuple[int, float, int]:
+    """Return the order of the symmetry, and how alike the likeliest wrong turn is.
 
     Returns
     -------
-    (int, float)
+    (int, float, int)
         The order of all turns that meet; 1 if none does, 0 if any does. The share
-        that meets for the best of the other orders, whose turns the symmetry lacks.
+        that meets for the best of the other orders, whose turns the symmetry lacks,
+        and that order.
     """
     if _background(shape) >= WHOLE:
-        return 0, 0.0
+        return 0, 0.0, 1
     shares = {n: shape.share(math.tau / n) for n in _orders(shape)}
     order = math.lcm(*(n for n, share in shares.items() if share >= WHOLE))
-    others = [share for n, share in shares.items() if order % n]
-    return order, max(others, default=0.0)
+    others = [(share, n) for n, share in shares.items() if order % n]
+    alike, other = max(others, default=(0.0, 1))
+    return order, alike, other
 
 
 def pattern_of(shape: Curve) -> tuple[int, float]:
@@ -246,6 +248,7 @@ def _toothed(ring: Clean, count: int, shape: Curve) -> tuple[Feature, Notch | No
         bright=not ring.hole,
         edge_um=ring.length_um,
         alike=0.0 if share >= WHOLE else share,
+        alike_rad=pitch,
     )
     return feature, notch
 

@@ -7,17 +7,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from featuresel.candidates import Chain
-from featuresel.score import CONFIDENCE, Score
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Limits:
-    """What a chain must meet apart from the tolerance."""
-
-    success: float = 0.98  # observed; the rest fails aloud and is retried
-    silent_upper: float = 0.01  # or no silent failure at all, where trials are few
-    better: float = 1.5  # a dearer chain must be this much more accurate ...
-    roomy: float = 0.5  # ... and the cheaper one use more than this of the tolerance
+from featuresel.constraints import Constraints, half_period_rad
+from featuresel.constraints import Limits as Limits  # handed on: they are select's
+from featuresel.pareto import front
+from featuresel.routines import Target
+from featuresel.score import Score
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,6 +22,8 @@ class Selection:
     fallback: Score | None  # with another first routine if there is one
     reasons: tuple[tuple[Chain, str], ...]  # in the order of the scores
     advice: str  # "" if a chain was chosen
+    # reliable chains that none is both cheaper and more accurate than, cheapest first
+    pareto: tuple[Score, ...] = ()
 
 
 def select(
@@ -36,15 +32,36 @@ def select(
     tolerance_um: float,
     tolerance_theta_rad: float | None,
     limits: Limits | None = None,
+    target: Target | None = None,
+    visible: float | None = None,
+    in_set: bool = False,
 ) -> Selection:
     """Return the cheapest chain that is good enough, and why the others are not it.
 
-    A chain passes if it answers rightly in at least `limits.success` of the trials, has
-    no silent failure (or an upper bound below `limits.silent_upper`), gives the angle
-    where that is needed, and 2 sigma + |bias| stays within each tolerance. Of those the
+    A chain passes if the target is visible and its angle, where needed, cannot be
+    mistaken for another of the declared range; if it answers rightly in at least
+    `limits.success` of the trials, has no silent failure (or an upper bound below
+    `limits.silent_upper`), gives the angle where that is needed, 2 sigma + |bias| stays
+    within each tolerance, and it costs no more than `limits.cost`. Of those the
     cheapest is taken, the first by name among equals, unless it uses more than
     `limits.roomy` of a tolerance and a dearer one is `limits.better` times more
     accurate.
+
+    Parameters
+    ----------
+    scores : sequence of Score
+        Of the chains tried on one look, at least one.
+    tolerance_um, tolerance_theta_rad : float
+        What the look has to meet; an angle of None is not needed.
+    limits : Limits, optional
+        Other than the default ones.
+    target : Target, optional
+        What was looked for; without it uniqueness is not judged.
+    visible : float, optional
+        Share of its edges that is seen, from `featuresel.completeness.seen_share`.
+    in_set : bool
+        Whether the target is one of several features, so that a place known in one
+        direction will do.
 
     Raises
     ------
@@ -53,22 +70,30 @@ def select(
     """
     if not scores:
         raise ValueError("there must be at least one score")
-    if not tolerance_um > 0 or not (tolerance_theta_rad or 1.0) > 0:
-        raise ValueError("tolerances must be positive")
-    task = _Task(tolerance_um, tolerance_theta_rad, limits or Limits())
+    task = Constraints(
+        tolerance_um=tolerance_um,
+        tolerance_theta_rad=tolerance_theta_rad,
+        limits=limits or Limits(),
+        target=target,
+        visible=visible,
+        in_set=in_set,
+    )
     faults = {score.chain: task.fault(score) for score in scores}
+    reliable = [score for score in scores if not task.unreliable(score)]
+    best_known = front(reliable, task.use)
     passing = [score for score in scores if not faults[score.chain]]
-    chosen = task.best(passing)
+    chosen = best(passing, task)
     if chosen is None:
         return Selection(
             chosen=None,
             fallback=None,
             reasons=tuple((s.chain, f"rejected: {faults[s.chain]}") for s in scores),
-            advice=task.advice(scores),
+            advice=_advice(scores, task),
+            pareto=best_known,
         )
     others = [s for s in passing if s.chain != chosen.chain]
     apart = [s for s in others if s.chain[0] != chosen.chain[0]]
-    fallback = task.best(apart) or task.best(others)
+    fallback = best(apart, task) or best(others, task)
     reasons = []
     for score in scores:
         fault = faults[score.chain]
@@ -77,101 +102,75 @@ def select(
         else:
             reasons.append((score.chain, _standing(score, chosen, fallback)))
     return Selection(
-        chosen=chosen, fallback=fallback, reasons=tuple(reasons), advice=""
+        chosen=chosen,
+        fallback=fallback,
+        reasons=tuple(reasons),
+        advice="",
+        pareto=best_known,
     )
 
 
-@dataclass(frozen=True, slots=True)
-class _Task:
-    """Tolerances and limits of one selection."""
+def best(scores: Sequence[Score], task: Constraints) -> Score | None:
+    """Return the cheapest that leaves room, by the rule of `select`."""
+    chosen: Score | None = None
+    limits = task.limits
+    for score in sorted(scores, key=lambda s: (s.cost, s.chain)):
+        if chosen is None:
+            chosen = score
+        tight = task.use(chosen) > limits.roomy
+        if tight and task.use(chosen) > limits.better * task.use(score):
+            chosen = score
+    return chosen
 
-    tolerance_um: float
-    tolerance_theta_rad: float | None
-    limits: Limits
 
-    def fault(self, score: Score) -> str:
-        """Return why the chain does not pass, with numbers; "" if it does."""
-        return self.unreliable(score) or self.inaccurate(score)
-
-    def unreliable(self, score: Score) -> str:
-        """Return what the counts say against the chain."""
-        if score.silent and score.silent_upper > self.limits.silent_upper:
-            return (
-                f"{score.silent} silent failures in {score.trials} trials, "
-                f"rate below {score.silent_upper:.2%} at {CONFIDENCE:.0%}, "
-                f"limit {self.limits.silent_upper:.2%}"
-                + (f"; worst {score.worst_um:.3g} um" if score.worst_um else "")
-            )
-        rate = score.success / score.trials
-        if rate < self.limits.success:
-            codes = ", ".join(f"{n} {code}" for code, n in score.failures)
-            return (
-                f"success {rate:.1%} of {score.trials} trials, "
-                f"at least {self.limits.success:.0%}" + (f" ({codes})" if codes else "")
-            )
-        return ""
-
-    def inaccurate(self, score: Score) -> str:
-        """Return what the errors say against the chain."""
-        if score.need_um > self.tolerance_um:
-            return (
-                f"2 sigma + |bias| is {score.need_um:.3g} um, "
-                f"tolerance {self.tolerance_um:.3g} um"
-            )
-        if self.tolerance_theta_rad is None:
-            return ""
-        if score.angles < score.success or score.sigma_theta_rad is None:
-            return "gives no angle, which is needed"
-        if score.need_theta_rad > self.tolerance_theta_rad:
-            return (
-                f"2 sigma + |bias| of the angle is {score.need_theta_rad:.3g} rad, "
-                f"tolerance {self.tolerance_theta_rad:.3g} rad"
-            )
-        return ""
-
-    def use(self, score: Score) -> float:
-        """Return the share of the tighter tolerance that the chain uses up."""
-        place = score.need_um / self.tolerance_um
-        if self.tolerance_theta_rad is None:
-            return place
-        return max(place, score.need_theta_rad / self.tolerance_theta_rad)
-
-    def best(self, scores: Sequence[Score]) -> Score | None:
-        """Return the cheapest that leaves room, by the rule of `select`."""
-        chosen: Score | None = None
-        for score in sorted(scores, key=lambda s: (s.cost, s.chain)):
-            if chosen is None:
-                chosen = score
-            tight = self.use(chosen) > self.limits.roomy
-            if tight and self.use(chosen) > self.limits.better * self.use(score):
-                chosen = score
-        return chosen
-
-    def advice(self, scores: Sequence[Score]) -> str:
-        """Return what to relax: the tolerances that the best reliable chain needs."""
-        reliable = [s for s in scores if not self.unreliable(s)]
-        able = [s for s in reliable if math.isfinite(self.use(s))]
-        if able:
-            best = min(able, key=lambda s: (self.use(s), s.cost, s.chain))
-            return f"{_name(best.chain)} would pass with {self._needs(best)}"
-        if reliable:
-            return "no reliable chain gives an angle: break the target's symmetry"
-        best = max(scores, key=lambda s: (s.success - s.silent, -s.cost))
-        return (
-            f"no chain is reliable; the best, {_name(best.chain)}, is right in "
-            f"{best.success} of {best.trials} trials: look closer to focus, at another "
-            "feature, or start nearer"
+def _advice(scores: Sequence[Score], task: Constraints) -> str:
+    """Return what to relax: what the best reliable chain needs, or another target."""
+    if task.hidden():
+        return f"{task.hidden()}: look from elsewhere, or at another feature"
+    if task.ambiguous():
+        return _unambiguous(task)
+    reliable = [s for s in scores if not task.unreliable(s)]
+    able = [s for s in reliable if math.isfinite(task.use(s))]
+    quick = [s for s in able if not task.slow(s)]
+    if able:
+        # a chain that only costs too much wants its limit raised, not the tolerances
+        only_slow = [s for s in able if not task.inaccurate(s)]
+        nearest = min(
+            only_slow or quick or able, key=lambda s: (task.use(s), s.cost, s.chain)
         )
+        return f"{_name(nearest.chain)} would pass with {_needs(nearest, task)}"
+    if reliable:
+        return "no reliable chain gives an angle: break the target's symmetry"
+    rightest = max(scores, key=lambda s: (s.success - s.silent, -s.cost))
+    return (
+        f"no chain is reliable; the best, {_name(rightest.chain)}, is right in "
+        f"{rightest.success} of {rightest.trials} trials: look closer to focus, at "
+        "another feature, or start nearer"
+    )
 
-    def _needs(self, score: Score) -> str:
-        """Return the tolerances the chain needs, in words."""
-        parts = []
-        if score.need_um > self.tolerance_um:
-            parts.append(f"a tolerance of {score.need_um:.3g} um")
-        limit = self.tolerance_theta_rad
-        if limit is not None and score.need_theta_rad > limit:
-            parts.append(f"an angle tolerance of {score.need_theta_rad:.3g} rad")
-        return " and ".join(parts)
+
+def _unambiguous(task: Constraints) -> str:
+    """Return what would make the angle unique."""
+    target = task.target
+    if target is None or target.kind == "circle" or target.symmetry == 0:
+        return "a round target has no angle: look at another feature"
+    return (
+        "break the target's symmetry, or start with the angle known to "
+        f"{half_period_rad(target):.3g} rad"
+    )
+
+
+def _needs(score: Score, task: Constraints) -> str:
+    """Return the limits the chain needs, in words."""
+    parts = []
+    if score.need_um > task.tolerance_um:
+        parts.append(f"a tolerance of {score.need_um:.3g} um")
+    limit = task.tolerance_theta_rad
+    if limit is not None and score.need_theta_rad > limit:
+        parts.append(f"an angle tolerance of {score.need_theta_rad:.3g} rad")
+    if task.slow(score):
+        parts.append(f"a cost of {score.cost:.3g}")
+    return " and ".join(parts)
 
 
 def _standing(score: Score, chosen: Score, fallback: Score | None) -> str:

@@ -2,12 +2,25 @@
 
 from __future__ import annotations
 
+import itertools
+import math
 from dataclasses import replace
 
 import pytest
 
+from featuresel.constraints import Limits
+from featuresel.pareto import front
+from featuresel.pick import Option, pick
+from featuresel.routines import Target
 from featuresel.score import Score, failure_upper, success_lower
-from featuresel.select import Limits, select
+from featuresel.select import select
+
+GEAR = Target(
+    name="rim", kind="teeth", column=50.0, row=50.0, theta_rad=0.0, px_per_um=1.0,
+    search_px=5.0, theta_range_rad=math.pi, symmetry=18, bright=True,
+    parameters={"count": 18.0, "outer_um": 50.0, "root_um": 45.0, "phase_rad": 0.0},
+)  # fmt: skip
+NOTCH = {"notch_rad": 1.0, "notch_radius_um": 27.0, "notch_width_um": 6.0}
 
 
 def a_score(name: str, sigma_um: float = 0.1, cost: float = 1.0) -> Score:
@@ -132,3 +145,127 @@ def test_nonsense_is_an_error() -> None:
         select([a_score("a")], tolerance_um=0, tolerance_theta_rad=None)
     with pytest.raises(ValueError, match="positive"):
         select([a_score("a")], tolerance_um=1, tolerance_theta_rad=float("nan"))
+    with pytest.raises(ValueError, match="positive"):
+        select([a_score("a")], tolerance_um=1, tolerance_theta_rad=0.0)
+    with pytest.raises(ValueError, match="cost"):
+        Limits(cost=0.0)
+    with pytest.raises(ValueError, match="visible"):
+        select([a_score("a")], tolerance_um=1, tolerance_theta_rad=None, visible=1.5)
+
+
+def test_what_costs_too_much_is_rejected_and_says_so() -> None:
+    fast, slow = a_score("fast", 0.8, 1), a_score("slow", 0.1, 9)
+    found = select(
+        [fast, slow], tolerance_um=1, tolerance_theta_rad=None, limits=Limits(cost=5)
+    )
+    assert found.chosen is None
+    assert dict(found.reasons)[("slow",)] == "rejected: cost 9, at most 5"
+    assert found.advice == "slow would pass with a cost of 9"
+
+
+def test_an_angle_that_looks_like_another_is_refused() -> None:
+    score = a_score("a")
+    plain = select([score], tolerance_um=1, tolerance_theta_rad=0.01, target=GEAR)
+    assert plain.chosen is None
+    assert "not unique: nothing breaks the symmetry" in plain.reasons[0][1]
+    assert "0.175 rad" in plain.advice  # half a pitch, pi / 18
+    broken = replace(GEAR, parameters={**GEAR.parameters, **NOTCH})
+    near = replace(GEAR, theta_range_rad=math.pi / 18 - 1e-6)
+    for target in (broken, near):
+        found = select([score], tolerance_um=1, tolerance_theta_rad=0.01, target=target)
+        assert found.chosen == score
+    # where no angle is needed none can be mistaken
+    free = select([score], tolerance_um=1, tolerance_theta_rad=None, target=GEAR)
+    assert free.chosen == score
+    bore = replace(GEAR, kind="circle", symmetry=0, parameters={"radius_um": 25.0})
+    found = select([score], tolerance_um=1, tolerance_theta_rad=0.01, target=bore)
+    assert "a round target has no angle" in found.reasons[0][1]
+
+
+def test_what_is_hidden_is_refused() -> None:
+    found = select(
+        [a_score("a")], tolerance_um=1, tolerance_theta_rad=None, visible=0.2
+    )
+    assert found.chosen is None
+    words = "20% of the target's edges are visible, at least 25%"
+    assert found.reasons == ((("a",), f"rejected: {words}"),)
+    assert "another feature" in found.advice
+
+
+def test_one_direction_is_enough_in_a_set_only() -> None:
+    edge = replace(a_score("edge"), axis_rad=0.0)
+    alone = select([edge], tolerance_um=1, tolerance_theta_rad=None)
+    assert "in one direction only" in alone.reasons[0][1]
+    member = select([edge], tolerance_um=1, tolerance_theta_rad=None, in_set=True)
+    assert member.chosen == edge
+
+
+def test_the_pareto_list_is_what_nothing_beats() -> None:
+    grid = [
+        a_score(f"s{k}", sigma, cost)
+        for k, (sigma, cost) in enumerate(
+            itertools.product((0.1, 0.2, 0.3), (1.0, 2.0, 3.0))
+        )
+    ]
+    scores = [grid[2], grid[4], grid[6], grid[8], grid[7], grid[5]]
+
+    def beaten(s: Score) -> bool:
+        return any(
+            o.cost <= s.cost and o.need_um <= s.need_um
+            and (o.cost, o.need_um) != (s.cost, s.need_um)
+            for o in scores
+        )  # fmt: skip
+
+    found = front(scores, lambda s: s.need_um)
+    assert found == (grid[6], grid[4], grid[2])
+    assert set(found) == {s for s in scores if not beaten(s)}
+    twins = [a_score("b"), a_score("a")]
+    assert front(twins, lambda s: s.need_um) == (twins[1],)
+    blind = replace(a_score("c", 0.1, 0.1), bias_um=None)
+    assert blind not in front([*scores, blind], lambda s: s.need_um)
+
+
+def test_a_selection_lists_accuracy_against_cost() -> None:
+    wild = with_failures(a_score("wild", 0.01, 0.5), 30, 0)
+    scores = [a_score("fine", 0.01, 5), a_score("coarse", 0.2, 1), wild]
+    found = select(scores, tolerance_um=1.0, tolerance_theta_rad=None)
+    assert found.pareto == (scores[1], scores[0])  # what fails is no way to be fast
+
+
+def test_another_feature_is_picked_when_the_notch_is_hidden() -> None:
+    notched = replace(GEAR, parameters={**GEAR.parameters, **NOTCH})
+    corner = replace(GEAR, name="corner1", kind="corner", symmetry=1, parameters={})
+    rim = (a_score("otsu>tooth_notch", 0.1, 3),)
+    legs = (a_score("corner", 0.2, 4),)
+    shown = pick(
+        [Option(target=notched, scores=rim), Option(target=corner, scores=legs)],
+        tolerance_um=1, tolerance_theta_rad=0.01,
+    )  # fmt: skip
+    assert shown.name == "rim"
+    hidden = (with_failures(rim[0], 40, 0),)
+    found = pick(
+        [Option(target=notched, scores=hidden), Option(target=corner, scores=legs)],
+        tolerance_um=1, tolerance_theta_rad=0.01,
+    )  # fmt: skip
+    assert found.name == "corner1"
+    assert found.selection is not None
+    assert found.selection.chosen == legs[0]
+    reasons = dict(found.reasons)
+    assert reasons["corner1"].startswith("picked: ")
+    assert "no chain is reliable" in reasons["rim"]
+    neither = pick(
+        [Option(target=GEAR, scores=rim)],
+        tolerance_um=1, tolerance_theta_rad=0.01,
+    )  # fmt: skip
+    assert neither.name is None
+    assert neither.advice.startswith("rim: break the target's symmetry")
+
+
+def test_equal_features_go_by_name() -> None:
+    options = [
+        Option(target=replace(GEAR, name=name), scores=(a_score("a"),))
+        for name in ("c", "a", "b")
+    ]
+    assert pick(options, tolerance_um=1, tolerance_theta_rad=None).name == "a"
+    with pytest.raises(ValueError, match="names that differ"):
+        pick([options[0]] * 2, tolerance_um=1, tolerance_theta_rad=None)

@@ -1,0 +1,43 @@
+"""How much of a target is seen: in the region, and nothing in front of it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from featuresel.routines import Target, Veil
+
+_THROUGH = 0.5  # of the light: at the middle of a blurred edge half of it comes through
+
+
+def seen_share(target: Target, veil: Veil) -> float | None:
+    """Return the share of a target's edges that is seen at its nominal pose.
+
+    Parameters
+    ----------
+    target : Target
+        With its contour, whose points are evenly along the edges.
+    veil : Veil
+        What stands in front, (rows, columns) of the region.
+
+    Returns
+    -------
+    float or None
+        0..1; None for a target without a contour.
+    """
+    if not target.contour:
+        return None
+    x, y = np.array(target.contour)[:, :2].T
+    c, s = math.cos(target.theta_rad), math.sin(target.theta_rad)
+    column = target.column + target.px_per_um * (c * x - s * y)
+    row = target.row - target.px_per_um * (s * x + c * y)
+    rows, columns = veil.through.shape
+    # pixels' areas reach half a pixel beyond their centres
+    inside = (column > -0.5) & (column < columns - 0.5)
+    inside &= (row > -0.5) & (row < rows - 0.5)
+    at = (
+        np.rint(row[inside]).astype(np.intp).clip(0, rows - 1),
+        np.rint(column[inside]).astype(np.intp).clip(0, columns - 1),
+    )
+    return float(np.count_nonzero(veil.through[at] > _THROUGH) / len(column))
