@@ -3,7 +3,8 @@
 Of every problem the chain that is chosen, or where none is, the most successful one, is
 scored on some trials and then tried on others, of another root seed. A bound is broken
 where the value of the fresh trials lies beyond it; that of a rate or spread from 256
-fresh trials is itself uncertain, and this is charged to the bound.
+fresh trials is itself uncertain, and this is charged to the bound. Races are compared
+with trials of all chains to the end: what they save, and how often they choose another.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from featuresel.calibration import Calibration
 from featuresel.case import LookCase
 from featuresel.gates import choose_gate, gated
 from featuresel.perturb import design
+from featuresel.race import race
 from featuresel.score import Score, score
 from featuresel.select import select
 from featuresel.trials import Outcome, Prepared, is_wrong, prepare, run
@@ -32,6 +34,8 @@ FloatArray = npt.NDArray[np.float64]
 PROBLEMS = 200
 TRIALS = 64  # what the preset `balanced` spends
 FRESH = 256
+RACES = 24  # of the problems, with and without dropping chains
+LONG = 256  # trials of those
 SILENT = 0.05  # the limit that gates are chosen for: 64 trials show no less
 PROMISES = ("success", "silent", "sigma", "need", "theta", "gate")
 AXES = ("x", "y", "theta")
@@ -133,10 +137,30 @@ def _claim(
     )
 
 
+def judge_race(index: int) -> tuple[float, bool]:
+    """Return a race's share of the measurements, and whether it chose otherwise."""
+    problem = draw(index)
+    case, ready = problem.case, prepare(problem.case, problem.chains)
+    raced = race(case, ready, root_seed=_ROOT, most=LONG)
+    whole = run(case, ready, design(case, LONG, _ROOT))
+    peeked = score(case, ready, whole, peeks=raced.peeks)
+    choices = [
+        select(
+            scores,
+            tolerance_um=case.tolerance_um,
+            tolerance_theta_rad=case.tolerance_theta_rad,
+        ).chosen
+        for scores in (raced.scores, peeked)
+    ]
+    first, second = (None if choice is None else choice.chain for choice in choices)
+    return len(raced.outcomes) / len(whole), first != second
+
+
 def _measure(options: Options) -> Iterator[Figure]:
     """Yield how often promises are broken, and how tight they are."""
     with ProcessPoolExecutor(options.jobs) as pool:
         found = list(pool.map(judge, range(PROBLEMS), chunksize=4))
+        raced = list(pool.map(judge_race, range(RACES)))
     chance = float(binom.ppf(0.99, PROBLEMS, 1 - CONFIDENCE))
     counts = {name: sum(name in f.broken for f in found) for name in PROMISES}
     excess = sum(max(0.0, count - chance) for count in counts.values())
@@ -154,6 +178,10 @@ def _measure(options: Options) -> Iterator[Figure]:
         name="selection.need_overestimate", value=float(np.median(needs)), unit="1"
     )
     yield Figure(name="selection.decided", value=decided, unit="1")
+    share = float(np.mean([part for part, _ in raced]))
+    yield Figure(name="selection.race_share", value=share, unit="1")
+    changed = sum(other for _, other in raced)
+    yield Figure(name="selection.race_changed", value=changed, unit="1")
 
 
 BENCHMARK = Benchmark(
@@ -167,6 +195,8 @@ BENCHMARK = Benchmark(
         ),
         "selection.need_overestimate",
         "selection.decided",
+        "selection.race_share",
+        "selection.race_changed",
     ),
     measure=_measure,
 )

@@ -116,7 +116,7 @@ def image(
 
     The zoom error scales about the optical axis; the truth stays the target's world
     pose, so an estimator that trusts the nominal zoom errs by ratio x distance. Trials
-    of one focus, zoom and blur law may share their `backdrop`.
+    that differ in the target's pose, light and noise alone may share their `backdrop`.
     """
     seen = _perturbed(case, trial)
     noiseless = picture(
