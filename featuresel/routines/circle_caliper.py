@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from featuresel.routines import (
     Render,
     Target,
     TargetKind,
+    work,
 )
 from featuresel.routines.circle_fit import Circle, fit_centre, fit_circle
 from featuresel.routines.sampling import (
@@ -24,6 +26,7 @@ from featuresel.routines.sampling import (
     Edges,
     best_width,
     cubic,
+    edge_kernel,
     find_edges,
     line_samples,
 )
@@ -110,9 +113,18 @@ def measure(
     )
 
 
-def cost(_artifact: Artifact, _pixels: int) -> float:
+def cost(artifact: Artifact, _pixels: int) -> float:
     """Return the work of one `measure`, see `featuresel.routines.Routine`."""
-    return 3.0
+    p = artifact.parameters
+    kernel = len(edge_kernel(p["width_px"]))
+    search = len(line_samples(p["search_px"] + 2 * p["width_px"], p["width_px"]))
+    length, rays = (
+        len(line_samples(_half_px(p), p["width_px"])),
+        len(_angles(p["radius_px"])),
+    )
+    refined = work.edges(rays, length, kernel) + work.circle(rays)
+    seed = work.edges(_SEARCH_RAYS, search, kernel) + work.centre()
+    return seed + _REFINED * refined
 
 
 def _radius_um(target: Target) -> float:
@@ -179,7 +191,7 @@ def _refine(image: FloatArray, artifact: Artifact, seed: Guess) -> Circle | Fail
     """Return the circle through edges near it, sought again from the better centre."""
     p = artifact.parameters
     column, row, radius = seed.column, seed.row, p["seen_px"]
-    half = max(2 * p["width_px"], min(0.15 * p["radius_px"], 6.0), 2.0)
+    half = _half_px(p)
     angles = _angles(p["radius_px"])
     for _ in range(_REFINED):
         at = Guess(column=column, row=row)
@@ -194,6 +206,11 @@ def _refine(image: FloatArray, artifact: Artifact, seed: Guess) -> Circle | Fail
     if circle.used.sum() < _FEWEST * len(good):
         return _few(circle.used, edges)
     return circle
+
+
+def _half_px(p: Mapping[str, float]) -> float:
+    """Return how far from a good centre's circle its edge is sought, px."""
+    return max(2 * p["width_px"], min(0.15 * p["radius_px"], 6.0), 2.0)
 
 
 def _cast(

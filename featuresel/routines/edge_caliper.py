@@ -17,9 +17,11 @@ from featuresel.routines import (
     Render,
     Target,
     TargetKind,
+    work,
 )
-from featuresel.routines.faces import Found, measure_face
+from featuresel.routines.faces import LINES_PX, Found, measure_face
 from featuresel.routines.jaw_faces import SIDES, TIPS, calibrate, in_view, predicted
+from featuresel.routines.sampling import edge_kernel, line_samples
 
 NAME = "edge_caliper"
 VERSION = "1"
@@ -30,6 +32,9 @@ CAPTURE_PX = math.inf
 CONTROL = False
 
 _TURN_STEP_RAD = math.radians(3)  # half of it moves a face's far end by 3 to 4 px
+_SPARSE = 4  # lines are skipped for the rough turn
+_NEAR_PX = 4.0  # what the first fit leaves to search
+_LINE_WORK = 0.4  # of the line through a face's edges, in box filters
 _LOCKED_PX = 0.02  # edges along pixel rows share one sampling error; lines do not help
 _MOST_TURN_RAD = 0.3  # beyond, the stretches no longer lie on their faces
 _ZOOM = 0.02  # zoom error allowed for: far faces move by this part of their distance
@@ -69,7 +74,7 @@ def measure(
     column, row = guess.column, guess.row
     theta = p["theta_rad"] + _rough_turn(image, p, guess)
     found: dict[str, Found] = {}
-    for half in (p["search_px"], 4.0, 4.0):
+    for half in (p["search_px"], _NEAR_PX, _NEAR_PX):
         faces = _find(image, p, (column, row, theta), half)
         if isinstance(faces, Failure):
             return faces
@@ -96,9 +101,26 @@ def measure(
     )
 
 
-def cost(_artifact: Artifact, _pixels: int) -> float:
+def cost(artifact: Artifact, _pixels: int) -> float:
     """Return the work of one `measure`, see `featuresel.routines.Routine`."""
-    return 6.0
+    p = artifact.parameters
+    rough = 2 * math.ceil(p["range_rad"] / _TURN_STEP_RAD) + 1
+    total = 0.0
+    for name in (*SIDES, *TIPS):
+        if f"{name}.step" in p:
+            width, zoomed = p[f"{name}.width_px"], _ZOOM * abs(p[f"{name}.offset_px"])
+            lines = (p[f"{name}.high_px"] - p[f"{name}.low_px"]) / LINES_PX
+            total += _face_work(lines, p["search_px"] + zoomed, width)
+            total += 2 * _face_work(lines, _NEAR_PX + zoomed, width)
+            if name in SIDES[:2]:
+                total += rough * _face_work(lines / _SPARSE, p["search_px"], width)
+    return total
+
+
+def _face_work(lines: float, half_px: float, width_px: float) -> float:
+    """Return the work of measuring one face."""
+    length, kernel = len(line_samples(half_px, width_px)), len(edge_kernel(width_px))
+    return work.edges(lines, length, kernel) + _LINE_WORK
 
 
 def _rough_turn(image: FloatArray, p: Mapping[str, float], guess: Guess) -> float:
@@ -109,7 +131,7 @@ def _rough_turn(image: FloatArray, p: Mapping[str, float], guess: Guess) -> floa
         turn = k * _TURN_STEP_RAD
         at = (guess.column, guess.row, p["theta_rad"] + turn)
         faces = [
-            measure_face(image, _numbers(p, name), at, p["search_px"], sparse=4)
+            measure_face(image, _numbers(p, name), at, p["search_px"], sparse=_SPARSE)
             for name in SIDES[:2]
         ]
         found = [face for face in faces if face is not None]

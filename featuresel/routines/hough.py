@@ -32,6 +32,7 @@ _FAINT = 0.1  # span of values below which there is no edge to vote
 _RADIUS_OFF = 0.1  # of the radius, at least 1 px
 _CANNY_SHARE = 0.5  # of the predicted gradient, the threshold of an edge
 _SMOOTH_PX = 1.0  # before the gradient: a single noisy pixel is no edge
+_FIXED_WORK, _PIXEL_WORK = 0.1, 1.3e-5  # in box filters
 _SPREAD_PX = 0.5  # votes are counted in pixels
 
 
@@ -106,9 +107,9 @@ def measure(
     return Failure(code="outside", message="no circle is within the search")
 
 
-def cost(_artifact: Artifact, _pixels: int) -> float:
+def cost(_artifact: Artifact, pixels: int) -> float:
     """Return the work of one `measure`, see `featuresel.routines.Routine`."""
-    return 1.0
+    return _FIXED_WORK + _PIXEL_WORK * pixels
 
 
 def _grey(image: FloatArray, span: float) -> npt.NDArray[np.uint8]:

@@ -15,7 +15,7 @@ from featuresel.routines import (
 )
 from featuresel.routines.circle_fit import Circle
 from featuresel.routines.rim import CAPTURE_PX as _AWAY_PX
-from featuresel.routines.rim import approach
+from featuresel.routines.rim import approach, approach_work
 from featuresel.routines.rim_plan import part_offset, placed, rim_numbers
 
 NAME = "iso_circle"
@@ -79,9 +79,9 @@ def measure(
     )
 
 
-def cost(_artifact: Artifact, _pixels: int) -> float:
+def cost(artifact: Artifact, _pixels: int) -> float:
     """Return the work of one `measure`, see `featuresel.routines.Routine`."""
-    return 9.0
+    return approach_work(artifact.parameters)
 
 
 def _fit(

@@ -21,7 +21,7 @@ from featuresel.routines import (
     TargetKind,
 )
 from featuresel.routines.rim import CAPTURE_PX as _AWAY_PX
-from featuresel.routines.rim import RimPoints, approach
+from featuresel.routines.rim import RimPoints, approach, approach_work
 from featuresel.routines.rim_plan import part_offset, placed, rim_numbers
 from featuresel.routines.sampling import BoolArray, median
 
@@ -37,6 +37,7 @@ _RADIUS_OFF = 0.1  # of the radius, at least 1 px: as far as blur and zoom may m
 _FLAT = 1.1  # long axis over short one, at most: what leans so much is another thing
 _USED = 0.5  # of the points must fit the ellipse
 _ROUNDS = 6  # of trimming
+_ELLIPSE_WORK = 0.7  # of those, in box filters
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,9 +95,9 @@ def measure(
     )
 
 
-def cost(_artifact: Artifact, _pixels: int) -> float:
+def cost(artifact: Artifact, _pixels: int) -> float:
     """Return the work of one `measure`, see `featuresel.routines.Routine`."""
-    return 9.0
+    return approach_work(artifact.parameters) + _ELLIPSE_WORK
 
 
 def _fit(image: FloatArray, artifact: Artifact, guess: Guess) -> _Ellipse | Failure:

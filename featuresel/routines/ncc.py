@@ -18,9 +18,10 @@ from featuresel.routines import (
     Render,
     Target,
     TargetKind,
+    work,
 )
 from featuresel.routines.peak import Float32Array, find_peak
-from featuresel.routines.template_fit import refine
+from featuresel.routines.template_fit import refine, refine_work
 
 NAME = "ncc"
 VERSION = "1"
@@ -113,9 +114,19 @@ def measure(
     )
 
 
-def cost(_artifact: Artifact, _pixels: int) -> float:
+def cost(artifact: Artifact, pixels: int) -> float:
     """Return the work of one `measure`, see `featuresel.routines.Routine`."""
-    return 12.0
+    p, templates = artifact.parameters, artifact.arrays["templates"]
+    shrink = int(p["shrink"])
+    reach = 2 * (p["search_px"] / shrink + 2)
+    part = (templates.shape[1] + reach) * (templates.shape[2] + reach)
+    total = work.CALLS + len(templates) * work.correlate(part)
+    if shrink > 1:
+        total += work.smooth(pixels, 0.45 * shrink)
+    if p["turns"]:
+        nominal = artifact.arrays["nominal"].size
+        total += refine_work(nominal, pixels, shrink)
+    return total
 
 
 def _answer(

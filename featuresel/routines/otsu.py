@@ -33,6 +33,7 @@ _AREA = (0.7, 1.4)  # accepted blob area over the predicted one: blur moves the 
 _CONTRAST = 0.1  # least difference of the two classes' means, full scale
 _SIDE_RAD = math.radians(30)  # a bias fixed to the part is undone below this doubt
 _OFF_CENTRE_PX = 2.0  # what a seed may be off by when the angle is unknown
+_FIXED_WORK, _PIXEL_WORK = 0.1, 3.4e-5  # in box filters
 _SPREAD_PX = 0.5  # what a threshold's centroid is worth under light gradients
 
 
@@ -109,9 +110,9 @@ def measure(
     )
 
 
-def cost(_artifact: Artifact, _pixels: int) -> float:
+def cost(_artifact: Artifact, pixels: int) -> float:
     """Return the work of one `measure`, see `featuresel.routines.Routine`."""
-    return 1.0
+    return _FIXED_WORK + _PIXEL_WORK * pixels
 
 
 def _offset(artifact: Artifact, guess: Guess) -> tuple[float, float]:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from featuresel.routines import Failure, FloatArray, Guess
+from featuresel.routines import Failure, FloatArray, Guess, work
 from featuresel.routines.circle_fit import Circle, fit_circle
 from featuresel.routines.iso_lines import crossings
 from featuresel.routines.sampling import BoolArray, cubic, median
@@ -27,6 +27,7 @@ _SECTORS = 48  # of the circle, in which points are counted
 _STEEP = 0.6  # least cosine of rim normal and pixel line: a little over 45 degrees
 _RINGS = 4  # over the thickness of a side
 _ROUNDS = 3  # of trimming the level's plane
+_PIXEL_WORK, _POINT_WORK = 6e-5, 1.0  # of the crossings, in box filters
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -119,6 +120,18 @@ def approach(
     return found
 
 
+def approach_work(p: Mapping[str, float]) -> float:
+    """Return the work of `approach`, in box filters."""
+    radius, around = p["radius_px"], math.tau * p["radius_px"]
+    ring, total = 2 * _RINGS * _samples(radius), 0.0
+    for away in (CAPTURE_PX, _NEAR_PX):
+        side = 2 * (radius + p["gap_px"] + away + 3)
+        total += work.read(ring) + 4 * work.least_squares(ring / _RINGS / 2, 3)
+        total += work.smooth(side**2, p["smooth_px"]) + _PIXEL_WORK * side**2
+        total += work.circle(1.3 * around) + _POINT_WORK
+    return total
+
+
 def _picked(
     above: FloatArray,
     grid: tuple[FloatArray, FloatArray],
@@ -152,7 +165,7 @@ def rings(
     image: FloatArray, centre: tuple[float, float], radii: FloatArray
 ) -> tuple[FloatArray, BoolArray]:
     """Return values and whether they are in view on circles, (K, N)."""
-    count = int(np.clip(math.tau * radii.max(), 48, 180))
+    count = _samples(float(radii.max()))
     angles = np.linspace(0, math.tau, count, endpoint=False)
     return cubic(
         image,
@@ -201,3 +214,8 @@ def _level(
         step=step,
         error=rms * math.sqrt(2 / used.sum()),
     )
+
+
+def _samples(radius_px: float) -> int:
+    """Return one sample per pixel of circumference, 48 to 180."""
+    return int(np.clip(math.tau * radius_px, 48, 180))

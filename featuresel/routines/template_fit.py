@@ -8,10 +8,11 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from featuresel.routines import Failure, FloatArray
+from featuresel.routines import Failure, FloatArray, work
 from featuresel.routines.sampling import cubic
 
 _ROUNDS = 25  # Gauss-Newton settles in 5 to 10
+_TYPICAL_ROUNDS = 3  # from one size to the next
 _SETTLED_PX = 1e-4
 _LEAST_IN_VIEW = 0.8  # of the template's pixels
 _LEAST_GAIN = 0.05  # of the template's contrast
@@ -69,6 +70,19 @@ def refine(
         turned_rad=float(pose[2]),
         score=score,
     )
+
+
+def refine_work(template: float, pixels: float, shrink: int) -> float:
+    """Return the work of `refine` for a template and an image of so many pixels."""
+    total = 0.0
+    while shrink >= 1:
+        compared = template / shrink**2
+        each = work.read(compared) + work.least_squares(compared, 8)
+        total += _TYPICAL_ROUNDS * each
+        if shrink > 1:
+            total += work.smooth(pixels + template, 0.45 * shrink)
+        shrink //= 2
+    return total
 
 
 def _smooth(image: FloatArray, shrink: int) -> FloatArray:

@@ -16,6 +16,7 @@ from featuresel.routines import (
     Render,
     Target,
     TargetKind,
+    work,
 )
 from featuresel.routines.sampling import BoolArray, cubic
 
@@ -115,9 +116,13 @@ def measure(
     )
 
 
-def cost(_artifact: Artifact, _pixels: int) -> float:
+def cost(artifact: Artifact, _pixels: int) -> float:
     """Return the work of one `measure`, see `featuresel.routines.Routine`."""
-    return 2.0
+    p = artifact.parameters
+    ring = _SAMPLES * p["count"]
+    radii = max(5, int(2 * (p["outer_px"] - p["root_px"])) + 1)
+    teeth = work.read(ring * radii) + work.least_squares(ring, 9)
+    return teeth + 3 * work.read(p["count"] * 7 * 3) + 0.5
 
 
 def _teeth(
