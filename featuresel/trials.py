@@ -164,13 +164,6 @@ def measure_picture(
     )
 
 
-def measure_one(
-    case: LookCase, prepared: Prepared, chain: Chain, picture: FloatArray
-) -> Measurement | Failure:
-    """Return what one chain says of an image of the look's region."""
-    return _follow(case, prepared, chain, picture, {})
-
-
 def _follow(
     case: LookCase,
     prepared: Prepared,

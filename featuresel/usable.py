@@ -9,13 +9,13 @@ from functools import partial
 import numpy as np
 
 from featuresel.axes import words
+from featuresel.bias import BiasCurve
 from featuresel.candidates import Chain
 from featuresel.case import LookCase
 from featuresel.drift import one_by_one, through_focus
-from featuresel.located import along, located
 from featuresel.perturb import Trial
-from featuresel.routines import Failure, FloatArray
-from featuresel.trials import Map, Prepared, measure_one, period_rad
+from featuresel.routines import FloatArray
+from featuresel.trials import Map, Prepared, measure_picture
 
 # Steps outward from nominal; the zoom's are of its ratio. A drift beyond the last is
 # no drift any more.
@@ -39,6 +39,7 @@ def usable_range(
     root_seed: int,
     draws: int = 3,
     map: Map = map,  # noqa: A002 - it is the builtin, or a pool's
+    curve: BiasCurve | None = None,
 ) -> UsableRange:
     """Return the drifts of focus and zoom that `chain` stands.
 
@@ -46,7 +47,8 @@ def usable_range(
     noisy images is not measured within the tolerance; the last step before that is the
     answer. The target lies at as many random places of its pose spread, the same at
     all drifts, so that their images share its spectra. `map` gets one
-    direction at a time, as in `featuresel.trials.run`.
+    direction at a time, as in `featuresel.trials.run`; `curve` is taken off the places
+    that the chain finds.
 
     Raises
     ------
@@ -59,7 +61,7 @@ def usable_range(
     needed = Prepared(
         chains=(chain,), artifacts={name: prepared.artifacts[name] for name in chain}
     )
-    search = partial(_reach, case, needed, chain, root_seed, draws)
+    search = partial(_reach, case, needed, curve, root_seed, draws)
     # focus goes farther and takes longer: those two first
     found = map(search, [("focus", -1), ("focus", 1), ("zoom", -1), ("zoom", 1)])
     nearer, farther, smaller, larger = found
@@ -71,7 +73,7 @@ def usable_range(
 def _reach(
     case: LookCase,
     prepared: Prepared,
-    chain: Chain,
+    curve: BiasCurve | None,
     root_seed: int,
     draws: int,
     direction: tuple[str, int],
@@ -92,7 +94,7 @@ def _reach(
     for drift in drifts:
         shown = pictures(trials[drift])
         if not all(
-            _meets(case, prepared, chain, trial, picture)
+            _meets(case, prepared, curve, trial, picture)
             for trial, picture in zip(trials[drift], shown, strict=True)
         ):
             break
@@ -125,21 +127,18 @@ def _trial(case: LookCase, name: str, drift: float, draw: int, root: int) -> Tri
 
 
 def _meets(
-    case: LookCase, prepared: Prepared, chain: Chain, trial: Trial, picture: FloatArray
+    case: LookCase,
+    prepared: Prepared,
+    curve: BiasCurve | None,
+    trial: Trial,
+    picture: FloatArray,
 ) -> bool:
     """Return whether the trial's picture is measured within every tolerance."""
-    found = measure_one(case, prepared, chain, picture)
-    if isinstance(found, Failure):
+    curves = {} if curve is None else {prepared.chains[0]: curve}
+    (found,) = measure_picture(case, prepared, trial, picture, curves)
+    if found.distance_um > case.tolerance_um:
         return False
-    place = located(case, found)
-    if isinstance(place, Failure):
-        return False
-    off = (place.x_um - case.x_um - trial.dx_um, place.y_um - case.y_um - trial.dy_um)
-    if math.hypot(*along(off, place.axis_rad)) > case.tolerance_um:
-        return False
-    if case.tolerance_theta_rad is None:
-        return True
-    if place.theta_rad is None:
-        return False
-    turned = place.theta_rad - case.theta_rad - trial.dtheta_rad
-    return abs(math.remainder(turned, period_rad(case))) <= case.tolerance_theta_rad
+    limit = case.tolerance_theta_rad
+    return limit is None or (
+        found.theta_rad is not None and abs(found.theta_rad) <= limit
+    )

@@ -10,6 +10,7 @@ from multiprocessing import get_context
 
 import pytest
 
+from featuresel.bias import BiasCurve
 from featuresel.candidates import chains
 from featuresel.case import LookCase
 from featuresel.perturb import design, image
@@ -108,6 +109,16 @@ def test_focus_range_is_wider_for_a_looser_tolerance(look: Look) -> None:
             case, ready, ("circle_caliper",), root_seed=1, draws=2, map=pool.map
         )
     assert again == wide
+
+
+def test_a_range_is_that_of_places_less_the_predicted_bias(look: Look) -> None:
+    case, chain = look("post"), ("circle_caliper",)
+    ready = prepare(case, [chain])
+    wrong = BiasCurve(
+        dz_um=(0.0,), x_um=(1.5,), y_um=(0.0,), theta_rad=None, scatter_um=(0.0,)
+    )
+    found = usable_range(case, ready, chain, root_seed=1, draws=1, curve=wrong)
+    assert found.focus_um == (0.0, 0.0)  # 1.5 um off where 1 is allowed
 
 
 def test_a_routine_that_never_answers_has_no_range(look: Look) -> None:
