@@ -196,7 +196,8 @@ def _pattern(case: LookCase, z_um: Sequence[float]) -> FloatArray:
         _seen(focused, points, dz_um[k : k + _AT_ONCE]) @ weight
         for k in range(0, len(dz_um), _AT_ONCE)
     ]
-    return np.concatenate(strengths) / np.abs(weight).sum()
+    strength: FloatArray = np.concatenate(strengths) / np.abs(weight).sum()
+    return strength
 
 
 def _ring(case: LookCase) -> tuple[FloatArray, FloatArray]:
