@@ -10,7 +10,7 @@ import math
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 import numpy.typing as npt
@@ -18,14 +18,10 @@ import numpy.typing as npt
 from benchmarks.figures import Benchmark, Figure, Options
 from benchmarks.focus_truth import LAWS, PARTS, SENSOR, limit_um, noisy, still, sweep
 from featuresel.routines import Camera, Failure
-from featuresel.routines.focus import MEASURE
+from featuresel.routines.focus import FITS, MEASURE
 from featuresel.routines.focus_measures import MEASURES
-from featuresel.routines.focus_peak import (
-    FITS,
-    FocusPeak,
-    mirror_error_um,
-    mirror_peak,
-)
+from featuresel.routines.focus_mirror import mirror_error_um, mirror_peak
+from featuresel.routines.focus_peak import FocusPeak
 from featuresel.routines.focus_sweep import FocusCurve, Sweep, focus_curve, plan_sweep
 
 FloatArray = npt.NDArray[np.float64]
@@ -96,8 +92,10 @@ def rows(name: str, step_um: int) -> dict[tuple[str, str], Row]:
             seen = [noisy(image, rng) for image in images]
             for measure, score in MEASURES.items():
                 s = np.array([score(image, None) for image in seen])
+                known = partial(mirror_peak, noise=curve(name).noise)
                 for fit, peak in fits.items():
-                    found.setdefault((measure, fit), []).append(peak(z, s))
+                    asked = known if (measure, fit) == (MEASURE, FIT) else peak
+                    found.setdefault((measure, fit), []).append(asked(z, s))
     return {key: _row(peaks) for key, peaks in found.items()}
 
 

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+
 import numpy as np
 
 from featuresel.routines import Failure, FloatArray
 from featuresel.routines.focus_measures import MEASURES
-from featuresel.routines.focus_peak import FocusPeak, Numbers, mirror_peak
+from featuresel.routines.focus_mirror import mirror_peak
+from featuresel.routines.focus_peak import FocusPeak, Numbers, gaussian_peak
 from featuresel.routines.sampling import BoolArray
 
-__all__ = ["MEASURE", "FocusPeak", "peak", "ring_mask", "score"]
+__all__ = ["FITS", "MEASURE", "Fit", "FocusPeak", "peak", "ring_mask", "score"]
+
+Fit = Callable[[Numbers, Numbers], FocusPeak | Failure]
+FITS: Mapping[str, Fit] = {"gaussian": gaussian_peak, "mirror": mirror_peak}
 
 # One maximum under noise, most range and least error by fine steps: docs/focus.md has
 # the table.

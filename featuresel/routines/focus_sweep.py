@@ -10,7 +10,7 @@ import numpy as np
 
 from featuresel.routines import Camera, Failure, FloatArray
 from featuresel.routines.focus_measures import Measure
-from featuresel.routines.focus_peak import mirror_error_um, mirror_peak
+from featuresel.routines.focus_mirror import mirror_error_um, mirror_peak
 from featuresel.routines.sampling import BoolArray
 
 # Variance of the mirror fit over noise^2 x step x width for s = 1 / (1 + x^2), which is

@@ -11,13 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from featuresel.routines import Failure
-from featuresel.routines.focus_peak import (
-    FITS,
-    FocusPeak,
-    gaussian_peak,
-    mirror_error_um,
-    mirror_peak,
-)
+from featuresel.routines.focus import FITS
+from featuresel.routines.focus_mirror import mirror_error_um, mirror_peak
+from featuresel.routines.focus_peak import FocusPeak, gaussian_peak
 
 Fit = Callable[..., FocusPeak | Failure]
 BOTH = pytest.mark.parametrize("fit", list(FITS.values()), ids=list(FITS))

@@ -14,7 +14,8 @@ from featuresel.case import LookCase, scene
 from featuresel.nominal import nominal_render
 from featuresel.routines import Failure
 from featuresel.routines.focus_measures import tenengrad
-from featuresel.routines.focus_peak import FocusPeak, mirror_peak
+from featuresel.routines.focus_mirror import mirror_peak
+from featuresel.routines.focus_peak import FocusPeak
 from featuresel.routines.focus_sweep import (
     FocusCurve,
     Sweep,
