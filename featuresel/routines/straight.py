@@ -1,0 +1,278 @@
+"""The pose of straight edges of known place, by least squares over their lines."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from featuresel.routines import Artifact, Failure, FloatArray, Guess, LookModel, Target
+from featuresel.routines.faces import LINES_PX, Face, Found, measure_face
+from featuresel.routines.jaw_faces import calibrate, in_view
+
+Numbers = Mapping[str, float]
+Place = tuple[float, float, float]  # column, row, angle
+
+MOST_TURN_RAD = 0.5  # beyond, the stretches no longer lie on their edges
+_TURN_STEP_RAD = math.radians(3)  # `measure_face` copes with twice of it
+_ROUGH = 10  # lines an edge when the turn is looked for
+_HALF_PX = 4.0  # search once the edges are found
+_ALMOST = 0.9  # of the most lines: turns with as many are told apart by their slope
+_TRIED = 0.7  # of the search: from so far the nominal edges must be found
+_SAME_PX = 0.5  # two measurements of one edge differ by less
+_BENT_PX = 0.6  # rms about a straight line, beyond the one predicted
+_LOCKED_PX = 0.02  # edges along pixel rows share one sampling error; lines do not help
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fix:
+    """Where the target is by its straight edges."""
+
+    column: float
+    row: float
+    theta_rad: float
+    grown_px: float  # how much farther out the edges are than predicted
+    lines: float  # share of the lines that met their edges
+    spread_px: float  # of the worst axis that is known
+    spread_theta_rad: float
+
+
+def prepare_faces(
+    render: LookModel, target: Target, faces: Mapping[str, Face], *, breathes: bool
+) -> Artifact | Failure:
+    """Return the edges' numbers as seen on the nominal image.
+
+    Parameters
+    ----------
+    render : LookModel
+        The look.
+    target : Target
+        The target.
+    faces : mapping of str to Face
+        The edges in the target's frame, px; their normals may point either way.
+    breathes : bool
+        Whether all edges may be farther out than predicted, by one number: that of a
+        pair says nothing about its middle.
+
+    Returns
+    -------
+    Artifact or Failure
+        "range" if any turn is possible, "no_edge" if an edge is out of view or faint,
+        "ambiguous" if another one like it lies within the search.
+    """
+    if target.theta_range_rad > MOST_TURN_RAD:
+        return Failure(
+            code="range",
+            message=f"turns of {target.theta_range_rad:.2f} rad, at most "
+            f"{MOST_TURN_RAD}",
+        )
+    image, at = render(), (target.column, target.row, target.theta_rad)
+    parameters = {
+        "search_px": target.search_px,
+        "theta_rad": target.theta_rad,
+        "range_rad": target.theta_range_rad,
+        "breathes": float(breathes),
+    }
+    for name, whole in faces.items():
+        numbers = _seen(image, whole, at, target.search_px)
+        if numbers is None:
+            return Failure(code="no_edge", message=f"not to be seen: {name}")
+        parameters |= {f"{name}.{key}": value for key, value in numbers.items()}
+    artifact = Artifact(parameters=parameters)
+    return _rivalled(image, artifact, target) or artifact
+
+
+def measure_faces(image: FloatArray, artifact: Artifact, guess: Guess) -> Fix | Failure:
+    """Return where the edges are; fails if one is missing, bent or out of range."""
+    p = artifact.parameters
+    if min(image.shape) < 4:
+        return Failure(code="outside", message=f"an image of {image.shape} px")
+    faces = _faces(p)
+    theta = p["theta_rad"] + _rough_turn(image, faces, p, guess)
+    at = (guess.column, guess.row, theta)
+    for half_px in (p["search_px"], _HALF_PX, _HALF_PX):
+        found = {n: measure_face(image, f, at, half_px) for n, f in faces.items()}
+        seen = {name: one for name, one in found.items() if one is not None}
+        missing = [name for name in faces if name not in seen]
+        if missing:
+            return Failure(code="no_edge", message=f"not found: {', '.join(missing)}")
+        change, covariance = _solve(seen, faces, breathes=p["breathes"] > 0)
+        at = _moved(at, change)
+    return _misplaced(seen, faces, p, guess, at) or _fix(
+        at, float(change[3]), covariance, seen, faces
+    )
+
+
+def turned_round(face: Face) -> Face:
+    """Return the same edge with its normal to the other side."""
+    return Face(
+        normal=(-face.normal[0], -face.normal[1]),
+        offset_px=-face.offset_px,
+        low_px=-face.high_px,
+        high_px=-face.low_px,
+    )
+
+
+def _seen(
+    image: FloatArray, whole: Face, at: Place, search_px: float
+) -> Numbers | None:
+    """Return an edge's numbers, its normal from bright to dark; None if too faint."""
+    face = in_view(whole, image.shape, at, search_px)
+    if face is None:
+        return None
+    for way in (face, turned_round(face)):
+        numbers = calibrate(image, way, at)
+        found = None if numbers is None else measure_face(image, numbers, at, _HALF_PX)
+        if numbers is not None and found is not None:
+            return {**numbers, "rms_px": found.rms_px}
+    return None
+
+
+def _faces(p: Numbers) -> dict[str, Numbers]:
+    """Return the numbers of each edge by its name."""
+    faces: dict[str, dict[str, float]] = {}
+    for key, value in p.items():
+        name, dot, what = key.partition(".")
+        if dot:
+            faces.setdefault(name, {})[what] = value
+    return dict(faces)
+
+
+def _rivalled(image: FloatArray, artifact: Artifact, target: Target) -> Failure | None:
+    """Return the failure of edges that are mistaken for others within the search."""
+    p = artifact.parameters
+    for name, numbers in _faces(p).items():
+        turn = target.theta_rad
+        across = (
+            numbers["normal_x"] * math.cos(turn) - numbers["normal_y"] * math.sin(turn),
+            numbers["normal_x"] * math.sin(turn) + numbers["normal_y"] * math.cos(turn),
+        )
+        for share in (-_TRIED, 0.0, _TRIED):
+            off = share * target.search_px
+            at = (
+                target.column + off * across[0],
+                target.row - off * across[1],
+                target.theta_rad,
+            )
+            found = measure_face(image, numbers, at, target.search_px)
+            if found is None or abs(found.offset_px + off - numbers["offset_px"]) > (
+                _SAME_PX
+            ):
+                return Failure(
+                    code="ambiguous", message=f"{name} is not the only such edge near"
+                )
+    return None
+
+
+def _rough_turn(
+    image: FloatArray, faces: Mapping[str, Numbers], p: Numbers, guess: Guess
+) -> float:
+    """Return the turn from nominal, from the start that meets the edges squarest."""
+    count = math.ceil(p["range_rad"] / _TURN_STEP_RAD)
+    tried: list[tuple[int, float, float]] = []  # lines, slope left, turn
+    for k in range(-count, count + 1):
+        turn = k * _TURN_STEP_RAD
+        at = (guess.column, guess.row, p["theta_rad"] + turn)
+        found = [
+            measure_face(image, f, at, p["search_px"], sparse=_sparse(f))
+            for f in faces.values()
+        ]
+        seen = [one for one in found if one is not None]
+        if seen:
+            slope = float(np.mean([one.slope for one in seen]))
+            tried.append((sum(one.lines for one in seen), slope, turn - slope))
+    if not tried:
+        return 0.0
+    most = max(lines for lines, _, _ in tried)
+    return min((t for t in tried if t[0] >= _ALMOST * most), key=lambda t: abs(t[1]))[2]
+
+
+def _sparse(numbers: Numbers) -> int:
+    """Return how many lines to leave out for about `_ROUGH` to stay."""
+    return max(1, int((numbers["high_px"] - numbers["low_px"]) / LINES_PX / _ROUGH))
+
+
+def _solve(
+    found: Mapping[str, Found], faces: Mapping[str, Numbers], *, breathes: bool
+) -> tuple[FloatArray, FloatArray]:
+    """Return (x, y, turn, grown) against where the edges were sought, and covariance.
+
+    In the target's own frame, px with y up. A shift moves an edge's offset by its part
+    along the normal; a turn by t changes its slope by -t and the offset at the middle
+    of its stretch by -t times that. What no edge tells is 0.
+    """
+    rows, right, residuals = [], [], []
+    for name, one in found.items():
+        f = faces[name]
+        long = f["high_px"] - f["low_px"]
+        weight = math.sqrt(one.lines)
+        grown = float(breathes)
+        row = np.array((f["normal_x"], f["normal_y"], -one.middle_px, grown))
+        rows += [weight * row, weight * long / math.sqrt(12) * np.array((0, 0, -1, 0))]
+        right.append(weight * (one.offset_px - f["offset_px"]))
+        right.append(weight * long / math.sqrt(12) * (one.slope - f["slope"]))
+        residuals.append(one.rms_px**2)
+    design = np.array(rows)
+    inverse = np.linalg.pinv(design.T @ design, rcond=1e-10, hermitian=True)
+    change: FloatArray = inverse @ (design.T @ np.array(right))
+    covariance = np.asarray(inverse * float(np.mean(residuals)), dtype=np.float64)
+    return change, covariance
+
+
+def _moved(at: Place, change: FloatArray) -> Place:
+    """Return the place after a change in the target's own frame."""
+    dx, dy, turn = (float(v) for v in change[:3])
+    c, s = math.cos(at[2]), math.sin(at[2])
+    return (at[0] + c * dx - s * dy, at[1] - s * dx - c * dy, at[2] + turn)
+
+
+def _fix(
+    at: Place,
+    grown_px: float,
+    covariance: FloatArray,
+    found: Mapping[str, Found],
+    faces: Mapping[str, Numbers],
+) -> Fix:
+    """Return the answer."""
+    lines = sum(
+        max(1.0, (f["high_px"] - f["low_px"]) / LINES_PX) for f in faces.values()
+    )
+    met = sum(one.lines for one in found.values())
+    spread = math.sqrt(float(np.linalg.eigvalsh(covariance[:2, :2])[-1]))
+    long = max(f["high_px"] - f["low_px"] for f in faces.values())
+    return Fix(
+        column=at[0],
+        row=at[1],
+        theta_rad=math.remainder(at[2], 2 * math.pi),
+        grown_px=grown_px,
+        lines=min(1.0, met / lines),
+        spread_px=math.hypot(spread, _LOCKED_PX),
+        # an error of one sampling that runs from one end of the edge to the other
+        spread_theta_rad=math.hypot(
+            math.sqrt(float(covariance[2, 2])), _LOCKED_PX / long
+        ),
+    )
+
+
+def _misplaced(
+    found: Mapping[str, Found],
+    faces: Mapping[str, Numbers],
+    p: Numbers,
+    guess: Guess,
+    at: Place,
+) -> Failure | None:
+    """Return why the edges cannot be the target's, if they cannot."""
+    for name, one in found.items():
+        if one.rms_px > _BENT_PX + faces[name]["rms_px"]:
+            return Failure(
+                code="not_straight", message=f"{name} strays by {one.rms_px:.2f} px"
+            )
+    moved = math.hypot(at[0] - guess.column, at[1] - guess.row)
+    if moved > 1.5 * p["search_px"] + 2:
+        return Failure(code="outside", message=f"{moved:.1f} px from the guess")
+    turned = abs(math.remainder(at[2] - p["theta_rad"], 2 * math.pi))
+    if turned > p["range_rad"] * 1.2 + 0.01:
+        return Failure(code="outside", message=f"turned by {turned:.3f} rad")
+    return None
