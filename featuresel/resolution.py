@@ -91,13 +91,13 @@ def spurious_um(case: LookCase) -> float:
     pitch = math.pi * (ring["outer_um"] + ring["root_um"]) / ring["count"]
     farthest = _SCANNED * _GRATING * pitch / scope.blur_diameter_um(1.0)
     places = np.linspace(0, farthest, _STEPS + 1)
-    values = contrast(case, places.tolist())
-    turned = np.flatnonzero(values < 0)
-    if not turned.size:
-        return math.inf
-    low, high = places[turned[0] - 1], places[turned[0]]
-    fine = np.linspace(low, high, 5)
-    return _zero(fine, contrast(case, fine.tolist()))
+    for k in range(0, _STEPS, _AT_ONCE):
+        values = contrast(case, places[k : k + _AT_ONCE + 1].tolist())
+        if (values < 0).any():
+            turned = k + int(np.flatnonzero(values < 0)[0])
+            fine = np.linspace(places[turned - 1], places[turned], 5)
+            return _zero(fine, contrast(case, fine.tolist()))
+    return math.inf
 
 
 def limit_curve(case: LookCase, name: str, names: Sequence[str]) -> Curve:

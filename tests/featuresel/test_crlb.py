@@ -222,7 +222,7 @@ def test_one_circle_is_blind_to_theta_and_in_focus_to_z(look: Look) -> None:
     assert limits(case, Setting(dz_um=0.3))["z"] < BLIND
 
 
-@pytest.mark.parametrize("turn_rad", [0.0, math.pi / 2, 0.4])
+@pytest.mark.parametrize("turn_rad", [0.0, 0.4])
 def test_one_straight_edge_is_blind_along_itself(look: Look, turn_rad: float) -> None:
     found = limits(edge(look, turn_rad), names=("x", "y", "theta"))
     across = abs(math.cos(turn_rad)), abs(math.sin(turn_rad))
@@ -277,9 +277,8 @@ def test_masked_pixels_tell_nothing(look: Look) -> None:
 
 
 def test_occluders_take_what_they_hide(look: Look) -> None:
-    names = ("x", "theta")
-    free, held = (limits(look(name), names=names) for name in ("find_gear", "between"))
-    assert all(held[name] > free[name] for name in names)
+    free, held = (limits(look(n), names=("x",)) for n in ("find_gear", "between"))
+    assert held["x"] > 1.1 * free["x"]
 
 
 def test_pair_about_focus_knows_z_from_both_sides(look: Look) -> None:
