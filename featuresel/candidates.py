@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from featuresel.routines import REGISTRY, Known, Routine, Target, load
@@ -11,8 +11,11 @@ from featuresel.routines import REGISTRY, Known, Routine, Target, load
 Chain = tuple[str, ...]
 
 MOST_CHAINS = 16  # a target: every chain is tried on every trial's image
-_LED = 2  # chains that lead to a routine that needs a start
 _ANGLES = 3  # places that a routine for the angle alone is tried behind
+_SPECIAL = 2  # kinds of target that a special routine looks for, at most
+# px; a threshold's centroid is good to .5 px, three times that has to fit: what
+# captures less needs a finer start than routines that search give
+_SEEDED_PX = 1.5
 
 # lengths from the reference point that an angle acts on, first found first used
 _LEVERS = ("outer_um", "radius_um", "extent_um", "reach_um", "length_um", "opening_um")
@@ -32,9 +35,11 @@ def chains(
        decide whether it is needed.
     3. Each routine that needs a start, from coarse to fine: at the nominal place if
        that is sure to be within its capture range, else behind the cheapest chain that
-       gives what it needs, and behind the finest one.
-    4. Until there are `MOST_CHAINS`: a searching routine behind another, the cheapest
-       first, or a cheap one behind one that searches angles too.
+       gives what it needs, with the angle if it gives one too.
+    4. Those of step 3 that give the angle too, if there is one, behind a second chain,
+       which begins with another routine.
+    5. A special routine of step 1 behind the cheapest two that look for more kinds of
+       target: it starts nearer, and on the right thing.
 
     Parameters
     ----------
@@ -104,72 +109,82 @@ class _Plan:
     def chains(self, names: Sequence[str]) -> tuple[Chain, ...]:
         """Return the chains made of `names`, in the order that `chains` states."""
         seeds = [n for n in names if not load(n).NEEDS and "xy" in load(n).GIVES]
-        found: list[Chain] = [(name,) for name in seeds]
-        pairs = self._pairs(seeds)
         rest = [name for name in names if name not in seeds]
         rest.sort(key=lambda name: (-load(name).CAPTURE_PX, name))  # coarse to fine
+        found: list[Chain] = [(name,) for name in seeds]
+        pairs = self._pairs(seeds)
         for name in (n for n in rest if "xy" not in load(n).GIVES):
-            found += self.leading_to(name, found + pairs)
+            found += self._turned(name, found + pairs)
+        wanted = {"xy", "theta"} if has_angle(self.target) else {"xy"}
+        second: list[Chain] = []
         for name in (n for n in rest if "xy" in load(n).GIVES):
-            found += self.leading_to(name, found)
-        return tuple(dict.fromkeys(found + pairs))
+            first, *others = self.leading_to(name, found) or [()]
+            found += [first] if first else []
+            if wanted <= set(load(name).GIVES):
+                second += [c for c in others if c[0] != first[0]][:1]
+        return tuple(dict.fromkeys(found + second + pairs))
 
     def leading_to(self, name: str, before: Sequence[Chain]) -> list[Chain]:
-        """Return the chains that end in `name`, each behind one of `before`."""
+        """Return the chains that end in `name`, each behind one of `before`.
+
+        The likeliest first, which are the cheapest, those with an angle before others.
+        """
         routine = load(name)
-        missing = self._missing(routine)
-        if not missing and "xy" in routine.GIVES:
+        missing = self._missing(routine.NEEDS, routine.CAPTURE_PX)
+        if not missing:
             return [(name,)]
-        missing |= set() if "xy" in routine.GIVES else {"xy"}
         able = [c for c in before if missing <= self._given(c) and name not in c]
-        able.sort(key=self._dearness)
-        if "xy" not in routine.GIVES:  # the place stays that of the chain before it
-            lacking = [c for c in able if not set(routine.GIVES) <= self._given(c)]
-            return [(*chain, name) for chain in lacking[:_ANGLES]]
-        # behind the finest one as well: only that may fit into a narrow capture range
-        fine = sorted(able, key=lambda chain: (self._capture_px(chain),))[:1]
-        order = dict.fromkeys(able[:1] + fine + able[1:])
-        return [(*chain, name) for chain in list(order)[:_LED]]
+        if routine.CAPTURE_PX < _SEEDED_PX:
+            fine = [c for c in able if math.isfinite(self._capture_px(c))]
+            able = fine or able
+        if "theta" in routine.GIVES and self._missing(("theta",), routine.CAPTURE_PX):
+            turned = [c for c in able if "theta" in self._given(c)]
+            able = self._by_price(turned) + self._by_price(set(able) - set(turned))
+        else:
+            able = self._by_price(able)
+        return [(*chain, name) for chain in able]
+
+    def _turned(self, name: str, before: Sequence[Chain]) -> list[Chain]:
+        """Return the chains that end in a routine for the angle alone."""
+        lacking = [c for c in before if not set(load(name).GIVES) <= self._given(c)]
+        return [(*chain, name) for chain in self._by_price(lacking)[:_ANGLES]]
 
     def _pairs(self, seeds: Sequence[str]) -> list[Chain]:
-        """Return searching routines behind one another; `seeds` are cheapest first.
+        """Return special routines behind the two cheapest of the more general ones."""
+        return [
+            (first, then)
+            for then in seeds
+            if _kinds(then) <= _SPECIAL
+            for first in [n for n in seeds if _kinds(n) > _kinds(then)][:2]
+        ]
 
-        The cheapest one starts any other. A dearer one that searches angles too starts
-        a cheaper one that gives as much, or any but the cheapest, which has no use for
-        a start.
-        """
-        starts: list[Chain] = [(seeds[0], name) for name in seeds[1:]]
-        for k, name in enumerate(seeds):
-            gives = set(load(name).GIVES)
-            wide = [n for n in seeds[k + 1 :] if "theta" in load(n).GIVES]
-            if wide and (k > 0 or gives >= set(load(wide[0]).GIVES)):
-                starts.append((wide[0], name))
-        return starts
-
-    def _missing(self, routine: Routine) -> set[Known]:
-        """Return what the routine needs and the nominal pose does not give."""
+    def _missing(self, needs: Sequence[Known], capture_px: float) -> set[Known]:
+        """Return what of `needs` the nominal pose does not give."""
         reach = {
             "xy": self.target.search_px,
             "theta": self.target.theta_range_rad * _lever_px(self.target),
         }
-        return {
-            known
-            for known in routine.NEEDS
-            if reach.get(known, math.inf) > routine.CAPTURE_PX
-        }
+        return {known for known in needs if reach.get(known, math.inf) > capture_px}
 
     def _given(self, chain: Chain) -> set[Known]:
         """Return what the chain's routines give together."""
         return {known for name in chain for known in load(name).GIVES}
 
-    def _dearness(self, chain: Chain) -> tuple[float, int, Chain]:
-        """Return what orders chains by price, then length, then name."""
-        return (sum(self.price[name] for name in chain), len(chain), chain)
+    def _by_price(self, chains: Iterable[Chain]) -> list[Chain]:
+        """Return chains by price, then length, then name."""
+        return sorted(
+            chains, key=lambda c: (sum(self.price[name] for name in c), len(c), c)
+        )
 
     def _capture_px(self, chain: Chain) -> float:
         """Return the capture range of the last routine that gives the place."""
         placing = [name for name in chain if "xy" in load(name).GIVES]
         return load(placing[-1]).CAPTURE_PX
+
+
+def _kinds(name: str) -> int:
+    """Return how many kinds of target a routine looks for."""
+    return len(load(name).KINDS)
 
 
 def _assumed_cost(routine: Routine) -> float:
