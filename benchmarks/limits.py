@@ -13,6 +13,7 @@ from featuresel.information import limit
 from featuresel.nuisances import prices
 from featuresel.resolution import contrast, depth_of_field, limit_curve, spurious_um
 from featuresel.sensitivity import LIGHT, POSE, Sensitivities, Setting, sensitivities
+from optics.scene import Window
 from tests.featuresel.conftest import find_gear, post_alone
 
 HEIGHTS = (0.0, 0.3, 10.0, 25.0, 50.0)
@@ -58,9 +59,13 @@ def pair_nm() -> float:
     return 1e3 * limit(below.without(LIGHT) + above.without(LIGHT))["z"]
 
 
-def light_prices() -> dict[str, float]:
+def light_prices(side_px: int) -> dict[str, float]:
     """Return what light terms cost at 25 um, zoom and gain being unknown anyway."""
-    told = fisher(slopes(25.0), camera_of(gear()))
+    first = (320 - side_px // 2, 240 - side_px // 2)
+    window = Window(row=first[1], column=first[0], rows=side_px, columns=side_px)
+    case = replace(gear(), window=window)
+    seen = sensitivities(case, Setting(dz_um=25.0), POSE + LIGHT)
+    told = fisher(seen, camera_of(case))
     return prices(told, POSE[:4], free=("zoom", "gain"), extra=LIGHT[1:])
 
 
@@ -68,7 +73,8 @@ def _lines() -> Iterator[str]:
     for z_um in HEIGHTS:
         yield f"z {z_um}: " + ", ".join(f"{value:.3g}" for value in row(z_um))
     yield f"z from a pair: {pair_nm():.2f} nm"
-    yield f"prices at 25 um: {light_prices()}"
+    for side in (200, 116):
+        yield f"prices at 25 um in {side} px: {light_prices(side)}"
     for law in ("exact", "hopkins"):
         yield f"spurious, {law}: {spurious_um(replace(gear(), model=law)):.2f} um"
     for name, case in (("gear", gear()), ("post", post_alone())):

@@ -21,6 +21,7 @@ from featuresel.sensitivity import (
     Setting,
     sensitivities,
 )
+from optics.lens import LensErrors
 from optics.microscope import Microscope
 from optics.otf import hopkins
 from optics.outline import Outline, Ring, Segment
@@ -334,3 +335,16 @@ def test_blind_looks_have_no_informative_pixels(look: Look) -> None:
         informative(seen, camera_of(case), ("z",), share=0.0)
     with pytest.raises(KeyError, match="theta"):
         informative(seen, camera_of(case), ("theta",))
+
+
+def test_lens_that_shifts_with_focus_hides_the_place_until_z_is_known(
+    look: Look,
+) -> None:
+    case = replace(small(look), lens=LensErrors(lateral_x=0.01))
+    told = fisher(sensitivities(case, names=("x", "y", "z")), camera_of(case))
+    assert limit(told)["x"] == limit(told)["z"] == BLIND
+    alone = limit(told.only(("x", "y")))
+    assert limit(told)["y"] == pytest.approx(alone["y"], rel=1e-3)
+    # z known to 1 um is x known to .01 um
+    known = limit(told.with_prior({"z": 1.0}))["x"]
+    assert known == pytest.approx(math.hypot(alone["x"], 0.01), rel=1e-3)
