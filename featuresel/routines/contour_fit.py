@@ -8,10 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from featuresel.routines import Failure, FloatArray
+from featuresel.routines import Failure, FloatArray, work
 from featuresel.routines.contour_model import turned
 from featuresel.routines.contour_search import Pose
-from featuresel.routines.sampling import Edges, find_edges, line_samples, median
+from featuresel.routines.sampling import (
+    Edges,
+    edge_kernel,
+    find_edges,
+    line_samples,
+    median,
+)
 
 BoolArray = npt.NDArray[np.bool_]
 
@@ -85,6 +91,17 @@ def fit(image: FloatArray, lines: Lines, start: Pose) -> Fit | Failure:
         spread_theta_rad=math.sqrt(float(variance[2])),
         used=float(used.sum() / in_view.sum()),
     )
+
+
+def fit_work(lines: Lines) -> float:
+    """Return the work of one fit, see `Routine.cost`."""
+    count, kernel = len(lines.points), len(edge_kernel(lines.width_px))
+    total = 0.0
+    for least_px in (_FIRST_PX, _LATER_PX):
+        half_px = max(least_px, _WIDER * lines.width_px)
+        length = len(line_samples(half_px, lines.width_px))
+        total += work.edges(count, length, kernel) + 6 * work.CALLS
+    return total
 
 
 def cast(

@@ -8,7 +8,6 @@ from collections.abc import Mapping
 import numpy as np
 
 from featuresel.routines import (
-    FRAME_PX,
     Artifact,
     Failure,
     FloatArray,
@@ -20,16 +19,19 @@ from featuresel.routines import (
     TargetKind,
 )
 from featuresel.routines.contour_calibrate import SHRINKS, calibrated, coarsest, floor
-from featuresel.routines.contour_fit import Fit, Lines, fit
+from featuresel.routines.contour_fit import Fit, Lines, fit, fit_work
 from featuresel.routines.contour_model import ROUND, Model, build, rim_px
 from featuresel.routines.contour_search import (
     Field,
     Pose,
     climb,
+    climb_work,
     field,
+    field_work,
     gradient_noise,
     score,
     search,
+    search_work,
 )
 from featuresel.routines.contour_turns import choose_turn
 from featuresel.routines.polarity import predict
@@ -51,6 +53,7 @@ _BREAKING = 3  # points that tell turns apart, at least
 _NO_TURN_RAD = 1e-3  # below this range the angle is not searched
 _SCALE_OFF = 0.05  # zoom errors stay below 2 %; what is farther off is another thing
 _NOISES = 3.0  # standard deviations of noise below which a gradient has no direction
+_TURN = 0.03  # work of trying one turn of the symmetry
 
 
 def prepare(render: LookModel, target: Target) -> Artifact | Failure:
@@ -120,13 +123,18 @@ def measure(
 def cost(artifact: Artifact, pixels: int) -> float:
     """Return the work of one `measure`, see `featuresel.routines.Routine`."""
     p = artifact.parameters
-    size = len(artifact.arrays["points"])
-    shifts = (2 * math.ceil(p["search_px"] / p["shrink"]) + 1) ** 2
-    looked_up = (
-        size * shifts * len(_angles(p, artifact.arrays["points"].astype(np.float64)))
-    )
-    # gradients of three levels, one look-up in the search, and lines of the fit
-    return 6 * pixels / FRAME_PX + looked_up * 3e-6 + size * 0.02
+    points = artifact.arrays["points"].astype(np.float64)
+    levels = [s for s in SHRINKS if s <= p["shrink"]]
+    angles = len(_angles(p, points))
+    shifts = 2 * math.ceil((p["search_px"] + 1) / p["shrink"]) + 1
+    total = search_work(len(points), angles, shifts**2)
+    total += (len(levels) - 1) * climb_work(len(points), turns=angles > 1)
+    total += sum(field_work(pixels / s**2) for s in levels) + field_work(pixels)
+    if p["turns"] and p["order"] != 1:
+        breaking = float(artifact.arrays["breaking"].sum())
+        turned = p["order"] or 4 * math.pi * rim_px(points)
+        total += turned * (_TURN + search_work(breaking, 1, 1))
+    return total + fit_work(_lines(artifact, points))
 
 
 def _turns(model: Model, target: Target) -> bool:

@@ -16,12 +16,15 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from featuresel.routines import FloatArray
+from featuresel.routines import FloatArray, work
 from featuresel.routines.contour_model import turned
 
 Float32Array = npt.NDArray[np.float32]
 
 _SMOOTH_PX = 0.8  # before gradients are taken, px of the level
+_DIRECTION = 6e-5  # work of one sample of a field
+_ANGLE = 0.05  # of one angle, however few points are turned
+_LOOKED_UP = 8e-6  # of one point at one pose
 _TRIED = 6  # best poses of the coarsest level that are followed
 _WORTH = 0.7  # of the best score there: what is less is not followed
 
@@ -164,6 +167,21 @@ def climb(
         theta_rad=float(angles[a]),
         score=float(scores[a, j, i]),
     )
+
+
+def field_work(pixels: float) -> float:
+    """Return the work of one field of `pixels` samples, see `Routine.cost`."""
+    return work.CALLS / 2 + _DIRECTION * pixels
+
+
+def search_work(points: float, angles: float, shifts: float) -> float:
+    """Return the work of scoring so many poses."""
+    return angles * (_ANGLE + _LOOKED_UP * points * shifts)
+
+
+def climb_work(points: float, *, turns: bool) -> float:
+    """Return the work of climbing from all poses that are followed, one level."""
+    return _TRIED * (work.CALLS / 4 + search_work(points, 5 if turns else 1, 25))
 
 
 def scan(

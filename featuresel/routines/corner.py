@@ -16,7 +16,7 @@ from featuresel.routines import (
     TargetKind,
 )
 from featuresel.routines.faces import Face
-from featuresel.routines.straight import measure_faces, prepare_faces
+from featuresel.routines.straight import faces_work, measure_faces, prepare_faces
 
 NAME = "corner"
 VERSION = "1"
@@ -63,9 +63,9 @@ def measure(
     )
 
 
-def cost(_artifact: Artifact, _pixels: int) -> float:
+def cost(artifact: Artifact, _pixels: int) -> float:
     """Return the work of one `measure`, see `featuresel.routines.Routine`."""
-    return 4.0
+    return faces_work(artifact)
 
 
 def _leg(along_rad: float, near_px: float, far_px: float) -> Face:

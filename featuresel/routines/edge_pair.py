@@ -19,7 +19,7 @@ from featuresel.routines import (
     TargetKind,
 )
 from featuresel.routines.faces import Face
-from featuresel.routines.straight import measure_faces, prepare_faces
+from featuresel.routines.straight import faces_work, measure_faces, prepare_faces
 
 NAME = "edge_pair"
 VERSION = "1"
@@ -77,6 +77,6 @@ def measure(
     )
 
 
-def cost(_artifact: Artifact, _pixels: int) -> float:
+def cost(artifact: Artifact, _pixels: int) -> float:
     """Return the work of one `measure`, see `featuresel.routines.Routine`."""
-    return 4.0
+    return faces_work(artifact)

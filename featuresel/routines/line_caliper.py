@@ -16,7 +16,7 @@ from featuresel.routines import (
     TargetKind,
 )
 from featuresel.routines.faces import Face
-from featuresel.routines.straight import measure_faces, prepare_faces
+from featuresel.routines.straight import faces_work, measure_faces, prepare_faces
 
 NAME = "line_caliper"
 VERSION = "1"
@@ -57,6 +57,6 @@ def measure(
     )
 
 
-def cost(_artifact: Artifact, _pixels: int) -> float:
+def cost(artifact: Artifact, _pixels: int) -> float:
     """Return the work of one `measure`, see `featuresel.routines.Routine`."""
-    return 2.0
+    return faces_work(artifact)

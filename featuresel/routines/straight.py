@@ -8,9 +8,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from featuresel.routines import Artifact, Failure, FloatArray, Guess, LookModel, Target
+from featuresel.routines import (
+    Artifact,
+    Failure,
+    FloatArray,
+    Guess,
+    LookModel,
+    Target,
+    work,
+)
 from featuresel.routines.faces import LINES_PX, Face, Found, measure_face
 from featuresel.routines.jaw_faces import calibrate, in_view
+from featuresel.routines.sampling import edge_kernel, line_samples
 
 Numbers = Mapping[str, float]
 Place = tuple[float, float, float]  # column, row, angle
@@ -23,6 +32,7 @@ _ALMOST = 0.9  # of the most lines: turns with as many are told apart by their s
 _TRIED = 0.7  # of the search: from so far the nominal edges must be found
 _SAME_PX = 0.5  # two measurements of one edge differ by less
 _BENT_PX = 0.6  # rms about a straight line, beyond the one predicted
+_LINE = 2.0  # work of the line through an edge, in calls
 _LOCKED_PX = 0.02  # edges along pixel rows share one sampling error; lines do not help
 
 
@@ -103,6 +113,24 @@ def measure_faces(image: FloatArray, artifact: Artifact, guess: Guess) -> Fix | 
     return _misplaced(seen, faces, p, guess, at) or _fix(
         at, float(change[3]), covariance, seen, faces
     )
+
+
+def faces_work(artifact: Artifact) -> float:
+    """Return the work of `measure_faces`, see `Routine.cost`."""
+    p = artifact.parameters
+    turns = 2 * math.ceil(p["range_rad"] / _TURN_STEP_RAD) + 1
+    total = 0.0
+    for face in _faces(p).values():
+        lines = (face["high_px"] - face["low_px"]) / LINES_PX
+        kernel = len(edge_kernel(face["width_px"]))
+        wide, narrow = (
+            len(line_samples(half_px, face["width_px"]))
+            for half_px in (p["search_px"], _HALF_PX)
+        )
+        rough = work.edges(lines / _sparse(face), wide, kernel)
+        total += (turns + 1) * (rough + _LINE * work.CALLS)
+        total += work.edges(lines, wide, kernel) + 2 * work.edges(lines, narrow, kernel)
+    return total
 
 
 def turned_round(face: Face) -> Face:
