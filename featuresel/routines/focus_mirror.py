@@ -128,11 +128,12 @@ def _mirror(z: FloatArray, u: FloatArray, left: float, right: float) -> _Mirror 
     """Return the mirror between two ends by Gauss and Newton's steps, None if none."""
     reach, spline = (right - left) / 2, _spline(z)
     away = reach * (np.arange(_PAIRS) + 0.5) / _PAIRS
+    least = float(np.abs(u).min()) / 2  # a spline may rise above 0 between stops
     top = (left + right) / 2
     for _ in range(_STEPS):
         ahead, ahead_slope = _at(z, spline, top + away)
         behind, behind_slope = _at(z, spline, top - away)
-        weight = 2 / np.abs((ahead + behind) @ u)[:, None]
+        weight = 1 / np.maximum(-(ahead + behind) @ u / 2, least)[:, None]
         rows = (ahead - behind) * weight
         r, slope = rows @ u, (ahead_slope - behind_slope) * weight @ u
         move = -float(r @ slope) / float(slope @ slope)
