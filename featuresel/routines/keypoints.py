@@ -24,7 +24,7 @@ from featuresel.routines import (
     Target,
     TargetKind,
 )
-from featuresel.routines.extent import cut, half_px
+from featuresel.routines.extent import half_px
 
 NAME = "keypoints"
 VERSION = "1"
@@ -53,16 +53,15 @@ def prepare(render: Render, target: Target) -> Artifact | Failure:
         return Failure(
             code="outside", message=f"{min(half)} px between target and border"
         )
-    part = cut(image, target, half)
-    if float(np.ptp(part)) < _FAINT:
-        return Failure(code="no_contrast", message="the template is blank")
-    points, descriptors = _describe(part)
-    if len(points) < _FEWEST:
+    if float(np.ptp(image)) < _FAINT:
+        return Failure(code="no_contrast", message="the look is blank")
+    points, descriptors = _describe(image)
+    away = points - np.array((target.column, target.row))
+    own = (np.abs(away) <= np.array(half)).all(axis=1)
+    if own.sum() < _FEWEST:
         return Failure(
-            code="few_points", message=f"{len(points)} keypoints, at least {_FEWEST}"
+            code="few_points", message=f"{own.sum()} keypoints, at least {_FEWEST}"
         )
-    middle = np.array((round(target.column), round(target.row))) - np.array(half)
-    away = points + middle - np.array((target.column, target.row))
     return Artifact(
         parameters={
             "theta_rad": target.theta_rad,
@@ -70,8 +69,8 @@ def prepare(render: Render, target: Target) -> Artifact | Failure:
             "search_px": target.search_px,
         },
         arrays={
-            "points": away.astype(np.float32),
-            "descriptors": descriptors.astype(np.float32),  # bytes: kept exactly
+            "points": away[own].astype(np.float32),
+            "descriptors": descriptors[own].astype(np.float32),  # bytes: kept exactly
         },
     )
 

@@ -34,7 +34,7 @@ NEEDS: tuple[Known, ...] = ()
 CAPTURE_PX = math.inf
 CONTROL = True
 
-_LEAST_RESPONSE = 0.03  # share of the power in the peak; noise alone leaves .02
+_LEAST_RESPONSE = 0.3  # share of the power near the peak; noise leaves a third
 _FAINT = 0.01  # standard deviation below which an image shows nothing
 _TRANSFORMS = 1.8  # its work over that of correlation by size
 _SPREAD_PX = 0.5  # a centroid of 5 x 5 values of a peak that blur has widened
