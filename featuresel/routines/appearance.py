@@ -1,6 +1,6 @@
 """How a target looks at any place, turn, focus and zoom: planes made once, then read.
 
-Only cells of the template that tell the pose, or in patches the light, are kept.
+Only cells of the template that tell the pose are kept.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from featuresel.routines import Artifact, FloatArray, LookModel, Target
-from featuresel.routines.informative import informative_cells
+from featuresel.routines.informative import informative
 from featuresel.routines.spline import (
     Basis,
     basis,
@@ -40,6 +40,7 @@ _MOST_BITS = 20  # that 32-bit floats hold exactly, and to spare
 _MARGIN_PX = 6.0  # around the target, beyond its blur
 _FINGER = 0.3  # of a finger's width, taken in beside the opening
 _BEHIND = 1.3  # of the way from grip to tips, taken in on both sides of the grip
+_WANTED = 3  # column, row and turn keep their limits; focus and zoom come with them
 _SUPPORT = 2  # cells around one that a cubic spline needs
 
 
@@ -108,12 +109,12 @@ class Appearance:
         inside &= y <= self.shape[0] - 1
         nearest = np.rint(np.where(inside, y, 0)).astype(np.intp) * self.shape[1]
         nearest += np.rint(np.where(inside, x, 0)).astype(np.intp)
-        good = inside & (self.uses[nearest] >> self._bit(pose.z_um) & 1 > 0)
+        good = inside & (self.uses[nearest] & self._bits(pose.z_um) > 0)
         return flat_columns[good], flat_rows[good]
 
     def some_cells(self, z_um: float, count: int) -> IntArray:
         """Return about `count` of the cells that are worth comparing at a focus."""
-        cells = np.flatnonzero(self.uses >> self._bit(z_um) & 1)
+        cells = np.flatnonzero(self.uses & self._bits(z_um))
         return cells[:: max(1, len(cells) // count)]
 
     def pixels_at(
@@ -128,12 +129,13 @@ class Appearance:
         good = (columns >= 0) & (columns < shape[1]) & (rows >= 0) & (rows < shape[0])
         return columns[good], rows[good]
 
-    def _bit(self, z_um: float) -> int:
-        """Return which of the heights that `uses` tells apart is nearest."""
+    def _bits(self, z_um: float) -> int:
+        """Return the bits of the two heights about a focus that `uses` tells apart."""
         low_um = 0.0 if self.is_even else self.first_um
         place = (abs(z_um) if self.is_even else z_um) - low_um
         share = place / (self.reach_um + _BEYOND * self.step_um - low_um)
-        return min(max(round(share * (self.bits - 1)), 0), self.bits - 1)
+        lower = min(max(math.floor(share * (self.bits - 1)), 0), self.bits - 2)
+        return 3 << lower
 
     def value(self, pose: Pose, columns: IntArray, rows: IntArray) -> FloatArray:
         """Return the target's light at pixels (N,)."""
@@ -370,18 +372,32 @@ def _stops(
 
 
 def _used(
-    light: FloatArray, depths: FloatArray, model: LookModel, artifact: _Grid
+    light: FloatArray, depths: FloatArray, model: LookModel, grid: _Grid
 ) -> BoolArray:
-    """Return cells worth comparing; none so near the border that support is missing."""
-    over = artifact.over
-    down, across = (over * np.gradient(light, axis=axis) for axis in (1, 2))
+    """Return cells worth comparing; none so near the border that support is missing.
+
+    One cell of a pixel's width stands for its neighbours.
+    """
+    over = grid.over
     rows, columns = light.shape[1:]
-    v, u = np.mgrid[0:rows, 0:columns].astype(np.float64)
-    u, v = u - artifact.middle[0], v - artifact.middle[1]
-    slopes = [across, down, across * v - down * u]
-    if len(depths) > 1:
-        slopes.append(np.gradient(light, depths, axis=0))
-    used = informative_cells(light, model.camera, over=over, gradient=tuple(slopes))
+    first = over // 2
+    v, u = np.mgrid[first:rows:over, first:columns:over].astype(np.float64)
+    u, v = u - grid.middle[0], v - grid.middle[1]
+    down, across = (
+        over * np.gradient(light, axis=axis)[:, first::over, first::over]
+        for axis in (1, 2)
+    )
+    seen = light[:, first::over, first::over]
+    focus = np.gradient(seen, depths, axis=0) if len(depths) > 1 else 0 * seen
+    used = np.zeros(light.shape, dtype=bool)
+    for k, mean in enumerate(seen):
+        turn, grow = across[k] * v - down[k] * u, across[k] * u + down[k] * v
+        rest = (focus[k], grow, mean, mean * u, mean * v)
+        slopes = np.stack((across[k], down[k], turn, *rest))
+        told = informative(mean, slopes, model.camera, wanted=_WANTED)
+        block = told.repeat(over, axis=0).repeat(over, axis=1)
+        block = block[:rows, :columns]
+        used[k, : block.shape[0], : block.shape[1]] = block
     inner = np.zeros_like(used)
     edge = _SUPPORT + 2
     inner[:, edge:-edge, edge:-edge] = True

@@ -16,7 +16,7 @@ BoolArray = npt.NDArray[np.bool_]
 IntArray = npt.NDArray[np.intp]
 
 FEWEST = 40  # pixels
-REJECT = 8.0  # deviations beyond which a pixel is not the target's
+REJECT = 12.0  # deviations beyond which a pixel is not the target's
 _SOME = 400  # pixels, enough to tell a wrong start
 _LOOSE = 3.0  # times the spread, that focus and zoom are held to: images tell more
 _CLEAR = 0.02  # share of the target's light that must come through

@@ -1,63 +1,89 @@
-"""Which cells of a template tell the target's pose, and which the light."""
+"""Which pixels of a template are worth comparing: few that tell nearly as much."""
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 
 from featuresel.routines import Camera, FloatArray
 
 BoolArray = npt.NDArray[np.bool_]
+IntArray = npt.NDArray[np.intp]
 
-SHARE = 0.98  # of the information about each number, that is kept
-_PATCH_PX = 12.0  # between patches that tell the light: 2 % of all pixels
-_PATCH_RADIUS_PX = 1.0
+LOSS = 1.02  # of the limits by leaving pixels out: 2 % of a standard deviation
+_WEAK = 1e-10  # of the strongest direction: what is weaker is not told at all
+_NEAR_PX = 1.0  # standard deviation of what counts as near
+_ROUNDS = 2  # of ranking: what a pixel tells depends on what else is taken
 
 
-def informative_cells(
-    stack: FloatArray, camera: Camera, *, over: int, gradient: tuple[FloatArray, ...]
+def informative(
+    mean: FloatArray, slopes: FloatArray, camera: Camera, *, wanted: int
 ) -> BoolArray:
-    """Return at each height the fewest cells that hold `SHARE` of the information.
-
-    Small patches all over the template, which tell the light, come with them.
+    """Return few pixels whose Cramer-Rao limits are nearly those of all.
 
     Parameters
     ----------
-    stack : (K, rows, columns) float array
-        The light that pixels collect at K focus heights.
+    mean : (rows, columns) float array
+        Light of the pixels, 0..1 of full scale.
+    slopes : (P, rows, columns) float array
+        What they change by with each number that the fit leaves free.
     camera : Camera
-        Its noise is what the information is measured by.
-    over : int
-        Samples per pixel.
-    gradient : tuple of (K, rows, columns) arrays
-        What the light changes by with each number wanted.
+        Its noise.
+    wanted : int
+        How many of the numbers, the first, must keep their limits within `LOSS`.
 
     Returns
     -------
-    (K, rows, columns) bool array
-        Cells that are worth comparing at each height.
+    (rows, columns) bool array
+        Pixels are taken in falling order of what they and their neighbours tell about
+        the numbers wanted, all others being unknown. Neighbours, because the pixels of
+        an image do not lie where the template's do.
+
+    Notes
+    -----
+    The influence of a pixel on an estimate is a row of F^-1 times its slopes; its
+    square over the variance is the pixel's part of 1 / limit**2.
     """
-    weight = 1 / camera.variance(stack)
-    used = np.repeat(_patches(stack.shape[1:], over)[None], len(stack), axis=0)
-    for slope in gradient:
-        for k, density in enumerate(slope**2 * weight):
-            used[k] |= _fewest(density)
-    return used
+    scores = (slopes / np.sqrt(camera.variance(mean))).reshape(len(slopes), -1)
+    scale = np.sqrt((scores**2).sum(axis=1))
+    scores = scores / np.where(scale > 0, scale, 1.0)[:, None]
+    known = _inverse(scores)
+    goal = np.diag(known)[:wanted] * LOSS**2
+    taken: IntArray = np.arange(mean.size)
+    for _ in range(_ROUNDS):
+        influence = known[:wanted] @ scores
+        told = goal[:, None] > 0
+        rank = np.where(told, influence**2 / np.where(told, goal[:, None], 1.0), 0.0)
+        density = cv2.GaussianBlur(
+            rank.sum(axis=0).reshape(mean.shape), (0, 0), _NEAR_PX
+        )
+        order = np.argsort(-density, axis=None, kind="stable")
+        count = _fewest(scores, order, goal)
+        if count < len(taken):
+            taken = order[:count]
+        known = _inverse(scores[:, order[:count]])
+    used = np.zeros(mean.size, dtype=bool)
+    used[taken] = True
+    return used.reshape(mean.shape)
 
 
-def _fewest(density: FloatArray) -> BoolArray:
-    """Return the fewest cells that hold `SHARE` of the sum; none where it is 0."""
-    ordered = np.sort(density, axis=None)[::-1]
-    total = np.cumsum(ordered)
-    if not total[-1] > 0:
-        return np.zeros(density.shape, dtype=bool)
-    least = ordered[np.searchsorted(total, SHARE * total[-1])]
-    return density >= max(float(least), 1e-300)
+def _fewest(scores: FloatArray, order: IntArray, goal: FloatArray) -> int:
+    """Return how many pixels, in order, keep the limits."""
+    few, many = 0, len(order)
+    while many - few > 1:
+        middle = (few + many) // 2
+        kept = np.diag(_inverse(scores[:, order[:middle]]))[: len(goal)]
+        # what is lost altogether has no variance left either
+        meets = bool(((kept <= goal) & ((kept > 0) | (goal <= 0))).all())
+        few, many = (few, middle) if meets else (middle, many)
+    return many
 
 
-def _patches(shape: tuple[int, ...], over: int) -> BoolArray:
-    """Return small discs all over the template: what is even tells the light."""
-    period = _PATCH_PX * over
-    v, u = np.mgrid[0 : shape[0], 0 : shape[1]].astype(np.float64)
-    away = np.hypot(*(np.abs((a + period / 2) % period - period / 2) for a in (u, v)))
-    return np.asarray(away <= _PATCH_RADIUS_PX * over)
+def _inverse(scores: FloatArray) -> FloatArray:
+    """Return the covariance over the directions that (P, N) scores tell."""
+    values, vectors = np.linalg.eigh(scores @ scores.T)
+    good = values > _WEAK * max(float(values[-1]), 1e-300)
+    turned = vectors[:, good]
+    covariance: FloatArray = (turned / values[good]) @ turned.T
+    return covariance

@@ -25,7 +25,7 @@ BoolArray = npt.NDArray[np.bool_]
 IntArray = npt.NDArray[np.intp]
 
 _ROUNDS = 20  # of Gauss-Newton; it settles in 3 to 8
-_SETTLED = 1e-3  # squared length of a step in standard deviations: nothing is gained
+_SETTLED = 0.01  # squared length of a step in standard deviations: .5 % of the rms
 _FAR_PX = 1.5  # the most that one step may move the image
 _FAR_DEPTHS = 1.0  # the most that one step may change the focus, steps of the planes
 _AGAIN_PX = 0.5  # a move after which the pixels are chosen anew
@@ -82,7 +82,7 @@ def fit_pose(job: Job, start: Pose) -> PoseFit | Failure:
         if move is None:
             return Failure(code="no_contrast", message="the image tells no pose")
         pose, light = _after(job, pose, move), linear.light + move[5:]
-        if float(move @ linear.normal @ move) < _SETTLED:
+        if float(move @ linear.normal @ move) < _SETTLED * max(1.0, linear.chi2):
             return linear.result(job, pose, light)
     return Failure(code="diverged", message=f"not settled after {_ROUNDS} rounds")
 
