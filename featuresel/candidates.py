@@ -48,8 +48,8 @@ def chains(
     costs : mapping of str to float, optional
         Work of one `measure` by routine, as `Routine.cost` predicts it for the look. A
         routine missing here is left out: it could not be prepared. Without `costs` a
-        routine counts as dearer the more it gives, and the fewer kinds it looks for:
-        the special ones are the finer ones.
+        routine counts as dearer the more it gives, the fewer kinds it looks for (the
+        special ones are the finer ones), and if it searches.
     controls : bool
         Whether routines known to be bad are tried too, one chain each, at the end.
     """
@@ -189,7 +189,8 @@ def _kinds(name: str) -> int:
 
 def _assumed_cost(routine: Routine) -> float:
     """Return a stand-in for the cost of a routine that is not prepared yet."""
-    return len(routine.GIVES) + 1 / len(routine.KINDS)
+    work = len(routine.GIVES) + 1 / len(routine.KINDS)
+    return work / 3 if routine.NEEDS else work  # what starts near searches less
 
 
 def _lever_px(target: Target) -> float:

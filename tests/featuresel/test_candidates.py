@@ -101,21 +101,23 @@ def test_a_routine_joins_by_its_registry_line(
     assert set(before) <= set(after)
 
 
-def test_a_fine_routine_follows_the_cheapest_and_the_finest(
+def test_a_fine_routine_follows_what_gives_all_that_it_needs(
     look: Look, register: Callable[..., None]
 ) -> None:
     fit = Declared(NEEDS=("xy", "theta"), CAPTURE_PX=2.0)
     step = Declared(NEEDS=("xy", "theta"), CAPTURE_PX=0.5)
     register(*first("tooth_notch"), fit=fit, step=step)
     target = look("find_gear").target
-    found = [chain for chain in chains(target) if chain[-1] in ("fit", "step")]
-    # the correlation declares the angle, but its price is the highest
-    assert found[0] == ("ncc", "fit")
-    assert ("otsu", "tooth_notch", "fit") in found
-    assert [chain for chain in found if chain[-2:] == ("fit", "step")]
     costs = {**COSTS, "ncc": 12.0, "fit": 4.0, "step": 0.1}
-    cheap = [c for c in chains(target, costs=costs) if c[-1] in ("fit", "step")]
-    assert cheap[0] == ("otsu", "tooth_notch", "fit")
+    for price in (None, costs):
+        found = [c for c in chains(target, costs=price) if c[-1] in ("fit", "step")]
+        assert found[0] == ("otsu", "tooth_notch", "fit")
+        # a routine that searches gives no start for a third of a pixel
+        assert ("otsu", "tooth_notch", "fit", "step") in found
+        assert len({chain[0] for chain in found if chain[-1] == "fit"}) == 2
+    dear = {**costs, "tooth_notch": 20.0}
+    found = [c for c in chains(target, costs=dear) if c[-1] == "fit"]
+    assert found[0] == ("ncc", "fit")
 
 
 def test_a_near_target_needs_no_start(
