@@ -9,15 +9,6 @@ from dataclasses import replace
 from featuresel.circles import Circle, circles, rounded, to_feature
 from featuresel.clean import SAME, Clean, clean, extent_um
 from featuresel.feature import Feature, coincide, renamed
-from featuresel.patterns import (
-    NEAR,
-    Notch,
-    centroid,
-    curve,
-    notch_of,
-    order_of,
-    teeth,
-)
 from featuresel.routines import TargetKind
 from featuresel.straight import (
     LONG,
@@ -26,6 +17,8 @@ from featuresel.straight import (
     pair_features,
     sides,
 )
+from featuresel.symmetry import NEAR, centroid, curve, order_of
+from featuresel.teeth import Notch, notch_of, teeth
 from optics.outline import Outline
 
 # Per kind, the longest edges first: what says most of a place. A drawing of a thousand
