@@ -42,7 +42,9 @@ _TYPICAL_ROUNDS = 7
 _TURN_WORK, _SHIFT_WORK = 4.2e-5, 4.5e-5  # a round, per pixel, in box filters
 _PART_WORK = 2e-5  # per pixel of the part: copies and gradients
 _FAINT = 0.01  # standard deviation below which a template shows nothing
-_TURN_TOLD = 0.02  # of what the rim tells when shifted, the least it tells when turned
+# Of what the rim tells when shifted, the least it tells when turned. Pixels alone make
+# a disc in focus seem to tell .01.
+_TURN_TOLD, _TURN_TOLD_ROUND = 0.002, 0.02
 _PLACES_PX = (
     (0.0, 0.5),
     (0.25, 0.0),
@@ -82,7 +84,7 @@ def prepare(render: Render, target: Target) -> Artifact | Failure:
             "offset_row_px": target.row - round(target.row),
             "theta_rad": target.theta_rad,
             "locked_px": 0.0,
-            **_told(template),
+            **_told(template, round_target=target.kind == "circle"),
         },
         arrays={"template": template.astype(np.float32)},
     )
@@ -127,7 +129,7 @@ def cost(artifact: Artifact, _pixels: int) -> float:
     return 0.5 + _PART_WORK * part + _TYPICAL_ROUNDS * each * template.size
 
 
-def _told(template: FloatArray) -> dict[str, float]:
+def _told(template: FloatArray, *, round_target: bool) -> dict[str, float]:
     """Return squared slopes over the variance: what a step does to the correlation."""
     down, across = np.gradient(template)
     v = np.arange(template.shape[0])[:, None] - (template.shape[0] - 1) / 2
@@ -135,12 +137,13 @@ def _told(template: FloatArray) -> dict[str, float]:
     turn = across * v - down * u
     variance = float(template.var())
     x, y, t = (float((slope**2).sum()) / variance for slope in (across, down, turn))
+    least = _TURN_TOLD_ROUND if round_target else _TURN_TOLD
     rim = float(((across**2 + down**2) * (u**2 + v**2)).sum()) / variance
     return {
         "x_per_px2": x,
         "y_per_px2": y,
         "turn_per_rad2": t,
-        "turns": float(t > _TURN_TOLD * rim),
+        "turns": float(t > least * rim),
     }
 
 
