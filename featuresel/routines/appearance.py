@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from featuresel.routines import Artifact, FloatArray, LookModel, Target
-from featuresel.routines.informative import informative
+from featuresel.routines.informative import NEAR_PX, informative
 from featuresel.routines.spline import (
     Basis,
     basis,
@@ -40,6 +40,7 @@ _MOST_BITS = 20  # that 32-bit floats hold exactly, and to spare
 _MARGIN_PX = 6.0  # around the target, beyond its blur
 _FINGER = 0.3  # of a finger's width, taken in beside the opening
 _BEHIND = 1.3  # of the way from grip to tips, taken in on both sides of the grip
+_FRINGE = 0.3  # of the blur's radius: fringes move so far from one height to the next
 _WANTED = 3  # column, row and turn keep their limits; focus and zoom come with them
 _SUPPORT = 2  # cells around one that a cubic spline needs
 
@@ -50,6 +51,7 @@ class _Grid:
 
     over: int  # per pixel
     middle: tuple[float, float]  # (column, row) of the reference point
+    px_per_um: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -284,6 +286,7 @@ def prepare_appearance(
             over * (half[0] + target.column - round(target.column)),
             over * (half[1] + target.row - round(target.row)),
         ),
+        px_per_um=target.px_per_um,
     )
     told = np.unique(np.linspace(0, len(distinct) - 1, _MOST_BITS).round().astype(int))
     used = _used(planes[:, :2].sum(axis=1), distinct, model, grid)[told]
@@ -390,11 +393,13 @@ def _used(
     seen = light[:, first::over, first::over]
     focus = np.gradient(seen, depths, axis=0) if len(depths) > 1 else 0 * seen
     used = np.zeros(light.shape, dtype=bool)
+    blurs = np.abs(depths) * model.blur.cone * grid.px_per_um
     for k, mean in enumerate(seen):
         turn, grow = across[k] * v - down[k] * u, across[k] * u + down[k] * v
         rest = (focus[k], grow, mean, mean * u, mean * v)
         slopes = np.stack((across[k], down[k], turn, *rest))
-        told = informative(mean, slopes, model.camera, wanted=_WANTED)
+        near = max(NEAR_PX, _FRINGE * float(blurs[k]))
+        told = informative(mean, slopes, model.camera, wanted=_WANTED, near_px=near)
         block = told.repeat(over, axis=0).repeat(over, axis=1)
         block = block[:rows, :columns]
         used[k, : block.shape[0], : block.shape[1]] = block
