@@ -7,6 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from itertools import combinations
 
+import numpy as np
+
 from featuresel.pose_need import Known, Need
 from featuresel.set_search import Search
 from featuresel.sights import Sight, jacobian
@@ -102,10 +104,8 @@ def _reason(search: Search, place: int, taken: tuple[int, ...]) -> str:
             f"left out: with it {_said(search, more)} instead of "
             f"{_said(search, with_all)}, for cost {sight.cost:.3g}"
         )
-    instead = max(
-        ((*taken[:at], place, *taken[at + 1 :]) for at in range(len(taken))),
-        key=search.tells,
-    )
+    ways = [(*taken[:at], place, *taken[at + 1 :]) for at in range(len(taken))]
+    instead = ways[int(np.argmax(search.tells(ways)))]
     return (
         f"left out: in place of {_swapped(search, taken, instead)} "
         f"{_said(search, search.known(instead))} instead of {_said(search, with_all)}"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -43,7 +42,7 @@ class Search:
             if self.excess(taken) <= 1:
                 return taken
             tried.append(taken)
-        return min(tried, key=lambda way: (self.excess(way), -self.tells(way)))
+        return min(tried, key=lambda way: (self.excess(way), -self.tells([way])[0]))
 
     def best_of(self, size: int) -> tuple[int, ...]:
         """Return the most telling set of `size`, greedily and by exchanges.
@@ -51,12 +50,9 @@ class Search:
         Started from the best feature and from every other: two edges may tell much
         together that tell little each.
         """
-        best: tuple[int, ...] = ()
-        for start in ((), *((k,) for k in self._order())):
-            way = self._settled(self._filled(start, size))
-            if not best or self._is_better(way, best):
-                best = way
-        return best
+        starts = [(), *((k,) for k in self._order())]
+        ways = [self._settled(self._filled(start, size)) for start in starts]
+        return self._best(ways)
 
     def nearer(self, taken: tuple[int, ...]) -> tuple[int, ...]:
         """Return the set after exchanges that bring it nearer to the limits."""
@@ -75,64 +71,31 @@ class Search:
             shares.append(max(map(self.share, self.dropped(taken))))
         return max(shares)
 
-    def _filled(self, taken: tuple[int, ...], size: int) -> tuple[int, ...]:
-        """Return the set with the feature that tells most added, up to `size`."""
-        while len(taken) < size:
-            ways = [(*taken, k) for k in self._order() if k not in taken]
-            best = ways[0]
-            for way in ways[1:]:
-                if self.tells(way) > self.tells(best) + MARGIN:
-                    best = way
-            taken = best
-        return taken
-
-    def _settled(self, taken: tuple[int, ...]) -> tuple[int, ...]:
-        """Return the set after exchanges of one feature, until none is better."""
-        for _ in range(_SWEEPS):
-            best = taken
-            for way in self._neighbours(taken):
-                if self._is_better(way, best):
-                    best = way
-            if best == taken:
-                break
-            taken = best
-        return taken
-
-    def _is_better(self, way: tuple[int, ...], best: tuple[int, ...]) -> bool:
-        """Return whether a set tells more, or no less and is cheaper."""
-        gain = self.tells(way) - self.tells(best)
-        return gain > MARGIN or (gain >= 0 and self.cost(way) < self.cost(best))
-
-    def _order(self) -> list[int]:
-        """Return the features, cheapest first, then by name."""
-        key = [(sight.cost, sight.name) for sight in self.sights]
-        return sorted(range(len(key)), key=key.__getitem__)
-
     def some(self, taken: Sequence[int]) -> list[Sight]:
+        """Return the features of a set."""
         return [self.sights[k] for k in taken]
 
     def known(self, taken: Sequence[int]) -> Known:
         """Return how well some features tell the pose."""
         return known(self.some(taken), self.need)
 
-    def cost(self, taken: Sequence[int]) -> float:
-        return sum(self.sights[k].cost for k in taken)
-
-    def tells(self, taken: Sequence[int]) -> float:
-        """Return log det, of sets that are blind somewhere as if a little were known.
+    def tells(self, ways: Sequence[Sequence[int]]) -> FloatArray:
+        """Return log det of sets of one size, of blind ones as if a little were known.
 
         It ranks blind sets by what they do tell; without an unwanted angle it is the
         log det of the Schur complement.
         """
         need = self.need
-        matrix = (
-            self.matrices[list(taken)].sum(axis=0)
-            + np.eye(3) * (_FAR * need.radius_um) ** -2
-        )
-        told = float(np.linalg.slogdet(matrix)[1])
+        matrices = self.matrices[np.array(ways)].sum(axis=1)
+        matrices = matrices + np.eye(3) * (_FAR * need.radius_um) ** -2
+        told: FloatArray = np.linalg.slogdet(matrices)[1]
         if need.sigma_theta_rad is None:  # det of what is left without the angle
-            told -= math.log(matrix[2, 2])
+            told = told - np.log(matrices[:, 2, 2])
         return told
+
+    def cost(self, taken: Sequence[int]) -> float:
+        """Return the work of measuring a set."""
+        return sum(self.sights[k].cost for k in taken)
 
     def dropped(self, taken: Sequence[int]) -> list[Known]:
         """Return what is known with each feature dropped in turn."""
@@ -145,6 +108,11 @@ class Search:
             return share
         return max(share, found.sigma_theta_rad / self.need.sigma_theta_rad)
 
+    def _order(self) -> list[int]:
+        """Return the features, cheapest first, then by name."""
+        key = [(sight.cost, sight.name) for sight in self.sights]
+        return sorted(range(len(key)), key=key.__getitem__)
+
     def _neighbours(self, taken: tuple[int, ...]) -> list[tuple[int, ...]]:
         """Return the sets with one feature exchanged, in a fixed order."""
         return [
@@ -153,3 +121,29 @@ class Search:
             for other in self._order()
             if other not in taken
         ]
+
+    def _filled(self, taken: tuple[int, ...], size: int) -> tuple[int, ...]:
+        """Return the set with the feature that tells most added, up to `size`."""
+        while len(taken) < size:
+            taken = self._best([(*taken, k) for k in self._order() if k not in taken])
+        return taken
+
+    def _settled(self, taken: tuple[int, ...]) -> tuple[int, ...]:
+        """Return the set after exchanges of one feature, until none is better."""
+        for _ in range(_SWEEPS):
+            best = self._best([taken, *self._neighbours(taken)])
+            if best == taken:
+                break
+            taken = best
+        return taken
+
+    def _best(self, ways: Sequence[tuple[int, ...]]) -> tuple[int, ...]:
+        """Return the set that tells most, the first and cheapest within the margin."""
+        told = self.tells(ways).tolist()
+        best = 0
+        for k in range(1, len(ways)):
+            gain = told[k] - told[best]
+            cheaper = self.cost(ways[k]) < self.cost(ways[best])
+            if gain > MARGIN or (gain >= 0 and cheaper):
+                best = k
+        return ways[best]
