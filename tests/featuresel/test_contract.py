@@ -120,16 +120,17 @@ def test_any_image_has_a_typed_answer(name: str, kind: TargetKind) -> None:
         assert artifact.code
         assert artifact.message
         return
+    arrays = {key: value.tobytes() for key, value in artifact.arrays.items()}
     for label, image in images(kind):
-        before, frozen = image.tobytes(), image.copy()
+        frozen = image.copy()
         frozen.setflags(write=False)
-        arrays = {key: value.tobytes() for key, value in artifact.arrays.items()}
-        found = routine.measure(image, artifact, start(kind))
-        assert image.tobytes() == before, label
-        assert routine.measure(frozen, artifact, start(kind)) == found, label
-        for key, value in artifact.arrays.items():
-            assert value.tobytes() == arrays[key], (label, key)
+        found = routine.measure(frozen, artifact, start(kind))
         _check(name, kind, label, found)
+        if label in ("true", "noise"):  # one that is answered, one that is not
+            assert routine.measure(image, artifact, start(kind)) == found, label
+            assert image.tobytes() == frozen.tobytes(), label
+    for key, value in artifact.arrays.items():
+        assert value.tobytes() == arrays[key], key
 
 
 def _check(

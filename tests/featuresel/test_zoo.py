@@ -14,7 +14,7 @@ from featuresel.select import select
 from featuresel.trials import prepare, run
 from tests.featuresel.zoo import ANIMALS, CAGES
 
-TRIALS = 24
+TRIALS = 16
 
 
 @pytest.fixture
