@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -28,6 +27,9 @@ _POSES = (
     (-0.16, -0.44, -0.87),
     (0.14, 0.27, 0.63),
 )
+_NEVER = 9.0  # step of what is not found at one of them: none is as strong
+_AWAY = 0.5  # of the search: so far what stands still is seen elsewhere by the target
+_WAYS = ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0))
 
 
 def floor(image: FloatArray, points: FloatArray, at: Pose, shrink: int) -> float:
@@ -57,70 +59,104 @@ def coarsest(
     return 1
 
 
-def calibrated(
-    render: LookModel,
-    target: Target,
-    model: Model,
-    seen: Prediction,
-    *,
-    tells_turn: bool,
-) -> tuple[Lines, float]:
-    """Return the edges' mean places at several sub-pixel poses, and what that misses.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Views:
+    """Renders a target moved in px of the image, and says where its model is then."""
 
-    At one pose alone, edges along pixel rows would all have one sampling error. The
-    number is the rms per axis, px, that it still makes in the fitted places; where
-    turns cannot be told, it has what breaks the symmetry unseen too.
-    """
-    k = target.px_per_um
-    lines = Lines(
-        points=model.points,
-        step=np.zeros(len(model.points)),
-        offset_px=np.zeros(len(model.points)),
-        width_px=_fit_width(render(), target, seen),
-        zoom_sigma=render.drifts.zoom_sigma,
-        turns=model.order != ROUND,
-    )
-    offsets, steps, shown = [], [], []
-    for dx, dy, rolled in _POSES:
-        turn = seen_turn = rolled / rim_px(model.points)
-        if not tells_turn:
-            turn = rolled * target.theta_range_rad
-            period = 2 * math.pi / model.order if model.order != ROUND else 0.0
+    render: LookModel
+    target: Target
+    model: Model
+    tells_turn: bool
+
+    def at(
+        self, dx_px: float, dy_px: float, rolled_px: float, dz_um: float = 0.0
+    ) -> tuple[FloatArray, Pose]:
+        """Return the image and the pose; what cannot be told turns anyhow.
+
+        `rolled_px` is that of the rim, or, of turns that cannot be told, the share of
+        their range.
+        """
+        target, order, k = self.target, self.model.order, self.target.px_per_um
+        turn = seen_turn = rolled_px / rim_px(self.model.points)
+        if not self.tells_turn:
+            turn = rolled_px * target.theta_range_rad
+            period = 2 * math.pi / order if order != ROUND else 0.0
             seen_turn = math.remainder(turn, period) if period else 0.0
-        image = render(dx_um=dx / k, dy_um=dy / k, theta_rad=turn)
+        image = self.render(
+            dx_um=dx_px / k, dy_um=dy_px / k, theta_rad=turn, dz_um=dz_um
+        )
         pose = Pose(
-            column=target.column + dx,
-            row=target.row - dy,
+            column=target.column + dx_px,
+            row=target.row - dy_px,
             theta_rad=target.theta_rad + seen_turn,
             score=1.0,
         )
+        return image, pose
+
+
+def calibrated(views: Views, seen: Prediction) -> Lines:
+    """Return the edges' mean places at several sub-pixel poses, and their steps.
+
+    At one pose alone, edges along pixel rows would all have one sampling error.
+    """
+    points, render = views.model.points, views.render
+    lines = Lines(
+        points=points,
+        step=np.zeros(len(points)),
+        offset_px=np.zeros(len(points)),
+        width_px=_fit_width(render(), views.target, seen),
+        zoom_sigma=render.drifts.zoom_sigma,
+        turns=views.model.order != ROUND,
+    )
+    offsets, steps = [], []
+    for moved in _POSES:
+        image, pose = views.at(*moved)
         at = np.array((pose.column, pose.row, pose.theta_rad, 1.0))
         edges, _ = cast(image, lines, at, 2.0 + lines.width_px / 2)
-        shown.append((image, pose))
         offsets.append(np.where(edges.found, edges.offset_px, np.nan))
         steps.append(edges.strength)
     missing = np.isnan(offsets).any(axis=0)
     mean = np.where(missing, 0.0, np.mean(np.nan_to_num(offsets), axis=0))
-    # what is not found at one of the poses is never strong enough
-    step = np.where(missing, np.inf, np.mean(steps, axis=0))
+    step = np.where(missing, _NEVER, np.mean(steps, axis=0))
     if not lines.turns:
-        mean = _on_rings(model.points, mean)
-    lines = replace(lines, step=step, offset_px=mean)
-    return lines, _locked_px(lines, shown)
+        mean = _on_rings(points, mean)
+    return replace(lines, step=step, offset_px=mean)
 
 
-def _locked_px(lines: Lines, shown: Sequence[tuple[FloatArray, Pose]]) -> float:
-    """Return the rms error per axis of fits to images without noise, px."""
-    errors = []
-    for image, pose in shown:
-        found = fit(image, lines, pose)
-        if isinstance(found, Fit):
-            errors.append((found.column - pose.column, found.row - pose.row))
-    if len(errors) < 2:
-        return math.inf
-    # their own mean is part of the calibration
-    each = np.square(errors).sum(axis=0) / (len(errors) - 1)
-    return math.sqrt(float(each.max()))
+def systematic(views: Views, lines: Lines) -> tuple[float, float] | None:
+    """Return the rms of what is not noise in a fit: px per axis, and rad.
+
+    Of sampling, of what moves against the target, and of focus errors of one sigma;
+    where turns cannot be told, of what breaks the symmetry unseen too. None if the fit
+    fails on the target's own images.
+    """
+    off_px = _AWAY * views.target.search_px
+    sigma_um = views.render.drifts.focus_sigma_um
+    kinds: list[list[tuple[float, float, float, float]]] = [
+        [(*moved, 0.0) for moved in _POSES],
+        [(x * off_px, y * off_px, 0.0, 0.0) for x, y in _WAYS],
+        [(0.0, 0.0, 0.0, z * sigma_um) for z in (-1, 1)] if sigma_um > 0 else [],
+    ]
+    total = np.zeros(3)
+    for moves in kinds:
+        errors = [_error(lines, *views.at(*moved)) for moved in moves]
+        known = [one for one in errors if one is not None]
+        if 2 * len(known) < len(moves):
+            return None
+        if known:
+            total += np.square(known).mean(axis=0)
+    return math.sqrt(float(total[:2].max())), math.sqrt(float(total[2]))
+
+
+def _error(
+    lines: Lines, image: FloatArray, pose: Pose
+) -> tuple[float, float, float] | None:
+    """Return how far a fit is off, px and rad; None if it fails."""
+    found = fit(image, lines, pose)
+    if not isinstance(found, Fit):
+        return None
+    turn = found.theta_rad - pose.theta_rad
+    return (found.column - pose.column, found.row - pose.row, turn)
 
 
 def _fit_width(image: FloatArray, target: Target, seen: Prediction) -> float:

@@ -18,7 +18,14 @@ from featuresel.routines import (
     Target,
     TargetKind,
 )
-from featuresel.routines.contour_calibrate import SHRINKS, calibrated, coarsest, floor
+from featuresel.routines.contour_calibrate import (
+    SHRINKS,
+    Views,
+    calibrated,
+    coarsest,
+    floor,
+    systematic,
+)
 from featuresel.routines.contour_fit import Fit, Lines, fit, fit_work
 from featuresel.routines.contour_model import ROUND, Model, build, rim_px
 from featuresel.routines.contour_search import (
@@ -72,14 +79,19 @@ def prepare(render: LookModel, target: Target) -> Artifact | Failure:
     )
     floors = {s: floor(image, model.points, at, s) for s in SHRINKS}
     turns = _turns(model, target)
-    lines, locked_px = calibrated(render, target, model, seen, tells_turn=turns)
+    views = Views(render=render, target=target, model=model, tells_turn=turns)
+    lines = calibrated(views, seen)
+    bias = systematic(views, lines)
+    if bias is None:
+        return Failure(code="no_fit", message="the nominal edges make no fit")
     sigma = math.sqrt(float(render.camera.variance(image).max()))
     return Artifact(
         parameters={
             "order": float(model.order),
             "shrink": float(coarsest(image, model.points, at, floors)),
             "width_px": lines.width_px,
-            "locked_px": locked_px,
+            "bias_px": bias[0],
+            "bias_rad": bias[1],
             "noise": _NOISES * sigma * gradient_noise(),
             "zoom_sigma": render.drifts.zoom_sigma,
             "search_px": target.search_px,
@@ -259,14 +271,13 @@ def _answer(
         return _low(agreed, _LEAST_SCORE)
     known = bool(p["turns"])
     theta = math.remainder(fitted.theta_rad, 2 * math.pi)
-    rim = rim_px(points)
     return Measurement(
         column=fitted.column,
         row=fitted.row,
         theta_rad=theta if known else None,
         score=min(agreed, 1.0),
-        spread_px=math.hypot(fitted.spread_px, p["locked_px"]),
-        spread_theta_rad=math.hypot(fitted.spread_theta_rad, p["locked_px"] / rim)
+        spread_px=math.hypot(fitted.spread_px, p["bias_px"]),
+        spread_theta_rad=math.hypot(fitted.spread_theta_rad, p["bias_rad"])
         if known
         else None,
         zoom=fitted.scale,

@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.polarity import judge, polygon
+from benchmarks.polarity import judge
+from benchmarks.random_parts import polygon
 from featuresel.case import LookCase
 from featuresel.contour import with_contour
 from featuresel.nominal import nominal_render
