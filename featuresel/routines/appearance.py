@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from featuresel.routines import Artifact, FloatArray, LookModel, Target
-from featuresel.routines.informative import NEAR_PX, informative
+from featuresel.routines.informative import informative
 from featuresel.routines.spline import (
     Basis,
     basis,
@@ -40,7 +40,6 @@ _MOST_BITS = 20  # that 32-bit floats hold exactly, and to spare
 _MARGIN_PX = 6.0  # around the target, beyond its blur
 _FINGER = 0.3  # of a finger's width, taken in beside the opening
 _BEHIND = 1.3  # of the way from grip to tips, taken in on both sides of the grip
-_FRINGE = 0.3  # of the blur's radius: fringes move so far from one height to the next
 _WANTED = 3  # column, row and turn keep their limits; focus and zoom come with them
 _SUPPORT = 2  # cells around one that a cubic spline needs
 
@@ -51,7 +50,6 @@ class _Grid:
 
     over: int  # per pixel
     middle: tuple[float, float]  # (column, row) of the reference point
-    px_per_um: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,7 +88,7 @@ class Appearance:
     first_um: float  # focus of the first plane
     step_um: float
     is_even: bool  # images on both sides of focus are alike
-    bits: int  # focus heights that `uses` tells apart
+    heights: int  # of focus that `uses` tells apart
 
     @property
     def reach_um(self) -> float:
@@ -136,7 +134,7 @@ class Appearance:
         low_um = 0.0 if self.is_even else self.first_um
         place = (abs(z_um) if self.is_even else z_um) - low_um
         share = place / (self.reach_um + _BEYOND * self.step_um - low_um)
-        lower = min(max(math.floor(share * (self.bits - 1)), 0), self.bits - 2)
+        lower = min(max(math.floor(share * (self.heights - 1)), 0), self.heights - 2)
         return 3 << lower
 
     def value(self, pose: Pose, columns: IntArray, rows: IntArray) -> FloatArray:
@@ -286,7 +284,6 @@ def prepare_appearance(
             over * (half[0] + target.column - round(target.column)),
             over * (half[1] + target.row - round(target.row)),
         ),
-        px_per_um=target.px_per_um,
     )
     told = np.unique(np.linspace(0, len(distinct) - 1, _MOST_BITS).round().astype(int))
     used = _used(planes[:, :2].sum(axis=1), distinct, model, grid)[told]
@@ -304,7 +301,7 @@ def prepare_appearance(
             "first_um": first,
             "step_um": step,
             "is_even": float(is_even),
-            "bits": float(len(used)),
+            "heights": float(len(used)),
         },
         arrays={
             "planes": packed,
@@ -328,7 +325,7 @@ def read_appearance(artifact: Artifact) -> Appearance:
         first_um=p["first_um"],
         step_um=p["step_um"],
         is_even=p["is_even"] > 0,
-        bits=int(p["bits"]),
+        heights=int(p["heights"]),
     )
 
 
@@ -393,13 +390,11 @@ def _used(
     seen = light[:, first::over, first::over]
     focus = np.gradient(seen, depths, axis=0) if len(depths) > 1 else 0 * seen
     used = np.zeros(light.shape, dtype=bool)
-    blurs = np.abs(depths) * model.blur.cone * grid.px_per_um
     for k, mean in enumerate(seen):
         turn, grow = across[k] * v - down[k] * u, across[k] * u + down[k] * v
         rest = (focus[k], grow, mean, mean * u, mean * v)
         slopes = np.stack((across[k], down[k], turn, *rest))
-        near = max(NEAR_PX, _FRINGE * float(blurs[k]))
-        told = informative(mean, slopes, model.camera, wanted=_WANTED, near_px=near)
+        told = informative(mean, slopes, model.camera, wanted=_WANTED)
         block = told.repeat(over, axis=0).repeat(over, axis=1)
         block = block[:rows, :columns]
         used[k, : block.shape[0], : block.shape[1]] = block

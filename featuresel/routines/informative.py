@@ -11,9 +11,9 @@ from featuresel.routines import Camera, FloatArray
 BoolArray = npt.NDArray[np.bool_]
 IntArray = npt.NDArray[np.intp]
 
-LOSS = 1.02  # of the limits by leaving pixels out: 2 % of a standard deviation
+LOSS = 1.06  # of the limits, by leaving pixels out; neighbours halve it
 _WEAK = 1e-10  # of the strongest direction: what is weaker is not told at all
-NEAR_PX = 1.0  # standard deviation of what counts as near, at least
+_NEAR_PX = 1.0  # standard deviation of what counts as near
 _ROUNDS = 2  # of ranking: what a pixel tells depends on what else is taken
 
 
@@ -23,7 +23,6 @@ def informative(
     camera: Camera,
     *,
     wanted: int,
-    near_px: float = NEAR_PX,
 ) -> BoolArray:
     """Return few pixels whose Cramer-Rao limits are nearly those of all.
 
@@ -37,8 +36,6 @@ def informative(
         Its noise.
     wanted : int
         How many of the numbers, the first, must keep their limits within `LOSS`.
-    near_px : float
-        Standard deviation of what counts as near.
 
     Returns
     -------
@@ -63,7 +60,7 @@ def informative(
         told = goal[:, None] > 0
         rank = np.where(told, influence**2 / np.where(told, goal[:, None], 1.0), 0.0)
         density = cv2.GaussianBlur(
-            rank.sum(axis=0).reshape(mean.shape), (0, 0), near_px
+            rank.sum(axis=0).reshape(mean.shape), (0, 0), _NEAR_PX
         )
         order = np.argsort(-density, axis=None, kind="stable")
         count = _fewest(scores, order, goal)
