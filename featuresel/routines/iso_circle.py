@@ -1,4 +1,9 @@
-"""Circle through the iso-line at the level that the render predicts for its rim."""
+"""Circle through the iso-line at the level that the render predicts for its rim.
+
+Good far out of focus, where calipers need long lines, and under light that has a
+gradient: the level is a plane between both sides of the rim. What is near the rim and
+blurred into one of its sides pulls it. `benchmarks/localisation` has the numbers.
+"""
 
 from __future__ import annotations
 
