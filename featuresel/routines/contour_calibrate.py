@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -94,23 +95,38 @@ class Views:
         return image, pose
 
 
-def calibrated(views: Views, seen: Prediction) -> Lines:
-    """Return the edges' mean places at several sub-pixel poses, and their steps.
+def calibrated(
+    views: Views, seen: Prediction, image: FloatArray
+) -> tuple[Lines, tuple[float, float]] | None:
+    """Return the edges' mean places at several sub-pixel poses, their steps, the bias.
 
-    At one pose alone, edges along pixel rows would all have one sampling error.
+    At one pose alone, edges along pixel rows would all have one sampling error. The
+    bias is the rms of what is not noise in a fit, px per axis and rad: of sampling, of
+    what moves against the target, and of focus errors of one sigma; where turns cannot
+    be told, of what breaks the symmetry unseen too. `image` is the nominal one. None if
+    the fit fails on the target's own images.
     """
-    points, render = views.model.points, views.render
+    shown = [views.at(*moved) for moved in _POSES]
+    lines = _mean_lines(views, shown, _fit_width(image, views.target, seen))
+    bias = _bias(views, lines, shown)
+    return None if bias is None else (lines, bias)
+
+
+def _mean_lines(
+    views: Views, shown: Sequence[tuple[FloatArray, Pose]], width_px: float
+) -> Lines:
+    """Return the edges as they are in the mean of the images."""
+    points = views.model.points
     lines = Lines(
         points=points,
         step=np.zeros(len(points)),
         offset_px=np.zeros(len(points)),
-        width_px=_fit_width(render(), views.target, seen),
-        zoom_sigma=render.drifts.zoom_sigma,
+        width_px=width_px,
+        zoom_sigma=views.render.drifts.zoom_sigma,
         turns=views.model.order != ROUND,
     )
     offsets, steps = [], []
-    for moved in _POSES:
-        image, pose = views.at(*moved)
+    for image, pose in shown:
         at = np.array((pose.column, pose.row, pose.theta_rad, 1.0))
         edges, _ = cast(image, lines, at, 2.0 + lines.width_px / 2)
         offsets.append(np.where(edges.found, edges.offset_px, np.nan))
@@ -123,25 +139,19 @@ def calibrated(views: Views, seen: Prediction) -> Lines:
     return replace(lines, step=step, offset_px=mean)
 
 
-def systematic(views: Views, lines: Lines) -> tuple[float, float] | None:
-    """Return the rms of what is not noise in a fit: px per axis, and rad.
-
-    Of sampling, of what moves against the target, and of focus errors of one sigma;
-    where turns cannot be told, of what breaks the symmetry unseen too. None if the fit
-    fails on the target's own images.
-    """
+def _bias(
+    views: Views, lines: Lines, shown: Sequence[tuple[FloatArray, Pose]]
+) -> tuple[float, float] | None:
+    """Return the rms of a fit's bias, px per axis and rad, see `calibrated`."""
     off_px = _AWAY * views.target.search_px
     sigma_um = views.render.drifts.focus_sigma_um
-    kinds: list[list[tuple[float, float, float, float]]] = [
-        [(*moved, 0.0) for moved in _POSES],
-        [(x * off_px, y * off_px, 0.0, 0.0) for x, y in _WAYS],
-        [(0.0, 0.0, 0.0, z * sigma_um) for z in (-1, 1)] if sigma_um > 0 else [],
-    ]
+    away = [views.at(x * off_px, y * off_px, 0.0) for x, y in _WAYS]
+    blurred = [views.at(0.0, 0.0, 0.0, z * sigma_um) for z in (-1, 1)]
     total = np.zeros(3)
-    for moves in kinds:
-        errors = [_error(lines, *views.at(*moved)) for moved in moves]
+    for images in (shown, away, blurred if sigma_um > 0 else []):
+        errors = [_error(lines, *one) for one in images]
         known = [one for one in errors if one is not None]
-        if 2 * len(known) < len(moves):
+        if 2 * len(known) < len(images):
             return None
         if known:
             total += np.square(known).mean(axis=0)

@@ -24,7 +24,6 @@ from featuresel.routines.contour_calibrate import (
     calibrated,
     coarsest,
     floor,
-    systematic,
 )
 from featuresel.routines.contour_fit import Fit, Lines, fit, fit_work
 from featuresel.routines.contour_model import ROUND, Model, build, rim_px
@@ -65,7 +64,8 @@ _TURN = 0.03  # work of trying one turn of the symmetry
 
 def prepare(render: LookModel, target: Target) -> Artifact | Failure:
     """Return the points to match, what breaks their symmetry, and where edges are."""
-    seen = predict(render, target)
+    image = render()
+    seen = predict(render, target, image=image)
     model = build(target, seen)
     count = len(model.points)
     if count < _FEWEST:
@@ -73,17 +73,16 @@ def prepare(render: LookModel, target: Target) -> Artifact | Failure:
             code="no_edge",
             message=f"{count} edge points can be relied on, at least {_FEWEST}",
         )
-    image = render()
     at = Pose(
         column=target.column, row=target.row, theta_rad=target.theta_rad, score=1.0
     )
     floors = {s: floor(image, model.points, at, s) for s in SHRINKS}
     turns = _turns(model, target)
     views = Views(render=render, target=target, model=model, tells_turn=turns)
-    lines = calibrated(views, seen)
-    bias = systematic(views, lines)
-    if bias is None:
+    found = calibrated(views, seen, image)
+    if found is None:
         return Failure(code="no_fit", message="the nominal edges make no fit")
+    lines, bias = found
     sigma = math.sqrt(float(render.camera.variance(image).max()))
     return Artifact(
         parameters={

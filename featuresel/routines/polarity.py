@@ -36,7 +36,7 @@ _MOVED_PX = 0.2  # to tell the target's edges from others: the images have no no
 _OWN = 0.5  # of the step must go with the target
 _FOCUS_SIGMAS = 2.0  # of the focus error, through which the polarity must hold
 # of the focus, where the sharpest image of the target is looked for
-_SWEEP_UM = (-32.0, -24.0, -16.0, -12.0, -8.0, -4.0, 0.0)
+_SWEEP_UM = (-32.0, -16.0, -8.0, -4.0, 0.0)
 _SWEEP_UM = (*_SWEEP_UM, *(-z for z in reversed(_SWEEP_UM[:-1])))
 _SHARP = 0.7  # of the sharpest image's gradient: no need to look for a sharper one
 
@@ -51,7 +51,9 @@ class Prediction:
     width_px: float  # standard deviation of the edge filter that suits them best
 
 
-def predict(render: LookModel, target: Target) -> Prediction:
+def predict(
+    render: LookModel, target: Target, *, image: FloatArray | None = None
+) -> Prediction:
     """Return polarity, contrast and place of the target's edges at nominal pose.
 
     Parameters
@@ -60,6 +62,8 @@ def predict(render: LookModel, target: Target) -> Prediction:
         The look.
     target : Target
         With its contour.
+    image : (rows, columns) float array, optional
+        The nominal image, if it is rendered already.
 
     Returns
     -------
@@ -75,7 +79,7 @@ def predict(render: LookModel, target: Target) -> Prediction:
     (no spurious resolution).
     """
     contour = np.array(target.contour, dtype=np.float64).reshape(-1, 4)
-    image = render()
+    image = render() if image is None else image
     where = place(contour, target)
     tried = [_through(render, image, where, width) for width in _WIDTHS_PX]
     best = max(tried, key=lambda one: worth(image, where, one))
