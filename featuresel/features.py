@@ -140,7 +140,7 @@ def _toothed(rings: Sequence[Clean], rounds: Sequence[Circle]) -> list[Feature]:
     """Return the toothed rings, each with its bore and notch."""
     found = []
     for ring in sorted(rings, key=lambda ring: -ring.length_um)[:_MOST_RINGS]:
-        toothed = teeth(ring)
+        toothed = teeth(ring, [circle.center_um for circle in rounds])
         if toothed is not None:
             feature, notch = toothed
             found.append(_with_bore(feature, notch, rings, rounds))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import cmath
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -30,6 +31,7 @@ BoolArray = npt.NDArray[np.bool_]
 
 DEPTH = 0.02  # of the outer radius: shallower teeth are no teeth
 _LEAST_TEETH = 3
+_SHIFTED = 0.1  # of the size
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,15 +44,17 @@ class Notch:
     edge_um: float  # length of its own edges
 
 
-def teeth(ring: Clean) -> tuple[Feature, Notch | None] | None:
+def teeth(
+    ring: Clean, centers: Sequence[Point] = ()
+) -> tuple[Feature, Notch | None] | None:
     """Return a toothed ring as a feature without a name, and what interrupts it.
 
     The ring goes in and out about a centre, at least three times, and meets itself over
     `PATTERN` of its length when turned by a tooth. The centre is that of most of its
-    arcs, or of its area.
+    arcs, or of its area, or one of those given, as of a bore.
     """
     best: tuple[float, int, Curve] | None = None
-    for center in _centers(ring):
+    for center in _centers(ring, centers):
         inner, outer = _radii(ring, center)
         if outer - inner < DEPTH * outer or _is_convex(ring):
             continue
@@ -72,17 +76,21 @@ def notch_of(ring: Clean, circle: Circle) -> Notch | None:
     return _notch(np.array([*points, run[-1].end]), circle.center_um)
 
 
-def _centers(ring: Clean) -> list[Point]:
+def _centers(ring: Clean, others: Sequence[Point]) -> list[Point]:
     """Return points the ring may be symmetrical about, the likeliest first."""
     arcs = [edge for edge in ring.edges if isinstance(edge, Arc)]
-    within = NEAR * float(np.ptp(ring.points, axis=0).max())
+    size = float(np.ptp(ring.points, axis=0).max())
     groups: list[tuple[float, Point]] = []
     for arc in arcs:
-        if not any(math.dist(arc.center, point) <= within for _, point in groups):
-            near = [a for a in arcs if math.dist(a.center, arc.center) <= within]
+        if not any(math.dist(arc.center, p) <= NEAR * size for _, p in groups):
+            near = [a for a in arcs if math.dist(a.center, arc.center) <= NEAR * size]
             groups.append((sum(a.length_um for a in near), arc.center))
     groups.sort(key=lambda group: (-group[0], group[1]))
-    return [*(point for _, point in groups[:2]), centroid([ring])]
+    middle = centroid([ring])
+    # a lone tooth that is longer or missing shifts the centroid, not as much as this
+    nearest = sorted(others, key=lambda p: (math.dist(p, middle), p))
+    bores = [p for p in nearest if math.dist(p, middle) <= _SHIFTED * size][:2]
+    return [*(point for _, point in groups[:2]), *bores, middle]
 
 
 def _radii(ring: Clean, center: Point) -> tuple[float, float]:

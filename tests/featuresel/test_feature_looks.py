@@ -9,31 +9,39 @@ from dataclasses import replace
 
 import pytest
 
-from featuresel.candidates import chains
+from featuresel.candidates import Chain, chains
 from featuresel.case import LookCase
+from featuresel.completeness import seen_share
 from featuresel.feature import Feature, to_target
 from featuresel.features import propose
 from featuresel.located import Located, along, located
 from featuresel.nominal import nominal_render
+from featuresel.perturb import design
+from featuresel.pick import Option, pick
 from featuresel.routines import Artifact, Measurement
 from featuresel.routines.chain import measure_chain
-from featuresel.trials import prepare, start
+from featuresel.score import score
+from featuresel.trials import prepare, run, start
+from optics.outline import Outline
+from optics.scene import Layer
+from tests.featuresel.conftest import disc, gear, polygon
 
 Look = Callable[[str], LookCase]
 
+RIM = ("circle_caliper", "tooth_notch")
 DX_UM, DY_UM, TURN_RAD = 0.9, -0.7, 0.01
 
 
-def aimed(case: LookCase, feature: Feature) -> LookCase:
+def aimed(case: LookCase, feature: Feature, theta_range_rad: float) -> LookCase:
     """Return the look with one feature of its part as the target."""
     outline = case.moving[0].outline
     column, row = case.frame.to_pixel(case.x_um, case.y_um)
     target = to_target(
         feature, about_um=(0.0, 0.0), column=column, row=row, theta_rad=case.theta_rad,
-        px_per_um=case.microscope.px_per_um, search_px=3.0, theta_range_rad=0.05,
-        outline=outline,
+        px_per_um=case.microscope.px_per_um, search_px=3.0,
+        theta_range_rad=theta_range_rad, outline=outline,
     )  # fmt: skip
-    return replace(case, target=target, theta_any=False)
+    return replace(case, target=target, theta_any=theta_range_rad == math.pi)
 
 
 @pytest.mark.parametrize(
@@ -53,7 +61,7 @@ def test_a_proposed_feature_tells_the_parts_pose(
     found = [f for f in propose(bracket.moving[0].outline) if f.kind == kind]
     assert found
     for feature in found[:2]:
-        case = aimed(bracket, feature)
+        case = aimed(bracket, feature, 0.05)
         assert (routine,) in chains(case.target)
         image = nominal_render(case)(dx_um=DX_UM, dy_um=DY_UM, theta_rad=TURN_RAD)
         artifact = prepare(case, [(routine,)]).artifacts[routine]
@@ -83,3 +91,49 @@ def error_um(case: LookCase, place: Located) -> float:
         turn = place.theta_rad - case.theta_rad - TURN_RAD
         assert abs(math.remainder(turn, math.tau)) < 1e-3
     return math.hypot(*along((x, y), place.axis_rad))
+
+
+def long_tooth_gear() -> Outline:
+    """Return the gear with a notched bore and one tooth that is 25 um longer."""
+    points = []
+    for k in range(18):
+        tip = 75.0 if k == 9 else 50.0
+        for radius, angle in ((tip, -4), (tip, 4), (45, 6), (45, 14)):
+            turn = math.radians(20 * k + angle)
+            points.append((radius * math.cos(turn), radius * math.sin(turn)))
+    return Outline(rings=(polygon(*points), *gear().rings[1:]))
+
+
+def over_the_notch() -> Layer:
+    """Return a washer that stands over the notch, whatever the angle."""
+    outline = Outline(rings=(disc(40), disc(15).reversed()))
+    return Layer(name="washer", outline=outline, z_um=5.0, reflectance=0.5)
+
+
+def tried(case: LookCase, feature: Feature, chain: Chain) -> Option:
+    """Return a feature as an option, after trials of one chain."""
+    look = aimed(case, feature, math.pi)
+    ready = prepare(look, [chain])
+    done = run(look, ready, design(look, 10, 1))
+    return Option(
+        target=look.target,
+        scores=score(look, ready, done),
+        visible=seen_share(look.target, nominal_render(look).veil()),
+    )
+
+
+def test_another_feature_is_picked_when_the_notch_is_hidden(look: Look) -> None:
+    outline = long_tooth_gear()
+    layer = Layer(name="gear", outline=outline, z_um=0.0, reflectance=0.8)
+    case = look("find_gear")
+    calm = replace(case.spread, pose_sigma_xy_um=0.5, search_um=2.0)
+    free = replace(case, moving=(layer,), spread=calm, tolerance_theta_rad=0.01)
+    hidden = replace(free, static=(over_the_notch(),))
+    features = {f.kind: f for f in propose(outline)}
+    ways = ((features["teeth"], RIM), (features["outline"], ("contour_match",)))
+    found = []
+    for shown in (free, hidden):
+        options = [tried(shown, feature, chain) for feature, chain in ways]
+        found.append(pick(options, tolerance_um=1.0, tolerance_theta_rad=0.01))
+    assert [f.name for f in found] == ["teeth1", "outline1"]
+    assert "no chain is reliable" in dict(found[1].reasons)["teeth1"]
