@@ -155,10 +155,12 @@ def _reach_um(kind: TargetKind, p: Mapping[str, float]) -> float:
 
 def _belongs(kind: TargetKind, p: Mapping[str, float], points: FloatArray) -> BoolArray:
     """Return which of (N, 4) points are on the target's own edges."""
-    x, y, nx = points[:, 0], points[:, 1], points[:, 2]
+    x, y, nx, ny = points[:, 0], points[:, 1], points[:, 2], points[:, 3]
     own: BoolArray = np.ones(len(points), dtype=np.bool_)
     if kind == "circle":
-        own = np.abs(np.hypot(x, y) - p["radius_um"]) <= _ROUND * p["radius_um"]
+        away: FloatArray = np.hypot(x, y)
+        radial = np.abs(x * nx + y * ny) >= math.cos(_SQUARE) * away
+        own = (np.abs(away - p["radius_um"]) <= _ROUND * p["radius_um"]) & radial
     elif kind == "edge":
         near = np.abs(x) <= _STRAIGHT * p["length_um"]
         own = near & (nx >= math.cos(_SQUARE))

@@ -59,6 +59,8 @@ def build(target: Target, seen: Prediction) -> Model:
     drawn = np.hstack((contour[:, :2] * k, contour[:, 2:]))
     thinned = drawn[_apart(drawn[:, :2])]
     order, breaking = _symmetry(thinned, drawn[own], target.symmetry)
+    if target.kind == "circle":  # and nothing else, however little of it is seen
+        order, breaking = ROUND, np.zeros_like(breaking)
     return Model(points=points, order=order, breaking=breaking)
 
 
