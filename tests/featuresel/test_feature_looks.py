@@ -13,14 +13,18 @@ from featuresel.candidates import Chain, chains
 from featuresel.case import LookCase
 from featuresel.completeness import seen_share
 from featuresel.feature import Feature, to_target
+from featuresel.feature_set import choose_set
 from featuresel.features import propose
 from featuresel.located import Located, along, located
 from featuresel.nominal import nominal_render
 from featuresel.perturb import design
 from featuresel.pick import Option, pick
+from featuresel.pose_need import Need
 from featuresel.routines import Artifact, Measurement
 from featuresel.routines.chain import measure_chain
 from featuresel.score import score
+from featuresel.select import select
+from featuresel.sights import sight_of
 from featuresel.trials import prepare, run, start
 from optics.outline import Outline
 from optics.scene import Layer
@@ -137,3 +141,32 @@ def test_another_feature_is_picked_when_the_notch_is_hidden(look: Look) -> None:
         found.append(pick(options, tolerance_um=1.0, tolerance_theta_rad=0.01))
     assert [f.name for f in found] == ["teeth1", "outline1"]
     assert "no chain is reliable" in dict(found[1].reasons)["teeth1"]
+
+
+def test_two_edges_tell_the_pose_that_neither_tells(look: Look) -> None:
+    bracket = look("bracket")
+    calm = replace(bracket.spread, pose_sigma_theta_rad=0.01, search_um=2.0)
+    bracket = replace(bracket, spread=calm)
+    sights = []
+    for feature in propose(bracket.moving[0].outline):
+        if feature.name in ("edge1", "edge2"):
+            case = aimed(bracket, feature, 0.05)
+            ready = prepare(case, [("line_caliper",)])
+            (seen,) = score(case, ready, run(case, ready, design(case, 6, 1)))
+            assert seen.axis_rad is not None
+            across = seen.axis_rad - feature.angle_rad  # both in the part's frame
+            assert abs(math.remainder(across, math.pi)) < 1e-2
+            alone = select(
+                [seen], tolerance_um=1.0, tolerance_theta_rad=None, in_set=True
+            )
+            assert alone.chosen == seen
+            sights.append(
+                sight_of(feature, seen, about_um=(0, 0), theta_rad=case.theta_rad)
+            )
+    need = Need(
+        sigma_um=0.5, sigma_theta_rad=0.01, radius_um=80.0, redundant=False, most=2
+    )
+    found = choose_set(sights, need)
+    assert found.qualifies
+    assert sorted(found.names) == ["edge1", "edge2"]
+    assert math.isinf(found.dropped_um)

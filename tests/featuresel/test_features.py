@@ -363,6 +363,24 @@ def test_nothing_can_be_proposed_of_nothing() -> None:
     assert [f.kind for f in propose(Outline(rings=(sliver,)))].count("teeth") == 0
 
 
+def test_hostile_outlines_have_finite_features() -> None:
+    rng = np.random.default_rng(5)
+    for k in range(40):
+        size, count = 10 ** rng.uniform(-3, 5), int(rng.integers(3, 40))
+        points = rng.normal(size=(count, 2)) * size  # crosses itself
+        if k % 4 == 1:  # corners meet, edges lie on each other
+            points = np.round(points / size) * size
+        if k % 4 == 2:  # no area
+            points[:, 1] = 0.0
+        corners = [(float(x), float(y)) for x, y in points]
+        arc = Arc(center=(0, 0), radius_um=size, start_rad=float(rng.uniform(0, 6)),
+                  sweep_rad=float(rng.uniform(0.01, 6.2)))  # fmt: skip
+        bow = Ring(edges=(arc, Segment(start=arc.end, end=arc.start)))
+        for feature in propose(Outline(rings=(polygon(*corners), bow))):
+            numbers = (*feature.center_um, *feature.parameters.values())
+            assert all(map(math.isfinite, numbers))
+
+
 def test_nonsense_is_an_error() -> None:
     feature = propose(ell())[0]
     with pytest.raises(ValueError, match="edge_um must be positive"):
