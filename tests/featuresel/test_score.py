@@ -12,14 +12,16 @@ import pytest
 
 from featuresel.bias import BiasCurve
 from featuresel.case import LookCase
-from featuresel.routines import Artifact
-from featuresel.score import score
-from featuresel.trials import Outcome, Prepared
+from featuresel.score import chain_cost, score
+from featuresel.trials import Outcome, Prepared, prepare
 
 Look = Callable[[str], LookCase]
 CHAIN = ("otsu", "circle_caliper")
-EMPTY = Artifact(parameters={})
-READY = Prepared(chains=(CHAIN,), artifacts=dict.fromkeys(CHAIN, EMPTY))
+
+
+@pytest.fixture
+def ready(look: Look) -> Prepared:
+    return prepare(look("post"), [CHAIN])
 
 
 def outcome(
@@ -41,32 +43,36 @@ def outcome(
     return Outcome(**(form | more))
 
 
-def test_failures_silent_failures_and_successes_are_apart(look: Look) -> None:
+def test_failures_silent_failures_and_successes_are_apart(
+    look: Look, ready: Prepared
+) -> None:
     case = look("post")  # tolerance 1 um: more than 2 um off is wrong
     errors = [(0.1, 0.0), (-0.1, 0.2), (0.3, 0.1), (3.0, 0.0), None]
-    (found,) = score(case, READY, [outcome(i, e) for i, e in enumerate(errors)])
+    (found,) = score(case, ready, [outcome(i, e) for i, e in enumerate(errors)])
     assert (found.trials, found.success, found.silent) == (5, 3, 1)
     assert found.failures == (("no_edge", 1),)
     assert found.bias_um == pytest.approx((0.1, 0.1))
     assert found.sigma_um == pytest.approx(np.std([0.1, -0.1, 0.3], ddof=1))
     assert found.worst_um == 3.0
-    assert found.cost == 4.0
+    assert found.cost == chain_cost(case, ready, CHAIN) > 0
     assert found.need_um == pytest.approx(2 * 0.2 + math.hypot(0.1, 0.1))
     assert found.need_theta_rad == math.inf
 
 
-def test_a_wrong_angle_is_a_silent_failure_where_it_matters(look: Look) -> None:
-    case = look("find_gear")
+def test_a_wrong_angle_is_a_silent_failure_where_it_matters(
+    look: Look, ready: Prepared
+) -> None:
+    case = look("find_gear")  # what is prepared is not asked, but for its cost
     outcomes = [outcome(i, (0.1, 0.0), turn) for i, turn in enumerate((0.0, 0.001, 1))]
-    (free,) = score(case, READY, outcomes)
+    (free,) = score(case, ready, outcomes)
     assert free.silent == 0
-    (bound,) = score(replace(case, tolerance_theta_rad=0.01), READY, outcomes)
+    (bound,) = score(replace(case, tolerance_theta_rad=0.01), ready, outcomes)
     assert (bound.success, bound.silent) == (2, 1)
     assert bound.bias_theta_rad == pytest.approx(0.0005)
 
 
-def test_without_success_there_are_no_statistics(look: Look) -> None:
-    (found,) = score(look("post"), READY, [outcome(0, None), outcome(1, (5.0, 5.0))])
+def test_without_success_there_are_no_statistics(look: Look, ready: Prepared) -> None:
+    (found,) = score(look("post"), ready, [outcome(0, None), outcome(1, (5.0, 5.0))])
     assert found.bias_um is None
     assert found.sigma_um is None
     assert found.need_um == math.inf
@@ -77,22 +83,24 @@ def test_without_success_there_are_no_statistics(look: Look) -> None:
     assert (found.worst_trial, found.median_trial, found.first_failing) == (1, 1, 0)
 
 
-def test_a_score_names_the_trials_to_look_at(look: Look) -> None:
+def test_a_score_names_the_trials_to_look_at(look: Look, ready: Prepared) -> None:
     errors = [(0.2, 0.0), (0.1, 0.0), None, (0.9, 0.0), (0.3, 0.0)]
-    (found,) = score(look("post"), READY, [outcome(i, e) for i, e in enumerate(errors)])
+    (found,) = score(look("post"), ready, [outcome(i, e) for i, e in enumerate(errors)])
     assert found.worst_trial == 3
     assert found.median_trial == 0
     assert found.first_failing == 2
-    (clean,) = score(look("post"), READY, [outcome(0, (0.1, 0.0))])
+    (clean,) = score(look("post"), ready, [outcome(0, (0.1, 0.0))])
     assert clean.first_failing is None
 
 
-def test_bounds_lie_about_the_need_and_widen_with_every_peek(look: Look) -> None:
+def test_bounds_lie_about_the_need_and_widen_with_every_peek(
+    look: Look, ready: Prepared
+) -> None:
     rng = np.random.default_rng(3)
     errors = rng.normal((0.1, 0.0), (0.05, 0.1), (64, 2))
     outcomes = [outcome(i, (float(x), float(y))) for i, (x, y) in enumerate(errors)]
-    (one,) = score(look("post"), READY, outcomes)
-    (two,) = score(look("post"), READY, outcomes, peeks=3)
+    (one,) = score(look("post"), ready, outcomes)
+    (two,) = score(look("post"), ready, outcomes, peeks=3)
     assert one.x is not None
     assert one.y is not None
     assert one.sigma_um == one.y.sigma
@@ -102,18 +110,20 @@ def test_bounds_lie_about_the_need_and_widen_with_every_peek(look: Look) -> None
     assert two.silent_upper > one.silent_upper
     assert two.success_lower == pytest.approx((0.05 / 3) ** (1 / 64))
     with pytest.raises(ValueError, match="peeks"):
-        score(look("post"), READY, outcomes, peeks=0)
+        score(look("post"), ready, outcomes, peeks=0)
 
 
-def test_the_ratio_to_the_limit_counts_the_bias(look: Look) -> None:
+def test_the_ratio_to_the_limit_counts_the_bias(look: Look, ready: Prepared) -> None:
     outcomes = [outcome(i, (0.3 + 0.4 * (-1) ** i, 0.0)) for i in range(8)]
-    (found,) = score(look("post"), READY, outcomes, limit_um=0.25)
+    (found,) = score(look("post"), ready, outcomes, limit_um=0.25)
     # errors of .7 and -.1: a mean of .3 and .4 about it, together .5
     assert found.rms_um == pytest.approx(0.5)
     assert found.ratio == pytest.approx(2.0)
 
 
-def test_what_is_known_in_one_direction_is_judged_along_it(look: Look) -> None:
+def test_what_is_known_in_one_direction_is_judged_along_it(
+    look: Look, ready: Prepared
+) -> None:
     rng = np.random.default_rng(5)
     axis = 2.0
     u = np.array([math.cos(axis), math.sin(axis)])
@@ -127,7 +137,7 @@ def test_what_is_known_in_one_direction_is_judged_along_it(look: Look) -> None:
         )
         for i, d in enumerate(lengths)
     ]
-    (found,) = score(look("post"), READY, outcomes)
+    (found,) = score(look("post"), ready, outcomes)
     assert found.x is None
     assert found.axis_rad == pytest.approx(axis - math.pi, abs=1e-3)
     assert found.sigma_um == pytest.approx(np.std(lengths, ddof=1), rel=1e-5)
@@ -137,7 +147,9 @@ def test_what_is_known_in_one_direction_is_judged_along_it(look: Look) -> None:
     )
 
 
-def test_focus_zoom_and_spreads_are_scored_where_given(look: Look) -> None:
+def test_focus_zoom_and_spreads_are_scored_where_given(
+    look: Look, ready: Prepared
+) -> None:
     rng = np.random.default_rng(5)
     outcomes = [
         outcome(
@@ -150,7 +162,7 @@ def test_focus_zoom_and_spreads_are_scored_where_given(look: Look) -> None:
         )
         for i in range(400)
     ]
-    (found,) = score(look("post"), READY, outcomes)
+    (found,) = score(look("post"), ready, outcomes)
     # a spread of N values is known to 1 / sqrt(2 N): 4 of those
     rel = 4 / math.sqrt(800)
     assert found.z is not None
@@ -168,10 +180,12 @@ def test_focus_zoom_and_spreads_are_scored_where_given(look: Look) -> None:
         assert 1.6 * factor < calibration.reach < 2.6 * factor
 
 
-def test_a_score_keeps_the_curve_that_was_taken_off(look: Look) -> None:
+def test_a_score_keeps_the_curve_that_was_taken_off(
+    look: Look, ready: Prepared
+) -> None:
     curve = BiasCurve(
         dz_um=(0.0,), x_um=(0.1,), y_um=(0.0,), theta_rad=None, scatter_um=(0.0,)
     )
     outcomes = [outcome(0, (0.1, 0.0))]
-    (found,) = score(look("post"), READY, outcomes, curves={CHAIN: curve})
+    (found,) = score(look("post"), ready, outcomes, curves={CHAIN: curve})
     assert found.curve is curve
