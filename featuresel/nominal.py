@@ -59,6 +59,7 @@ class NominalRender:
             focus_sigma_um=spread.focus_sigma_um,
             zoom_sigma=spread.magnification_sigma,
             gradient=spread.light_gradient[1],
+            axis_px=self.case.frame.to_pixel(0.0, 0.0),
         )
 
     def __call__(

@@ -136,6 +136,7 @@ class Drifts:
     focus_sigma_um: float
     zoom_sigma: float  # of the ratio to nominal
     gradient: float  # the largest relative change of the light across the field
+    axis_px: tuple[float, float]  # column and row of the region that zoom leaves alone
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -102,7 +102,8 @@ class Appearance:
         right = min(shape[1] - 1, math.floor(pose.column + half))
         top = max(0, math.ceil(pose.row - half))
         bottom = min(shape[0] - 1, math.floor(pose.row + half))
-        rows, columns = np.mgrid[top : bottom + 1, left : right + 1]
+        across, down = max(right + 1 - left, 0), max(bottom + 1 - top, 0)
+        rows, columns = np.mgrid[top : top + down, left : left + across]
         flat_columns, flat_rows = columns.ravel(), rows.ravel()
         x, y = self._place(pose, flat_columns, flat_rows)
         inside = (x >= 0) & (x <= self.shape[1] - 1) & (y >= 0)

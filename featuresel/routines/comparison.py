@@ -24,22 +24,32 @@ _CLEAR = 0.02  # share of the target's light that must come through
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Front:
-    """What stands before the target at three focus heights, as maps of the region."""
+    """What stands before the target at some focus heights, as maps of the region."""
 
-    light: FloatArray  # (3, rows, columns)
-    through: FloatArray  # (3, rows, columns)
-    reach_um: float  # heights are -reach, 0 and reach off nominal
+    light: FloatArray  # (K, rows, columns), K odd
+    through: FloatArray  # (K, rows, columns)
+    reach_um: float  # heights are from -reach to reach off nominal, at equal steps
+    axis_px: tuple[float, float]  # column and row that zoom leaves alone
 
     def at(
-        self, z_um: float, columns: IntArray, rows: IntArray
+        self, pose: Pose, columns: IntArray, rows: IntArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Return light and share let through at pixels, a parabola over the focus."""
-        t = min(max(z_um / self.reach_um, -1.0), 1.0)
+        """Return light and share let through at pixels, at the pose's focus and zoom.
+
+        A parabola through the nearest three heights, linear between pixels.
+        """
+        half = len(self.light) // 2
+        place = min(max(pose.z_um / self.reach_um, -1.0), 1.0) * half + half
+        k = min(max(round(place), 1), 2 * half - 1)
+        t = place - k
         weights = np.array([t * (t - 1) / 2, 1 - t * t, t * (t + 1) / 2])
-        return (
-            np.tensordot(weights, self.light[:, rows, columns], axes=1),
-            np.tensordot(weights, self.through[:, rows, columns], axes=1),
-        )
+        light: FloatArray = np.tensordot(weights, self.light[k - 1 : k + 2], axes=1)
+        through: FloatArray = np.tensordot(weights, self.through[k - 1 : k + 2], axes=1)
+        if pose.zoom == 1.0:
+            return light[rows, columns], through[rows, columns]
+        x: FloatArray = self.axis_px[0] + (columns - self.axis_px[0]) / pose.zoom
+        y: FloatArray = self.axis_px[1] + (rows - self.axis_px[1]) / pose.zoom
+        return _between(light, x, y), _between(through, x, y)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -134,7 +144,7 @@ def see(job: Job, view: View, pose: Pose, pixels: tuple[IntArray, IntArray]) -> 
     slopes = np.stack((looks.across, looks.down, looks.turn, focus, looks.grow), axis=1)
     mean = looks.value
     if job.front is not None:
-        light, through = job.front.at(here.z_um, columns, rows)
+        light, through = job.front.at(here, columns, rows)
         mean, slopes = light + through * mean, through[:, None] * slopes
     place = _place(job, columns, rows)
     value = view.image[rows, columns]
@@ -158,7 +168,7 @@ def misfit(job: Job, pose: Pose, cells: IntArray) -> float:
         columns, rows = job.looks.pixels_at(cells, here, job.shape)
         mean = job.looks.value(here, columns, rows)
         if job.front is not None:
-            light, through = job.front.at(here.z_um, columns, rows)
+            light, through = job.front.at(here, columns, rows)
             mean = light + through * mean
         values.append(view.image[rows, columns])
         targets.append(_lit(mean, _place(job, columns, rows)))
@@ -185,7 +195,8 @@ def _pixels(job: Job, pose: Pose) -> tuple[IntArray, IntArray]:
     columns, rows = job.looks.pixels(pose, job.shape)
     if job.front is None:
         return columns, rows
-    clear = job.front.through[1, rows, columns] > _CLEAR
+    middle = len(job.front.through) // 2
+    clear = job.front.through[middle, rows, columns] > _CLEAR
     return columns[clear], rows[clear]
 
 
@@ -198,3 +209,16 @@ def _place(job: Job, columns: IntArray, rows: IntArray) -> FloatArray:
 def _lit(mean: FloatArray, place: FloatArray) -> FloatArray:
     """Return (N, 3): the pixels' light by gain, and by gradients."""
     return np.stack((mean, mean * place[:, 0], mean * place[:, 1]), axis=1)
+
+
+def _between(values: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
+    """Return a map's values between its pixels, linear; at the border, the border's."""
+    height, width = values.shape
+    x = np.asarray(np.clip(x, 0, width - 1.001), dtype=np.float64)
+    y = np.asarray(np.clip(y, 0, height - 1.001), dtype=np.float64)
+    left, top = x.astype(np.intp), y.astype(np.intp)
+    u, v = x - left, y - top
+    above = (1 - u) * values[top, left] + u * values[top, left + 1]
+    below = (1 - u) * values[top + 1, left] + u * values[top + 1, left + 1]
+    mean: FloatArray = (1 - v) * above + v * below
+    return mean

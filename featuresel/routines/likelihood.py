@@ -45,6 +45,8 @@ CONTROL = False
 
 _LEAST_SIGNAL = 0.03  # of full scale, that the target must vary by
 _DEPTHS = (0.1, 0.35, 0.6, 0.85)  # of the reach in focus, where fits start
+_VEIL_DEPTHS = 4.0  # wave depths of field between heights: what is in front is blurred
+_ZOOM_PX = 1.5  # that the rim moves by between zooms where fits start
 _TURN_PX = 2.5  # that the rim moves by between turns where fits start
 _MOST_TURNS = 24  # of them, at every focus height: more take too long
 _TRIED = 4  # turns by a period and less on both sides are compared, if more there are
@@ -71,7 +73,8 @@ def prepare_job(
         model, target, image.shape, turns=turns, reach_um=reach_um
     )
     reach = max(reach_um, 1.0)
-    veils = [model.veil(dz) for dz in (-reach, 0.0, reach)]
+    each = 2 * math.ceil(reach / (_VEIL_DEPTHS * model.blur.depth_um)) + 1
+    veils = [model.veil(float(dz)) for dz in np.linspace(-reach, reach, each)]
     arrays = dict(made.arrays)
     if any(float(v.through.min()) < 1 for v in veils):
         arrays["front_light"] = np.stack([v.light for v in veils]).astype(np.float32)
@@ -90,6 +93,8 @@ def prepare_job(
             "zoom_sigma": drifts.zoom_sigma,
             "gradient": drifts.gradient,
             "front_reach_um": reach,
+            "axis_column": drifts.axis_px[0],
+            "axis_row": drifts.axis_px[1],
             "full_well_e": camera.full_well_e,
             "read_noise_e": camera.read_noise_e,
             "bits": float(camera.bits),
@@ -132,6 +137,7 @@ def read_job(views: tuple[View, ...], artifact: Artifact) -> Job:
             light=arrays["front_light"].astype(np.float64),
             through=arrays["front_through"].astype(np.float64),
             reach_um=p["front_reach_um"],
+            axis_px=(p["axis_column"], p["axis_row"]),
         )
     return Job(
         views=views,
@@ -160,18 +166,43 @@ def start_pose(job: Job, p: Mapping[str, float], guess: Guess) -> Pose | Failure
     depths = [guess.z_um or 0.0]
     if guess.z_um is None and p["focus_sigma_um"] > 0:
         depths = _depths(job)
+    pose = Pose(
+        column=guess.column,
+        row=guess.row,
+        turn_rad=turns[len(turns) // 2],
+        z_um=depths[0],
+        zoom=guess.zoom or 1.0,
+    )
+    zooms = [pose.zoom] if guess.zoom is not None else _zooms(job, p)
+    if len(zooms) > 1:  # focus and zoom first: all at once would be too many
+        pose = _best(job, pose, depths, [pose.turn_rad], zooms)
+        depths, zooms = [pose.z_um], [pose.zoom]
+    return _best(job, pose, depths, turns, zooms)
+
+
+def _best(
+    job: Job,
+    pose: Pose,
+    depths: list[float],
+    turns: list[float],
+    zooms: list[float],
+) -> Pose:
+    """Return the pose with the focus, turn and zoom that fit best."""
     starts = [
-        Pose(
-            column=guess.column,
-            row=guess.row,
-            turn_rad=turn,
-            z_um=z_um,
-            zoom=guess.zoom or 1.0,
-        )
+        replace(pose, z_um=z_um, turn_rad=turn, zoom=zoom)
         for z_um in depths
         for turn in turns
+        for zoom in zooms
     ]
     return starts[0] if len(starts) == 1 else try_each(job, starts)
+
+
+def _zooms(job: Job, p: Mapping[str, float]) -> list[float]:
+    """Return zooms to start at, within two standard deviations of nominal."""
+    rim_px = max(job.looks.shape) / 2 / job.looks.over
+    reach = 2 * p["zoom_sigma"]
+    count = math.ceil(2 * reach * rim_px / _ZOOM_PX)
+    return [1 + reach * ((2 * k + 1) / count - 1) for k in range(count)] or [1.0]
 
 
 def _turns(job: Job, p: Mapping[str, float], guess: Guess) -> list[float] | Failure:

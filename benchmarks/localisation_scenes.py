@@ -1,0 +1,231 @@
+"""What routines are asked to find: gear, shaft and fingers, clean and disturbed.
+
+The estimator's images come from Hopkins' law, the truth from the exact one with a band
+and a margin ten times better than the estimator's.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from featuresel.case import LookCase
+from featuresel.sensitivity import Setting
+from optics.microscope import Microscope
+from optics.outline import place
+from optics.prepared import Prepared, prepare
+from optics.sampling import Sampling
+from optics.scene import Illumination, Layer, Scene, Window
+from optics.sensor import expose, to_unit
+from optics.views import Range
+from tests.featuresel.conftest import (
+    GEAR,
+    JAWS,
+    MICROSCOPE,
+    TEETH,
+    finger_layer,
+    gear_layer,
+    make_case,
+    on_target,
+    post_layer,
+)
+
+FloatArray = npt.NDArray[np.float64]
+
+FOCUS_SIGMA_UM = 9.0  # three of them hold 25 um, the farthest that is measured
+ZOOM = 0.05  # largest relative error
+GRADIENT = 0.3  # change of the light across the field
+GAIN = (0.7, 1.2)  # no pixel saturates at a reflectance of .8
+PLACE_UM = 3.0  # largest displacement along an axis
+CONDITIONS = ("plain", "zoom", "gradient", "fingers", "all")
+FINE = Sampling(band_error=5e-6, margin=160.0)
+_SHARED = 25  # trials of one angle: spectra are made once for them
+_LARGEST_ZOOM_FIELD_UM = 120.0  # the gear, its search and its blur
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Drawn:
+    """One trial: where the look stands, and the image the camera gives."""
+
+    setting: Setting
+    image: FloatArray
+
+
+def gear() -> LookCase:
+    """The gear at any angle, m 6.9."""
+    case = make_case("teeth", GEAR, (gear_layer(),), theta_any=True, half_px=(120, 120))
+    return replace(case, target=replace(case.target, symmetry=TEETH))
+
+
+def gear_close() -> LookCase:
+    """The gear at the highest magnification that keeps it in the field."""
+    m = MICROSCOPE.height_px * MICROSCOPE.pitch_um / _LARGEST_ZOOM_FIELD_UM
+    scope: Microscope = replace(MICROSCOPE, magnification=m)
+    whole = Window(row=0, column=0, rows=scope.height_px, columns=scope.width_px)
+    return on_target(replace(gear(), microscope=scope, window=whole))
+
+
+def shaft() -> LookCase:
+    """The shaft's top, m 6.9."""
+    return make_case(
+        "circle",
+        {"radius_um": 22.0},
+        (post_layer(),),
+        half_px=(60, 60),
+        background=0.15,
+    )
+
+
+def fingers() -> LookCase:
+    """Both fingers, nearly straight, m 6.9."""
+    return make_case(
+        "jaws", JAWS, (finger_layer(),), half_px=(120, 190), theta_rad=0.02, y_um=-20.0
+    )
+
+
+SCENES: Mapping[str, Callable[[], LookCase]] = {
+    "gear": gear,
+    "gear_close": gear_close,
+    "shaft": shaft,
+    "fingers": fingers,
+}
+
+
+def disturbed(case: LookCase, condition: str) -> LookCase:
+    """Return the look with the spreads of a condition, and fingers where it has them.
+
+    Routines free what the spreads hold, and the limit is of the same numbers.
+    """
+    zoom = ZOOM if condition in ("zoom", "all") else 0.0
+    gradient = GRADIENT if condition in ("gradient", "all") else 0.0
+    static: tuple[Layer, ...] = ()
+    if condition in ("fingers", "all") and case.target.kind != "jaws":
+        static = (finger_layer(130.0, opening_um=1.92 * _radius_um(case)),)
+    return replace(
+        case,
+        static=static,
+        spread=replace(
+            case.spread,
+            focus_sigma_um=FOCUS_SIGMA_UM,
+            magnification_sigma=zoom / 2,
+            light_gain=GAIN,
+            light_gradient=(0.0, gradient),
+            pose_sigma_xy_um=PLACE_UM / 2,
+            search_um=PLACE_UM * 1.5,
+        ),
+        target=replace(
+            case.target, search_px=PLACE_UM * 1.5 * case.microscope.px_per_um
+        ),
+    )
+
+
+def free_names(case: LookCase) -> tuple[str, ...]:
+    """Return what the likelihood fit leaves free, by the names of the limit."""
+    names = ["x", "y"] + (["theta"] if case.target.kind != "circle" else []) + ["z"]
+    names += ["zoom"] if case.spread.magnification_sigma > 0 else []
+    names += ["gain"]
+    if case.spread.light_gradient[1] > 0:
+        names += ["gradient_x", "gradient_y"]
+    return tuple(names)
+
+
+def draws(case: LookCase, z_um: float, count: int, seed: int) -> list[Drawn]:
+    """Return trials of a look at one focus; nothing but the seed decides what they are.
+
+    Places are anywhere in a pixel, angles and zooms anywhere in their range, one for
+    each `_SHARED` trials.
+    """
+    rng = np.random.default_rng([seed, round(1e3 * z_um) + 10**6])
+    found: list[Drawn] = []
+    while len(found) < count:
+        group = _group(case, z_um, rng)
+        moving, still = _prepared(case, group)
+        for _ in range(min(_SHARED, count - len(found))):
+            setting = _setting(case, group, rng)
+            found.append(_exposed(case, setting, moving, still, rng))
+    return found
+
+
+def _radius_um(case: LookCase) -> float:
+    p = case.target.parameters
+    return p.get("outer_um", p.get("radius_um", 0.0))
+
+
+def _group(case: LookCase, z_um: float, rng: np.random.Generator) -> Setting:
+    """Return the turn and zoom that some trials share."""
+    turn = 0.0
+    if case.target.kind != "circle":
+        reach = math.pi if case.theta_any else case.target.theta_range_rad / 2
+        turn = float(rng.uniform(-reach, reach))
+    zoom = 2 * case.spread.magnification_sigma
+    zoomed = 1 + float(rng.uniform(-zoom, zoom))
+    return Setting(dtheta_rad=turn, dz_um=z_um, zoom=zoomed)
+
+
+def _setting(case: LookCase, group: Setting, rng: np.random.Generator) -> Setting:
+    """Return where one trial stands."""
+    dx, dy = rng.uniform(-PLACE_UM, PLACE_UM, 2)
+    gradient, angle = rng.uniform(0, case.spread.light_gradient[1]), rng.uniform(0, 7)
+    return replace(
+        group,
+        dx_um=float(dx),
+        dy_um=float(dy),
+        gain=float(rng.uniform(*GAIN)),
+        gradient_x=float(gradient * math.cos(angle)),
+        gradient_y=float(gradient * math.sin(angle)),
+    )
+
+
+def _prepared(case: LookCase, group: Setting) -> tuple[Prepared, Prepared | None]:
+    """Return what moves and what stands still, by the exact law at one focus."""
+    height = case.focus_um + group.dz_um
+    reach = Range(focus_um=(height, height), shift_um=PLACE_UM)
+    scope = replace(
+        case.microscope, magnification=case.microscope.magnification * group.zoom
+    )
+    theta = case.theta_rad + group.dtheta_rad
+    moved = tuple(
+        replace(
+            layer,
+            outline=place(layer.outline, case.x_um, case.y_um, theta),
+        )
+        for layer in case.moving
+    )
+
+    def ready(layers: tuple[Layer, ...]) -> Prepared:
+        return prepare(
+            Scene(layers=layers, background=case.background),
+            scope,
+            reach,
+            window=case.window,
+            sampling=FINE,
+        )
+
+    return ready(moved), ready(case.static) if case.static else None
+
+
+def _exposed(
+    case: LookCase,
+    at: Setting,
+    moving: Prepared,
+    still: Prepared | None,
+    rng: np.random.Generator,
+) -> Drawn:
+    """Return one trial with the camera's noise."""
+    focus_um = case.focus_um + at.dz_um
+    also = () if still is None else still.patches(focus_um=focus_um)
+    image = moving.image(
+        focus_um=focus_um,
+        shift_um=(at.dx_um, at.dy_um),
+        light=Illumination(
+            gain=at.gain, gradient_x=at.gradient_x, gradient_y=at.gradient_y
+        ),
+        also=also,
+    )
+    return Drawn(
+        setting=at, image=to_unit(expose(image, case.sensor, rng), case.sensor.bits)
+    )
