@@ -47,8 +47,9 @@ class Front:
         through: FloatArray = np.tensordot(weights, self.through[k - 1 : k + 2], axes=1)
         if pose.zoom == 1.0:
             return light[rows, columns], through[rows, columns]
-        x: FloatArray = self.axis_px[0] + (columns - self.axis_px[0]) / pose.zoom
-        y: FloatArray = self.axis_px[1] + (rows - self.axis_px[1]) / pose.zoom
+        x = np.asarray((columns - self.axis_px[0]) / pose.zoom, dtype=np.float64)
+        y = np.asarray((rows - self.axis_px[1]) / pose.zoom, dtype=np.float64)
+        x, y = self.axis_px[0] + x, self.axis_px[1] + y
         return _between(light, x, y), _between(through, x, y)
 
 
