@@ -68,7 +68,8 @@ def chains(
 def routines(target: Target, *, controls: bool = False) -> tuple[str, ...]:
     """Return the routines that chains for `target` may use, by name.
 
-    They look for its kind and give its place, or its angle if it has one.
+    They look for its kind and give its place, or its angle if it has one. What needs
+    the focus to be known starts from an earlier image, not from another routine.
     """
     useful = {"xy", "theta"} if has_angle(target) else {"xy"}
     return tuple(
@@ -76,6 +77,7 @@ def routines(target: Target, *, controls: bool = False) -> tuple[str, ...]:
         for name in sorted(REGISTRY)
         if target.kind in load(name).KINDS
         and useful & set(load(name).GIVES)
+        and "z" not in load(name).NEEDS
         and (controls or not load(name).CONTROL)
     )
 

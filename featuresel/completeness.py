@@ -8,7 +8,10 @@ import numpy as np
 
 from featuresel.routines import Target, Veil
 
-_THROUGH = 0.5  # of the light: at the middle of a blurred edge half of it comes through
+# Of the most light that any of the edges sends through: at the middle of a blurred edge
+# of what stands in front half of it comes through.
+_THROUGH = 0.5
+_DARK = 0.05  # of unshaded light: less is no sight, even where no edge has more
 
 
 def seen_share(target: Target, veil: Veil) -> float | None:
@@ -40,4 +43,6 @@ def seen_share(target: Target, veil: Veil) -> float | None:
         np.rint(row[inside]).astype(np.intp).clip(0, rows - 1),
         np.rint(column[inside]).astype(np.intp).clip(0, columns - 1),
     )
-    return float(np.count_nonzero(veil.through[at] > _THROUGH) / len(column))
+    through = veil.through[at]
+    least = max(_DARK, _THROUGH * float(through.max(initial=0.0)))
+    return float(np.count_nonzero(through > least) / len(column))

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from featuresel.candidates import chains
 from featuresel.case import LookCase
-from featuresel.perturb import design
-from featuresel.score import Score, score
-from featuresel.select import Selection, select
-from featuresel.trials import Map, prepare, run
+from featuresel.contest import compete
+from featuresel.score import Score
+from featuresel.select import Selection
+from featuresel.trials import Map
 from featuresel.usable import usable_range
 from optics.fidelity import Fidelity
 from planner.cases import build_case
@@ -81,23 +80,16 @@ def _benchmark(
     task: Task, case: LookCase, fidelity: Fidelity, effects: Effects
 ) -> Tried:
     """Return the choice among all chains, with the trials behind it."""
-    candidates = chains(case.target)
-    prepared = prepare(case, candidates)
-    trials = design(case, effects.effort.trials, task.seed)
-    outcomes = run(case, prepared, trials, effects.map)
-    scores = score(case, prepared, outcomes)
-    selection = select(
-        scores,
-        tolerance_um=case.tolerance_um,
-        tolerance_theta_rad=case.tolerance_theta_rad,
+    found = compete(
+        case, root_seed=task.seed, most=effects.effort.trials, map=effects.map
     )
     return Tried(
         case=case,
         fidelity=fidelity,
-        prepared=prepared,
-        outcomes=outcomes,
-        scores=scores,
-        selection=selection,
+        prepared=found.prepared,
+        outcomes=found.outcomes,
+        scores=found.scores,
+        selection=found.selection,
     )
 
 

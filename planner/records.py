@@ -107,7 +107,7 @@ def measure_record(
         jacobian_px_per_um=_jacobian(case),
         sigma_xy_um=chosen.sigma_um or 0.0,
         sigma_theta_rad=chosen.sigma_theta_rad,
-        limit_xy_um=None,
+        limit_xy_um=chosen.limit_um,
         gates=_gates(tried, chosen),
         capture_um=case.spread.search_um,
         symmetry=shape.symmetry,
