@@ -96,6 +96,17 @@ class NominalRender:
             return _through_focus(fine, moved, dz_um)
         return np.stack([_alone(fine, moved, dz) for dz in dz_um])
 
+    def alone(
+        self, *, dx_um: float = 0.0, dy_um: float = 0.0, dz_um: float = 0.0
+    ) -> FloatArray:
+        """Return the region without what stands still, not clipped.
+
+        The light's gradient is left out: it belongs to the frame, not to the target.
+        """
+        even = Illumination(gain=self.case.light.gain)
+        case = replace(self.case, static=(), light=even)
+        return _alone(case, moved_layers(case, dx_um, dy_um, 0.0), dz_um)
+
     def veil(self, dz_um: float = 0.0) -> Veil:
         """Return what stands in front of the target, `dz_um` off nominal focus.
 

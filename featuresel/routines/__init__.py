@@ -209,6 +209,12 @@ class LookModel(Protocol):
         """
         ...
 
+    def alone(
+        self, *, dx_um: float = 0.0, dy_um: float = 0.0, dz_um: float = 0.0
+    ) -> FloatArray:
+        """Return the image without what stands still, (rows, columns), not clipped."""
+        ...
+
     def veil(self, dz_um: float = 0.0) -> Veil:
         """Return what stands in front of the target, `dz_um` off nominal focus."""
         ...

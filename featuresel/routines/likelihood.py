@@ -33,6 +33,7 @@ from featuresel.routines.appearance import (
     read_appearance,
 )
 from featuresel.routines.comparison import Free, Front, Job, View, try_each
+from featuresel.routines.fronts import front_maps
 from featuresel.routines.pose_fit import PoseFit, fit_pose
 
 NAME = "likelihood"
@@ -45,7 +46,6 @@ CONTROL = False
 
 _LEAST_SIGNAL = 0.03  # of full scale, that the target must vary by
 _DEPTHS = (0.1, 0.35, 0.6, 0.85)  # of the reach in focus, where fits start
-_VEIL_DEPTHS = 4.0  # wave depths of field between heights: what is in front is blurred
 _ZOOM_PX = 1.5  # that the rim moves by between zooms where fits start
 _TURN_PX = 2.5  # that the rim moves by between turns where fits start
 _MOST_TURNS = 24  # of them, at every focus height: more take too long
@@ -68,19 +68,16 @@ def prepare_job(
     image = model()
     if float(np.ptp(image)) < _LEAST_SIGNAL:
         return Failure(code="no_contrast", message="the target does not stand out")
-    turns = target.kind != "circle"
+    turns = _turns_show(model, target, image)
     made = prepare_appearance(
         model, target, image.shape, turns=turns, reach_um=reach_um
     )
     reach = max(reach_um, 1.0)
-    each = 2 * math.ceil(reach / (_VEIL_DEPTHS * model.blur.depth_um)) + 1
-    veils = [model.veil(float(dz)) for dz in np.linspace(-reach, reach, each)]
+    front = front_maps(model, target, image, reach)
     arrays = dict(made.arrays)
-    if any(float(v.through.min()) < 1 for v in veils):
-        arrays["front_light"] = np.stack([v.light for v in veils]).astype(np.float32)
-        arrays["front_through"] = np.stack([v.through for v in veils]).astype(
-            np.float32
-        )
+    if front is not None:
+        arrays["front_light"] = front.light.astype(np.float32)
+        arrays["front_through"] = front.through.astype(np.float32)
     camera, drifts = model.camera, model.drifts
     return Artifact(
         parameters={
@@ -205,11 +202,25 @@ def _zooms(job: Job, p: Mapping[str, float]) -> list[float]:
     return [1 + reach * ((2 * k + 1) / count - 1) for k in range(count)] or [1.0]
 
 
+def _turns_show(model: LookModel, target: Target, image: FloatArray) -> bool:
+    """Return whether a turn within the target's range changes the image."""
+    turn = min(target.theta_range_rad, math.pi / max(target.symmetry, 1)) / 2
+    rim_px = target.parameters.get("radius_um", 0.0) * target.px_per_um
+    if turn == 0 or 4 * turn * rim_px > _MOST_TURNS * _TURN_PX:
+        # a circle whose surroundings may lie at any angle: they are not its own
+        return turn > 0 and target.kind != "circle"
+    return float(np.abs(model(theta_rad=turn) - image).max()) > _LEAST_SIGNAL
+
+
 def _turns(job: Job, p: Mapping[str, float], guess: Guess) -> list[float] | Failure:
-    """Return turns to start at: the guess's, or all within a period of the pattern."""
+    """Return turns to start at: the guess's, or all within a period of the pattern.
+
+    The nominal angle is no measurement: the true one is anywhere in its range.
+    """
     if not p["turns"]:
         return [0.0]
-    if guess.theta_rad is not None:
+    known = guess.theta_rad is not None and guess.theta_rad != p["theta_rad"]
+    if guess.theta_rad is not None and (known or p["range_rad"] >= math.pi):
         return [math.remainder(guess.theta_rad - p["theta_rad"], 2 * math.pi)]
     rim_px = max(job.looks.shape) / 2 / job.looks.over
     reach = min(p["range_rad"], math.pi / p["symmetry"])

@@ -68,7 +68,7 @@ def fit_pose(job: Job, start: Pose) -> PoseFit | Failure:
     ----------
     Baker & Matthews (2004), forwards additive; Beaton & Tukey (1974).
     """
-    pose, light = start, None
+    pose, light, depths, before = start, None, _FAR_DEPTHS, 0.0
     chosen, last = pixels_of(job, start), start
     for _ in range(_ROUNDS):
         if _is_elsewhere(job, last, pose):
@@ -78,9 +78,12 @@ def fit_pose(job: Job, start: Pose) -> PoseFit | Failure:
         linear = _linear(job, pose, light, chosen)
         if isinstance(linear, Failure):
             return linear
-        move = linear.move(job, pose)
+        move = linear.move(job, pose, depths)
         if move is None:
             return Failure(code="no_contrast", message="the image tells no pose")
+        if move[3] * before < 0:  # about focus slopes vanish, and steps go to and fro
+            depths /= 2
+        before = float(move[3])
         pose, light = _after(job, pose, move), linear.light + move[5:]
         if float(move @ linear.normal @ move) < _SETTLED * max(1.0, linear.chi2):
             return linear.result(job, pose, light)
@@ -98,7 +101,7 @@ def step_once(job: Job, start: Pose) -> PoseFit | Failure:
     linear = _linear(job, start, None, chosen)
     if isinstance(linear, Failure):
         return linear
-    move = linear.move(job, start)
+    move = linear.move(job, start, _FAR_DEPTHS)
     if move is None:
         return Failure(code="no_contrast", message="the image tells no pose")
     gained = float(move @ (2 * linear.right - linear.normal @ move)) / linear.pixels
@@ -117,7 +120,7 @@ class _Linear:
     used: float
     pixels: int
 
-    def move(self, job: Job, pose: Pose) -> FloatArray | None:
+    def move(self, job: Job, pose: Pose, depths: float) -> FloatArray | None:
         """Return the step, (8,), as far as may be believed; None if there is none."""
         pick = np.flatnonzero(job.free.chosen)
         move = np.zeros(8)
@@ -129,7 +132,7 @@ class _Linear:
             return None
         if not np.isfinite(move).all():
             return None
-        move *= _shortened(job, pose, move)
+        move *= _shortened(job, pose, move, depths)
         # the focus stays where planes are, its square positive
         move[3] = job.focus(_after(job, pose, move)) - job.focus(pose)
         return move
@@ -202,11 +205,11 @@ def _together(seen: list[Seen]) -> Seen:
     )
 
 
-def _shortened(job: Job, pose: Pose, move: FloatArray) -> float:
+def _shortened(job: Job, pose: Pose, move: FloatArray, depths: float) -> float:
     """Return what a step is cut to: farther, the slopes no longer hold."""
     size = max(job.looks.shape) / 2 / job.looks.over
     far = max(math.hypot(move[0], move[1]), abs(move[2]) * size, abs(move[4]) * size)
-    most = _FAR_DEPTHS * job.looks.step_um
+    most = depths * job.looks.step_um
     if job.squared:
         most *= 2 * abs(pose.z_um) + most
     return float(1 / max(1.0, far / _FAR_PX, abs(move[3]) / most))
