@@ -252,6 +252,7 @@ def prepare_appearance(
     *,
     turns: bool,
     reach_um: float,
+    ignored: BoolArray | None = None,
 ) -> Artifact:
     """Return the planes of a target as an artifact, see `read_appearance`.
 
@@ -267,6 +268,8 @@ def prepare_appearance(
         Whether the target may lie at an angle to the nominal one.
     reach_um : float
         How far from nominal the focus may be.
+    ignored : (rows, columns) bool array, optional
+        Pixels of the nominal image that are not the target's.
     """
     half = _half_px(model, target, shape, reach_um)
     over = _over(model, target)
@@ -287,7 +290,8 @@ def prepare_appearance(
         ),
     )
     told = np.unique(np.linspace(0, len(distinct) - 1, _MOST_BITS).round().astype(int))
-    used = _used(planes[:, :2].sum(axis=1), distinct, model, grid)[told]
+    own = _own(ignored, target, half)
+    used = _used(planes[:, :2].sum(axis=1), distinct, model, grid, own)[told]
     kept = _grown(used.any(axis=0))
     cells = np.where(kept.ravel(), np.cumsum(kept.ravel()), 0)
     deep = depth_coefficients(planes[back].reshape(count, planes.shape[1], -1))
@@ -372,8 +376,28 @@ def _stops(
     return first, step, steps + 1 + 2 * _BEYOND, is_even
 
 
+def _own(
+    ignored: BoolArray | None, target: Target, half: tuple[int, int]
+) -> FloatArray:
+    """Return 1 for pixels of the template that are the target's, else 0."""
+    own = np.ones((2 * half[1] + 1, 2 * half[0] + 1))
+    if ignored is None:
+        return own
+    rows = np.arange(len(own)) + round(target.row) - half[1]
+    columns = np.arange(own.shape[1]) + round(target.column) - half[0]
+    inner_rows = (rows >= 0) & (rows < ignored.shape[0])
+    inner_columns = (columns >= 0) & (columns < ignored.shape[1])
+    part = ignored[np.ix_(rows[inner_rows], columns[inner_columns])]
+    own[np.ix_(inner_rows, inner_columns)] = ~part
+    return own
+
+
 def _used(
-    light: FloatArray, depths: FloatArray, model: LookModel, grid: _Grid
+    light: FloatArray,
+    depths: FloatArray,
+    model: LookModel,
+    grid: _Grid,
+    own: FloatArray,
 ) -> BoolArray:
     """Return cells worth comparing; none so near the border that support is missing.
 
@@ -395,6 +419,7 @@ def _used(
         turn, grow = across[k] * v - down[k] * u, across[k] * u + down[k] * v
         rest = (focus[k], grow, mean, mean * u, mean * v)
         slopes = np.stack((across[k], down[k], turn, *rest))
+        slopes = slopes * own[: mean.shape[0], : mean.shape[1]]
         told = informative(mean, slopes, model.camera, wanted=_WANTED)
         block = told.repeat(over, axis=0).repeat(over, axis=1)
         block = block[:rows, :columns]

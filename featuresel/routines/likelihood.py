@@ -12,7 +12,9 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 
+import cv2
 import numpy as np
+import numpy.typing as npt
 
 from featuresel.routines import (
     Artifact,
@@ -46,6 +48,8 @@ CONTROL = False
 
 _LEAST_SIGNAL = 0.03  # of full scale, that the target must vary by
 _DEPTHS = (0.1, 0.35, 0.6, 0.85)  # of the reach in focus, where fits start
+_SHARES = (-0.9, -0.5, 0.5, 0.7, 0.9)  # of the range of turns, where they are looked at
+_BESIDE_PX = 2  # about what is not round, as its blur grows out of focus
 _ZOOM_PX = 1.5  # that the rim moves by between zooms where fits start
 _TURN_PX = 2.5  # that the rim moves by between turns where fits start
 _MOST_TURNS = 24  # of them, at every focus height: more take too long
@@ -70,7 +74,12 @@ def prepare_job(
         return Failure(code="no_contrast", message="the target does not stand out")
     turns = _turns_show(model, target, image)
     made = prepare_appearance(
-        model, target, image.shape, turns=turns, reach_um=reach_um
+        model,
+        target,
+        image.shape,
+        turns=turns,
+        reach_um=reach_um,
+        ignored=None if turns else _turning(model, target, image),
     )
     reach = max(reach_um, 1.0)
     front = front_maps(model, target, image, reach)
@@ -210,6 +219,20 @@ def _turns_show(model: LookModel, target: Target, image: FloatArray) -> bool:
         # a circle whose surroundings may lie at any angle: they are not its own
         return turn > 0 and target.kind != "circle"
     return float(np.abs(model(theta_rad=turn) - image).max()) > _LEAST_SIGNAL
+
+
+def _turning(
+    model: LookModel, target: Target, image: FloatArray
+) -> npt.NDArray[np.bool_]:
+    """Return pixels of what is not round: they change, whatever the turn."""
+    reach = target.theta_range_rad
+    turned = [model(theta_rad=share * reach) for share in _SHARES] if reach > 0 else []
+    if not turned:
+        return np.zeros(image.shape, dtype=bool)
+    change = np.median(np.abs(np.stack(turned) - image), axis=0)
+    kernel = np.ones((2 * _BESIDE_PX + 1, 2 * _BESIDE_PX + 1), np.uint8)
+    marked = (change > _LEAST_SIGNAL / 2).astype(np.uint8)
+    return np.asarray(cv2.dilate(marked, kernel) > 0)
 
 
 def _turns(job: Job, p: Mapping[str, float], guess: Guess) -> list[float] | Failure:
