@@ -136,17 +136,20 @@ def free_names(case: LookCase) -> tuple[str, ...]:
 def draws(case: LookCase, z_um: float, count: int, seed: int) -> list[Drawn]:
     """Return trials of a look at one focus; nothing but the seed decides what they are.
 
+    Poses and light are the same at every focus, the noise is not.
+
     Places are anywhere in a pixel, angles and zooms anywhere in their range, one for
     each `_SHARED` trials.
     """
-    rng = np.random.default_rng([seed, round(1e3 * z_um) + 10**6])
+    rng = np.random.default_rng(seed)
+    noise = np.random.default_rng([seed, round(1e3 * z_um) + 10**6])
     found: list[Drawn] = []
     while len(found) < count:
         group = _group(case, z_um, rng)
         moving, still = _prepared(case, group)
         for _ in range(min(_SHARED, count - len(found))):
             setting = _setting(case, group, rng)
-            found.append(_exposed(case, setting, moving, still, rng))
+            found.append(_exposed(case, setting, moving, still, noise))
     return found
 
 
