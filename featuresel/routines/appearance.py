@@ -76,6 +76,16 @@ class Light:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Turned:
+    """Pixels of N cells at T turns, and the target's light there; (T, N) each."""
+
+    columns: IntArray
+    rows: IntArray
+    inside: BoolArray  # in the region; else the nearest pixel of its border stands here
+    value: FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Appearance:
     """Planes of a target's light, ready to be read."""
 
@@ -118,17 +128,48 @@ class Appearance:
         cells = np.flatnonzero(self.uses & self._bits(z_um))
         return cells[:: max(1, len(cells) // count)]
 
-    def pixels_at(
-        self, cells: IntArray, pose: Pose, shape: tuple[int, ...]
-    ) -> tuple[IntArray, IntArray]:
-        """Return (columns, rows) of the pixels that cells of the template fall on."""
-        x = (cells % self.shape[1] - self.middle[0]) * pose.zoom / self.over
-        y = (cells // self.shape[1] - self.middle[1]) * pose.zoom / self.over
-        c, s = math.cos(pose.turn_rad), math.sin(pose.turn_rad)
+    def turned(
+        self, pose: Pose, turns: FloatArray, cells: IntArray, shape: tuple[int, ...]
+    ) -> Turned:
+        """Return the light of the pixels that some cells fall on, at many turns.
+
+        Parameters
+        ----------
+        pose : Pose
+            Place, focus and zoom; its turn does not matter.
+        turns : (T,) float array
+            Turns from the template, rad.
+        cells : (N,) int array
+            Of the template, by `some_cells`.
+        shape : (rows, columns)
+            Of the region.
+        """
+        c, s = np.cos(turns)[:, None], np.sin(turns)[:, None]
+        k = self.over / pose.zoom
+        x = (cells % self.shape[1] - self.middle[0]) / k
+        y = (cells // self.shape[1] - self.middle[1]) / k
         columns = np.rint(pose.column + c * x + s * y).astype(np.intp)
         rows = np.rint(pose.row - s * x + c * y).astype(np.intp)
-        good = (columns >= 0) & (columns < shape[1]) & (rows >= 0) & (rows < shape[0])
-        return columns[good], rows[good]
+        inside = (columns >= 0) & (columns < shape[1])
+        inside &= (rows >= 0) & (rows < shape[0])
+        u, v = columns - pose.column, rows - pose.row
+        near, (wx, _), (wy, _) = self._around(
+            (self.middle[0] + k * (c * u - s * v)).ravel(),
+            (self.middle[1] + k * (s * u + c * v)).ravel(),
+        )
+        at = self._basis(abs(pose.z_um) if self.is_even else pose.z_um)
+        value = np.zeros(columns.size)
+        for wave, plane in self._harmonics(turns):
+            mixed = self._mixed(at.first, np.outer(at.weights, plane))
+            lines = np.einsum("nij,jn->ni", mixed[near], wx)
+            light = np.einsum("ni,in->n", lines, wy)
+            value += np.repeat(wave, len(cells)) * light
+        return Turned(
+            columns=np.clip(columns, 0, shape[1] - 1),
+            rows=np.clip(rows, 0, shape[0] - 1),
+            inside=inside,
+            value=value.reshape(columns.shape),
+        )
 
     def _bits(self, z_um: float) -> int:
         """Return the bits of the two heights about a focus that `uses` tells apart."""
@@ -137,15 +178,6 @@ class Appearance:
         share = place / (self.reach_um + _BEYOND * self.step_um - low_um)
         lower = min(max(math.floor(share * (self.heights - 1)), 0), self.heights - 2)
         return 3 << lower
-
-    def value(self, pose: Pose, columns: IntArray, rows: IntArray) -> FloatArray:
-        """Return the target's light at pixels (N,)."""
-        at = self._basis(abs(pose.z_um) if self.is_even else pose.z_um)
-        plane = self._mixed(at.first, np.outer(at.weights, self._turns(pose)))
-        cells, (wx, _), (wy, _) = self._near(pose, columns, rows)
-        lines = np.einsum("nij,jn->ni", plane[cells], wx)
-        value: FloatArray = np.einsum("ni,in->n", lines, wy).astype(np.float64)
-        return value
 
     def light(self, pose: Pose, columns: IntArray, rows: IntArray) -> Light:
         """Return the target's light at pixels (N,), and its slopes."""
@@ -165,7 +197,12 @@ class Appearance:
         self, pose: Pose, columns: IntArray, rows: IntArray
     ) -> tuple[IntArray, tuple[Float32Array, ...], tuple[Float32Array, ...]]:
         """Return 16 cells around each pixel, (N, 4, 4), and weights across and down."""
-        x, y = self._place(pose, columns, rows)
+        return self._around(*self._place(pose, columns, rows))
+
+    def _around(
+        self, x: FloatArray, y: FloatArray
+    ) -> tuple[IntArray, tuple[Float32Array, ...], tuple[Float32Array, ...]]:
+        """Return the same for places in the template, in samples."""
         left = np.clip(np.floor(x).astype(np.intp), 1, self.shape[1] - 3)
         top = np.clip(np.floor(y).astype(np.intp), 1, self.shape[0] - 3)
         start = (top - 1) * self.shape[1] + left - 1
@@ -224,6 +261,13 @@ class Appearance:
             self._mixed(at.first, np.outer(at.weights, turns)),
             self._mixed(first, np.outer(slopes, turns)),
         )
+
+    def _harmonics(self, turns: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
+        """Return for each plane its weights at all turns, and what picks it out."""
+        if self.planes.shape[1] == 1:
+            return [(np.ones(len(turns)), np.ones(1))]
+        waves = (np.ones(len(turns)), np.cos(4 * turns), np.sin(4 * turns))
+        return list(zip(waves, np.eye(3), strict=True))
 
     def _turns(self, pose: Pose) -> FloatArray:
         """Return the weights of the planes' harmonics."""

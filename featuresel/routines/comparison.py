@@ -17,7 +17,7 @@ IntArray = npt.NDArray[np.intp]
 
 FEWEST = 40  # pixels
 REJECT = 12.0  # deviations beyond which a pixel is not the target's
-_SOME = 400  # pixels, enough to tell a wrong start
+_SOME = 300  # pixels, enough to tell a wrong start
 _LOOSE = 3.0  # times the spread, that focus and zoom are held to: images tell more
 _CLEAR = 0.02  # share of the target's light that must come through
 
@@ -155,40 +155,71 @@ def see(job: Job, view: View, pose: Pose, pixels: tuple[IntArray, IntArray]) -> 
 def fitted_light(value: FloatArray, target: FloatArray, free: Free) -> FloatArray:
     """Return gain and gradients, (3,), by plain least squares."""
     columns = target if free.gradient else target[:, :1]
-    solved = np.linalg.lstsq(columns.T @ columns, columns.T @ value)[0]
+    normal = columns.T @ columns
+    # so little more that a black image has a solution
+    normal.flat[:: len(normal) + 1] += 1e-12 * len(value)
     light: FloatArray = np.zeros(3)
-    light[: len(solved)] = solved
+    light[: len(normal)] = np.linalg.solve(normal, columns.T @ value)
     return light
 
 
-def misfit(job: Job, pose: Pose, cells: IntArray) -> float:
-    """Return chi squared a pixel at a pose under the best light, on few pixels."""
-    values, targets = [], []
+def misfits(job: Job, pose: Pose, turns: FloatArray) -> FloatArray:
+    """Return chi squared a pixel at some turns under the best light, on few pixels."""
+    cells = job.looks.some_cells(pose.z_um, _SOME)
+    values, targets, weights = [], [], []
     for view in job.views:
         here = at(pose, view)
-        columns, rows = job.looks.pixels_at(cells, here, job.shape)
-        mean = job.looks.value(here, columns, rows)
+        seen = job.looks.turned(here, turns, cells, job.shape)
+        mean = seen.value
         if job.front is not None:
-            light, through = job.front.at(here, columns, rows)
+            light, through = job.front.at(here, seen.columns, seen.rows)
             mean = light + through * mean
-        values.append(view.image[rows, columns])
-        targets.append(_lit(mean, _place(job, columns, rows)))
-    value, target = np.concatenate(values), np.concatenate(targets)
-    if len(value) < FEWEST:
-        return math.inf
-    mean = target @ fitted_light(value, target, job.free)
-    left = (value - mean) ** 2 / job.camera.variance(mean)
-    return float(np.minimum(left, REJECT**2).mean())
+        values.append(view.image[seen.rows, seen.columns])
+        targets.append(_lit(mean, _place(job, seen.columns, seen.rows)))
+        weights.append(seen.inside.astype(np.float64))
+    value, weight = np.concatenate(values, axis=1), np.concatenate(weights, axis=1)
+    target = np.concatenate(targets, axis=1)
+    light = _lights(value, target, weight, job.free)
+    mean = np.einsum("tnk,tk->tn", target, light)
+    left = np.minimum((value - mean) ** 2 / job.camera.variance(mean), REJECT**2)
+    count = weight.sum(axis=1)
+    found = (left * weight).sum(axis=1) / np.maximum(count, 1)
+    return np.asarray(np.where(count < FEWEST, math.inf, found))
 
 
-def try_each(job: Job, poses: Sequence[Pose]) -> Pose:
-    """Return the pose that fits best of some, the first of equals."""
-    found, cells, at_um = [], np.zeros(0, np.intp), math.nan
-    for pose in poses:
-        if pose.z_um != at_um:
-            cells, at_um = job.looks.some_cells(pose.z_um, _SOME), pose.z_um
-        found.append(misfit(job, pose, cells))
-    return poses[int(np.argmin(found))]
+def try_each(
+    job: Job,
+    pose: Pose,
+    *,
+    turns: Sequence[float],
+    depths: Sequence[float],
+    zooms: Sequence[float],
+) -> Pose:
+    """Return the pose with the turn, focus and zoom that fit best, first of equals."""
+    best, least = pose, math.inf
+    for z_um in depths:
+        for zoom in zooms:
+            here = replace(pose, z_um=z_um, zoom=zoom)
+            found = misfits(job, here, np.array(turns))
+            k = int(np.argmin(found))
+            if found[k] < least:
+                best, least = replace(here, turn_rad=turns[k]), float(found[k])
+    return best
+
+
+def _lights(
+    value: FloatArray, target: FloatArray, weight: FloatArray, free: Free
+) -> FloatArray:
+    """Return gain and gradients at each turn, (T, 3), by plain least squares."""
+    columns = target if free.gradient else target[:, :, :1]
+    weighted = columns * weight[:, :, None]
+    normal = np.einsum("tnj,tnk->tjk", weighted, columns)
+    size = normal.shape[1]
+    normal += 1e-12 * value.shape[1] * np.eye(size)  # so that black has a solution
+    right = np.einsum("tnj,tn->tj", weighted, value)
+    light: FloatArray = np.zeros((len(value), 3))
+    light[:, :size] = np.linalg.solve(normal, right[:, :, None])[:, :, 0]
+    return light
 
 
 def _pixels(job: Job, pose: Pose) -> tuple[IntArray, IntArray]:
@@ -202,14 +233,14 @@ def _pixels(job: Job, pose: Pose) -> tuple[IntArray, IntArray]:
 
 
 def _place(job: Job, columns: IntArray, rows: IntArray) -> FloatArray:
-    """Return where pixels lie in the region, (N, 2), -.5 to .5."""
+    """Return where pixels lie in the region, (..., 2), -.5 to .5."""
     height, width = job.shape
-    return np.stack((columns / width - 0.5, rows / height - 0.5), axis=1)
+    return np.stack((columns / width - 0.5, rows / height - 0.5), axis=-1)
 
 
 def _lit(mean: FloatArray, place: FloatArray) -> FloatArray:
-    """Return (N, 3): the pixels' light by gain, and by gradients."""
-    return np.stack((mean, mean * place[:, 0], mean * place[:, 1]), axis=1)
+    """Return (..., 3): the pixels' light by gain, and by gradients."""
+    return np.stack((mean, mean * place[..., 0], mean * place[..., 1]), axis=-1)
 
 
 def _between(values: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:

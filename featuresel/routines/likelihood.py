@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -53,7 +52,6 @@ _BESIDE_PX = 2  # about what is not round, as its blur grows out of focus
 _ZOOM_PX = 1.5  # that the rim moves by between zooms where fits start
 _TURN_PX = 2.5  # that the rim moves by between turns where fits start
 _MOST_TURNS = 24  # of them, at every focus height: more take too long
-_TRIED = 4  # turns by a period and less on both sides are compared, if more there are
 _WORST_CHI2 = 60.0  # worse is another thing; what trials show sets a finer gate
 _LEAST_USED = 0.55  # share of pixels that must be the target's
 _FAR_PX = 3.0  # the most that the fit may move from the guess
@@ -181,26 +179,11 @@ def start_pose(job: Job, p: Mapping[str, float], guess: Guess) -> Pose | Failure
     )
     zooms = [pose.zoom] if guess.zoom is not None else _zooms(job, p)
     if len(zooms) > 1:  # focus and zoom first: all at once would be too many
-        pose = _best(job, pose, depths, [pose.turn_rad], zooms)
+        pose = try_each(job, pose, turns=[pose.turn_rad], depths=depths, zooms=zooms)
         depths, zooms = [pose.z_um], [pose.zoom]
-    return _best(job, pose, depths, turns, zooms)
-
-
-def _best(
-    job: Job,
-    pose: Pose,
-    depths: list[float],
-    turns: list[float],
-    zooms: list[float],
-) -> Pose:
-    """Return the pose with the focus, turn and zoom that fit best."""
-    starts = [
-        replace(pose, z_um=z_um, turn_rad=turn, zoom=zoom)
-        for z_um in depths
-        for turn in turns
-        for zoom in zooms
-    ]
-    return starts[0] if len(starts) == 1 else try_each(job, starts)
+    if len(depths) * len(turns) == 1:
+        return pose
+    return try_each(job, pose, turns=turns, depths=depths, zooms=zooms)
 
 
 def _zooms(job: Job, p: Mapping[str, float]) -> list[float]:
@@ -268,12 +251,11 @@ def _other_turns(job: Job, p: Mapping[str, float], found: PoseFit) -> PoseFit | 
     """
     period = 2 * math.pi / p["symmetry"]
     count = int(p["symmetry"])
-    near = [k / 2 for k in range(-_TRIED, _TRIED + 1) if k]
-    far = [float(k) for k in range(_TRIED // 2 + 1, count - _TRIED // 2)]
     here = found.pose
-    others = [replace(here, turn_rad=here.turn_rad + k * period) for k in (*near, *far)]
-    best = try_each(job, [here, *others])
-    if best is here:
+    steps = [0.0, -0.5, 0.5, *(float(k) for k in range(1, count))]
+    turns = [here.turn_rad + k * period for k in steps]
+    best = try_each(job, here, turns=turns, depths=[here.z_um], zooms=[here.zoom])
+    if best.turn_rad == here.turn_rad:
         return found
     other = fit_pose(job, best)
     if isinstance(other, Failure) or other.chi2 >= found.chi2:

@@ -25,7 +25,8 @@ BoolArray = npt.NDArray[np.bool_]
 IntArray = npt.NDArray[np.intp]
 
 _ROUNDS = 30  # of Gauss-Newton; it settles in 2 to 8, far out of focus in more
-_SETTLED = 0.01  # squared length of a step in standard deviations: .5 % of the rms
+_SETTLED = 0.05  # squared length of the next step, in standard deviations, over chi^2
+_NEARLY = 100.0  # and of this one: farther off nothing is known of the next
 _FAR_PX = 1.5  # the most that one step may move the image
 _FAR_DEPTHS = 1.0  # the most that one step may change the focus, steps of the planes
 _AGAIN_PX = 0.5  # a move after which the pixels are chosen anew
@@ -69,6 +70,7 @@ def fit_pose(job: Job, start: Pose) -> PoseFit | Failure:
     Baker & Matthews (2004), forwards additive; Beaton & Tukey (1974).
     """
     pose, light, depths, before = start, None, _FAR_DEPTHS, 0.0
+    shorter = math.inf
     chosen, last = pixels_of(job, start), start
     for _ in range(_ROUNDS):
         if _is_elsewhere(job, last, pose):
@@ -85,8 +87,12 @@ def fit_pose(job: Job, start: Pose) -> PoseFit | Failure:
             depths /= 2
         before = float(move[3])
         pose, light = _after(job, pose, move), linear.light + move[5:]
-        if float(move @ linear.normal @ move) < _SETTLED * max(1.0, linear.chi2):
+        length = float(move @ linear.normal @ move)
+        # steps shrink by squares at the end: the next is this one's over the last one's
+        least = length * min(1.0, length / shorter)
+        if least < _SETTLED * max(1.0, linear.chi2) and length < _NEARLY:
             return linear.result(job, pose, light)
+        shorter = max(length, 1e-300)
     return Failure(code="diverged", message=f"not settled after {_ROUNDS} rounds")
 
 
