@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from featuresel.candidates import chains, routines
@@ -12,7 +12,7 @@ from featuresel.crlb import camera_of, fisher
 from featuresel.information import limit
 from featuresel.nominal import nominal_render
 from featuresel.race import race
-from featuresel.routines import Failure, load
+from featuresel.routines import Artifact, Failure, load
 from featuresel.score import Score
 from featuresel.select import Limits, Selection, select
 from featuresel.sensitivity import sensitivities
@@ -29,7 +29,9 @@ class Contest:
     outcomes: tuple[Outcome, ...]
     scores: tuple[Score, ...]  # of every chain, by the trials that it had
     selection: Selection
-    limit_um: float | None  # Cramer-Rao, of the worse axis; None: not observable
+    limit_um: (
+        float | None
+    )  # Cramer-Rao, of the worse axis; None: none, or not asked for
 
 
 def compete(
@@ -38,9 +40,15 @@ def compete(
     root_seed: int,
     most: int,
     limits: Limits | None = None,
+    thorough: bool = False,
+    limited: bool = True,
     map: Map = map,  # noqa: A002 - it is the builtin, or a pool's
 ) -> Contest:
     """Return the chain to measure a look with, and what was tried to find it.
+
+    Routines that are dear to prepare take part where the others leave no room: where
+    none passes, or the chosen one uses more than `Limits.roomy` of a tolerance. Below
+    that a dearer one is never chosen.
 
     Parameters
     ----------
@@ -52,50 +60,121 @@ def compete(
         Trials of a chain that stays in the race to its end.
     limits : Limits, optional
         What a chain must meet, as in `featuresel.select.select`.
+    thorough : bool
+        Whether dear routines take part in any case.
+    limited : bool
+        Whether the Cramer-Rao limit is computed: it takes two dozen images.
     map : callable
         As in `featuresel.trials.run`.
     """
-    ready = make_ready(case)
-    raced = race(
-        case,
-        ready,
-        root_seed=root_seed,
-        most=most,
-        limits=limits,
-        rounds=ROUNDS,
-        map=map,
-    )
-    least_um = limit_um(case)
-    scores = tuple(replace(score, limit_um=least_um) for score in raced.scores)
-    selection = select(
-        scores,
-        tolerance_um=case.tolerance_um,
-        tolerance_theta_rad=case.tolerance_theta_rad,
-        limits=limits,
-        target=case.target,
-        visible=seen_share(case.target, nominal_render(case).veil()),
-    )
-    return Contest(
-        prepared=ready,
-        outcomes=raced.outcomes,
-        scores=scores,
-        selection=selection,
-        limit_um=least_um,
-    )
+    bounds = limits or Limits()
+    least_um = limit_um(case) if limited else None
+    judge = _Judge(case, root_seed, most, bounds, map, least_um)
+    found = judge.contest(make_ready(case, dear=thorough))
+    if thorough or judge.is_roomy(found):
+        return found
+    ready = make_ready(case, known=found.prepared.artifacts)
+    fresh = [chain for chain in ready.chains if chain not in found.prepared.chains]
+    return judge.contest(replace(ready, chains=tuple(fresh)), found) if fresh else found
 
 
-def make_ready(case: LookCase, *, controls: bool = False) -> Prepared:
-    """Return every routine prepared once, and the chains worth trying by their cost."""
-    names = routines(case.target, controls=controls)
-    alone = prepare(case, [(name,) for name in names])
+@dataclass(frozen=True, slots=True)
+class _Judge:
+    """One look's races and the choice among their scores."""
+
+    case: LookCase
+    root_seed: int
+    most: int
+    limits: Limits
+    map: Map
+    limit_um: float | None
+
+    def contest(self, ready: Prepared, before: Contest | None = None) -> Contest:
+        """Return the choice among new chains and those of an earlier contest."""
+        raced = race(
+            self.case,
+            ready,
+            root_seed=self.root_seed,
+            most=self.most,
+            limits=self.limits,
+            rounds=ROUNDS,
+            map=self.map,
+        )
+        scores = tuple(replace(s, limit_um=self.limit_um) for s in raced.scores)
+        outcomes, chains_, artifacts = raced.outcomes, ready.chains, ready.artifacts
+        if before is not None:
+            scores = before.scores + scores
+            outcomes = before.outcomes + outcomes
+            chains_ = before.prepared.chains + chains_
+            artifacts = {**before.prepared.artifacts, **artifacts}
+        return Contest(
+            prepared=Prepared(chains=chains_, artifacts=artifacts),
+            outcomes=outcomes,
+            scores=scores,
+            selection=self.select(scores),
+            limit_um=self.limit_um,
+        )
+
+    def select(self, scores: Sequence[Score]) -> Selection:
+        """Return the choice."""
+        return select(
+            scores,
+            tolerance_um=self.case.tolerance_um,
+            tolerance_theta_rad=self.case.tolerance_theta_rad,
+            limits=self.limits,
+            target=self.case.target,
+            visible=seen_share(self.case.target, nominal_render(self.case).veil()),
+        )
+
+    def is_roomy(self, found: Contest) -> bool:
+        """Return whether the chosen chain leaves room in every tolerance."""
+        chosen = found.selection.chosen
+        if chosen is None:
+            return False
+        use = chosen.need_um / self.case.tolerance_um
+        if self.case.tolerance_theta_rad is not None:
+            use = max(use, chosen.need_theta_rad / self.case.tolerance_theta_rad)
+        return use <= self.limits.roomy
+
+
+def make_ready(
+    case: LookCase,
+    *,
+    dear: bool = True,
+    controls: bool = False,
+    known: Mapping[str, Artifact | Failure] | None = None,
+) -> Prepared:
+    """Return every routine prepared once, and the chains worth trying by their cost.
+
+    Parameters
+    ----------
+    case : LookCase
+        The look.
+    dear : bool
+        Whether routines that are dear to prepare are among them.
+    controls : bool
+        Whether known-bad ones are.
+    known : mapping of str to Artifact or Failure, optional
+        Routines that are prepared already.
+    """
+    names = [
+        name
+        for name in routines(case.target, controls=controls)
+        if dear or not load(name).DEAR
+    ]
+    ready = {} if known is None else dict(known)
+    fresh = prepare(case, [(name,) for name in names if name not in ready])
+    ready |= fresh.artifacts
     pixels = case.window.rows * case.window.columns
     costs = {
         name: load(name).cost(artifact, pixels)
-        for name, artifact in alone.artifacts.items()
-        if not isinstance(artifact, Failure)
+        for name in names
+        if not isinstance(artifact := ready[name], Failure)
     }
     found = chains(case.target, costs=costs, controls=controls)
-    return Prepared(chains=found or chains(case.target), artifacts=alone.artifacts)
+    if not found:  # nothing could be prepared: the trials say of each why
+        found = chains(case.target, costs=dict.fromkeys(names, 1.0))
+    return Prepared(chains=found, artifacts=ready)
 
 
 def limit_um(case: LookCase) -> float | None:

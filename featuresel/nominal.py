@@ -120,9 +120,9 @@ class NominalRender:
                 light=np.zeros((rows, columns)), through=np.ones((rows, columns))
             )
         focus_um = self.case.focus_um + dz_um
-        unlit = replace(self.case, light=Illumination(), focus_um=focus_um)
-        black, white = (_faced(unlit, top_um, share) for share in (0.0, 1.0))
-        return Veil(light=black, through=white - black)
+        even = replace(self.case, light=Illumination(), focus_um=focus_um)
+        black, white = (_faced(even, top_um, share) for share in (0.0, 1.0))
+        return Veil(light=self.case.light.gain * black, through=white - black)
 
     def _picture(
         self, moved: tuple[Layer, ...], *, dz_um: float, zoom: float

@@ -161,8 +161,11 @@ def covariance(sights: Sequence[Sight], radius_um: float) -> FloatArray:
     _, values, vectors = np.linalg.svd(rows)
     rank = int(np.count_nonzero(values > _BLIND * values[0]))
     seen = vectors[:rank].T
-    weighted = (rows / sigmas[:, None]) @ seen
-    found: FloatArray = seen @ np.linalg.inv(weighted.T @ weighted) @ seen.T
+    # by singular values, not by squares: those of far apart spreads have no inverse
+    _, told, ways = np.linalg.svd((rows / sigmas[:, None]) @ seen, full_matrices=False)
+    # what rounding hides beside the best that is known counts as known no worse
+    axes = seen @ (ways.T / np.maximum(told, told[0] * np.finfo(np.float64).eps))
+    found: FloatArray = axes @ axes.T
     blind = (vectors[rank:] ** 2).sum(axis=0) > _BLIND**2
     found[blind, :] = 0.0
     found[:, blind] = 0.0

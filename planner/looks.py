@@ -81,7 +81,12 @@ def _benchmark(
 ) -> Tried:
     """Return the choice among all chains, with the trials behind it."""
     found = compete(
-        case, root_seed=task.seed, most=effects.effort.trials, map=effects.map
+        case,
+        root_seed=task.seed,
+        most=effects.effort.trials,
+        thorough=effects.effort.thorough,
+        limited=effects.effort.limited,
+        map=effects.map,
     )
     return Tried(
         case=case,

@@ -7,6 +7,8 @@ import math
 import numpy as np
 
 from featuresel.case import LookCase
+from featuresel.constraints import Limits
+from featuresel.gates import choose_gate
 from featuresel.score import Score
 from featuresel.trials import is_wrong
 from featuresel.usable import UsableRange
@@ -149,15 +151,17 @@ def _gates(tried: Tried, chosen: Score) -> p.Gates:
 
 
 def _min_score(tried: Tried, chain: Score) -> float:
-    """Return the least score a chain may have, a margin below its good trials."""
+    """Return the least score a chain may have: its gate, or what good trials showed.
+
+    A gate that lets all pass is lowered by a margin below the good trials instead.
+    """
+    mine = [o for o in tried.outcomes if o.chain == chain.chain]
     scores = [
-        outcome.score
-        for outcome in tried.outcomes
-        if outcome.chain == chain.chain
-        and outcome.score is not None
-        and not is_wrong(tried.case, outcome)
+        o.score for o in mine if o.score is not None and not is_wrong(tried.case, o)
     ]
-    return SCORE_MARGIN * min(scores, default=0.0)
+    usual = SCORE_MARGIN * min(scores, default=0.0)
+    gate = choose_gate(tried.case, mine, silent_limit=Limits().silent_upper)
+    return usual if gate is None or not gate.lost else max(usual, gate.min_score)
 
 
 def _jacobian(case: LookCase) -> tuple[tuple[float, ...], ...]:

@@ -230,6 +230,7 @@ class Routine(Protocol):
     NEEDS: tuple[Known, ...]  # of the guess, better than nominal; () if nothing
     CAPTURE_PX: float  # how far off the guess may be; inf: the target's `search_px`
     CONTROL: bool  # known to be bad: tried where asked for only, as a control
+    DEAR: bool  # takes dozens of images to prepare: tried where others leave no room
 
     def prepare(self, render: LookModel, target: Target) -> Artifact | Failure:
         """Return what `measure` needs, computed from the nominal image."""

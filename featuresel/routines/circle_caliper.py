@@ -38,6 +38,7 @@ GIVES: tuple[Known, ...] = ("xy",)
 NEEDS: tuple[Known, ...] = ()
 CAPTURE_PX = math.inf
 CONTROL = False
+DEAR = False
 
 _FAINT = 0.02  # step height below which an edge drowns in 8 bits and shot noise
 _WEAKEST = 0.3  # of the predicted step: light falls to .7, focus errors take the rest

@@ -49,6 +49,7 @@ GIVES: tuple[Known, ...] = ("xy", "theta")
 NEEDS: tuple[Known, ...] = ()
 CAPTURE_PX = math.inf
 CONTROL = False
+DEAR = False
 
 _FAINT_SCORE = 0.1  # of gradients, where the search ends: light and blur take the rest
 _LEAST_SCORE = 0.5  # of their directions, at the end: noise and blur leave .7 and more

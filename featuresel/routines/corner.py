@@ -25,6 +25,7 @@ GIVES: tuple[Known, ...] = ("xy", "theta")
 NEEDS: tuple[Known, ...] = ()
 CAPTURE_PX = math.inf
 CONTROL = False
+DEAR = False
 
 _OFF_PX, _OFF = 3.0, 0.2  # from the corner: px at least, and of the reach
 _LEAST_RAD = 0.2  # inside angle from which, and up to pi less, two lines meet well

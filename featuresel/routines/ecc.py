@@ -35,6 +35,7 @@ GIVES: tuple[Known, ...] = ("xy", "theta")
 NEEDS: tuple[Known, ...] = ("xy", "theta")
 CAPTURE_PX = 3.0
 CONTROL = False
+DEAR = False
 
 _LEAST_SCORE = 0.8  # correlation; blur and light gradients leave .9 and more
 _MOVED_PX = 2 * CAPTURE_PX  # from the guess: beyond, it has run away

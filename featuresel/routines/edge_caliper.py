@@ -30,6 +30,7 @@ GIVES: tuple[Known, ...] = ("xy", "theta")
 NEEDS: tuple[Known, ...] = ()
 CAPTURE_PX = math.inf
 CONTROL = False
+DEAR = False
 
 _TURN_STEP_RAD = math.radians(3)  # half of it moves a face's far end by 3 to 4 px
 _SPARSE = 4  # lines are skipped for the rough turn

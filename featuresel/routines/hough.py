@@ -27,6 +27,7 @@ GIVES: tuple[Known, ...] = ("xy",)
 NEEDS: tuple[Known, ...] = ()
 CAPTURE_PX = math.inf
 CONTROL = True
+DEAR = False
 
 _FAINT = 0.1  # span of values below which there is no edge to vote
 _RADIUS_OFF = 0.1  # of the radius, at least 1 px

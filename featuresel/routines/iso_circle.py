@@ -30,6 +30,7 @@ GIVES: tuple[Known, ...] = ("xy",)
 NEEDS: tuple[Known, ...] = ("xy",)
 CAPTURE_PX = _AWAY_PX
 CONTROL = False
+DEAR = False
 
 _RADIUS_OFF = 0.1  # of the radius, at least 1 px: as far as blur and zoom may move it
 _USED = 0.5  # of the points must fit the circle

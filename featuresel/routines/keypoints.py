@@ -33,6 +33,7 @@ GIVES: tuple[Known, ...] = ("xy", "theta")
 NEEDS: tuple[Known, ...] = ()
 CAPTURE_PX = math.inf
 CONTROL = True
+DEAR = False
 
 _FAINT = 0.05  # span of values below which there is nothing to describe
 _THRESHOLD = 5e-4  # of the detector; its default finds next to nothing on smooth edges

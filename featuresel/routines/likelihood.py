@@ -44,6 +44,7 @@ GIVES: tuple[Known, ...] = ("xy", "theta", "z", "zoom")
 NEEDS: tuple[Known, ...] = ("xy",)
 CAPTURE_PX = 2.0
 CONTROL = False
+DEAR = True
 
 _LEAST_SIGNAL = 0.03  # of full scale, that the target must vary by
 _DEPTHS = (0.1, 0.35, 0.6, 0.85)  # of the reach in focus, where fits start

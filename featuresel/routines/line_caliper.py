@@ -25,6 +25,7 @@ GIVES: tuple[Known, ...] = ("xy", "theta")
 NEEDS: tuple[Known, ...] = ()
 CAPTURE_PX = math.inf
 CONTROL = False
+DEAR = False
 
 _OFF_ENDS_PX = 2.0  # of the search, at both ends: corners are rounded by blur
 _MOST_OFF = 0.25  # of the length

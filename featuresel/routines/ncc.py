@@ -30,6 +30,7 @@ GIVES: tuple[Known, ...] = ("xy", "theta")
 NEEDS: tuple[Known, ...] = ()
 CAPTURE_PX = math.inf
 CONTROL = False
+DEAR = False
 
 _MARGIN_PX = 4.0  # around the target, so that its edge is in the template
 _LEAST_SCORE = 0.6  # correlation; noise, blur and gradients leave .8 and more

@@ -30,6 +30,7 @@ GIVES: tuple[Known, ...] = ("xy", "theta", "z", "zoom")
 NEEDS: tuple[Known, ...] = ("xy", "theta", "z")
 CAPTURE_PX = 0.35
 CONTROL = False
+DEAR = True
 
 
 def prepare(model: LookModel, target: Target) -> Artifact | Failure:

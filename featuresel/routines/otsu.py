@@ -28,6 +28,7 @@ GIVES: tuple[Known, ...] = ("xy",)
 NEEDS: tuple[Known, ...] = ()
 CAPTURE_PX = math.inf
 CONTROL = False
+DEAR = False
 
 _AREA = (0.7, 1.4)  # accepted blob area over the predicted one: blur moves the edge
 _CONTRAST = 0.1  # least difference of the two classes' means, full scale

@@ -33,6 +33,7 @@ GIVES: tuple[Known, ...] = ("xy",)
 NEEDS: tuple[Known, ...] = ()
 CAPTURE_PX = math.inf
 CONTROL = True
+DEAR = False
 
 _LEAST_RESPONSE = 0.3  # share of the power near the peak; noise leaves a third
 _FAINT = 0.01  # standard deviation below which an image shows nothing

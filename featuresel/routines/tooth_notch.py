@@ -27,6 +27,7 @@ GIVES: tuple[Known, ...] = ("theta",)
 NEEDS: tuple[Known, ...] = ("xy",)
 CAPTURE_PX = 2.0
 CONTROL = False
+DEAR = False
 
 _SAMPLES = 40  # per tooth pitch: the harmonic's aliases are far away
 _IN_VIEW = 0.6  # of the tooth ring must be inside the image
