@@ -1,0 +1,82 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from featuresel.nominal import nominal_render
+from featuresel.routines.comparison import Front
+from featuresel.routines.fronts import front_maps
+from tests.featuresel.fits import Drawn, artifact, case, job, render
+
+FloatArray = npt.NDArray[np.float64]
+
+REACH_UM = 12.0  # three deviations of the focus
+
+
+def front(name: str) -> Front:
+    """Return what a prepared fit holds, in 32 bits: good to 1e-7."""
+    found = job(name, render(name)()).front
+    assert found is not None
+    return found
+
+
+def grid(name: str) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
+    rows, columns = np.mgrid[: case(name).window.rows, : case(name).window.columns]
+    return columns.ravel(), rows.ravel()
+
+
+@pytest.mark.parametrize("name", ["find_gear", "post", "bore"])
+def test_what_stands_alone_has_nothing_before_it(name: str) -> None:
+    assert front_maps(render(name), case(name).target, render(name)(), 12.0) is None
+
+
+@pytest.mark.parametrize("name", ["between", "over_shaft"])
+@pytest.mark.parametrize(("z_um", "zoom"), [(0, 1), (-5, 1), (12, 1), (0, 0.995)])
+def test_images_are_the_target_alone_behind_a_veil(
+    name: str, z_um: float, zoom: float
+) -> None:
+    # at places that the maps were not made from, to a tenth of the camera's noise;
+    # exact but for what a parabola leaves between heights, and lines between pixels
+    scope = case(name).microscope
+    zoomed = replace(scope, magnification=scope.magnification * zoom)
+    look = nominal_render(replace(case(name), microscope=zoomed))
+    # zoom takes what the outermost pixels show from beyond the maps
+    inner = np.pad(np.ones((198, 198), bool), 1).ravel()
+    columns, rows = (places[inner] for places in grid(name))
+    for dx_um, dy_um in ((0.7, -0.9), (-3.1, 2.3), (4.4, 4.9)):
+        drawn = Drawn(dx_um=dx_um, dy_um=dy_um, dz_um=z_um)
+        image = drawn.render(look).ravel()[inner]
+        alone = look.alone(dx_um=dx_um, dy_um=dy_um, dz_um=z_um).ravel()[inner]
+        pose = replace(drawn.pose(case(name)), zoom=zoom)
+        light, through = front(name).at(pose, columns, rows)
+        noise = np.sqrt(look.camera.variance(image))
+        assert (np.abs(light + through * alone - image) < 0.1 * noise).all()
+        if z_um in (0, 12) and zoom == 1:  # a height of the maps
+            assert np.abs(light + through * alone - image).max() < 1e-6
+
+
+def test_the_share_let_through_is_the_veils_where_the_target_does_not_vary() -> None:
+    veil, middle = render("between").veil(), len(front("between").through) // 2
+    found = front("between").through[middle]
+    assert veil.through.min() < 0.5 < veil.through.max()
+    np.testing.assert_allclose(found, veil.through, atol=1e-6)
+
+
+def test_fronts_focus_beyond_the_heights_is_that_of_the_last() -> None:
+    columns, rows = grid("over_shaft")
+    pose = Drawn().pose(case("over_shaft"))
+    last, beyond = (
+        front("over_shaft").at(replace(pose, z_um=z), columns, rows)
+        for z in (REACH_UM, 3 * REACH_UM)
+    )
+    np.testing.assert_array_equal(last, beyond)
+
+
+def test_an_odd_number_of_heights_has_focus_in_its_middle() -> None:
+    for name in ("between", "over_shaft"):
+        assert len(front(name).light) % 2 == 1
+        assert front(name).reach_um == REACH_UM
+        assert artifact(name).arrays["front_light"].shape[1:] == (200, 200)
