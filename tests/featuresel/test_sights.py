@@ -7,6 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from featuresel.information import covariance as pixel_covariance
 from featuresel.points import across, pose_information
@@ -150,6 +152,28 @@ def test_extreme_spreads_are_finite_knowledge_or_none() -> None:
     assert np.isfinite(found).all()
     mixed = covariance([point(0, 0, 0.0), point(30, 0, 100.0)], 50.0)
     assert mixed[2, 2] == pytest.approx((100 / 0.6) ** 2, rel=1e-3)
+
+
+@given(
+    first=st.floats(-9, 6),
+    second=st.floats(-9, 6),
+    axis=st.floats(0.3, 2.8),
+    x=st.floats(-40, 40),
+)
+def test_spreads_far_apart_have_a_covariance(
+    first: float, second: float, axis: float, x: float
+) -> None:
+    sights = [
+        replace(edge(x, 5, 0.0, 10.0**first), sigma_theta_rad=10.0**second),
+        edge(-x, 20, axis, 10.0**second),
+    ]
+    found = covariance(sights, 50.0)
+    assert (np.diag(found) > 0).all()
+    assert np.isfinite(found).all()
+    # three rows for three unknowns: only the angle's own tells it; rounding by 2e-16
+    # of the smallest spread's inverse is 1e-4 of the largest's, 5e11 times as far
+    sigma = max(50.0 * 10.0**second, FINEST_UM)
+    assert found[2, 2] == pytest.approx(sigma**2, rel=0.01)
 
 
 def test_nonsense_is_an_error() -> None:
