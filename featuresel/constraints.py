@@ -102,7 +102,7 @@ class Constraints:
 
     def inaccurate(self, score: Score) -> str:
         """Return what the errors say against the chain."""
-        if score.axis_rad is not None and not self.in_set:
+        if self.one_way(score):
             return "tells the place in one direction only, both are needed"
         if score.need_um > self.tolerance_um:
             return (
@@ -119,6 +119,10 @@ class Constraints:
                 f"tolerance {self.tolerance_theta_rad:.3g} rad"
             )
         return ""
+
+    def one_way(self, score: Score) -> bool:
+        """Return whether a direction of the place that is needed is not told."""
+        return score.axis_rad is not None and not self.in_set
 
     def slow(self, score: Score) -> str:
         """Return whether one fix costs too much."""

@@ -130,7 +130,13 @@ def _advice(scores: Sequence[Score], task: Constraints) -> str:
     if task.ambiguous():
         return _unambiguous(task)
     reliable = [s for s in scores if not task.unreliable(s)]
-    able = [s for s in reliable if math.isfinite(task.use(s))]
+    whole = [s for s in reliable if not task.one_way(s)]
+    if reliable and not whole:
+        return (
+            "reliable chains tell the place in one direction only: look at another "
+            "feature, or at several together"
+        )
+    able = [s for s in whole if math.isfinite(task.use(s))]
     quick = [s for s in able if not task.slow(s)]
     if able:
         # a chain that only costs too much wants its limit raised, not the tolerances
@@ -139,8 +145,10 @@ def _advice(scores: Sequence[Score], task: Constraints) -> str:
             only_slow or quick or able, key=lambda s: (task.use(s), s.cost, s.chain)
         )
         return f"{_name(nearest.chain)} would pass with {_needs(nearest, task)}"
-    if reliable:
+    if any(math.isfinite(s.need_um) for s in whole):
         return "no reliable chain gives an angle: break the target's symmetry"
+    if whole:
+        return "too few trials to tell a spread"
     rightest = max(scores, key=lambda s: (s.success - s.silent, -s.cost))
     return (
         f"no chain is reliable; the best, {_name(rightest.chain)}, is right in "

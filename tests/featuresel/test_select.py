@@ -232,6 +232,28 @@ def test_a_selection_lists_accuracy_against_cost() -> None:
     assert found.pareto == (scores[1], scores[0])  # what fails is no way to be fast
 
 
+def test_one_direction_of_two_is_no_matter_of_tolerance() -> None:
+    edge = replace(a_score("line_caliper", 0.1), axis_rad=0.0)
+    wide = replace(a_score("edge_pair", 5.0), axis_rad=0.0)
+    for theta in (None, 0.0001):  # a tighter angle does not change what is missing
+        found = select([edge, wide], tolerance_um=1.0, tolerance_theta_rad=theta)
+        assert found.chosen is None
+        assert found.advice.startswith("reliable chains tell the place in one direct")
+    both = a_score("corner", 2.0)
+    found = select([edge, both], tolerance_um=1.0, tolerance_theta_rad=None)
+    assert found.advice == "corner would pass with a tolerance of 4 um"
+
+
+def test_one_trial_tells_no_spread() -> None:
+    once = replace(
+        a_score("otsu"), trials=1, success=1, angles=1, bias_um=None, sigma_um=None,
+        bias_theta_rad=None, sigma_theta_rad=None,
+    )  # fmt: skip
+    for theta in (None, 0.01):
+        found = select([once], tolerance_um=1.0, tolerance_theta_rad=theta)
+        assert found.advice == "too few trials to tell a spread"
+
+
 def test_another_feature_is_picked_when_the_notch_is_hidden() -> None:
     notched = replace(GEAR, parameters={**GEAR.parameters, **NOTCH})
     corner = replace(GEAR, name="corner1", kind="corner", symmetry=1, parameters={})
