@@ -19,6 +19,7 @@ FEWEST = 40  # pixels
 REJECT = 12.0  # deviations beyond which a pixel is not the target's
 _SOME = 300  # pixels, enough to tell a wrong start
 _LOOSE = 3.0  # times the spread, that focus and zoom are held to: images tell more
+_IN_VIEW = 0.2  # of the cells, that a turn is judged by
 _CLEAR = 0.02  # share of the target's light that must come through
 
 
@@ -163,9 +164,15 @@ def fitted_light(value: FloatArray, target: FloatArray, free: Free) -> FloatArra
     return light
 
 
-def misfits(job: Job, pose: Pose, turns: FloatArray) -> FloatArray:
-    """Return chi squared a pixel at some turns under the best light, on few pixels."""
-    cells = job.looks.some_cells(pose.z_um, _SOME)
+def misfits(
+    job: Job, pose: Pose, turns: FloatArray, cells: IntArray | None = None
+) -> FloatArray:
+    """Return chi squared a pixel at some turns under the best light, of some cells.
+
+    Infinite where nearly all of them are out of view.
+    """
+    if cells is None:
+        cells = job.looks.some_cells(pose.z_um, _SOME)
     values, targets, weights = [], [], []
     for view in job.views:
         here = at(pose, view)
@@ -184,7 +191,7 @@ def misfits(job: Job, pose: Pose, turns: FloatArray) -> FloatArray:
     left = np.minimum((value - mean) ** 2 / job.camera.variance(mean), REJECT**2)
     count = weight.sum(axis=1)
     found = (left * weight).sum(axis=1) / np.maximum(count, 1)
-    return np.asarray(np.where(count < FEWEST, math.inf, found))
+    return np.asarray(np.where(count < _IN_VIEW * value.shape[1], math.inf, found))
 
 
 def try_each(
@@ -198,9 +205,10 @@ def try_each(
     """Return the pose with the turn, focus and zoom that fit best, first of equals."""
     best, least = pose, math.inf
     for z_um in depths:
+        cells = job.looks.some_cells(z_um, _SOME)
         for zoom in zooms:
             here = replace(pose, z_um=z_um, zoom=zoom)
-            found = misfits(job, here, np.array(turns))
+            found = misfits(job, here, np.array(turns), cells)
             k = int(np.argmin(found))
             if found[k] < least:
                 best, least = replace(here, turn_rad=turns[k]), float(found[k])

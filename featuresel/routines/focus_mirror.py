@@ -75,15 +75,15 @@ def mirror_peak(
     if isinstance(hill, Failure):
         return hill
     height = hill.high - hill.low
-    lift = max(hill.low, _LIFT * height)
-    u = -1 / (hill.s - hill.low + lift)
-    left, right = _half_height(hill, u, -1 / (height / 2 + lift))
+    lift = max(hill.low / height, _LIFT)
+    u = -1 / ((hill.s - hill.low) / height + lift)  # of the height: no score is tiny
+    left, right = _half_height(hill, u, -1 / (0.5 + lift))
     mirror = _mirror(hill.z, u, left, right)
     if mirror is None:
         return Failure(code="several_peaks", message="no mirror image is found")
     width = (right - left) / math.sqrt(8 * math.log(2))
     step = float(np.diff(hill.z[hill.first : hill.last + 1]).max())
-    chance = _chance_um(mirror, noise * height * u**2)
+    chance = _chance_um(mirror, noise * u**2)
     return FocusPeak(
         z_um=mirror.top,
         sigma_um=math.hypot(chance, mirror_error_um(step, width)),
@@ -106,7 +106,8 @@ def _half_height(hill: Hill, u: FloatArray, level: float) -> tuple[float, float]
 
     u is nearly straight there.
     """
-    upper = np.flatnonzero(u >= level)
+    # by scores, as `find_hill` has it: u rounds otherwise
+    upper = np.flatnonzero(hill.s >= (hill.low + hill.high) / 2)
     crossings = []
     for inside, outside in ((upper[0], upper[0] - 1), (upper[-1], upper[-1] + 1)):
         share = (u[inside] - level) / (u[inside] - u[outside])

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -27,13 +28,21 @@ from featuresel.routines import (
     Target,
     TargetKind,
 )
+from featuresel.routines.ambiguity import is_ambiguous, other_turns
 from featuresel.routines.appearance import (
     FOCUS_SIGMAS,
     Pose,
     prepare_appearance,
     read_appearance,
 )
-from featuresel.routines.comparison import Free, Front, Job, View, try_each
+from featuresel.routines.comparison import (
+    Free,
+    Front,
+    Job,
+    View,
+    misfits,
+    try_each,
+)
 from featuresel.routines.fronts import front_maps
 from featuresel.routines.pose_fit import PoseFit, fit_pose
 
@@ -78,7 +87,7 @@ def prepare_job(
         image.shape,
         turns=turns,
         reach_um=reach_um,
-        ignored=None if turns else _turning(model, target, image),
+        ignored=None if turns else _turning(model, image, _within(target)),
     )
     reach = max(reach_um, 1.0)
     front = front_maps(model, target, image, reach)
@@ -86,6 +95,8 @@ def prepare_job(
     if front is not None:
         arrays["front_light"] = front.light.astype(np.float32)
         arrays["front_through"] = front.through.astype(np.float32)
+    if turns and target.symmetry > 1:
+        arrays["odd"] = _odd_cells(model, target, image, made)
     camera, drifts = model.camera, model.drifts
     return Artifact(
         parameters={
@@ -121,9 +132,10 @@ def measure(
     if isinstance(found, Failure):
         return found
     if p["symmetry"] > 1 and p["turns"] and guess.z_um is None:
-        found = _other_turns(job, p, found)
-        if isinstance(found, Failure):
-            return found
+        found = _other_turns(job, artifact, found)
+        others = other_turns(found.pose.turn_rad, p["symmetry"], p["range_rad"])
+        if is_ambiguous(job, found.pose, others):
+            return Failure(code="ambiguous", message="another turn fits as well")
     return answer(found, p, guess)
 
 
@@ -205,18 +217,38 @@ def _turns_show(model: LookModel, target: Target, image: FloatArray) -> bool:
     return float(np.abs(model(theta_rad=turn) - image).max()) > _LEAST_SIGNAL
 
 
+def _within(target: Target) -> list[float]:
+    """Return some turns within the target's range."""
+    return [share * target.theta_range_rad for share in _SHARES]
+
+
 def _turning(
-    model: LookModel, target: Target, image: FloatArray
+    model: LookModel, image: FloatArray, turns: list[float]
 ) -> npt.NDArray[np.bool_]:
-    """Return pixels of what is not round: they change, whatever the turn."""
-    reach = target.theta_range_rad
-    turned = [model(theta_rad=share * reach) for share in _SHARES] if reach > 0 else []
-    if not turned:
+    """Return pixels that change with nearly all of some turns: what turns, shows."""
+    change = [np.abs(model(theta_rad=turn) - image) for turn in turns if turn != 0]
+    if not change:
         return np.zeros(image.shape, dtype=bool)
-    change = np.median(np.abs(np.stack(turned) - image), axis=0)
     kernel = np.ones((2 * _BESIDE_PX + 1, 2 * _BESIDE_PX + 1), np.uint8)
-    marked = (change > _LEAST_SIGNAL / 2).astype(np.uint8)
-    return np.asarray(cv2.dilate(marked, kernel) > 0)
+    marked = np.median(change, axis=0) > _LEAST_SIGNAL / 2
+    return np.asarray(cv2.dilate(marked.astype(np.uint8), kernel) > 0)
+
+
+def _odd_cells(
+    model: LookModel, target: Target, image: FloatArray, made: Artifact
+) -> npt.NDArray[np.float32]:
+    """Return cells of the template that a turn by whole periods changes."""
+    period, order = 2 * math.pi / target.symmetry, target.symmetry
+    turns = [round(share * order) * period for share in _SHARES]
+    rows, columns = np.nonzero(_turning(model, image, turns))
+    where, over = made.arrays["cells"], int(made.parameters["over"])
+    row = (where.shape[0] - 1) // 2 + over * (rows - round(target.row))
+    column = (where.shape[1] - 1) // 2 + over * (columns - round(target.column))
+    inside = (row >= 0) & (row < where.shape[0])
+    inside &= (column >= 0) & (column < where.shape[1])
+    flat = row[inside] * where.shape[1] + column[inside]
+    kept = where.ravel()[flat] > 0
+    return np.asarray(flat[kept], dtype=np.float32)
 
 
 def _turns(job: Job, p: Mapping[str, float], guess: Guess) -> list[float] | Failure:
@@ -244,21 +276,23 @@ def _depths(job: Job) -> list[float]:
     return ahead if job.squared else [*ahead, *(-z for z in ahead)]
 
 
-def _other_turns(job: Job, p: Mapping[str, float], found: PoseFit) -> PoseFit | Failure:
-    """Return the best fit among the turns that a pattern's symmetry allows for.
+def _other_turns(job: Job, artifact: Artifact, found: PoseFit) -> PoseFit:
+    """Return the fit at that of the equal turns which what breaks the symmetry tells.
 
     Half a period too: beyond the first sign change of the transfer function teeth and
     gaps swap.
     """
-    period = 2 * math.pi / p["symmetry"]
-    count = int(p["symmetry"])
-    here = found.pose
-    steps = [0.0, -0.5, 0.5, *(float(k) for k in range(1, count))]
-    turns = [here.turn_rad + k * period for k in steps]
-    best = try_each(job, here, turns=turns, depths=[here.z_um], zooms=[here.zoom])
-    if best.turn_rad == here.turn_rad:
+    count, here = int(artifact.parameters["symmetry"]), found.pose
+    odd = artifact.arrays.get("odd")
+    if odd is None or len(odd) == 0:
         return found
-    other = fit_pose(job, best)
+    steps = np.array([0.0, -0.5, 0.5, *range(1, count)])
+    turns = here.turn_rad + steps * 2 * math.pi / count
+    left = misfits(job, here, turns, odd.astype(np.intp))
+    best = int(np.argmin(left))
+    if best == 0 or not math.isfinite(left[best]):
+        return found
+    other = fit_pose(job, replace(here, turn_rad=float(turns[best])))
     if isinstance(other, Failure) or other.chi2 >= found.chi2:
         return found
     return other
