@@ -169,6 +169,28 @@ def test_any_scores_give_a_peak_in_the_sweep_or_a_failure(
         assert found.message
 
 
+def test_stops_at_exactly_half_the_height_are_no_error() -> None:
+    rng = np.random.default_rng(0)
+    for low, high in np.sort(rng.random((200, 2))):
+        half = (low + high) / 2
+        for last in (half, np.nextafter(half, low)):
+            found = mirror_peak(range(5), [low, half, high, high, last])
+            assert isinstance(found, FocusPeak | Failure)
+
+
+@pytest.mark.parametrize("size", [1e-300, 1e-100, 1e100, 1e300])
+def test_the_size_of_scores_does_not_matter(size: float) -> None:
+    z = 2.0 * np.arange(9)
+    usual, found = (
+        mirror_peak(z, scale * (0.1 + lorentz(z, 8.3, 4.0))) for scale in (1.0, size)
+    )
+    assert isinstance(usual, FocusPeak)
+    assert isinstance(found, FocusPeak)
+    # scores round by 1e-16 of themselves
+    assert found.z_um == pytest.approx(usual.z_um, rel=1e-12)
+    assert found.sigma_um == pytest.approx(usual.sigma_um, rel=1e-6)
+
+
 @BOTH
 def test_nonsense_is_an_error(fit: Fit) -> None:
     with pytest.raises(ValueError, match="finite"):
