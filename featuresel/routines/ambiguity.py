@@ -10,7 +10,8 @@ from featuresel.routines import FloatArray
 from featuresel.routines.appearance import Pose
 from featuresel.routines.comparison import Job, misfits
 
-_UNEXPLAINED = 1.5  # chi squared a pixel: on 300 pixels noise alone reaches 1.4 in 5 s.d.
+_UNEXPLAINED = 1.5  # chi squared a pixel: of 300 pixels noise makes 1.4 in 5 deviations
+_SHARE = 0.5  # of what the next turn leaves unexplained, that the one found may
 
 
 def is_ambiguous(job: Job, found: Pose, turns: FloatArray) -> bool:
@@ -27,16 +28,14 @@ def is_ambiguous(job: Job, found: Pose, turns: FloatArray) -> bool:
 
     Notes
     -----
-    A notch that is hidden is missed alike at all turns. The turn found is then one of
-    many: something is left unexplained there, and its misfit is below the next one's
-    by no more than the others differ.
+    A notch that is hidden is missed alike at all turns. At the turn found the image
+    then leaves nearly as much unexplained as at the next one, or more.
     """
-    if len(turns) < 2:
+    if len(turns) == 0:
         return False
-    here = misfits(job, found, np.array([found.turn_rad]))[0]
-    others = misfits(job, found, turns)
-    stands_out = others.min() - here > np.ptp(others[np.isfinite(others)])
-    return bool(here > _UNEXPLAINED and not stands_out)
+    here = float(misfits(job, found, np.array([found.turn_rad]))[0])
+    other = float(misfits(job, found, turns).min())
+    return here > _UNEXPLAINED and here - 1 > _SHARE * (other - 1)
 
 
 def other_turns(turn_rad: float, symmetry: float, range_rad: float) -> FloatArray:

@@ -213,8 +213,7 @@ def _together(seen: list[Seen]) -> Seen:
 
 def _shortened(job: Job, pose: Pose, move: FloatArray, depths: float) -> float:
     """Return what a step is cut to: farther, the slopes no longer hold."""
-    size = max(job.looks.shape) / 2 / job.looks.over
-    far = max(math.hypot(move[0], move[1]), abs(move[2]) * size, abs(move[4]) * size)
+    far = _moved_px(job, math.hypot(move[0], move[1]), move[2], move[4])
     most = depths * job.looks.step_um
     if job.squared:
         most *= 2 * abs(pose.z_um) + most
@@ -236,7 +235,15 @@ def _after(job: Job, pose: Pose, move: FloatArray) -> Pose:
     )
 
 
+def _moved_px(job: Job, place_px: float, turn_rad: float, zoom: float) -> float:
+    """Return the farthest that a move, turn or zoom takes anything in the template."""
+    rim_px = max(job.looks.shape) / 2 / job.looks.over
+    return max(place_px, abs(turn_rad) * rim_px, abs(zoom) * rim_px)
+
+
 def _is_elsewhere(job: Job, one: Pose, other: Pose) -> bool:
     """Return whether other pixels tell most at the other pose."""
-    moved = math.hypot(one.column - other.column, one.row - other.row)
-    return moved > _AGAIN_PX or abs(one.z_um - other.z_um) > job.looks.step_um
+    place_px = math.hypot(one.column - other.column, one.row - other.row)
+    turn_rad, zoom = one.turn_rad - other.turn_rad, one.zoom - other.zoom
+    far = _moved_px(job, place_px, turn_rad, zoom) > _AGAIN_PX
+    return far or abs(one.z_um - other.z_um) > job.looks.step_um
