@@ -59,6 +59,7 @@ NEAR_UM = 0.5  # and its focus
 _RIM_UM = 50.0  # of the gear: what NEAR_PX there is as an angle and a zoom
 _LIMITS = 2  # settings at each height whose limits are averaged
 _CELL = "{:.2g}"
+LIMIT = "limit"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,7 +72,7 @@ class Row:
     trials: int  # all heights
     right: int  # answers within two tolerances
     silent: int  # other answers
-    ratio_x: tuple[float, ...]  # rms of the right answers over the limit; nan: none
+    ratio_x: tuple[float, ...]  # rms of right answers over the limit; nan: none
     ratio_theta: tuple[float, ...]
     ms: float  # median CPU time of one measure; nan if it was not prepared
     refused: str  # why it could not be prepared
@@ -91,15 +92,17 @@ class _Seen:
     codes: tuple[str, ...]  # of failures
 
 
-def rows(place: tuple[str, str], trials: int) -> list[Row]:
-    """Return a row for every routine that looks for a scene's kind of target."""
+def rows(
+    place: tuple[str, str], trials: int, names: Sequence[str] = tuple(REGISTRY)
+) -> list[Row]:
+    """Return the limit, and a row for every routine that looks for a scene's kind."""
     cv2.setNumThreads(1)
     scene, condition = place
     case = disturbed(SCENES[scene](), condition)
     render = nominal_render(case)
     ready = {
         name: load(name).prepare(render, case.target)
-        for name in sorted(REGISTRY)
+        for name in sorted(names)
         if case.target.kind in load(name).KINDS
     }
     seen: dict[str, list[_Seen]] = {name: [] for name in ready}
@@ -112,8 +115,8 @@ def rows(place: tuple[str, str], trials: int) -> list[Row]:
             if isinstance(artifact, Artifact):
                 seen[name].append(_measured(case, name, artifact, shown))
     return [
-        _row(place, name, artifact, seen[name], known)
-        for name, artifact in ready.items()
+        _limit_row(place, known),
+        *(_row(place, name, made, seen[name], known) for name, made in ready.items()),
     ]
 
 
@@ -205,6 +208,23 @@ def _row(
     )
 
 
+def _limit_row(place: tuple[str, str], known: Sequence[tuple[float, ...]]) -> Row:
+    """Return the limit itself, nm and mdeg, as the first row."""
+    return Row(
+        scene=place[0],
+        routine=LIMIT,
+        condition=place[1],
+        trials=0,
+        right=0,
+        silent=0,
+        ratio_x=tuple(1e3 * k[0] for k in known),
+        ratio_theta=tuple(1e3 * math.degrees(k[2]) for k in known),
+        ms=math.nan,
+        refused="",
+        codes=(),
+    )
+
+
 def _rms(values: Sequence[float]) -> float:
     """Return the root mean square, nan of nothing."""
     return math.sqrt(float(np.mean(np.square(values)))) if values else math.nan
@@ -221,15 +241,21 @@ def lines(scene: str, found: Sequence[Row], trials: int) -> Iterator[str]:
     yield "| " + " | ".join(head) + " |"
     yield "|" + "---|" * len(head)
     for row in found:
-        cells = [f"`{row.routine}`", row.condition]
+        shown = "limit, nm, mdeg" if row.routine == LIMIT else f"`{row.routine}`"
+        cells = [shown, row.condition]
         if row.refused:
             cells += [f"not prepared: {row.refused}"] + [""] * (len(head) - 3)
         else:
             cells += [_cell(v) for v in row.ratio_x]
             cells += [_cell(v) for v in row.ratio_theta] if turned else []
-            cells += [f"{n / row.trials:.0%}" for n in (row.right, row.silent)]
+            cells += [_share(n, row.trials) for n in (row.right, row.silent)]
             cells += [_mostly(row.codes), _cell(row.ms)]
         yield "| " + " | ".join(cells) + " |"
+
+
+def _share(count: int, trials: int) -> str:
+    """Return a share in percent, nothing of no trials."""
+    return f"{count / trials:.0%}" if trials else ""
 
 
 def _mostly(codes: Sequence[str]) -> str:
@@ -250,18 +276,24 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--trials", type=int, default=TRIALS)
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--scene", choices=list(SCENES), action="append")
+    parser.add_argument("--routine", choices=sorted(REGISTRY), action="append")
     call = parser.parse_args(argv)
     places = [(s, c) for s in call.scene or SCENES for c in SHOWN]
+    work = partial(rows, trials=call.trials, names=call.routine or tuple(REGISTRY))
     with ProcessPoolExecutor(call.jobs) as pool:
         done: list[Row] = []
         for (scene, condition), some in zip(
-            places, pool.map(partial(rows, trials=call.trials), places), strict=True
+            places, pool.map(work, places), strict=True
         ):
             done += some
             if condition == SHOWN[-1]:
                 mine = sorted(
                     (row for row in done if row.scene == scene),
-                    key=lambda row: (row.routine, SHOWN.index(row.condition)),
+                    key=lambda r: (
+                        r.routine != LIMIT,
+                        r.routine,
+                        SHOWN.index(r.condition),
+                    ),
                 )
                 print("\n".join(lines(scene, mine, call.trials)), flush=True)
     return 0

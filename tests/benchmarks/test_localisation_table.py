@@ -1,0 +1,62 @@
+"""Where the table of all routines starts each, and that its page shows all."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.localisation_scenes import PLACE_UM, SCENES, Drawn, disturbed
+from benchmarks.localisation_table import Row, begin, lines
+from featuresel.routines import REGISTRY, load
+from featuresel.sensitivity import Setting
+
+PAGE = Path(__file__).parents[2] / "docs" / "localisation.md"
+
+
+@pytest.mark.parametrize("scene", list(SCENES))
+def test_a_routine_starts_within_its_capture_range(scene: str) -> None:
+    case = disturbed(SCENES[scene](), "all")
+    rng = np.random.default_rng(5)
+    for name in sorted(REGISTRY):
+        routine = load(name)
+        if case.target.kind not in routine.KINDS:
+            continue
+        dx, dy = rng.uniform(-PLACE_UM, PLACE_UM, 2)
+        setting = Setting(dx_um=dx, dy_um=dy, dtheta_rad=0.01, dz_um=4.0, zoom=1.03)
+        drawn = Drawn(setting=setting, image=np.zeros((1, 1)))
+        at = begin(case, name, drawn, rng)
+        x, y = (1.03 * (a + b) for a, b in ((case.x_um, dx), (case.y_um, dy)))
+        column, row = case.frame.to_pixel(x, y)
+        off = math.hypot(at.column - column, at.row - row)
+        reach = min(routine.CAPTURE_PX, 1.5 * case.target.search_px)
+        assert off <= reach, name
+        known = {"theta": at.theta_rad, "z": at.z_um, "zoom": at.zoom}
+        assert all(known[need] is not None for need in routine.NEEDS if need != "xy")
+
+
+def test_a_row_is_a_line_of_the_table() -> None:
+    row = Row(
+        scene="gear", routine="ncc", condition="all", trials=400, right=300, silent=4,
+        ratio_x=(1.04, 12.4, 123.4, math.nan), ratio_theta=(math.nan,) * 4, ms=2.51,
+        refused="", codes=("no_edge", "diverged", "no_edge"),
+    )  # fmt: skip
+    head, rule, line = list(lines("gear", [row], 100))[-3:]
+    assert head.count("|") == rule.count("|") == line.count("|")
+    cells = [cell.strip() for cell in line.split("|")[1:-1]]
+    assert cells == [
+        "`ncc`", "all", "1", "12", "123", "", "", "", "", "",
+        "75%", "1%", "no_edge", "2.5",
+    ]  # fmt: skip
+
+
+def test_a_table_of_the_page_shows_every_routine_for_its_scene() -> None:
+    tables = PAGE.read_text(encoding="utf-8").split("\n### ")[1:]
+    assert tables
+    for table in tables:
+        kind = SCENES[table.partition(",")[0]]().target.kind
+        wanted = sorted(n for n in REGISTRY if kind in load(n).KINDS)
+        shown = [li.split("`")[1] for li in table.splitlines() if li.startswith("| `")]
+        assert shown[::2] == shown[1::2] == wanted  # plain and all
