@@ -48,7 +48,8 @@ def compete(
 
     Routines that are dear to prepare take part where the others leave no room: where
     none passes, or the chosen one uses more than `Limits.roomy` of a tolerance. Below
-    that a dearer one is never chosen.
+    that a dearer one is never chosen. They race by themselves on the same trials; each
+    race's bounds count its own rounds.
 
     Parameters
     ----------
@@ -191,7 +192,7 @@ def limit_um(case: LookCase) -> float | None:
 def unknowns(case: LookCase) -> Sequence[str]:
     """Return what an estimator must find besides the place, by the limit's names."""
     spread, names = case.spread, ["x", "y"]
-    if case.target.kind != "circle":
+    if case.target.kind != "circle" or case.target.offset_um != (0.0, 0.0):
         names.append("theta")
     if spread.focus_sigma_um > 0:
         names.append("z")

@@ -238,7 +238,7 @@ def _turns(right: Sequence[Outcome]) -> FloatArray:
 def _theta_spread(right: Sequence[Outcome]) -> Calibration | None:
     """Return the calibration of the angle; 1 rad stands for a spread not given."""
     claims = [
-        (o.theta_rad, o.spread_theta_rad or 1.0)
+        (o.theta_rad, 1.0 if o.spread_theta_rad is None else o.spread_theta_rad)
         for o in right
         if o.theta_rad is not None
     ]

@@ -37,7 +37,7 @@ _BEYOND = 2  # planes past the range, where a natural spline's end no longer tel
 _EVEN = 1e-4  # of full scale, that images on both sides of focus may differ by
 _SAMPLES = 1.9  # a period of the finest detail; what is finer has no contrast
 _MOST_BITS = 20  # that 32-bit floats hold exactly, and to spare
-_MARGIN_PX = 6.0  # around the target, beyond its blur
+_MARGIN_PX = 10.0  # around the target, beyond its blur
 _FINGER = 0.3  # of a finger's width, taken in beside the opening
 _BEHIND = 1.3  # of the way from grip to tips, taken in on both sides of the grip
 _WANTED = 3  # column, row and turn keep their limits; focus and zoom come with them
@@ -458,19 +458,20 @@ def _used(
     )
     seen = light[:, first::over, first::over]
     focus = np.gradient(seen, depths, axis=0) if len(depths) > 1 else 0 * seen
+    inner = np.zeros((rows, columns), dtype=bool)
+    edge = _SUPPORT + 2
+    inner[edge:-edge, edge:-edge] = True
+    # by the middle of its block: what is told in vain would else be counted on
+    own = own[: seen.shape[1], : seen.shape[2]] * inner[first::over, first::over]
     used = np.zeros(light.shape, dtype=bool)
     for k, mean in enumerate(seen):
         turn, grow = across[k] * v - down[k] * u, across[k] * u + down[k] * v
         rest = (focus[k], grow, mean, mean * u, mean * v)
         slopes = np.stack((across[k], down[k], turn, *rest))
-        slopes = slopes * own[: mean.shape[0], : mean.shape[1]]
-        told = informative(mean, slopes, model.camera, wanted=_WANTED)
+        told = informative(mean, slopes * own, model.camera, wanted=_WANTED)
         block = told.repeat(over, axis=0).repeat(over, axis=1)
         block = block[:rows, :columns]
         used[k, : block.shape[0], : block.shape[1]] = block
-    inner = np.zeros_like(used)
-    edge = _SUPPORT + 2
-    inner[:, edge:-edge, edge:-edge] = True
     return np.asarray(used & inner)
 
 

@@ -61,9 +61,10 @@ _SHARES = (-0.9, -0.5, 0.5, 0.7, 0.9)  # of the range of turns, where they are l
 _BESIDE_PX = 2  # about what is not round, as its blur grows out of focus
 _ZOOM_PX = 1.5  # that the rim moves by between zooms where fits start
 _TURN_PX = 2.5  # that the rim moves by between turns where fits start
-_MOST_TURNS = 24  # of them, at every focus height: more take too long
+_MOST_TURNS = 64  # of them, at every focus height: more take too long
 _WORST_CHI2 = 60.0  # worse is another thing; what trials show sets a finer gate
 _LEAST_USED = 0.55  # share of pixels that must be the target's
+_MOST_SPREAD_PX = 0.5  # of what an image tells: in more uncertainty nothing is found
 _FAR_PX = 3.0  # the most that the fit may move from the guess
 
 
@@ -319,6 +320,11 @@ def answer(
         if turned > 1.2 * p["range_rad"] + 0.01:
             return Failure(code="outside", message=f"turned by {turned:.3f} rad")
     sigma = found.sigma
+    if not max(sigma[0], sigma[1]) < _MOST_SPREAD_PX:  # also nan
+        return Failure(
+            code="no_contrast",
+            message=f"the place is uncertain by {max(sigma[0], sigma[1]):.2f} px",
+        )
     return Measurement(
         column=pose.column,
         row=pose.row,

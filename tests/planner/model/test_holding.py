@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy import stats
 
@@ -70,6 +70,10 @@ def test_where_a_turn_settles_agrees_with_draws(
 
 @given(theta_rad=st.floats(-7, 7))
 def test_a_known_turn_settles_in_one_minimum(theta_rad: float) -> None:
+    first, second, *_ = sorted(
+        abs(math.remainder(theta_rad - m, math.pi)) for m in UNEVEN
+    )
+    assume(second - first > 1e-9)  # halfway between two minima it may fall into either
     assert settled_sigma_rad(UNEVEN, theta_rad, 0.0) == 0.0
     assert settled_sigma_rad((0.4,), theta_rad, 1e-3) <= math.pi
 
