@@ -190,4 +190,16 @@ def _score(found: Score, reason: str) -> p.Score:
         sigma_theta_rad=found.sigma_theta_rad,
         cost=found.cost,
         reason=reason,
+        sigma_upper_um=_sigma_upper(found),
+        ratio_to_limit=found.ratio,
+        worst_trial=found.worst_trial,
+        median_trial=found.median_trial,
+        first_failing_trial=found.first_failing,
     )
+
+
+def _sigma_upper(found: Score) -> float | None:
+    """Return the bound of the larger axis' sigma, None where nothing is known."""
+    axes = [axis for axis in (found.x, found.y, found.along) if axis is not None]
+    upper = max((axis.sigma_upper for axis in axes), default=math.inf)
+    return upper if math.isfinite(upper) else None

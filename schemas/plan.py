@@ -14,7 +14,7 @@ from typing import Any, Literal
 from schemas.codec import CodecError, from_data, to_data
 from schemas.pose import Pose
 
-FORMAT_VERSION = "1.0"
+FORMAT_VERSION = "1.1"
 
 AxesName = Literal["stage", "robot"]
 
@@ -163,6 +163,13 @@ class Score:
     sigma_theta_rad: float | None
     cost: float  # deterministic, in 640 x 480 box filters
     reason: str  # why it was chosen, kept as fallback, or rejected
+    sigma_upper_um: float | None = None  # of the larger axis, one-sided 95 %
+    ratio_to_limit: float | None = None  # rms, bias included, over `limit_xy_um`
+    worst_trial: int | None = (
+        None  # of the answers; `microplan render --trial` shows it
+    )
+    median_trial: int | None = None
+    first_failing_trial: int | None = None  # aloud or silently
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
