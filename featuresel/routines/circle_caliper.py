@@ -32,7 +32,7 @@ from featuresel.routines.sampling import (
 )
 
 NAME = "circle_caliper"
-VERSION = "2"
+VERSION = "3"
 KINDS: tuple[TargetKind, ...] = ("circle", "teeth")
 GIVES: tuple[Known, ...] = ("xy",)
 NEEDS: tuple[Known, ...] = ()
@@ -44,6 +44,8 @@ _FAINT = 0.02  # step height below which an edge drowns in 8 bits and shot noise
 _WEAKEST = 0.3  # of the predicted step: light falls to .7, focus errors take the rest
 _FEWEST = 0.5  # of the rays must carry an edge, and of those half must fit
 _SEARCH_RAYS = 60  # long rays are dear, and a pixel is good enough
+# Of half the search: edges found anywhere in it, as in noise, scatter by 1 / sqrt(3).
+_SCATTERED = 0.5 / math.sqrt(3)
 _REFINED = 2  # rounds: the search leaves a pixel, the first round .01 px
 # Of the radius, at least 1 px: zoom errors stay below 2 %; 8 um out of focus, edges on
 # the slope of a shade move by 6 %.
@@ -99,6 +101,12 @@ def measure(
     if isinstance(circle, Failure):
         return circle
     p = artifact.parameters
+    if circle.rms_px > _SCATTERED * _half_px(p):
+        return Failure(
+            code="scattered",
+            message=f"edges lie {circle.rms_px:.2f} px about the circle, "
+            f"at most {_SCATTERED * _half_px(p):.2f}",
+        )
     off = abs(circle.radius_px - p["seen_px"])
     if off > max(1.0, _RADIUS_OFF * p["radius_px"]):
         return Failure(

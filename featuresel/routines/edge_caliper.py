@@ -24,7 +24,7 @@ from featuresel.routines.jaw_faces import SIDES, TIPS, calibrate, in_view, predi
 from featuresel.routines.sampling import edge_kernel, line_samples
 
 NAME = "edge_caliper"
-VERSION = "1"
+VERSION = "2"
 KINDS: tuple[TargetKind, ...] = ("jaws",)
 GIVES: tuple[Known, ...] = ("xy", "theta")
 NEEDS: tuple[Known, ...] = ()
@@ -39,6 +39,9 @@ _LINE_WORK = 0.4  # of the line through a face's edges, in box filters
 _LOCKED_PX = 0.02  # edges along pixel rows share one sampling error; lines do not help
 _MOST_TURN_RAD = 0.3  # beyond, the stretches no longer lie on their faces
 _ZOOM = 0.02  # zoom error allowed for: far faces move by this part of their distance
+_FINE_PX = 4.0  # half the last search
+# Of that: edges found anywhere in it, as in noise, scatter by 1 / sqrt(3).
+_SCATTERED = 0.5 / math.sqrt(3)
 _OPENING_PX, _OPENING_PART = 2.0, 0.04  # accepted error of the opening
 
 
@@ -84,6 +87,13 @@ def measure(
         c, s = math.cos(theta), math.sin(theta)
         column, row = column + c * dx - s * dy, row - s * dx - c * dy
         theta += turn
+    worst = max(face.rms_px for face in found.values())
+    if worst > _SCATTERED * _FINE_PX:
+        return Failure(
+            code="scattered",
+            message=f"edges lie {worst:.2f} px about a face, "
+            f"at most {_SCATTERED * _FINE_PX:.2f}",
+        )
     problem = _misplaced(found, p, guess, (column, row, theta))
     if problem is not None:
         return problem

@@ -113,3 +113,13 @@ def test_a_hidden_circle_cannot_be_prepared(look: Look) -> None:
     found = circle_caliper.prepare(nominal_render(dull), dull.target)
     assert isinstance(found, Failure)
     assert found.code == "no_edge"
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_noise_has_no_circle(look: Look, seed: int) -> None:
+    case = look("post")
+    artifact = prepared(case)
+    image = np.random.default_rng(seed).random((200, 200))
+    found = circle_caliper.measure(image, artifact, start(case))
+    assert isinstance(found, Failure)
+    assert found.code == "scattered"

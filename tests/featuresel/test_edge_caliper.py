@@ -82,3 +82,12 @@ def test_another_opening_is_noticed(look: Look) -> None:
     found = edge_caliper.measure(wide, prepared(case), start(case))
     assert isinstance(found, Failure)
     assert found.code in {"opening_off", "no_edge"}
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_noise_has_no_jaws(look: Look, seed: int) -> None:
+    case = look("jaws")
+    artifact = prepared(case)
+    shape = (case.window.rows, case.window.columns)
+    image = np.random.default_rng(seed).random(shape)
+    assert isinstance(edge_caliper.measure(image, artifact, start(case)), Failure)
