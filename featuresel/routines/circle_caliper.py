@@ -20,6 +20,7 @@ from featuresel.routines import (
     work,
 )
 from featuresel.routines.circle_fit import Circle, fit_centre, fit_circle
+from featuresel.routines.rim_plan import rim_radius_um
 from featuresel.routines.sampling import (
     STEP_PX,
     BoolArray,
@@ -54,7 +55,7 @@ _RADIUS_OFF = 0.1
 
 def prepare(render: Render, target: Target) -> Artifact | Failure:
     """Return radius, polarity, step and filter width of the circle's nominal edge."""
-    radius_px = _radius_um(target) * target.px_per_um
+    radius_px = rim_radius_um(target) * target.px_per_um
     if radius_px < 3:
         return Failure(
             code="too_small", message=f"radius of {radius_px:.2f} px, at least 3"
@@ -134,13 +135,6 @@ def cost(artifact: Artifact, _pixels: int) -> float:
     refined = work.edges(rays, length, kernel) + work.circle(rays)
     seed = work.edges(_SEARCH_RAYS, search, kernel) + work.centre()
     return seed + _REFINED * refined
-
-
-def _radius_um(target: Target) -> float:
-    """Return the radius looked for: of toothed parts the bore, else the root."""
-    if target.kind == "circle":
-        return target.parameters["radius_um"]
-    return target.parameters.get("bore_um", target.parameters["root_um"])
 
 
 def _span(radius_px: float) -> float:

@@ -20,6 +20,7 @@ from featuresel.routines import (
     TargetKind,
     work,
 )
+from featuresel.routines.extent import cut, half_px
 from featuresel.routines.peak import Float32Array, find_peak
 from featuresel.routines.template_fit import refine, refine_work
 
@@ -32,7 +33,6 @@ CAPTURE_PX = math.inf
 CONTROL = False
 DEAR = False
 
-_MARGIN_PX = 4.0  # around the target, so that its edge is in the template
 _LEAST_SCORE = 0.6  # correlation; noise, blur and gradients leave .8 and more
 _COARSE_PX = 16.0  # half the template's side where angles are searched
 _STEP_PX = 1.0  # of the rim between two templates: half of it blurs, no more
@@ -48,7 +48,7 @@ def prepare(render: Render, target: Target) -> Artifact | Failure:
     near, over one period of the symmetry.
     """
     image = render()
-    half = _half_px(target, image.shape)
+    half = half_px(target, image.shape, target.search_px)
     if min(half) < 4:
         return Failure(
             code="outside",
@@ -59,7 +59,9 @@ def prepare(render: Render, target: Target) -> Artifact | Failure:
     if turns:  # a power of two, so that halving ends at 1
         shrink = 2 ** max(0, int(math.log2(max(1.0, min(half) / _COARSE_PX))))
     turned = _angles(target, half, shrink)
-    templates = [_cut(render(theta_rad=t), target, half, shrink) for t in turned]
+    templates = [
+        _shrunk(cut(render(theta_rad=t), target, half), shrink) for t in turned
+    ]
     if min(float(t.std()) for t in templates) < 0.01:
         return Failure(code="no_contrast", message="the template is blank")
     return Artifact(
@@ -77,7 +79,7 @@ def prepare(render: Render, target: Target) -> Artifact | Failure:
         arrays={
             "templates": np.stack(templates).astype(np.float32),
             "turned_rad": turned.astype(np.float32),
-            "nominal": _cut(image, target, half, 1).astype(np.float32),
+            "nominal": cut(image, target, half).astype(np.float32),
         },
     )
 
@@ -152,28 +154,6 @@ def _answer(
     )
 
 
-def _half_px(target: Target, shape: tuple[int, ...]) -> tuple[int, int]:
-    """Return half the template's sides (columns, rows): target, margin, but in view."""
-    p, k = target.parameters, target.px_per_um
-    if target.kind == "jaws":
-        wide = p["opening_um"] / 2 + 0.3 * p["finger_width_um"]
-        want = (wide * k, p["grip_from_tip_um"] * 1.5 * k)
-    else:
-        names = ("radius_um", "outer_um", "extent_um")
-        extent = next(p[name] for name in names if name in p)
-        want = (extent * k, extent * k)
-    column, row = round(target.column), round(target.row)
-    room = target.search_px + 2
-    free = (
-        min(column, shape[1] - 1 - column) - room,
-        min(row, shape[0] - 1 - row) - room,
-    )
-    return (
-        int(min(want[0] + _MARGIN_PX, free[0])),
-        int(min(want[1] + _MARGIN_PX, free[1])),
-    )
-
-
 def _angles(target: Target, half: tuple[int, int], shrink: int) -> FloatArray:
     """Return turns away from nominal so close that the rim moves by `_STEP_PX`."""
     if target.kind in ("circle", "jaws"):
@@ -183,17 +163,6 @@ def _angles(target: Target, half: tuple[int, int], shrink: int) -> FloatArray:
         return np.zeros(1)
     steps = math.ceil(2 * limit * max(half) / shrink / _STEP_PX)
     return np.linspace(-limit, limit, min(max(steps | 1, 3), _MOST))
-
-
-def _cut(
-    image: FloatArray, target: Target, half: tuple[int, int], shrink: int
-) -> FloatArray:
-    """Return the template about the pixel nearest the reference point."""
-    column, row = round(target.column), round(target.row)
-    part = image[
-        row - half[1] : row + half[1] + 1, column - half[0] : column + half[0] + 1
-    ]
-    return _shrunk(part, shrink)
 
 
 def _shrunk(image: FloatArray, shrink: int) -> FloatArray:
