@@ -54,14 +54,7 @@ def measure(
     found = measure_faces(image, artifact, guess)
     if isinstance(found, Failure):
         return found
-    return Measurement(
-        column=found.column,
-        row=found.row,
-        theta_rad=found.theta_rad,
-        score=found.lines,
-        spread_px=found.spread_px,
-        spread_theta_rad=found.spread_theta_rad,
-    )
+    return found.at_point()
 
 
 def cost(artifact: Artifact, _pixels: int) -> float:

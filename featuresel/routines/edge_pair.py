@@ -67,15 +67,7 @@ def measure(
             code="width_off",
             message=f"width off by {2 * found.grown_px:.2f} of {wide:.2f} px",
         )
-    return Measurement(
-        column=found.column,
-        row=found.row,
-        theta_rad=found.theta_rad,
-        score=found.lines,
-        spread_px=found.spread_px,
-        spread_theta_rad=found.spread_theta_rad,
-        axis_rad=found.theta_rad,
-    )
+    return found.across()
 
 
 def cost(artifact: Artifact, _pixels: int) -> float:

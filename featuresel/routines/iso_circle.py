@@ -7,6 +7,8 @@ blurred into one of its sides pulls it. `benchmarks/localisation` has the number
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from featuresel.routines import (
     Artifact,
     Failure,
@@ -21,7 +23,7 @@ from featuresel.routines import (
 from featuresel.routines.circle_fit import Circle
 from featuresel.routines.rim import CAPTURE_PX as _AWAY_PX
 from featuresel.routines.rim import approach, approach_work
-from featuresel.routines.rim_plan import part_offset, placed, rim_numbers
+from featuresel.routines.rim_plan import placed, prepare_rim
 
 NAME = "iso_circle"
 VERSION = "1"
@@ -38,21 +40,7 @@ _USED = 0.5  # of the points must fit the circle
 
 def prepare(render: Render, target: Target) -> Artifact | Failure:
     """Return radius, level and filter, and where the notch pulls the centre."""
-    numbers = rim_numbers(render, target)
-    if isinstance(numbers, Failure):
-        return numbers
-
-    def centre(image: FloatArray, guess: Guess) -> tuple[float, float, float] | Failure:
-        fitted = _fit(image, Artifact(parameters=numbers), guess)
-        if isinstance(fitted, Failure):
-            return fitted
-        circle, _ = fitted
-        return circle.column, circle.row, circle.radius_px
-
-    offset = part_offset(render, target, centre)
-    if isinstance(offset, Failure):
-        return offset
-    return Artifact(parameters={**numbers, **offset})
+    return prepare_rim(render, target, _centre)
 
 
 def measure(
@@ -60,7 +48,7 @@ def measure(
 ) -> Measurement | Failure:
     """Return the circle's centre; fails if it is faint, cut off or of another size."""
     p = artifact.parameters
-    fitted = _fit(image, artifact, guess)
+    fitted = _fit(image, p, guess)
     if isinstance(fitted, Failure):
         return fitted
     circle, spread_px = fitted
@@ -90,11 +78,22 @@ def cost(artifact: Artifact, _pixels: int) -> float:
     return approach_work(artifact.parameters)
 
 
+def _centre(
+    image: FloatArray, p: Mapping[str, float], guess: Guess
+) -> tuple[float, float, float] | Failure:
+    """Return column, row and radius of the circle."""
+    fitted = _fit(image, p, guess)
+    if isinstance(fitted, Failure):
+        return fitted
+    circle, _ = fitted
+    return circle.column, circle.row, circle.radius_px
+
+
 def _fit(
-    image: FloatArray, artifact: Artifact, guess: Guess
+    image: FloatArray, p: Mapping[str, float], guess: Guess
 ) -> tuple[Circle, float] | Failure:
     """Return the circle and the spread of its centre."""
-    found = approach(image, artifact.parameters, guess)
+    found = approach(image, p, guess)
     if isinstance(found, Failure):
         return found
     points, circle = found

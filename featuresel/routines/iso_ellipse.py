@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -22,7 +22,7 @@ from featuresel.routines import (
 )
 from featuresel.routines.rim import CAPTURE_PX as _AWAY_PX
 from featuresel.routines.rim import RimPoints, approach, approach_work
-from featuresel.routines.rim_plan import part_offset, placed, rim_numbers
+from featuresel.routines.rim_plan import placed, prepare_rim
 from featuresel.routines.sampling import BoolArray, median
 
 NAME = "iso_ellipse"
@@ -55,20 +55,7 @@ class _Ellipse:
 
 def prepare(render: Render, target: Target) -> Artifact | Failure:
     """Return radius, level and filter, and where the notch pulls the centre."""
-    numbers = rim_numbers(render, target)
-    if isinstance(numbers, Failure):
-        return numbers
-
-    def centre(image: FloatArray, guess: Guess) -> tuple[float, float, float] | Failure:
-        found = _fit(image, Artifact(parameters=numbers), guess)
-        if isinstance(found, Failure):
-            return found
-        return found.column, found.row, found.radius_px
-
-    offset = part_offset(render, target, centre)
-    if isinstance(offset, Failure):
-        return offset
-    return Artifact(parameters={**numbers, **offset})
+    return prepare_rim(render, target, _centre)
 
 
 def measure(
@@ -76,7 +63,7 @@ def measure(
 ) -> Measurement | Failure:
     """Return the ellipse's centre; fails if it is faint, cut off or of another size."""
     p = artifact.parameters
-    found = _fit(image, artifact, guess)
+    found = _fit(image, p, guess)
     if isinstance(found, Failure):
         return found
     off = abs(found.radius_px - p["seen_px"])
@@ -101,9 +88,19 @@ def cost(artifact: Artifact, _pixels: int) -> float:
     return approach_work(artifact.parameters) + _ELLIPSE_WORK
 
 
-def _fit(image: FloatArray, artifact: Artifact, guess: Guess) -> _Ellipse | Failure:
+def _centre(
+    image: FloatArray, p: Mapping[str, float], guess: Guess
+) -> tuple[float, float, float] | Failure:
+    """Return column, row and radius of the ellipse."""
+    found = _fit(image, p, guess)
+    if isinstance(found, Failure):
+        return found
+    return found.column, found.row, found.radius_px
+
+
+def _fit(image: FloatArray, p: Mapping[str, float], guess: Guess) -> _Ellipse | Failure:
     """Return the ellipse, from the circle's points."""
-    found = approach(image, artifact.parameters, guess)
+    found = approach(image, p, guess)
     if isinstance(found, Failure):
         return found
     points, circle = found

@@ -7,7 +7,14 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from featuresel.routines import Failure, FloatArray, Guess, Render, Target
+from featuresel.routines import (
+    Artifact,
+    Failure,
+    FloatArray,
+    Guess,
+    Render,
+    Target,
+)
 from featuresel.routines.rim import FAINT, FEWEST, STEP_PX, THICK, rings
 from featuresel.routines.sampling import best_width
 
@@ -20,6 +27,11 @@ _PLACES_PX = (
     (0.25, 0.75),
     (0.75, 0.5),
 )  # none repeats a phase
+
+
+Fit = Callable[
+    [FloatArray, Mapping[str, float], Guess], tuple[float, float, float] | Failure
+]
 
 
 def rim_radius_um(target: Target) -> float:
@@ -66,6 +78,28 @@ def rim_numbers(render: Render, target: Target) -> dict[str, float] | Failure:
         "level": float(np.clip(share, 0.2, 0.8)),  # a level near an end drowns in noise
         "smooth_px": 0.75 * width,
     }
+
+
+def prepare_rim(render: Render, target: Target, fit: Fit) -> Artifact | Failure:
+    """Return radius, level and filter, and where the part's shape pulls the fit.
+
+    Parameters
+    ----------
+    render : Render
+        The look.
+    target : Target
+        What is to be found.
+    fit : callable
+        Returns (column, row, radius), px, of a curve through an image's rim, from the
+        numbers of `rim_numbers` and a guess.
+    """
+    numbers = rim_numbers(render, target)
+    if isinstance(numbers, Failure):
+        return numbers
+    offset = part_offset(render, target, lambda image, at: fit(image, numbers, at))
+    if isinstance(offset, Failure):
+        return offset
+    return Artifact(parameters={**numbers, **offset})
 
 
 def part_offset(

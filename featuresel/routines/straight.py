@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from featuresel.routines import (
     FloatArray,
     Guess,
     LookModel,
+    Measurement,
     Target,
     work,
 )
@@ -47,6 +48,21 @@ class Fix:
     lines: float  # share of the lines that met their edges
     spread_px: float  # of the worst axis that is known
     spread_theta_rad: float
+
+    def at_point(self) -> Measurement:
+        """Return the measurement of a target known in both directions."""
+        return Measurement(
+            column=self.column,
+            row=self.row,
+            theta_rad=self.theta_rad,
+            score=self.lines,
+            spread_px=self.spread_px,
+            spread_theta_rad=self.spread_theta_rad,
+        )
+
+    def across(self) -> Measurement:
+        """Return that of a target known across its edges only."""
+        return replace(self.at_point(), axis_rad=self.theta_rad)
 
 
 def prepare_faces(
