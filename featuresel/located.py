@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 from featuresel.case import LookCase
 from featuresel.routines import Failure, Measurement
@@ -26,11 +26,12 @@ def located(case: LookCase, found: Measurement) -> Located | Failure:
     the look's frame by as much as nominally. Where the measurement has no angle the
     nominal one takes its place; if any angle is possible that is a failure, because
     the reference point may be anywhere on a circle about the feature. So is an answer
-    that is not finite.
+    with a number that is not finite, be it only a spread or the score: gates compare
+    those, and a nan passes or fails them by chance.
     """
-    numbers = (found.column, found.row, found.theta_rad or 0.0, found.axis_rad or 0.0)
-    if not all(map(math.isfinite, numbers)):
-        return Failure(code="not_finite", message=f"the answer is {found}")
+    endless = _not_finite(found)
+    if endless:
+        return Failure(code="not_finite", message=f"not finite: {', '.join(endless)}")
     frame_rad = case.target.theta_rad - case.theta_rad
     theta = None if found.theta_rad is None else found.theta_rad - frame_rad
     x, y = case.frame.to_world(found.column, found.row)
@@ -45,6 +46,16 @@ def located(case: LookCase, found: Measurement) -> Located | Failure:
         c, s = math.cos(turn), math.sin(turn)
         x, y = x - (c * off_x - s * off_y), y - (s * off_x + c * off_y)
     return Located(x_um=x, y_um=y, theta_rad=theta, axis_rad=found.axis_rad)
+
+
+def _not_finite(found: Measurement) -> list[str]:
+    """Return the names of an answer's numbers that are nan or infinite."""
+    numbers = {field.name: getattr(found, field.name) for field in fields(found)}
+    return [
+        name
+        for name, number in numbers.items()
+        if number is not None and not math.isfinite(number)
+    ]
 
 
 def along(error_um: tuple[float, float], axis_rad: float | None) -> tuple[float, float]:
