@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from featuresel.bounds import CONFIDENCE, failure_upper
+from featuresel.bounds import CONFIDENCE, estimate, failure_upper, success_lower
 from featuresel.case import LookCase
 from featuresel.perturb import design
 from featuresel.race import ROUNDS, Race, race
@@ -121,6 +121,45 @@ def test_a_chain_at_the_limit_is_seldom_dropped() -> None:
             failure_upper(int(wins[end - 1]), end, level) < rate for end in ROUNDS
         )
     assert dropped <= binom.ppf(0.999, repeats, 0.05)
+
+
+def test_bounds_of_whoever_wins_two_races_hold() -> None:
+    """The second race is run where the first one's outcomes look bad, and its chain
+    wins where its own look better: bounds of the winner, at whatever round it stops.
+    """
+    rng = np.random.default_rng(8)
+    repeats, rate, ends = 300, 0.98, (8, 24, 64)
+    level = 1 - (1 - CONFIDENCE) / (2 * len(ends))
+    broken = {"success": 0, "sigma": 0, "need": 0}
+    for _ in range(repeats):
+        stops = []
+        for _ in range(2):
+            wins = np.cumsum(rng.random(ends[-1]) < rate)
+            errors = rng.normal(0.0, 1.0, ends[-1])
+            for end in ends:
+                known = estimate(errors[:end], level)
+                assert known is not None
+                stops.append(
+                    (success_lower(int(wins[end - 1]), end, level), known.sigma_upper,
+                     known.need_upper)
+                )  # fmt: skip
+        broken["success"] += max(s[0] for s in stops) > rate
+        broken["sigma"] += min(s[1] for s in stops) < 1.0
+        # 2 sigma + |bias| is 2: sigma's and the mean's bounds have a doubt each
+        broken["need"] += min(s[2] for s in stops) < 2.0
+    chance = binom.ppf(0.999, repeats, 1 - CONFIDENCE)
+    assert all(count <= chance for count in broken.values()), broken
+
+
+def test_the_rounds_of_another_race_widen_the_bounds(
+    post: LookCase, ready: Prepared
+) -> None:
+    found = race(post, ready, root_seed=5, most=20, rounds=(16,), peeks=5)
+    assert found.peeks == 5
+    fine = next(s for s in found.scores if s.chain == FINE)
+    assert fine.success_lower == pytest.approx((0.05 / 5) ** (1 / 20))
+    with pytest.raises(ValueError, match="a peek for each of 2 rounds"):
+        race(post, ready, root_seed=5, most=20, rounds=(16,), peeks=1)
 
 
 @pytest.mark.parametrize("rounds", [(0, 4), (8, 8), (9, 3)])
