@@ -1,7 +1,4 @@
-"""How a target looks at any place, turn, focus and zoom: planes made once, then read.
-
-Only cells of the template that tell the pose are kept.
-"""
+"""How a target looks at any place, turn, focus and zoom, read from planes made once."""
 
 from __future__ import annotations
 
@@ -9,47 +6,18 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
-from featuresel.routines import Artifact, FloatArray, LookModel, Target
-from featuresel.routines.informative import informative
-from featuresel.routines.spline import (
-    Basis,
-    basis,
-    cubic_weights,
-    depth_coefficients,
-    plane_coefficients,
-)
+from featuresel.routines import Artifact, FloatArray
+from featuresel.routines.spline import Basis, basis, cubic_weights
 
 BoolArray = npt.NDArray[np.bool_]
 IntArray = npt.NDArray[np.intp]
 Float32Array = npt.NDArray[np.float32]
 
-FOCUS_SIGMAS = 3.0  # of focus, that the planes reach to
-# Of a wave depth of field: the light at a point of the image then turns by less than a
-# radian from plane to plane, at all frequencies.
-_STEP_DEPTHS = 0.4
-_MOST_PLANES = 48
+BEYOND = 2  # planes past the range, where a natural spline's end no longer tells
 _NEAR = 0.25  # of a step, beside focus: there the square's slope is taken
-_BEYOND = 2  # planes past the range, where a natural spline's end no longer tells
-_EVEN = 1e-4  # of full scale, that images on both sides of focus may differ by
-_SAMPLES = 1.9  # a period of the finest detail; what is finer has no contrast
-_MOST_BITS = 20  # that 32-bit floats hold exactly, and to spare
-_MARGIN_PX = 10.0  # around the target, beyond its blur
-_FINGER = 0.3  # of a finger's width, taken in beside the opening
-_BEHIND = 1.3  # of the way from grip to tips, taken in on both sides of the grip
-_WANTED = 3  # column, row and turn keep their limits; focus and zoom come with them
-_SUPPORT = 2  # cells around one that a cubic spline needs
-
-
-@dataclass(frozen=True, slots=True)
-class _Grid:
-    """Samples of a template."""
-
-    over: int  # per pixel
-    middle: tuple[float, float]  # (column, row) of the reference point
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -103,7 +71,7 @@ class Appearance:
     @property
     def reach_um(self) -> float:
         """Return how far from nominal the planes go."""
-        return self.first_um + (len(self.planes) - 1 - _BEYOND) * self.step_um
+        return self.first_um + (len(self.planes) - 1 - BEYOND) * self.step_um
 
     def pixels(self, pose: Pose, shape: tuple[int, ...]) -> tuple[IntArray, IntArray]:
         """Return (columns, rows) of a region's pixels that are worth comparing."""
@@ -175,7 +143,7 @@ class Appearance:
         """Return the bits of the two heights about a focus that `uses` tells apart."""
         low_um = 0.0 if self.is_even else self.first_um
         place = (abs(z_um) if self.is_even else z_um) - low_um
-        share = place / (self.reach_um + _BEYOND * self.step_um - low_um)
+        share = place / (self.reach_um + BEYOND * self.step_um - low_um)
         lower = min(max(math.floor(share * (self.heights - 1)), 0), self.heights - 2)
         return 3 << lower
 
@@ -289,79 +257,8 @@ class Appearance:
         return mixed
 
 
-def prepare_appearance(
-    model: LookModel,
-    target: Target,
-    shape: tuple[int, ...],
-    *,
-    turns: bool,
-    reach_um: float,
-    ignored: BoolArray | None = None,
-) -> Artifact:
-    """Return the planes of a target as an artifact, see `read_appearance`.
-
-    Parameters
-    ----------
-    model : LookModel
-        The look.
-    target : Target
-        What is to be found.
-    shape : (rows, columns)
-        Of the region.
-    turns : bool
-        Whether the target may lie at an angle to the nominal one.
-    reach_um : float
-        How far from nominal the focus may be.
-    ignored : (rows, columns) bool array, optional
-        Pixels of the nominal image that are not the target's.
-    """
-    half = _half_px(model, target, shape, reach_um)
-    over = _over(model, target)
-    first, step, count, is_even = _stops(model, half, reach_um)
-    depths = first + step * np.arange(count)
-    seen = np.abs(depths) if is_even else depths
-    distinct, back = np.unique(np.round(seen, 9), return_inverse=True)
-    stack = model.template(tuple(distinct.tolist()), over=over, half_px=half)
-    side = math.sqrt(model.camera.fill_factor)
-    planes = np.stack(
-        [plane_coefficients(t, over=over, side=side, turns=turns) for t in stack]
-    )
-    grid = _Grid(
-        over=over,
-        middle=(
-            over * (half[0] + target.column - round(target.column)),
-            over * (half[1] + target.row - round(target.row)),
-        ),
-    )
-    told = np.unique(np.linspace(0, len(distinct) - 1, _MOST_BITS).round().astype(int))
-    own = _own(ignored, target, half)
-    used = _used(planes[:, :2].sum(axis=1), distinct, model, grid, own)[told]
-    kept = _grown(used.any(axis=0))
-    cells = np.where(kept.ravel(), np.cumsum(kept.ravel()), 0)
-    deep = depth_coefficients(planes[back].reshape(count, planes.shape[1], -1))
-    packed = np.zeros((count, planes.shape[1], int(kept.sum()) + 1), np.float32)
-    packed[:, :, 1:] = deep[:, :, kept.ravel()]
-    uses = (used.reshape(len(used), -1).T @ 2.0 ** np.arange(len(used))).ravel()
-    return Artifact(
-        parameters={
-            "over": float(over),
-            "middle_column": grid.middle[0],
-            "middle_row": grid.middle[1],
-            "first_um": first,
-            "step_um": step,
-            "is_even": float(is_even),
-            "heights": float(len(used)),
-        },
-        arrays={
-            "planes": packed,
-            "cells": cells.reshape(stack.shape[1:]).astype(np.float32),
-            "uses": uses.reshape(stack.shape[1:]).astype(np.float32),
-        },
-    )
-
-
 def read_appearance(artifact: Artifact) -> Appearance:
-    """Return the planes that `prepare_appearance` made."""
+    """Return the planes that `prepare_planes` made."""
     p: Mapping[str, float] = artifact.parameters
     where = artifact.arrays["cells"]
     return Appearance(
@@ -376,107 +273,3 @@ def read_appearance(artifact: Artifact) -> Appearance:
         is_even=p["is_even"] > 0,
         heights=int(p["heights"]),
     )
-
-
-def _half_px(
-    model: LookModel, target: Target, shape: tuple[int, ...], reach_um: float
-) -> tuple[int, int]:
-    """Return half the template's sides: the target and its blur, or all in reach."""
-    names = ("radius_um", "outer_um", "extent_um")
-    far = (
-        max(target.column, shape[1] - 1 - target.column) + target.search_px,
-        max(target.row, shape[0] - 1 - target.row) + target.search_px,
-    )
-    reach = reach_um * model.blur.cone
-    if target.kind == "jaws":  # the tips and what is behind them between the faces
-        p = target.parameters
-        wide = p["opening_um"] / 2 + _FINGER * p["finger_width_um"]
-        size = (wide, _BEHIND * p["grip_from_tip_um"])
-    else:
-        extent = next(target.parameters[n] for n in names if n in target.parameters)
-        size = (extent, extent)
-    want = [(side + reach) * target.px_per_um + _MARGIN_PX for side in size]
-    return math.ceil(min(want[0], far[0])), math.ceil(min(want[1], far[1]))
-
-
-def _over(model: LookModel, target: Target) -> int:
-    """Return samples per pixel, odd: enough for the finest detail in the image."""
-    finest = model.blur.cutoff_per_um / target.px_per_um
-    return 2 * math.ceil((_SAMPLES * finest - 1) / 2) + 1 if finest > 0.5 else 1
-
-
-def _stops(
-    model: LookModel, half: tuple[int, int], reach_um: float
-) -> tuple[float, float, int, bool]:
-    """Return first focus and step of the planes, um, their number, and evenness."""
-    step = _STEP_DEPTHS * model.blur.depth_um
-    reach = max(reach_um, step)
-    near, far = model.template((-reach / 2, reach / 2), over=1, half_px=half)
-    is_even = bool(np.abs(near - far).max() < _EVEN)
-    span = reach if is_even else 2 * reach
-    steps = min(math.ceil(span / step), _MOST_PLANES)
-    step = span / steps
-    first = -_BEYOND * step - (0.0 if is_even else reach)
-    return first, step, steps + 1 + 2 * _BEYOND, is_even
-
-
-def _own(
-    ignored: BoolArray | None, target: Target, half: tuple[int, int]
-) -> FloatArray:
-    """Return 1 for pixels of the template that are the target's, else 0."""
-    own = np.ones((2 * half[1] + 1, 2 * half[0] + 1))
-    if ignored is None:
-        return own
-    rows = np.arange(len(own)) + round(target.row) - half[1]
-    columns = np.arange(own.shape[1]) + round(target.column) - half[0]
-    inner_rows = (rows >= 0) & (rows < ignored.shape[0])
-    inner_columns = (columns >= 0) & (columns < ignored.shape[1])
-    part = ignored[np.ix_(rows[inner_rows], columns[inner_columns])]
-    own[np.ix_(inner_rows, inner_columns)] = ~part
-    return own
-
-
-def _used(
-    light: FloatArray,
-    depths: FloatArray,
-    model: LookModel,
-    grid: _Grid,
-    own: FloatArray,
-) -> BoolArray:
-    """Return cells worth comparing; none so near the border that support is missing.
-
-    One cell of a pixel's width stands for its neighbours.
-    """
-    over = grid.over
-    rows, columns = light.shape[1:]
-    first = over // 2
-    v, u = np.mgrid[first:rows:over, first:columns:over].astype(np.float64)
-    u, v = u - grid.middle[0], v - grid.middle[1]
-    down, across = (
-        over * np.gradient(light, axis=axis)[:, first::over, first::over]
-        for axis in (1, 2)
-    )
-    seen = light[:, first::over, first::over]
-    focus = np.gradient(seen, depths, axis=0) if len(depths) > 1 else 0 * seen
-    inner = np.zeros((rows, columns), dtype=bool)
-    edge = _SUPPORT + 2
-    inner[edge:-edge, edge:-edge] = True
-    # by the middle of its block: what is told in vain would else be counted on
-    own = own[: seen.shape[1], : seen.shape[2]] * inner[first::over, first::over]
-    used = np.zeros(light.shape, dtype=bool)
-    for k, mean in enumerate(seen):
-        turn, grow = across[k] * v - down[k] * u, across[k] * u + down[k] * v
-        rest = (focus[k], grow, mean, mean * u, mean * v)
-        slopes = np.stack((across[k], down[k], turn, *rest))
-        told = informative(mean, slopes * own, model.camera, wanted=_WANTED)
-        block = told.repeat(over, axis=0).repeat(over, axis=1)
-        block = block[:rows, :columns]
-        used[k, : block.shape[0], : block.shape[1]] = block
-    return np.asarray(used & inner)
-
-
-def _grown(used: BoolArray) -> BoolArray:
-    """Return the cells and those around them that a spline reads."""
-    size = 2 * _SUPPORT + 1
-    kernel = np.ones((size, size), np.uint8)
-    return np.asarray(cv2.dilate(used.astype(np.uint8), kernel) > 0)

@@ -19,8 +19,10 @@ from featuresel.routines import (
     Target,
 )
 from featuresel.routines.comparison import View
-from featuresel.routines.likelihood import answer, prepare_job, read_job, start_pose
+from featuresel.routines.likelihood import answer
 from featuresel.routines.pose_fit import fit_pose
+from featuresel.routines.pose_job import prepare_job, read_job
+from featuresel.routines.pose_start import start_pose
 
 
 def prepare(

@@ -20,8 +20,10 @@ from featuresel.routines import (
     TargetKind,
 )
 from featuresel.routines.comparison import View
-from featuresel.routines.likelihood import answer, prepare_job, read_job, start_pose
+from featuresel.routines.likelihood import answer
 from featuresel.routines.pose_fit import step_once
+from featuresel.routines.pose_job import prepare_job, read_job
+from featuresel.routines.pose_start import start_pose
 
 NAME = "one_step"
 VERSION = "1"

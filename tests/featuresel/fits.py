@@ -15,7 +15,7 @@ from featuresel.nominal import NominalRender, nominal_render
 from featuresel.routines import Artifact, Guess, defocus_pair, likelihood
 from featuresel.routines.appearance import Pose
 from featuresel.routines.comparison import Job, View
-from featuresel.routines.likelihood import read_job
+from featuresel.routines.pose_job import read_job
 from tests.featuresel.conftest import CASES, noisy
 
 FloatArray = npt.NDArray[np.float64]
