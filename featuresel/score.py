@@ -151,14 +151,14 @@ def score(
     if peeks < 1:
         raise ValueError(f"peeks must be at least 1, got {peeks}")
     return tuple(
-        _score(
+        score_chain(
             case,
             chain,
             [o for o in outcomes if o.chain == chain],
             chain_cost(case, prepared, chain),
-            1 - (1 - CONFIDENCE) / peeks,
-            limit_um,
-            None if curves is None else curves.get(chain),
+            confidence=1 - (1 - CONFIDENCE) / peeks,
+            limit_um=limit_um,
+            curve=None if curves is None else curves.get(chain),
         )
         for chain in prepared.chains
     )
@@ -177,16 +177,17 @@ def chain_cost(case: LookCase, prepared: Prepared, chain: Chain) -> float:
     return total
 
 
-def _score(
+def score_chain(
     case: LookCase,
     chain: Chain,
     outcomes: Sequence[Outcome],
     cost: float,
-    confidence: float,
-    limit_um: float | None,
-    curve: BiasCurve | None,
+    *,
+    confidence: float = CONFIDENCE,
+    limit_um: float | None = None,
+    curve: BiasCurve | None = None,
 ) -> Score:
-    """Return the score of one chain."""
+    """Return the score of one chain, or of a set of features, by its own outcomes."""
     answered = [o for o in outcomes if o.failure is None]
     right = [o for o in answered if not is_wrong(case, o)]
     silent = len(answered) - len(right)

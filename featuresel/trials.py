@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Protocol, TypeVar
 
 from featuresel.bias import BiasCurve, unbiased
 from featuresel.candidates import Chain
 from featuresel.case import LookCase
-from featuresel.located import along, located
+from featuresel.located import Located, along, located
 from featuresel.nominal import nominal_render
 from featuresel.perturb import Trial, image
 from featuresel.routines import (
@@ -157,21 +157,24 @@ def measure_picture(
             case,
             trial,
             chain,
-            _follow(case, prepared, chain, picture, done),
+            follow(case, prepared, chain, picture, done),
             known.get(chain),
         )
         for chain in prepared.chains
     )
 
 
-def _follow(
+def follow(
     case: LookCase,
     prepared: Prepared,
     chain: Chain,
     picture: FloatArray,
     done: dict[Chain, Progress | Failure],
 ) -> Measurement | Failure:
-    """Return what `measure_chain` would, doing a beginning that chains share once."""
+    """Return what `measure_chain` would, doing a beginning that chains share once.
+
+    `done` holds the beginnings done on this image so far, and takes what is added.
+    """
     progress = Progress(guess=start(case))
     for length, name in enumerate(chain, 1):
         beginning = chain[:length]
@@ -209,15 +212,42 @@ def _outcome(
     found: Measurement | Failure,
     curve: BiasCurve | None,
 ) -> Outcome:
-    """Return the errors of a measurement in the world's and the target's axes."""
+    """Return the errors of a measurement, and what the chain says of itself."""
     if isinstance(found, Failure):
-        return _failed(chain, trial, found)
+        return outcome_of(case, trial, chain, found)
     place = located(case, found)
     if isinstance(place, Failure):
-        return _failed(chain, trial, place)
+        return outcome_of(case, trial, chain, place)
     depth = None if found.z_um is None else abs(found.z_um)
     if curve is not None:
         place = unbiased(case, place, curve, depth)
+    return replace(
+        outcome_of(case, trial, chain, place),
+        score=found.score,
+        spread_um=found.spread_px * case.microscope.um_per_px,
+        spread_theta_rad=found.spread_theta_rad,
+        depth_um=depth,
+        z_um=None if depth is None else depth - abs(trial.dz_um),
+        zoom=None if found.zoom is None else found.zoom - trial.magnification,
+    )
+
+
+def outcome_of(
+    case: LookCase, trial: Trial, chain: Chain, place: Located | Failure
+) -> Outcome:
+    """Return the errors of a place in the world's and the target's axes."""
+    empty = Outcome(
+        chain=chain,
+        trial=trial.index,
+        failure=place.code if isinstance(place, Failure) else None,
+        world_um=None,
+        target_um=None,
+        theta_rad=None,
+        score=None,
+        spread_um=None,
+    )
+    if isinstance(place, Failure):
+        return empty
     off = (place.x_um - case.x_um - trial.dx_um, place.y_um - case.y_um - trial.dy_um)
     ex, ey = along(off, place.axis_rad)
     theta = case.theta_rad + trial.dtheta_rad
@@ -225,34 +255,12 @@ def _outcome(
     turned, axis = None, place.axis_rad
     if place.theta_rad is not None:
         turned = math.remainder(place.theta_rad - theta, period_rad(case))
-    return Outcome(
-        chain=chain,
-        trial=trial.index,
-        failure=None,
+    return replace(
+        empty,
         world_um=(ex, ey),
         target_um=(c * ex + s * ey, -s * ex + c * ey),
         theta_rad=turned,
-        score=found.score,
-        spread_um=found.spread_px * case.microscope.um_per_px,
-        spread_theta_rad=found.spread_theta_rad,
         axis_rad=None if axis is None else math.remainder(axis - theta, 2 * math.pi),
-        depth_um=depth,
-        z_um=None if depth is None else depth - abs(trial.dz_um),
-        zoom=None if found.zoom is None else found.zoom - trial.magnification,
-    )
-
-
-def _failed(chain: Chain, trial: Trial, failure: Failure) -> Outcome:
-    """Return the outcome of a trial that was not answered."""
-    return Outcome(
-        chain=chain,
-        trial=trial.index,
-        failure=failure.code,
-        world_um=None,
-        target_um=None,
-        theta_rad=None,
-        score=None,
-        spread_um=None,
     )
 
 

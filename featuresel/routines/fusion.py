@@ -1,0 +1,174 @@
+"""Several features of one part, measured on one frame, to the pose of the part."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from featuresel.routines import Failure, FloatArray
+
+_ROUNDS = 8  # of Gauss-Newton: the turn is all that is not linear
+_STILL_RAD = 1e-12
+_BLIND = 1e-6  # of the largest singular value, as in `featuresel.sights`
+_DOUBT = 3.72  # normal quantile of 1 - 1e-4: features that agree are refused so rarely
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Seen:
+    """A feature where a frame shows it, world frame."""
+
+    x_um: float
+    y_um: float
+    sigma_um: float  # of its place per axis, > 0
+    offset_um: tuple[float, float] = (0.0, 0.0)  # from the wanted point, part's frame
+    axis_rad: float | None = None  # the one direction in which the place is known
+    theta_rad: float | None = None  # of the part, as this feature has it
+    sigma_theta_rad: float | None = None  # of that, > 0; None: it is not to be used
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fused:
+    """The wanted point and the part's angle, world frame."""
+
+    x_um: float
+    y_um: float
+    theta_rad: float | None  # None: no feature tells it
+    chi_square: float  # sum of squared deviations of the features, in their sigmas
+    freedom: int  # numbers measured beyond those wanted
+
+
+def fuse(seen: Sequence[Seen], theta_rad: float | None = None) -> Fused | Failure:
+    """Return the pose that fits all features best, weighted by their sigmas.
+
+    Parameters
+    ----------
+    seen : sequence of Seen
+        At least one feature.
+    theta_rad : float, optional
+        The part's angle as it is thought to be; used only where the features do not
+        tell it, and as a start where none measures it.
+
+    Returns
+    -------
+    Fused or Failure
+        `under_determined` if the features leave the place open, `no_angle` if the
+        place depends on an angle that nobody knows, `features_disagree` if they are
+        farther apart than one in 10 000 that agree.
+
+    Notes
+    -----
+    Least squares in place and angle, J = [u^T, u^T dR/dtheta offset], as in Feddema &
+    Simon (1998), eqs. (13, 16), in object space. The bound of chi-square is that of
+    Wilson & Hilferty (1931).
+    """
+    start = _angle(seen, theta_rad)
+    levers = any(s.offset_um != (0.0, 0.0) for s in seen)
+    if start is None and levers:
+        return Failure(code="no_angle", message="features off the point, angle unknown")
+    turn = start or 0.0
+    rows, off = _system(seen, turn)
+    free = _free(rows)
+    if free < 2:
+        return Failure(code="under_determined", message="the place is not told")
+    pose = np.array([0.0, 0.0, turn])
+    for _ in range(_ROUNDS):
+        step = np.zeros(3)
+        step[:free] = np.linalg.lstsq(rows[:, :free], -off, rcond=None)[0]
+        pose = pose + step
+        rows, off = _system(seen, pose[2], (pose[0], pose[1]))
+        if abs(step[2]) < _STILL_RAD:
+            break
+    freedom, chi_square = len(off) - free, float(off @ off)
+    if not chi_square <= bound(freedom):  # also refuses nan
+        return Failure(
+            code="features_disagree",
+            message=f"chi-square {chi_square:.3g}, at most {bound(freedom):.3g}",
+        )
+    return Fused(
+        x_um=float(pose[0]),
+        y_um=float(pose[1]),
+        theta_rad=float(pose[2]) if free == 3 else None,
+        chi_square=chi_square,
+        freedom=freedom,
+    )
+
+
+def bound(freedom: int) -> float:
+    """Return what chi-square stays below in all but one of 10 000 cases."""
+    if freedom < 1:
+        return math.inf  # nothing is told twice
+    part = 2 / (9 * freedom)
+    return float(freedom * (1 - part + _DOUBT * math.sqrt(part)) ** 3)
+
+
+def _angle(seen: Sequence[Seen], theta_rad: float | None) -> float | None:
+    """Return the angle to start from: the best measured, the one believed, or that of
+    the longest line between two features."""
+    turns = [
+        (s.sigma_theta_rad, s.theta_rad)
+        for s in seen
+        if s.theta_rad is not None and s.sigma_theta_rad is not None
+    ]
+    if turns:
+        return min(turns)[1]
+    if theta_rad is not None:
+        return theta_rad
+    whole = [s for s in seen if s.axis_rad is None]
+    lines = [
+        (math.dist(a.offset_um, b.offset_um), _bearing(a, b))
+        for k, a in enumerate(whole)
+        for b in whole[:k]
+    ]
+    length, turn = max(lines, default=(0.0, 0.0))
+    return turn if length > 0 else None
+
+
+def _bearing(a: Seen, b: Seen) -> float:
+    """Return the turn from the line between two features as drawn to that seen."""
+    (ax, ay), (bx, by) = a.offset_um, b.offset_um
+    drawn = math.atan2(by - ay, bx - ax)
+    return math.atan2(b.y_um - a.y_um, b.x_um - a.x_um) - drawn
+
+
+def _system(
+    seen: Sequence[Seen], theta_rad: float, at_um: tuple[float, float] = (0.0, 0.0)
+) -> tuple[FloatArray, FloatArray]:
+    """Return the Jacobian's rows and the deviations, all over the sigmas."""
+    c, s = math.cos(theta_rad), math.sin(theta_rad)
+    rows: list[tuple[float, float, float]] = []
+    off: list[float] = []
+    for one in seen:
+        x, y = one.offset_um
+        arm = (c * x - s * y, s * x + c * y)
+        axes = (0.0, math.pi / 2) if one.axis_rad is None else (one.axis_rad,)
+        for axis in axes:
+            u, v = math.cos(axis), math.sin(axis)
+            miss = (at_um[0] + arm[0] - one.x_um, at_um[1] + arm[1] - one.y_um)
+            rows.append(_scaled((u, v, v * arm[0] - u * arm[1]), one.sigma_um))
+            off.append((u * miss[0] + v * miss[1]) / one.sigma_um)
+        if one.theta_rad is not None and one.sigma_theta_rad is not None:
+            rows.append(_scaled((0.0, 0.0, 1.0), one.sigma_theta_rad))
+            turned = math.remainder(theta_rad - one.theta_rad, math.tau)
+            off.append(turned / one.sigma_theta_rad)
+    return np.array(rows, dtype=np.float64), np.array(off, dtype=np.float64)
+
+
+def _scaled(
+    row: tuple[float, float, float], sigma: float
+) -> tuple[float, float, float]:
+    return (row[0] / sigma, row[1] / sigma, row[2] / sigma)
+
+
+def _free(rows: FloatArray) -> int:
+    """Return how many of x, y and the angle the rows tell: 3, 2, or fewer."""
+    lengths = np.linalg.norm(rows, axis=0)
+    scaled = rows / np.where(lengths > 0, lengths, 1.0)
+    for count in (3, 2):
+        part = scaled[:, :count]
+        values = np.linalg.svd(part, compute_uv=False)
+        if len(values) == count and values[-1] > _BLIND * values[0]:
+            return count
+    return 0

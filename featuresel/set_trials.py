@@ -1,0 +1,134 @@
+"""Trials of several features measured on one image: what they tell together."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+
+from featuresel.candidates import Chain
+from featuresel.case import LookCase
+from featuresel.located import Located, located
+from featuresel.perturb import Trial, image
+from featuresel.routines import Failure, FloatArray
+from featuresel.routines.fusion import Fused, Seen, fuse
+from featuresel.score import Score, chain_cost, score_chain
+from featuresel.trials import Map, Outcome, Prepared, follow, outcome_of
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Member:
+    """A feature of a set, with the chain that measures it."""
+
+    case: LookCase  # a look at the feature itself, through the same region
+    prepared: Prepared  # of its one chain
+    score: Score  # of that chain, by the feature's own trials
+    offset_um: tuple[float, float]  # from the set's point, in the part's frame
+    sigma_um: float  # of its place per axis, what the part's making adds in it
+
+    @property
+    def name(self) -> str:
+        """Return the feature's name."""
+        return self.case.target.name
+
+    @property
+    def chain(self) -> Chain:
+        """Return the routines that measure it."""
+        return self.prepared.chains[0]
+
+
+def score_set(
+    case: LookCase,
+    members: Sequence[Member],
+    trials: Sequence[Trial],
+    *,
+    least: int,
+    map: Map = map,  # noqa: A002 - it is the builtin, or a pool's
+) -> tuple[Score, tuple[Outcome, ...]]:
+    """Return what the members tell together of the case's target, by fresh trials.
+
+    Parameters
+    ----------
+    case : LookCase
+        The look: its target is the point that is wanted.
+    members : sequence of Member
+        At least one; their cases differ from `case` in the target alone.
+    trials : sequence of Trial
+        Of `case`, see `featuresel.perturb.design`.
+    least : int
+        Features that must answer for the set to answer.
+    map : callable
+        As in `featuresel.trials.run`; gets one trial at a time.
+
+    Returns
+    -------
+    Score, tuple of Outcome
+        Of a chain that names the features; each trial's errors are of the pose that
+        `featuresel.routines.fusion.fuse` makes of those that answered.
+
+    Raises
+    ------
+    ValueError
+        If there is no member or no trial.
+    """
+    if not members or not trials:
+        raise ValueError("a set needs members and trials")
+    outcomes = tuple(map(partial(_tried, case, tuple(members), least), trials))
+    cost = sum(chain_cost(m.case, m.prepared, m.chain) for m in members)
+    return score_chain(case, _chain(members), outcomes, cost), outcomes
+
+
+def _chain(members: Sequence[Member]) -> Chain:
+    """Return the features' names in place of routines."""
+    return tuple(member.name for member in members)
+
+
+def _tried(
+    case: LookCase, members: Sequence[Member], least: int, trial: Trial
+) -> Outcome:
+    """Return what the set says of one trial."""
+    picture = image(case, trial)
+    found = [_seen(member, picture) for member in members]
+    answered = [seen for seen in found if isinstance(seen, Seen)]
+    place: Located | Failure
+    if len(answered) < least:
+        place = next(seen for seen in found if isinstance(seen, Failure))
+    else:
+        place = _place(fuse(answered, None if case.theta_any else case.theta_rad))
+    return outcome_of(case, trial, _chain(members), place)
+
+
+def _place(found: Fused | Failure) -> Located | Failure:
+    """Return where the wanted point is."""
+    if isinstance(found, Failure):
+        return found
+    return Located(
+        x_um=found.x_um, y_um=found.y_um, theta_rad=found.theta_rad, axis_rad=None
+    )
+
+
+def _seen(member: Member, picture: FloatArray) -> Seen | Failure:
+    """Return a feature as one image shows it, its mean error taken off."""
+    case = member.case
+    found = follow(case, member.prepared, member.chain, picture, {})
+    if isinstance(found, Failure):
+        return found
+    place = located(case, found)
+    if isinstance(place, Failure):
+        return place
+    turn = case.theta_rad if place.theta_rad is None else place.theta_rad
+    x, y = member.score.bias_um or (0.0, 0.0)
+    if place.theta_rad is None and case.theta_any:
+        x, y = 0.0, 0.0  # which way it points is not known
+    c, s = math.cos(turn), math.sin(turn)
+    sigma_theta = member.score.sigma_theta_rad
+    return Seen(
+        x_um=place.x_um - (c * x - s * y),
+        y_um=place.y_um - (s * x + c * y),
+        sigma_um=member.sigma_um,
+        offset_um=member.offset_um,
+        axis_rad=place.axis_rad,
+        theta_rad=place.theta_rad,
+        sigma_theta_rad=sigma_theta or None,
+    )
