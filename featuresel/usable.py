@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
@@ -21,6 +22,7 @@ from featuresel.trials import Map, Prepared, measure_picture
 # no drift any more.
 FOCUS_UM = (1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0, 13.0, 16.0, 20.0, 25.0, 32.0, 40.0)
 ZOOM = (0.002, 0.004, 0.006, 0.008, 0.01, 0.015, 0.02, 0.03, 0.05)
+STRIDE = 4  # steps taken at once; shorter gaps of failures may be passed over
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,8 +47,8 @@ def usable_range(
 
     Each direction is searched outward on `FOCUS_UM` or `ZOOM` until one of `draws`
     noisy images is not measured within the tolerance; the last step before that is the
-    answer. The target lies at as many random places of its pose spread, the same at
-    all drifts, so that their images share its spectra. `map` gets one
+    answer, by `last_held`. The target lies at as many random places of its pose spread,
+    the same at all drifts, so that their images share its spectra. `map` gets one
     direction at a time, as in `featuresel.trials.run`; `curve` is taken off the places
     that the chain finds.
 
@@ -70,6 +72,36 @@ def usable_range(
     )
 
 
+def last_held(count: int, holds: Callable[[int], bool]) -> int:
+    """Return the last of `count` steps before the first that does not hold.
+
+    Parameters
+    ----------
+    count : int
+        How many steps there are, numbered from 0 outward.
+    holds : callable
+        Whether a step holds; asked of six of thirteen at most.
+
+    Returns
+    -------
+    int
+        -1 if no step holds. Every `STRIDE`-th and the last are tried outward until one
+        fails, then the steps since the one before are halved. The step returned holds
+        and the next one does not; `STRIDE` or more failing in a row are never passed
+        over, fewer may be where steps beyond hold again.
+    """
+    good, bad = -1, count
+    for step in (*range(STRIDE - 1, count - 1, STRIDE), count - 1):
+        if not holds(step):
+            bad = step
+            break
+        good = step
+    while bad - good > 1:
+        middle = (good + bad) // 2
+        good, bad = (middle, bad) if holds(middle) else (good, middle)
+    return good
+
+
 def _reach(
     case: LookCase,
     prepared: Prepared,
@@ -90,16 +122,16 @@ def _reach(
         pictures = through_focus(case, trials[drifts[-1]])
     else:
         pictures = partial(one_by_one, case)
-    last = 0.0
-    for drift in drifts:
-        shown = pictures(trials[drift])
-        if not all(
+
+    def holds(step: int) -> bool:
+        tried = trials[drifts[step]]
+        return all(
             _meets(case, prepared, curve, trial, picture)
-            for trial, picture in zip(trials[drift], shown, strict=True)
-        ):
-            break
-        last = drift
-    return last
+            for trial, picture in zip(tried, pictures(tried), strict=True)
+        )
+
+    last = last_held(len(drifts), holds)
+    return drifts[last] if last >= 0 else 0.0
 
 
 def _trial(case: LookCase, name: str, drift: float, draw: int, root: int) -> Trial:
