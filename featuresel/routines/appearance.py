@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 
@@ -29,6 +30,12 @@ class Pose:
     turn_rad: float  # from the template, counter-clockwise as displayed
     z_um: float
     zoom: float
+    front_um: float | None = None  # focus of what stands in front; None: the target's
+
+    @property
+    def seen_front_um(self) -> float:
+        """Return the focus that what stands in front is seen at."""
+        return self.z_um if self.front_um is None else self.front_um
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,13 +60,28 @@ class Turned:
     value: FloatArray
 
 
+@dataclass(frozen=True, slots=True)
+class _Taps:
+    """The 16 cells of a template that a spline at each of N places reads."""
+
+    cells: IntArray  # (4 down, 4 across, N)
+    weights: tuple[Float32Array, Float32Array]  # across, down; (4, N) each
+    slopes: tuple[Float32Array, Float32Array]  # per sample
+
+    def read(self, near: Float32Array) -> Float32Array:
+        """Return the spline's value, (N,), from coefficients (4, 4, N)."""
+        lines = (near * self.weights[0]).sum(axis=1)
+        value: Float32Array = (lines * self.weights[1]).sum(axis=0)
+        return value
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Appearance:
     """Planes of a target's light, ready to be read."""
 
     planes: Float32Array  # (focus, turn harmonics, cells); the first cell is nothing
-    cells: IntArray  # (rows * columns,) of the template: where each one is kept
-    uses: IntArray  # (rows * columns,) bit g is set: worth comparing at focus g
+    cells: Float32Array  # (rows * columns,) of the template: where each one is kept
+    uses: Float32Array  # (rows, columns) bit g is set: worth comparing at focus g
     shape: tuple[int, int]  # of the template
     over: int  # samples per pixel
     middle: tuple[float, float]  # (column, row) of the reference point in the template
@@ -80,24 +102,42 @@ class Appearance:
         right = min(shape[1] - 1, math.floor(pose.column + half))
         top = max(0, math.ceil(pose.row - half))
         bottom = min(shape[0] - 1, math.floor(pose.row + half))
-        across, down = max(right + 1 - left, 0), max(bottom + 1 - top, 0)
-        rows, columns = np.mgrid[top : top + down, left : left + across]
-        flat_columns, flat_rows = columns.ravel(), rows.ravel()
-        x, y = self._place(pose, flat_columns, flat_rows)
-        inside = (x >= 0) & (x <= self.shape[1] - 1) & (y >= 0)
-        inside &= y <= self.shape[0] - 1
-        nearest = np.rint(np.where(inside, y, 0)).astype(np.intp) * self.shape[1]
-        nearest += np.rint(np.where(inside, x, 0)).astype(np.intp)
-        good = inside & (self.uses[nearest] & self._bits(pose.z_um) > 0)
-        return flat_columns[good], flat_rows[good]
+        if right < left or bottom < top:
+            return np.zeros(0, np.intp), np.zeros(0, np.intp)
+        uses = cv2.warpAffine(
+            self.uses,
+            self._affine(pose, left, top),
+            (right + 1 - left, bottom + 1 - top),
+            flags=cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP,
+        )
+        rows, columns = np.nonzero(uses.astype(np.int32) & self._bits(pose.z_um))
+        return columns + left, rows + top
+
+    def _affine(self, pose: Pose, left: int, top: int) -> FloatArray:
+        """Return the (2, 3) map from pixels of a part of the region to samples."""
+        c, s = math.cos(pose.turn_rad), math.sin(pose.turn_rad)
+        k, u, v = self.over / pose.zoom, left - pose.column, top - pose.row
+        return np.array(
+            [
+                [k * c, -k * s, self.middle[0] + k * (c * u - s * v)],
+                [k * s, k * c, self.middle[1] + k * (s * u + c * v)],
+            ]
+        )
 
     def some_cells(self, z_um: float, count: int) -> IntArray:
         """Return about `count` of the cells that are worth comparing at a focus."""
-        cells = np.flatnonzero(self.uses & self._bits(z_um))
+        uses = self.uses.ravel().astype(np.int32)
+        cells = np.flatnonzero(uses & self._bits(z_um))
         return cells[:: max(1, len(cells) // count)]
 
     def turned(
-        self, pose: Pose, turns: FloatArray, cells: IntArray, shape: tuple[int, ...]
+        self,
+        pose: Pose,
+        turns: FloatArray,
+        cells: IntArray,
+        shape: tuple[int, ...],
+        *,
+        rough: bool = False,
     ) -> Turned:
         """Return the light of the pixels that some cells fall on, at many turns.
 
@@ -111,6 +151,8 @@ class Appearance:
             Of the template, by `some_cells`.
         shape : (rows, columns)
             Of the region.
+        rough : bool
+            Whether pixels may count as round: at a third of the work.
         """
         c, s = np.cos(turns)[:, None], np.sin(turns)[:, None]
         k = self.over / pose.zoom
@@ -121,22 +163,23 @@ class Appearance:
         inside = (columns >= 0) & (columns < shape[1])
         inside &= (rows >= 0) & (rows < shape[0])
         u, v = columns - pose.column, rows - pose.row
-        near, (wx, _), (wy, _) = self._around(
+        taps = self._taps(
             (self.middle[0] + k * (c * u - s * v)).ravel(),
             (self.middle[1] + k * (s * u + c * v)).ravel(),
         )
+        waves = self._waves(turns)[: 1 if rough else None]
         at = self._basis(abs(pose.z_um) if self.is_even else pose.z_um)
-        value = np.zeros(columns.size)
-        for wave, plane in self._harmonics(turns):
-            mixed = self._mixed(at.first, np.outer(at.weights, plane))
-            lines = np.einsum("nij,jn->ni", mixed[near], wx)
-            light = np.einsum("ni,in->n", lines, wy)
-            value += np.repeat(wave, len(cells)) * light
+        near = self.planes[at.first : at.first + 4]
+        weights = at.weights.astype(np.float32)
+        value = np.zeros(columns.shape)
+        for k, wave in enumerate(waves):
+            light = taps.read((weights @ near[:, k]).take(taps.cells))
+            value += wave[:, None] * light.reshape(columns.shape)
         return Turned(
             columns=np.clip(columns, 0, shape[1] - 1),
             rows=np.clip(rows, 0, shape[0] - 1),
             inside=inside,
-            value=value.reshape(columns.shape),
+            value=value,
         )
 
     def _bits(self, z_um: float) -> int:
@@ -149,36 +192,29 @@ class Appearance:
 
     def light(self, pose: Pose, columns: IntArray, rows: IntArray) -> Light:
         """Return the target's light at pixels (N,), and its slopes."""
-        value, by_focus = self._focused(pose)
-        cells, (wx, sx), (wy, sy) = self._near(pose, columns, rows)
-        near = value[cells]
-        lines = np.einsum("nij,jn->ni", near, wx)
-        leaning = np.einsum("nij,jn->ni", near, sx)
-        deep = np.einsum("nij,jn->ni", by_focus[cells], wx)
-        read = [(lines, wy), (leaning, wy), (lines, sy), (deep, wy)]
-        mean, by_x, by_y, by_z = (
-            np.einsum("ni,in->n", a, b).astype(np.float64) for a, b in read
-        )
-        return self._slopes(pose, columns, rows, (mean, by_x, by_y, by_z))
+        taps = self._taps(*self._place(pose, columns, rows))
+        near = self._focused(pose).take(taps.cells, axis=1)
+        (wx, wy), (sx, sy) = taps.weights, taps.slopes
+        lines = (near * wx).sum(axis=2)  # value and by focus, at four heights
+        leaning = (near[0] * sx).sum(axis=1)
+        value, by_z = (lines * wy).sum(axis=1).astype(np.float64)
+        by_x = (leaning * wy).sum(axis=0).astype(np.float64)
+        by_y = (lines[0] * sy).sum(axis=0).astype(np.float64)
+        return self._slopes(pose, columns, rows, (value, by_x, by_y, by_z))
 
-    def _near(
-        self, pose: Pose, columns: IntArray, rows: IntArray
-    ) -> tuple[IntArray, tuple[Float32Array, ...], tuple[Float32Array, ...]]:
-        """Return 16 cells around each pixel, (N, 4, 4), and weights across and down."""
-        return self._around(*self._place(pose, columns, rows))
-
-    def _around(
-        self, x: FloatArray, y: FloatArray
-    ) -> tuple[IntArray, tuple[Float32Array, ...], tuple[Float32Array, ...]]:
-        """Return the same for places in the template, in samples."""
-        left = np.clip(np.floor(x).astype(np.intp), 1, self.shape[1] - 3)
-        top = np.clip(np.floor(y).astype(np.intp), 1, self.shape[0] - 3)
-        start = (top - 1) * self.shape[1] + left - 1
+    def _taps(self, x: FloatArray, y: FloatArray) -> _Taps:
+        """Return the cells around (N,) places in the template, in samples."""
+        left = np.clip(np.floor(x), 1, self.shape[1] - 3)
+        top = np.clip(np.floor(y), 1, self.shape[0] - 3)
+        start = ((top - 1) * self.shape[1] + left - 1).astype(np.intp)
         grid = np.arange(4)[:, None] * self.shape[1] + np.arange(4)
-        cells = self.cells[start[:, None] + grid.ravel()].reshape(-1, 4, 4)
-        across = cubic_weights((x - left).astype(np.float32))
-        down = cubic_weights((y - top).astype(np.float32))
-        return cells, across, down
+        cells = self.cells.take(start + grid[:, :, None]).astype(np.intp)
+        weights, slopes = cubic_weights(
+            np.stack((x - left, y - top)).astype(np.float32)
+        )
+        return _Taps(
+            cells, (weights[:, 0], weights[:, 1]), (slopes[:, 0], slopes[:, 1])
+        )
 
     def _slopes(
         self,
@@ -215,46 +251,33 @@ class Appearance:
             s * u + c * v
         )
 
-    def _focused(self, pose: Pose) -> tuple[Float32Array, Float32Array]:
+    def _focused(self, pose: Pose) -> Float32Array:
         """Return coefficients of all cells at a focus and turn, and by focus."""
         z_um = abs(pose.z_um) if self.is_even else pose.z_um
-        at = self._basis(z_um)
-        slopes, first = at.slopes / self.step_um, at.first
+        at = beside = self._basis(z_um)
+        slopes = beside.slopes / self.step_um
         if self.is_even:  # by the square of the focus, finite where its slope is not
             off_um = max(z_um, _NEAR * self.step_um)
             beside = self._basis(off_um)
-            slopes, first = beside.slopes / self.step_um / (2 * off_um), beside.first
-        turns = self._turns(pose)
-        return (
-            self._mixed(at.first, np.outer(at.weights, turns)),
-            self._mixed(first, np.outer(slopes, turns)),
-        )
+            slopes = beside.slopes / self.step_um / (2 * off_um)
+        first, last = min(at.first, beside.first), max(at.first, beside.first) + 4
+        weights = np.zeros((2, last - first))
+        weights[0, at.first - first :][:4] = at.weights
+        weights[1, beside.first - first :][:4] = slopes
+        waves = self._waves(np.array([pose.turn_rad]))[:, 0]
+        mixed = (weights[:, :, None] * waves).reshape(2, -1).astype(np.float32)
+        near = self.planes[first:last].reshape(-1, self.planes.shape[2])
+        focused: Float32Array = mixed @ near
+        return focused
 
-    def _harmonics(self, turns: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
-        """Return for each plane its weights at all turns, and what picks it out."""
-        if self.planes.shape[1] == 1:
-            return [(np.ones(len(turns)), np.ones(1))]
-        waves = (np.ones(len(turns)), np.cos(4 * turns), np.sin(4 * turns))
-        return list(zip(waves, np.eye(3), strict=True))
-
-    def _turns(self, pose: Pose) -> FloatArray:
-        """Return the weights of the planes' harmonics."""
-        if self.planes.shape[1] == 1:
-            return np.array([1.0])
-        turn = 4 * pose.turn_rad
-        return np.array([1.0, math.cos(turn), math.sin(turn)])
+    def _waves(self, turns: FloatArray) -> FloatArray:
+        """Return the weights of the planes' harmonics at some turns, (harmonics, T)."""
+        waves = np.stack((np.ones(len(turns)), np.cos(4 * turns), np.sin(4 * turns)))
+        return waves[: self.planes.shape[1]]
 
     def _basis(self, z_um: float) -> Basis:
         """Return the planes' weights at a focus."""
         return basis((z_um - self.first_um) / self.step_um, len(self.planes))
-
-    def _mixed(self, first: int, weights: FloatArray) -> Float32Array:
-        """Return the weighted sum of four planes' (4, harmonics) coefficients."""
-        near = self.planes[first : first + 4]
-        mixed: Float32Array = weights.ravel().astype(np.float32) @ near.reshape(
-            -1, near.shape[2]
-        )
-        return mixed
 
 
 def read_appearance(artifact: Artifact) -> Appearance:
@@ -263,8 +286,8 @@ def read_appearance(artifact: Artifact) -> Appearance:
     where = artifact.arrays["cells"]
     return Appearance(
         planes=artifact.arrays["planes"],
-        cells=where.ravel().astype(np.intp),
-        uses=artifact.arrays["uses"].ravel().astype(np.intp),
+        cells=where.ravel(),
+        uses=artifact.arrays["uses"],
         shape=(where.shape[0], where.shape[1]),
         over=int(p["over"]),
         middle=(p["middle_column"], p["middle_row"]),
