@@ -20,6 +20,7 @@ from featuresel.routines import (
     work,
 )
 from featuresel.routines.circle_fit import Circle, fit_centre, fit_circle
+from featuresel.routines.picture import refused
 from featuresel.routines.rim_plan import rim_radius_um
 from featuresel.routines.sampling import (
     STEP_PX,
@@ -95,6 +96,8 @@ def measure(
     image: FloatArray, artifact: Artifact, guess: Guess
 ) -> Measurement | Failure:
     """Return the circle's centre; fails if it is faint, cut off or of another size."""
+    if unfit := refused(image):
+        return unfit
     seed = _search(image, artifact, guess)
     if isinstance(seed, Failure):
         return seed

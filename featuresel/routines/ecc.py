@@ -27,6 +27,7 @@ from featuresel.routines import (
 )
 from featuresel.routines.extent import cut, half_px
 from featuresel.routines.peak import Float32Array
+from featuresel.routines.picture import refused
 
 NAME = "ecc"
 VERSION = "1"
@@ -102,6 +103,8 @@ def measure(
     image: FloatArray, artifact: Artifact, guess: Guess
 ) -> Measurement | Failure:
     """Return place and angle; fails if the guess is far off or the images differ."""
+    if unfit := refused(image):
+        return unfit
     p = artifact.parameters
     if p["turns"] and guess.theta_rad is None:
         return Failure(code="no_angle", message="needs an angle to start from")
@@ -194,6 +197,8 @@ def _align(image: FloatArray, artifact: Artifact, start: _Pose) -> _Pose | Failu
     left, top, part = _part(image, template.shape, start)
     if min(part.shape) < 4:
         return Failure(code="outside", message="the target is out of view")
+    if not float(part.std()) > _FAINT / 2:
+        return Failure(code="no_contrast", message="the image is blank")
     at = _Pose(
         column=start.column - left,
         row=start.row - top,

@@ -21,6 +21,7 @@ from featuresel.routines import (
 )
 from featuresel.routines.faces import LINES_PX, Found, measure_face
 from featuresel.routines.jaw_faces import SIDES, TIPS, calibrate, in_view, predicted
+from featuresel.routines.picture import refused
 from featuresel.routines.sampling import edge_kernel, line_samples
 
 NAME = "edge_caliper"
@@ -74,6 +75,8 @@ def measure(
     image: FloatArray, artifact: Artifact, guess: Guess
 ) -> Measurement | Failure:
     """Return the grip's place and angle; fails if a face is missing or misplaced."""
+    if unfit := refused(image):
+        return unfit
     p = artifact.parameters
     column, row = guess.column, guess.row
     theta = p["theta_rad"] + _rough_turn(image, p, guess)

@@ -19,6 +19,7 @@ from featuresel.routines import (
     Target,
     TargetKind,
 )
+from featuresel.routines.picture import refused
 
 NAME = "hough"
 VERSION = "1"
@@ -77,6 +78,8 @@ def measure(
     image: FloatArray, artifact: Artifact, guess: Guess
 ) -> Measurement | Failure:
     """Return the circle with the most votes within the search."""
+    if unfit := refused(image):
+        return unfit
     p = artifact.parameters
     span = float(np.ptp(image))
     if span < _FAINT:

@@ -25,6 +25,7 @@ from featuresel.routines import (
     TargetKind,
 )
 from featuresel.routines.extent import half_px
+from featuresel.routines.picture import refused
 
 NAME = "keypoints"
 VERSION = "1"
@@ -80,6 +81,8 @@ def measure(
     image: FloatArray, artifact: Artifact, guess: Guess
 ) -> Measurement | Failure:
     """Return the motion that most matches agree on."""
+    if unfit := refused(image):
+        return unfit
     p = artifact.parameters
     if float(np.ptp(image)) < _FAINT or min(image.shape) < 16:
         return Failure(code="no_contrast", message="the image is blank or tiny")

@@ -22,6 +22,7 @@ from featuresel.routines import (
 )
 from featuresel.routines.extent import cut, half_px
 from featuresel.routines.peak import Float32Array, find_peak
+from featuresel.routines.picture import refused
 from featuresel.routines.template_fit import refine, refine_work
 
 NAME = "ncc"
@@ -88,6 +89,8 @@ def measure(
     image: FloatArray, artifact: Artifact, guess: Guess
 ) -> Measurement | Failure:
     """Return the best match's place, and its angle where that is searched."""
+    if unfit := refused(image):
+        return unfit
     p = artifact.parameters
     shrink = int(p["shrink"])
     matched = _match(_shrunk(image, shrink), artifact, guess)

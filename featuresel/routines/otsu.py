@@ -20,6 +20,7 @@ from featuresel.routines import (
     Target,
     TargetKind,
 )
+from featuresel.routines.picture import refused
 
 NAME = "otsu"
 VERSION = "1"
@@ -86,6 +87,8 @@ def measure(
     image: FloatArray, artifact: Artifact, guess: Guess
 ) -> Measurement | Failure:
     """Return the target's place; fails if no blob, or more than one, fits."""
+    if unfit := refused(image):
+        return unfit
     p = artifact.parameters
     blobs = _blobs(image, bright=p["bright"] > 0)
     if isinstance(blobs, Failure):

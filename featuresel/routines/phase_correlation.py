@@ -25,6 +25,7 @@ from featuresel.routines import (
     work,
 )
 from featuresel.routines.extent import cut, half_px
+from featuresel.routines.picture import refused
 
 NAME = "phase_correlation"
 VERSION = "1"
@@ -67,6 +68,8 @@ def measure(
     image: FloatArray, artifact: Artifact, guess: Guess
 ) -> Measurement | Failure:
     """Return the place that the highest peak of the phase correlation stands for."""
+    if unfit := refused(image):
+        return unfit
     p = artifact.parameters
     template = artifact.arrays["template"].astype(np.float64)
     rows, columns = template.shape

@@ -12,6 +12,7 @@ import numpy as np
 from featuresel.routines import Failure, FloatArray, Guess, work
 from featuresel.routines.circle_fit import Circle, fit_circle
 from featuresel.routines.iso_lines import crossings
+from featuresel.routines.picture import refused
 from featuresel.routines.sampling import BoolArray, cubic, median
 
 CAPTURE_PX = 3.0  # how far off the first ring of pixels still holds the rim
@@ -104,6 +105,8 @@ def approach(
     image: FloatArray, p: Mapping[str, float], guess: Guess
 ) -> tuple[RimPoints, Circle] | Failure:
     """Return the points and the circle through them, sought again about its centre."""
+    if unfit := refused(image):
+        return unfit
     at = guess
     found: tuple[RimPoints, Circle] | None = None
     for away in (CAPTURE_PX, _NEAR_PX):

@@ -20,6 +20,7 @@ from featuresel.routines import (
 )
 from featuresel.routines.faces import LINES_PX, Face, Found, measure_face
 from featuresel.routines.jaw_faces import calibrate, in_view
+from featuresel.routines.picture import refused
 from featuresel.routines.sampling import edge_kernel, line_samples
 
 Numbers = Mapping[str, float]
@@ -112,6 +113,8 @@ def prepare_faces(
 
 def measure_faces(image: FloatArray, artifact: Artifact, guess: Guess) -> Fix | Failure:
     """Return where the edges are; fails if one is missing, bent or out of range."""
+    if unfit := refused(image):
+        return unfit
     p = artifact.parameters
     if min(image.shape) < 4:
         return Failure(code="outside", message=f"an image of {image.shape} px")

@@ -18,6 +18,7 @@ from featuresel.routines import (
     TargetKind,
     work,
 )
+from featuresel.routines.picture import refused
 from featuresel.routines.sampling import BoolArray, cubic
 
 NAME = "tooth_notch"
@@ -86,6 +87,8 @@ def measure(
     image: FloatArray, artifact: Artifact, guess: Guess
 ) -> Measurement | Failure:
     """Return the angle, with the place of the guess (of which it says nothing)."""
+    if unfit := refused(image):
+        return unfit
     p = artifact.parameters
     teeth = _teeth(image, artifact, guess)
     if isinstance(teeth, Failure):
