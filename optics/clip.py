@@ -90,24 +90,31 @@ def clip(outline: Outline | Edges, box: Box) -> Edges:
     every boundary integral, as after Sutherland & Hodgman (1974), Commun. ACM 17, 32.
     """
     edges = outline if isinstance(outline, Edges) else to_edges(outline)
+    if not len(edges.arcs):
+        return Edges(segments=_lines_clipped(edges.segments, box), arcs=edges.arcs)
     bounds = _arc_bounds(edges.arcs)
     inside, beyond = _within(bounds, box), _beyond(bounds, box)
     split = [_split(arc, box) for arc in edges.arcs[~inside & ~beyond]]
-    ends = edges.segments.reshape(-1, 2, 2)
-    boxes = np.concatenate([ends.min(axis=1), ends.max(axis=1)], axis=1)
-    whole = _within(boxes, box)
-    cut = _cut(edges.segments[~whole], box)
     return Edges(
         segments=np.concatenate(
             [
-                edges.segments[whole],
-                cut,
+                _lines_clipped(edges.segments, box),
                 _moved(edges.arcs[beyond], box),
                 *(s for s, _ in split),
             ]
         ),
         arcs=np.concatenate([edges.arcs[inside], *(a for _, a in split)]),
     )
+
+
+def _lines_clipped(segments: FloatArray, box: Box) -> FloatArray:
+    """Return segments (S, 4) as `clip` leaves them, those inside first."""
+    first, last = segments[:, :2], segments[:, 2:]
+    bounds = np.concatenate([np.minimum(first, last), np.maximum(first, last)], axis=1)
+    whole = _within(bounds, box)
+    if whole.all():
+        return segments
+    return np.concatenate([segments[whole], _cut(segments[~whole], box)])
 
 
 def _moved(arcs: FloatArray, box: Box) -> FloatArray:
@@ -193,18 +200,14 @@ def _arc_bounds(arcs: FloatArray) -> FloatArray:
     cx, cy, radius, start, sweep = arcs.T
     low, high = np.minimum(start, start + sweep), np.maximum(start, start + sweep)
     bounds = np.empty((len(arcs), 4))
-    for column, (center, wave, quarter, sign) in enumerate(
-        (
-            (cx, np.cos, 2, -1),
-            (cy, np.sin, 3, -1),
-            (cx, np.cos, 0, 1),
-            (cy, np.sin, 1, 1),
-        )
+    across, up = (np.cos(low), np.cos(high)), (np.sin(low), np.sin(high))
+    for column, (center, ends, quarter, sign) in enumerate(
+        ((cx, across, 2, -1), (cy, up, 3, -1), (cx, across, 0, 1), (cy, up, 1, 1))
     ):
         turn = quarter * np.pi / 2  # where a circle reaches farthest
         first = low + np.mod(turn - low, 2 * np.pi)
-        ends = np.stack([wave(low), wave(high)])
-        far = sign * np.where(first <= high, 1.0, (sign * ends).max(axis=0))
+        farther = np.maximum if sign > 0 else np.minimum
+        far = np.where(first <= high, float(sign), farther(*ends))
         bounds[:, column] = center + radius * far
     return bounds
 

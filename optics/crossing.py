@@ -84,25 +84,25 @@ def crossed(
     block = max(1, _AT_ONCE // (rows * columns))
     lost = np.zeros(lattice.shape)
     sums = np.zeros((len(faces), 3, rows, columns))
+    views = [_views(face, lattice) for face in faces]
     for first in range(0, len(tangents), block):
         rays = tangents[first : first + block]
         behind = np.zeros((len(rays), rows, columns), dtype=np.float32)
-        for i, face in enumerate(faces):
+        for face, seen, total in zip(faces, views, sums, strict=True):
             at = _met(face, rays, lattice)
-            covers = _seen(face.covers, at, lattice.shape)
-            behind *= 1 - covers
-            sums[i, 0] += covers.sum(axis=0)
+            parts = [view[at] for view in seen]
+            behind *= 1 - parts[0]
             if face.dark is not None:
-                sends = _seen(face.sends, at, lattice.shape)
-                dark = _seen(face.dark, at, lattice.shape)
-                behind += sends * dark
-                sums[i, 1] += sends.sum(axis=0)
-                sums[i, 2] += dark.sum(axis=0)
+                behind += parts[1] * parts[2]
+            for k, part in enumerate(parts):
+                total[k] += part.sum(axis=0)
         lost += behind.sum(axis=0)
     means = np.concatenate([lost[None], sums.reshape(-1, rows, columns)])
     means /= len(tangents)
     # as in `optics.occlusion`: what meets in focus is cut off before it diffracts
-    means = blur(means, lattice.step_um, microscope, "exact", 0.0)
+    # what faces without dark send is not needed
+    some = [True, *itertools.chain(*((True, *2 * [len(v) > 1]) for v in views))]
+    means[some] = blur(means[some], lattice.step_um, microscope, "exact", 0.0)
     change: FloatArray = -means[0]
     blended = np.zeros(lattice.shape)
     for covers, sends, dark in means[1:].reshape(sums.shape):
@@ -175,11 +175,12 @@ def _met(
     return by - up, by + across
 
 
-def _seen(
-    values: Float32Array,
-    at: tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]],
-    shape: tuple[int, int],
-) -> Float32Array:
-    """Return values where the rays meet them, (rays, rows, columns)."""
-    found: Float32Array = np.lib.stride_tricks.sliding_window_view(values, shape)[at]
-    return found
+def _views(face: _Face, lattice: Lattice) -> list[Float32Array]:
+    """Return what a face covers, sends and keeps dark by the first row and column met.
+
+    (by rows, by columns, rows, columns); the first alone where nothing is dark.
+    """
+    arrays = [face.covers]
+    if face.dark is not None:
+        arrays += [face.sends, face.dark]
+    return [np.lib.stride_tricks.sliding_window_view(a, lattice.shape) for a in arrays]

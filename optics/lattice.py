@@ -136,9 +136,25 @@ def _spline(
     if at.min() < -beyond or at.max() > points - 1 + beyond:
         raise ValueError("the light was not computed for so wide a window or defocus")
     at = np.clip(at, 0, points - 1)
-    weights: FloatArray = CubicSpline(np.arange(points), np.eye(points))(at)
+    i = np.minimum(at.astype(np.intp), points - 2)
+    t = (at - i)[:, None]
+    slopes = _slopes(points)
+    # Hermite's cubics: of the ends' values, and of their slopes
+    weights: FloatArray = t * (1 - t) ** 2 * slopes[i] - t**2 * (1 - t) * slopes[i + 1]
+    rise, line = t[:, 0] ** 2 * (3 - 2 * t[:, 0]), np.arange(count)
+    weights[line, i] += 1 - rise
+    weights[line, i + 1] += rise
     weights.setflags(write=False)
     return weights
+
+
+@lru_cache(maxsize=64)
+def _slopes(points: int) -> FloatArray:
+    """Return the slopes of a cubic spline from its values at 0, 1, ..., square."""
+    spline = CubicSpline(np.arange(points), np.eye(points))
+    slopes = np.concatenate([spline.c[2], spline(points - 1, 1)[None]])
+    slopes.setflags(write=False)
+    return slopes
 
 
 def blur(

@@ -227,12 +227,16 @@ def _panels(
 
     Returns for each node its edge, its place 0..1 along it and its weight, (N,) each.
     """
+    if not half.size:
+        return np.empty(0, np.intp), np.empty(0), np.empty(0)
     largest = _RULES[-1][0]
     count = np.maximum(np.ceil(half / largest).astype(np.intp), least)
     found, places, weights = [np.empty(0, np.intp)], [np.empty(0)], [np.empty(0)]
-    done = np.zeros(half.shape, dtype=bool)
+    done, phase = np.zeros(half.shape, dtype=bool), half / count
     for limit, nodes, weight in _RULES:
-        pick = np.flatnonzero(~done & (half / count <= limit))
+        pick = np.flatnonzero(~done & (phase <= limit))
+        if not pick.size:
+            continue
         done[pick] = True
         edge = np.repeat(pick, count[pick])
         first = np.cumsum(count[pick]) - count[pick]
