@@ -1,304 +1,202 @@
-"""How near routines come to the Cramer-Rao limit: the likelihood fit, and all others.
+"""How near the likelihood fit comes to the Cramer-Rao limit: all points, resumably.
 
-Truth is another blur law than the estimator's (`benchmarks.localisation_scenes`); bias
-counts in the rms; the limit is of the same free numbers, in the same light, behind the
-same fingers. `python -m benchmarks.localisation_table` prints every routine.
+`python -m benchmarks.localisation` measures every scene, condition and height and
+prints a table; what is measured is recorded, and a run that was stopped goes on.
+`python -m benchmarks localisation` measures a sample in minutes. Truth is another blur
+law than the estimator's (`benchmarks.localisation_scenes`); bias counts in the rms; the
+limit is of the same free numbers, in the same light, behind the same fingers.
 """
 
 from __future__ import annotations
 
-import math
+import argparse
+import multiprocessing
+import os
+import sys
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-from scipy import fft
+for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(_name, "1")  # before numpy is loaded, so that times compare
 
-from benchmarks.figures import Benchmark, Figure, Options
-from benchmarks.localisation_scenes import (
-    CONDITIONS,
-    SCENES,
-    Drawn,
-    disturbed,
-    draws,
-    free_names,
-    gear,
+from benchmarks import localisation_depth, localisation_trials  # noqa: E402 - see above
+from benchmarks.figures import Benchmark, Figure, Options  # noqa: E402
+from benchmarks.localisation_points import (  # noqa: E402
+    HEIGHTS_UM,
+    PART,
+    TRIALS,
+    WAYS,
+    costs,
+    lines,
+    points,
+    units,
 )
-from benchmarks.timing import cpu_s
-from featuresel.case import LookCase
-from featuresel.crlb import camera_of, fisher
-from featuresel.information import limit
-from featuresel.nominal import nominal_render
-from featuresel.routines import (
-    Artifact,
-    Failure,
-    Guess,
-    Measurement,
-    defocus_pair,
-    load,
+from benchmarks.localisation_record import (  # noqa: E402
+    RECORD,
+    code_of,
+    key_of,
+    record,
+    recorded,
 )
-from featuresel.routines.chain import measure_chain
-from featuresel.sensitivity import Setting, sensitivities
+from benchmarks.localisation_scenes import CONDITIONS, SCENES  # noqa: E402
+from benchmarks.localisation_times import times  # noqa: E402
+from benchmarks.localisation_trials import Part, Unit  # noqa: E402
 
-FloatArray = npt.NDArray[np.float64]
-
-HEIGHTS_UM = (0.0, 5.0, 10.0, 25.0)
-TRIALS = 1500
-SEED = 7
-AXES = ("x", "y", "theta")
-PAIR_UM = 10.0  # on both sides of the height that a pair is taken for
-DEPTHS_UM = (0.0, 5.0, 10.0)
-OFF_PX = 1.5  # how far off a coarse routine may be, that the fit starts from
-OFF_RAD = 0.02  # and its angle, but for patterns, where it is not told any
-_LIMITS = 6  # settings, at least, whose limits are averaged
-_TIMED = 60
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Point:
-    """What was found at one scene, condition and focus."""
-
-    scene: str
-    condition: str
-    z_um: float
-    trials: int
-    failed: int
-    rms: tuple[float, ...]  # x, y um and theta rad; nan where not given
-    limit: tuple[float, ...]
-
-    @property
-    def ratios(self) -> tuple[float, ...]:
-        """Return rms over limit of x, y and theta."""
-        return tuple(r / m for r, m in zip(self.rms, self.limit, strict=True))
+# What `make bench` measures, one unit each.
+SAMPLE = (
+    ("likelihood", "gear", "plain", 0.0),
+    ("likelihood", "gear", "plain", 10.0),
+    ("likelihood", "gear", "all", 5.0),
+    ("likelihood", "shaft", "plain", 5.0),
+    ("likelihood", "fingers", "plain", 5.0),
+    ("one_step", "gear", "plain", 5.0),
+    ("pair", "gear", "plain", 0.0),
+    ("pair", "gear", "plain", 5.0),
+    ("pair_same", "gear", "plain", 5.0),
+)
+_CODE = {
+    "likelihood": (localisation_trials, "likelihood"),
+    "one_step": (localisation_trials, "one_step"),
+    "pair": (localisation_depth, "defocus_pair"),
+    "pair_same": (localisation_depth, "defocus_pair"),
+}
 
 
-def limits(case: LookCase, settings: Sequence[Setting]) -> tuple[float, ...]:
-    """Return the limit of x, y and theta, its mean square over some settings."""
-    exact, names = replace(case, model="exact"), free_names(case)
-    found = []
-    for setting in settings:
-        seen = sensitivities(exact, setting, names)
-        known = limit(fisher(seen, camera_of(exact)))
-        found.append([known.get(axis, math.nan) for axis in AXES])
-    mean: FloatArray = np.sqrt(np.mean(np.square(found), axis=0))
-    return tuple(float(v) for v in mean)
+def measure(unit: Unit) -> Part:
+    """Return what the unit's trials gave."""
+    if unit.way in localisation_depth.WAYS:
+        return localisation_depth.measure_pair(unit)
+    return localisation_trials.measure_single(unit)
 
 
-def errors(
-    case: LookCase, drawn: Drawn, found: Measurement
-) -> tuple[float, float, float]:
-    """Return x, y um and theta rad, measured - true; nan where theta is not given."""
-    s = drawn.setting
-    x, y = case.frame.to_world(found.column, found.row)
-    true = s.zoom * (case.x_um + s.dx_um), s.zoom * (case.y_um + s.dy_um)
-    turned = math.nan
-    if found.theta_rad is not None:
-        turned = math.remainder(
-            found.theta_rad - case.theta_rad - s.dtheta_rad, 2 * math.pi
-        )
-    return x - true[0], y - true[1], turned
+def measure_all(
+    wanted: Sequence[Unit], jobs: int, path: Path | None
+) -> Iterator[tuple[Unit, Part]]:
+    """Yield units as they are done, first those that are recorded."""
+    known = {} if path is None else recorded(path)
+    codes = {unit.way: code_of(*_modules(unit.way)) for unit in wanted}
+    keys = {unit: key_of(asdict(unit), codes[unit.way]) for unit in wanted}
+    for unit in wanted:
+        if keys[unit] in known:
+            yield unit, _part(known[keys[unit]])
+    left = [unit for unit in wanted if keys[unit] not in known]
+    for unit, part in _worked(left, jobs):
+        if path is not None:
+            record(path, keys[unit], {**asdict(unit), **asdict(part)})
+        yield unit, part
 
 
-def prepared(case: LookCase, chain: Sequence[str]) -> list[tuple[str, Artifact]]:
-    """Return a chain's routines with their artifacts.
+def _worked(left: Sequence[Unit], jobs: int) -> Iterator[tuple[Unit, Part]]:
+    """Yield units as they are measured, in no order."""
+    if jobs == 1 or len(left) < 2:
+        yield from map(_pair, left)
+        return
+    # spawned, as a process forked from one with threads may hang
+    with multiprocessing.get_context("spawn").Pool(jobs) as pool:
+        yield from pool.imap_unordered(_pair, left)
+
+
+def _pair(unit: Unit) -> tuple[Unit, Part]:
+    return unit, measure(unit)
+
+
+def _modules(way: str) -> tuple[str, str]:
+    """Return the modules whose code a result depends on."""
+    module, routine = _CODE[way]
+    return module.__name__, f"featuresel.routines.{routine}"
+
+
+def _part(value: dict[str, Any]) -> Part:
+    """Return a part as recorded."""
+    kept: dict[str, Any] = {
+        name: tuple(value[name]) if isinstance(value[name], list) else value[name]
+        for name in Part.__dataclass_fields__
+    }
+    return Part(**kept)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Measure what is not recorded yet, and print tables."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.localisation")
+    parser.add_argument("--trials", type=int, default=TRIALS)
+    parser.add_argument("--jobs", type=int, default=Options().jobs)
+    parser.add_argument("--way", choices=WAYS, action="append")
+    parser.add_argument("--scene", choices=list(SCENES), action="append")
+    parser.add_argument("--condition", choices=CONDITIONS, action="append")
+    parser.add_argument("--height", type=float, action="append", metavar="UM")
+    parser.add_argument("--record", type=Path, default=RECORD)
+    call = parser.parse_args(argv)
+    wanted = [
+        unit
+        for unit in units(call.trials)
+        if unit.way in (call.way or WAYS)
+        and unit.scene in (call.scene or SCENES)
+        and unit.condition in (call.condition or CONDITIONS)
+        and unit.z_um in (call.height or HEIGHTS_UM)
+    ]
+    done = []
+    for unit, part in measure_all(wanted, call.jobs, call.record):
+        done.append((unit, part))
+        print(f"{len(done)} of {len(wanted)}: {unit}", file=sys.stderr, flush=True)
+    found = points(done)
+    print("\n".join([*lines(found), *costs(found, TRIALS)]))
+    return 0
+
+
+def _sample() -> list[Unit]:
+    """Return the units of `make bench`: the first ones of some points."""
+    return [
+        Unit(way=way, scene=scene, condition=condition, z_um=z, part=0, trials=PART)
+        for way, scene, condition, z in SAMPLE
+    ]
+
+
+def _names(place: tuple[str, str, str, float]) -> list[str]:
+    """Return the names of a sampled point's figures."""
+    way, scene, condition, z_um = place
+    words = ["localisation", scene, f"z{z_um:g}", condition, way]
+    ends = ["ratio_z", "bias_z_um"]
+    if way not in localisation_depth.WAYS:
+        ends = ["ratio_x", "ratio_y"] + ["ratio_theta"] * (scene != "shaft")
+    return [".".join((*words, end)) for end in (*ends, "failed", "silent")]
+
+
+_TIMES = ("warm_ms", "cold_ms", "step_ms")
+
+
+def _measure(options: Options) -> Iterator[Figure]:
+    """Measure times, then the sample's points.
 
     Raises
     ------
     ValueError
-        If one cannot be prepared.
+        If nothing is right at one: there is no rms then.
     """
-    render, stages = nominal_render(case), []
-    for name in chain:
-        artifact = load(name).prepare(render, case.target)
-        if isinstance(artifact, Failure):
-            raise ValueError(f"{name}: {artifact.message}")
-        stages.append((name, artifact))
-    return stages
-
-
-def guess(case: LookCase, drawn: Drawn, rng: np.random.Generator) -> Guess:
-    """Return what a coarse routine might say: off by up to `OFF_PX`, any angle."""
-    s = drawn.setting
-    off, along = OFF_PX * math.sqrt(rng.random()), 2 * math.pi * rng.random()
-    x, y = s.zoom * (case.x_um + s.dx_um), s.zoom * (case.y_um + s.dy_um)
-    column, row = case.frame.to_pixel(x, y)
-    theta = case.theta_rad + s.dtheta_rad + OFF_RAD * rng.uniform(-1, 1)
-    return Guess(
-        column=column + off * math.cos(along),
-        row=row + off * math.sin(along),
-        theta_rad=None if case.target.symmetry > 1 else theta,
-    )
-
-
-def measure_point(scene: str, condition: str, z_um: float, trials: int) -> Point:
-    """Return what the likelihood fit finds from a coarse guess."""
-    case = disturbed(SCENES[scene](), condition)
-    stages = prepared(case, ("likelihood",))
-    shown, rng = draws(case, z_um, trials, SEED), np.random.default_rng(SEED)
-    found = [measure_chain(d.image, stages, guess(case, d, rng)) for d in shown]
-    off = [
-        errors(case, d, f)
-        for d, f in zip(shown, found, strict=True)
-        if isinstance(f, Measurement)
-    ]
-    rms = np.sqrt(np.mean(np.square(off or [(math.inf,) * 3]), axis=0))
-    every = max(1, len(shown) // _LIMITS)
-    return Point(
-        scene=scene,
-        condition=condition,
-        z_um=z_um,
-        trials=len(shown),
-        failed=len(shown) - len(off),
-        rms=tuple(float(v) for v in rms),
-        limit=limits(case, [d.setting for d in shown[::every]][:_LIMITS]),
-    )
-
-
-def points() -> list[tuple[str, str, float]]:
-    """Return all scenes, conditions and heights that are measured."""
-    return [
-        (scene, condition, z)
-        for scene in SCENES
-        for condition in CONDITIONS
-        if not (scene == "fingers" and condition == "fingers")
-        for z in HEIGHTS_UM
-    ]
-
-
-def measure_depth(z_um: float, trials: int) -> float:
-    """Return rms over limit of the height from images `PAIR_UM` on both sides.
-
-    The estimator knows the law here: with another one the height alone is off, by what
-    the two laws differ in.
-    """
-    case = replace(disturbed(gear(), "plain"), model="exact")
-    k, rng = case.microscope.px_per_um, np.random.default_rng(SEED)
-    artifact = defocus_pair.prepare(
-        nominal_render(case), case.target, offset_um=PAIR_UM
-    )
-    if isinstance(artifact, Failure):
-        raise ValueError(artifact.message)
-    offsets = (-PAIR_UM, PAIR_UM)
-    pairs = [draws(case, z_um + dz, trials, SEED) for dz in offsets]
-    found = []
-    for pair in zip(*pairs, strict=True):
-        s = pair[0].setting
-        at = Guess(
-            column=case.target.column + s.dx_um * k + rng.uniform(-1, 1),
-            row=case.target.row - s.dy_um * k + rng.uniform(-1, 1),
-            theta_rad=case.theta_rad + s.dtheta_rad,
+    taken = times()
+    for point in points(list(measure_all(_sample(), options.jobs, None))):
+        names = _names((point.way, point.scene, point.condition, point.z_um))
+        values = [*point.ratios, *(point.bias if len(point.rms) == 1 else ())]
+        values += [n / point.trials for n in (point.failed, point.silent)]
+        for name, value in zip(names, values, strict=True):
+            yield Figure(name=name, value=value, unit="um" if "_um" in name else "1")
+    for name in _TIMES:
+        yield Figure(
+            name=f"localisation.gear.{name}",
+            value=getattr(taken, name),
+            unit="ms",
+            floor=taken.floor_ms,
         )
-        fit = defocus_pair.measure([d.image for d in pair], offsets, artifact, at)
-        if isinstance(fit, Measurement) and fit.z_um is not None:
-            found.append(fit.z_um - z_um)
-    known = _joint_limit(case, z_um, offsets)
-    return math.sqrt(float(np.mean(np.square(found)))) / known
 
 
-def _joint_limit(case: LookCase, z_um: float, offsets: Sequence[float]) -> float:
-    """Return the limit of z from images at some offsets, all else shared."""
-    told = [
-        fisher(
-            sensitivities(case, Setting(dz_um=z_um + dz), free_names(case)),
-            camera_of(case),
-        )
-        for dz in offsets
-    ]
-    return limit(told[0] + told[1])["z"]
+BENCHMARK = Benchmark(
+    names=(
+        *(name for place in SAMPLE for name in _names(place)),
+        *(f"localisation.gear.{name}" for name in _TIMES),
+    ),
+    measure=_measure,
+)
 
-
-def times_ms() -> tuple[float, float, float]:
-    """Return CPU time of a fix from the last one, of one from nothing, and a floor."""
-    case = gear()
-    stages = prepared(case, ("otsu", "likelihood"))
-    shown = draws(case, 2.0, _TIMED, SEED)
-    cold, warm = [], []
-    for drawn in shown:
-        first, taken = _timed(drawn.image, stages, start(case))
-        cold.append(taken)
-        last = Guess(
-            column=first.column + 0.3,
-            row=first.row - 0.3,
-            theta_rad=first.theta_rad,
-            z_um=first.z_um,
-            zoom=first.zoom,
-        )
-        warm.append(_timed(drawn.image, stages[1:], last)[1])
-    image = np.random.default_rng(1).random((480, 640))
-    pair = [
-        cpu_s(lambda: fft.irfft2(fft.rfft2(image), s=image.shape)) for _ in range(40)
-    ]
-    return 1e3 * float(np.median(warm)), 1e3 * float(np.median(cold)), 1e3 * min(pair)
-
-
-def _timed(
-    image: FloatArray, stages: Sequence[tuple[str, Artifact]], at: Guess
-) -> tuple[Measurement, float]:
-    """Return a fix and its CPU time, s."""
-    kept: list[Measurement | Failure] = []
-    taken = cpu_s(lambda: kept.append(measure_chain(image, stages, at)))
-    if isinstance(kept[0], Failure):
-        raise TypeError(kept[0].message)
-    return kept[0], taken
-
-
-def start(case: LookCase) -> Guess:
-    """Return the nominal place, and the angle where it is known."""
-    theta = None if case.theta_any else case.target.theta_rad
-    return Guess(column=case.target.column, row=case.target.row, theta_rad=theta)
-
-
-def _measure_each(point: tuple[str, str, float]) -> Point:
-    return measure_point(*point, TRIALS)
-
-
-def _figures(point: Point) -> Iterator[Figure]:
-    """Return the figures of one point; those of the plain gear have short names."""
-    for name, ratio in zip(_names(point.scene, point.condition, point.z_um),
-                           point.ratios, strict=False):  # fmt: skip
-        if not math.isnan(ratio):
-            yield Figure(name=name, value=ratio, unit="1")
-    yield Figure(
-        name=_names(point.scene, point.condition, point.z_um)[3],
-        value=point.failed / point.trials,
-        unit="1",
-    )
-
-
-def _names(scene: str, condition: str, z_um: float) -> list[str]:
-    """Return the names of a point's figures."""
-    words = ["localisation", scene, f"z{z_um:g}"]
-    words += [] if condition == "plain" else [condition]
-    ends = ("ratio_x", "ratio_y", "ratio_theta", "failed")
-    return [".".join((*words, end)) for end in ends]
-
-
-def _all_names() -> tuple[str, ...]:
-    """Return all figures' names in the order of `_measure`."""
-    found = []
-    for scene, condition, z in points():
-        names = _names(scene, condition, z)
-        found += names[:2] + ([] if scene == "shaft" else names[2:3]) + names[3:]
-    found += [f"localisation.gear.z{z:g}.ratio_z" for z in DEPTHS_UM]
-    return (*found, "localisation.gear.warm_ms", "localisation.gear.cold_ms")
-
-
-def _measure(options: Options) -> Iterator[Figure]:
-    """Measure all points, then depth and times."""
-    warm, cold, floor = times_ms()
-    with ProcessPoolExecutor(options.jobs) as pool:
-        for point in pool.map(_measure_each, points()):
-            yield from _figures(point)
-        depths = pool.map(partial(measure_depth, trials=TRIALS), DEPTHS_UM)
-        for z, ratio in zip(DEPTHS_UM, depths, strict=True):
-            yield Figure(
-                name=f"localisation.gear.z{z:g}.ratio_z", value=ratio, unit="1"
-            )
-    yield Figure(name="localisation.gear.warm_ms", value=warm, unit="ms", floor=floor)
-    yield Figure(name="localisation.gear.cold_ms", value=cold, unit="ms", floor=floor)
-
-
-BENCHMARK = Benchmark(names=_all_names(), measure=_measure)
+if __name__ == "__main__":
+    sys.exit(main())

@@ -7,7 +7,7 @@ and a margin ten times better than the estimator's.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -133,24 +133,24 @@ def free_names(case: LookCase) -> tuple[str, ...]:
     return tuple(names)
 
 
-def draws(case: LookCase, z_um: float, count: int, seed: int) -> list[Drawn]:
-    """Return trials of a look at one focus; nothing but the seed decides what they are.
+def draws(
+    case: LookCase, z_um: float, count: int, seed: int, *, part: int = 0
+) -> Iterator[Drawn]:
+    """Yield trials of a look at one focus; nothing but the numbers given decides them.
 
-    Poses and light are the same at every focus, the noise is not.
+    Poses and light are the same at every focus, the noise is not: every image has its
+    own, and no image is exposed twice. Another `part` has other trials.
 
     Places are anywhere in a pixel, angles and zooms anywhere in their range, one for
     each `_SHARED` trials.
     """
-    rng = np.random.default_rng(seed)
-    noise = np.random.default_rng([seed, round(1e3 * z_um) + 10**6])
-    found: list[Drawn] = []
-    while len(found) < count:
+    rng = np.random.default_rng([seed, part])
+    noise = np.random.default_rng([seed, part, round(1e3 * z_um) + 10**6])
+    for first in range(0, count, _SHARED):
         group = _group(case, z_um, rng)
         moving, still = _prepared(case, group)
-        for _ in range(min(_SHARED, count - len(found))):
-            setting = _setting(case, group, rng)
-            found.append(_exposed(case, setting, moving, still, noise))
-    return found
+        for _ in range(min(_SHARED, count - first)):
+            yield _exposed(case, _setting(case, group, rng), moving, still, noise)
 
 
 def _radius_um(case: LookCase) -> float:

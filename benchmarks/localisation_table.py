@@ -9,235 +9,44 @@ from __future__ import annotations
 
 import argparse
 import math
+import multiprocessing
 import os
 import sys
-from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict
 from functools import partial
+from pathlib import Path
+from typing import Any
 
 for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")  # before numpy is loaded, so that times compare
 
-import cv2  # noqa: E402 - see above
-import numpy as np  # noqa: E402
-
-from benchmarks.localisation import (  # noqa: E402
-    HEIGHTS_UM,
-    OFF_RAD,
-    SEED,
-    errors,
-    guess,
-    limits,
-    start,
+from benchmarks.localisation_points import HEIGHTS_UM  # noqa: E402 - see above
+from benchmarks.localisation_record import (  # noqa: E402
+    RECORD,
+    code_of,
+    key_of,
+    record,
+    recorded,
 )
-from benchmarks.localisation_scenes import (  # noqa: E402
-    SCENES,
-    Drawn,
-    disturbed,
-    draws,
-)
-from benchmarks.timing import cpu_s  # noqa: E402
-from featuresel.case import LookCase  # noqa: E402
-from featuresel.nominal import nominal_render  # noqa: E402
-from featuresel.routines import (  # noqa: E402
-    REGISTRY,
-    Artifact,
-    Failure,
-    Guess,
-    Measurement,
-    load,
-)
+from benchmarks.localisation_rows import LIMIT, Row, rows  # noqa: E402
+from benchmarks.localisation_scenes import SCENES  # noqa: E402
+from featuresel.routines import REGISTRY, load  # noqa: E402
 
 TRIALS = 100
 SHOWN = ("plain", "all")
-# what a look may ask of a part of 100 um under 1 um pixels, and that at its rim
-TOLERANCE_UM, TOLERANCE_RAD = 0.5, 0.01
-WRONG = 2.0  # tolerances, as in the trials
-NEAR_PX = 0.3  # what the last answer of a servo is off by, that `one_step` starts from
-NEAR_UM = 0.5  # and its focus
-_RIM_UM = 50.0  # of the gear: what NEAR_PX there is as an angle and a zoom
-_LIMITS = 2  # settings at each height whose limits are averaged
 _CELL = "{:.2g}"
-LIMIT = "limit"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Row:
-    """What one routine did at one scene and condition, by height."""
-
-    scene: str
-    routine: str
-    condition: str
-    trials: int  # all heights
-    right: int  # answers within two tolerances
-    silent: int  # other answers
-    ratio_x: tuple[float, ...]  # rms of right answers over the limit; nan: none
-    ratio_theta: tuple[float, ...]
-    ms: float  # median CPU time of one measure; nan if it was not prepared
-    refused: str  # why it could not be prepared
-    codes: tuple[str, ...]  # of failures
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Seen:
-    """What one routine said at one height."""
-
-    trials: int
-    silent: int
-    x: tuple[float, ...]  # errors of right answers
-    theta: tuple[float, ...]
-    right: int
-    ms: tuple[float, ...]
-    codes: tuple[str, ...]  # of failures
-
-
-def rows(
-    place: tuple[str, str], trials: int, names: Sequence[str] = tuple(REGISTRY)
-) -> list[Row]:
-    """Return the limit, and a row for every routine that looks for a scene's kind."""
-    cv2.setNumThreads(1)
-    scene, condition = place
-    case = disturbed(SCENES[scene](), condition)
-    render = nominal_render(case)
-    ready = {
-        name: load(name).prepare(render, case.target)
-        for name in sorted(names)
-        if case.target.kind in load(name).KINDS
-    }
-    seen: dict[str, list[_Seen]] = {name: [] for name in ready}
-    known = []
-    for z_um in HEIGHTS_UM:
-        shown = draws(case, z_um, trials, SEED)
-        every = max(1, trials // _LIMITS)
-        known.append(limits(case, [d.setting for d in shown[::every]][:_LIMITS]))
-        for name, artifact in ready.items():
-            if isinstance(artifact, Artifact):
-                seen[name].append(_measured(case, name, artifact, shown))
-    return [
-        _limit_row(place, known),
-        *(_row(place, name, made, seen[name], known) for name, made in ready.items()),
-    ]
-
-
-def near(case: LookCase, drawn: Drawn, rng: np.random.Generator) -> Guess:
-    """Return what a servo knows before its last cycle: all of it, and nearly right."""
-    s = drawn.setting
-    off, along = NEAR_PX * math.sqrt(rng.random()), 2 * math.pi * rng.random()
-    column, row = case.frame.to_pixel(
-        s.zoom * (case.x_um + s.dx_um), s.zoom * (case.y_um + s.dy_um)
-    )
-    turn = NEAR_PX / case.microscope.px_per_um / _RIM_UM
-    zoomed = turn * rng.uniform(-1, 1) if case.spread.magnification_sigma else 0.0
-    return Guess(
-        column=column + off * math.cos(along),
-        row=row + off * math.sin(along),
-        theta_rad=case.theta_rad + s.dtheta_rad + turn * rng.uniform(-1, 1),
-        z_um=s.dz_um + NEAR_UM * rng.uniform(-1, 1),
-        zoom=s.zoom + zoomed,
-    )
-
-
-def begin(case: LookCase, name: str, drawn: Drawn, rng: np.random.Generator) -> Guess:
-    """Return where a routine starts: the nominal place, or as near as it needs."""
-    needs = load(name).NEEDS
-    if not needs:
-        return start(case)
-    if "z" in needs:
-        return near(case, drawn, rng)
-    turned = case.theta_rad + drawn.setting.dtheta_rad + OFF_RAD * rng.uniform(-1, 1)
-    return replace(guess(case, drawn, rng), theta_rad=turned)
-
-
-def _measured(
-    case: LookCase, name: str, artifact: Artifact, shown: Sequence[Drawn]
-) -> _Seen:
-    """Return what a routine says of every image of one height."""
-    routine, rng = load(name), np.random.default_rng(SEED)
-    x: list[float] = []
-    theta: list[float] = []
-    taken: list[float] = []
-    codes: list[str] = []
-    right = silent = 0
-    for drawn in shown:
-        at = begin(case, name, drawn, rng)
-        kept: list[Measurement | Failure] = []
-        call = partial(routine.measure, drawn.image, artifact, at)
-        taken.append(1e3 * cpu_s(lambda: kept.append(call())))  # noqa: B023 - called now
-        if isinstance(kept[0], Failure):
-            codes.append(kept[0].code)
-            continue
-        dx, dy, turn = errors(case, drawn, kept[0])
-        placed, turned = "xy" in routine.GIVES, not math.isnan(turn)
-        far = placed and math.hypot(dx, dy) > WRONG * TOLERANCE_UM
-        if far or (turned and abs(turn) > WRONG * TOLERANCE_RAD):
-            silent += 1
-            continue
-        right += 1
-        x += [dx] if placed else []
-        theta += [turn] if turned and "theta" in routine.GIVES else []
-    return _Seen(
-        trials=len(shown), silent=silent, x=tuple(x), theta=tuple(theta),
-        right=right, ms=tuple(taken), codes=tuple(codes),
-    )  # fmt: skip
-
-
-def _row(
-    place: tuple[str, str],
-    name: str,
-    artifact: Artifact | Failure,
-    seen: Sequence[_Seen],
-    known: Sequence[tuple[float, ...]],
-) -> Row:
-    """Return a routine's row from what it said at each height."""
-    refused = artifact.code if isinstance(artifact, Failure) else ""
-    every = [ms for s in seen for ms in s.ms]
-    pairs = list(zip(seen, known, strict=True)) if seen else []
-    return Row(
-        scene=place[0],
-        routine=name,
-        condition=place[1],
-        trials=sum(s.trials for s in seen),
-        right=sum(s.right for s in seen),
-        silent=sum(s.silent for s in seen),
-        ratio_x=tuple(_rms(s.x) / k[0] for s, k in pairs),
-        ratio_theta=tuple(_rms(s.theta) / k[2] for s, k in pairs),
-        ms=float(np.median(every)) if every else math.nan,
-        refused=refused,
-        codes=tuple(code for s in seen for code in s.codes),
-    )
-
-
-def _limit_row(place: tuple[str, str], known: Sequence[tuple[float, ...]]) -> Row:
-    """Return the limit itself, nm and mdeg, as the first row."""
-    return Row(
-        scene=place[0],
-        routine=LIMIT,
-        condition=place[1],
-        trials=0,
-        right=0,
-        silent=0,
-        ratio_x=tuple(1e3 * k[0] for k in known),
-        ratio_theta=tuple(1e3 * math.degrees(k[2]) for k in known),
-        ms=math.nan,
-        refused="",
-        codes=(),
-    )
-
-
-def _rms(values: Sequence[float]) -> float:
-    """Return the root mean square, nan of nothing."""
-    return math.sqrt(float(np.mean(np.square(values)))) if values else math.nan
+Todo = tuple[str, str, tuple[str, ...]]  # scene, condition, routines
 
 
 def lines(scene: str, found: Sequence[Row], trials: int) -> Iterator[str]:
     """Yield a scene's table, in which the limit is 1."""
     heights = [f"{z:g}" for z in HEIGHTS_UM]
-    yield f"\n### {scene}, {trials} trials a point\n"
+    yield f"\n### {scene}, up to {trials} trials a point\n"
     head = ["routine", "condition", *(f"x {z}" for z in heights)]
     turned = scene != "shaft"
     head += [f"theta {z}" for z in heights] if turned else []
-    head += ["right", "silent", "fails mostly as", "ms"]
+    head += ["trials", "right", "silent", "fails mostly as", "ms"]
     yield "| " + " | ".join(head) + " |"
     yield "|" + "---|" * len(head)
     for row in found:
@@ -248,6 +57,7 @@ def lines(scene: str, found: Sequence[Row], trials: int) -> Iterator[str]:
         else:
             cells += [_cell(v) for v in row.ratio_x]
             cells += [_cell(v) for v in row.ratio_theta] if turned else []
+            cells += [str(row.trials // len(HEIGHTS_UM)) if row.trials else ""]
             cells += [_share(n, row.trials) for n in (row.right, row.silent)]
             cells += [_mostly(row.codes), _cell(row.ms)]
         yield "| " + " | ".join(cells) + " |"
@@ -270,6 +80,81 @@ def _cell(value: float) -> str:
     return f"{value:.0f}" if value >= 100 else _CELL.format(value)
 
 
+def measure_all(
+    wanted: Sequence[Todo], trials: int, jobs: int, path: Path
+) -> Iterator[Row]:
+    """Yield all rows wanted, those that are recorded without measuring them again."""
+    known, keys = recorded(path), _keys(wanted, trials)
+    left = []
+    for todo in wanted:
+        scene, condition, names = todo
+        found = {n: known.get(keys[scene, condition, n]) for n in (LIMIT, *names)}
+        yield from (_read(value) for value in found.values() if value is not None)
+        missing = tuple(n for n in names if found[n] is None)
+        if missing or found[LIMIT] is None:
+            left.append((scene, condition, missing))
+    for some in _worked(left, trials, jobs):
+        for row in some:
+            key = keys[row.scene, row.condition, row.routine]
+            if key not in known:
+                record(path, key, _written(row))
+                yield row
+
+
+def _worked(left: Sequence[Todo], trials: int, jobs: int) -> Iterator[list[Row]]:
+    """Yield the rows of one scene and condition after the other, as they are done."""
+    work = partial(_rows_of, trials=trials)
+    if jobs == 1 or len(left) < 2:
+        yield from map(work, left)
+        return
+    # spawned, as a process forked from one with threads may hang
+    with multiprocessing.get_context("spawn").Pool(jobs) as pool:
+        yield from pool.imap_unordered(work, left)
+
+
+def _rows_of(todo: Todo, trials: int) -> list[Row]:
+    return rows(todo[:2], todo[2], trials)
+
+
+def _keys(wanted: Sequence[Todo], trials: int) -> dict[tuple[str, str, str], str]:
+    """Return the key of every row: what it shows, and the code that it comes from."""
+    codes: dict[str, str] = {}
+    keys = {}
+    for scene, condition, names in wanted:
+        for name in (LIMIT, *names):
+            if name not in codes:
+                own = () if name == LIMIT else (load(name).__name__,)  # type: ignore[attr-defined] # a module
+                codes[name] = code_of("benchmarks.localisation_rows", *own)
+            settings = {"row": name, "scene": scene, "condition": condition}
+            keys[scene, condition, name] = key_of(
+                {**settings, "trials": trials}, codes[name]
+            )
+    return keys
+
+
+def _written(row: Row) -> dict[str, Any]:
+    """Return a row for the record, with nothing for nan."""
+
+    def plain(value: Any) -> Any:
+        if isinstance(value, tuple):
+            return [plain(v) for v in value]
+        nothing = isinstance(value, float) and math.isnan(value)
+        return None if nothing else value
+
+    return {name: plain(value) for name, value in asdict(row).items()}
+
+
+def _read(value: Mapping[str, Any]) -> Row:
+    """Return a row as recorded."""
+
+    def full(name: str, each: Any) -> Any:
+        if isinstance(each, list):
+            return tuple(full(name, v) for v in each)
+        return math.nan if each is None else each
+
+    return Row(**{name: full(name, each) for name, each in value.items()})
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Print a table per scene."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.localisation_table")
@@ -277,26 +162,28 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--scene", choices=list(SCENES), action="append")
     parser.add_argument("--routine", choices=sorted(REGISTRY), action="append")
+    parser.add_argument("--record", type=Path, default=RECORD)
     call = parser.parse_args(argv)
-    places = [(s, c) for s in call.scene or SCENES for c in SHOWN]
-    work = partial(rows, trials=call.trials, names=call.routine or tuple(REGISTRY))
-    with ProcessPoolExecutor(call.jobs) as pool:
-        done: list[Row] = []
-        for (scene, condition), some in zip(
-            places, pool.map(work, places), strict=True
-        ):
-            done += some
-            if condition == SHOWN[-1]:
-                mine = sorted(
-                    (row for row in done if row.scene == scene),
-                    key=lambda r: (
-                        r.routine != LIMIT,
-                        r.routine,
-                        SHOWN.index(r.condition),
-                    ),
-                )
-                print("\n".join(lines(scene, mine, call.trials)), flush=True)
+    wanted: list[Todo] = []
+    for scene in call.scene or SCENES:
+        kind = SCENES[scene]().target.kind
+        names = sorted(call.routine or REGISTRY)
+        mine = tuple(name for name in names if kind in load(name).KINDS)
+        wanted += [(scene, condition, mine) for condition in SHOWN]
+    done = []
+    for row in measure_all(wanted, call.trials, call.jobs, call.record):
+        done.append(row)
+        print(f"{row.scene} {row.condition} {row.routine}", file=sys.stderr, flush=True)
+    for scene in dict.fromkeys(todo[0] for todo in wanted):
+        mine_rows = [row for row in done if row.scene == scene]
+        mine_rows.sort(key=_order)
+        print("\n".join(lines(scene, mine_rows, call.trials)), flush=True)
     return 0
+
+
+def _order(row: Row) -> tuple[bool, str, int]:
+    """Return where a row stands: the limit first, a routine's conditions together."""
+    return row.routine != LIMIT, row.routine, SHOWN.index(row.condition)
 
 
 if __name__ == "__main__":

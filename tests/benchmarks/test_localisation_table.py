@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from benchmarks.localisation_rows import FEWEST, Row, affordable, begin
 from benchmarks.localisation_scenes import PLACE_UM, SCENES, Drawn, disturbed
-from benchmarks.localisation_table import Row, begin, lines
+from benchmarks.localisation_table import lines, measure_all
+from benchmarks.localisation_trials import prepared
 from featuresel.routines import REGISTRY, load
 from featuresel.sensitivity import Setting
 
@@ -48,7 +51,7 @@ def test_a_row_is_a_line_of_the_table() -> None:
     cells = [cell.strip() for cell in line.split("|")[1:-1]]
     assert cells == [
         "`ncc`", "all", "1", "12", "123", "", "", "", "", "",
-        "75%", "1%", "no_edge", "2.5",
+        "100", "75%", "1%", "no_edge", "2.5",
     ]  # fmt: skip
 
 
@@ -60,3 +63,26 @@ def test_a_table_of_the_page_shows_every_routine_for_its_scene() -> None:
         wanted = sorted(n for n in REGISTRY if kind in load(n).KINDS)
         shown = [li.split("`")[1] for li in table.splitlines() if li.startswith("| `")]
         assert shown[::2] == shown[1::2] == wanted  # plain and all
+
+
+def test_rows_that_are_recorded_are_not_measured_again(tmp_path: Path) -> None:
+    path = tmp_path / "record.jsonl"
+    first = list(measure_all([("shaft", "plain", ("otsu",))], 2, 1, path))
+    assert [row.routine for row in first] == ["limit", "otsu"]
+    known = path.read_text(encoding="utf-8")
+    again = list(measure_all([("shaft", "plain", ("otsu",))], 2, 1, path))
+    assert again[1] == replace(first[1], ratio_theta=again[1].ratio_theta)
+    assert all(math.isnan(v) for v in again[1].ratio_theta)  # never equal itself
+    assert path.read_text(encoding="utf-8") == known
+    more = list(measure_all([("shaft", "plain", ("hough", "otsu"))], 2, 1, path))
+    assert [row.routine for row in more] == ["limit", "otsu", "hough"]
+    assert path.read_text(encoding="utf-8").startswith(known)
+
+
+def test_a_slow_routine_gets_fewer_trials() -> None:
+    case = disturbed(SCENES["shaft"](), "plain")
+    shown = Drawn(setting=Setting(), image=np.zeros((480, 640)))
+    ready = {n: dict(prepared(case, (n,)))[n] for n in ("likelihood", "otsu")}
+    slow, fast = (affordable(n, a, shown, 10**6) for n, a in ready.items())
+    assert FEWEST <= slow < fast
+    assert all(affordable(n, a, shown, 5) == 5 for n, a in ready.items())
