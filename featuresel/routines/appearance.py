@@ -162,25 +162,36 @@ class Appearance:
         rows = np.rint(pose.row - s * x + c * y).astype(np.intp)
         inside = (columns >= 0) & (columns < shape[1])
         inside &= (rows >= 0) & (rows < shape[0])
-        u, v = columns - pose.column, rows - pose.row
-        taps = self._taps(
-            (self.middle[0] + k * (c * u - s * v)).ravel(),
-            (self.middle[1] + k * (s * u + c * v)).ravel(),
-        )
-        waves = self._waves(turns)[: 1 if rough else None]
-        at = self._basis(abs(pose.z_um) if self.is_even else pose.z_um)
-        near = self.planes[at.first : at.first + 4]
-        weights = at.weights.astype(np.float32)
-        value = np.zeros(columns.shape)
-        for k, wave in enumerate(waves):
-            light = taps.read((weights @ near[:, k]).take(taps.cells))
-            value += wave[:, None] * light.reshape(columns.shape)
         return Turned(
             columns=np.clip(columns, 0, shape[1] - 1),
             rows=np.clip(rows, 0, shape[0] - 1),
             inside=inside,
-            value=value,
+            value=self.values(pose, turns, columns, rows, rough=rough),
         )
+
+    def values(
+        self,
+        pose: Pose,
+        turns: FloatArray,
+        columns: IntArray,
+        rows: IntArray,
+        *,
+        rough: bool = False,
+    ) -> FloatArray:
+        """Return the target's light at pixels (T, N) at turns (T,), see `turned`."""
+        c, s = np.cos(turns)[:, None], np.sin(turns)[:, None]
+        u, v, k = columns - pose.column, rows - pose.row, self.over / pose.zoom
+        taps = self._taps(
+            (self.middle[0] + k * (c * u - s * v)).ravel(),
+            (self.middle[1] + k * (s * u + c * v)).ravel(),
+        )
+        at = self._basis(abs(pose.z_um) if self.is_even else pose.z_um)
+        near = self.planes[at.first : at.first + 4]
+        weights, value = at.weights.astype(np.float32), np.zeros(columns.shape)
+        for h, wave in enumerate(self._waves(turns)[: 1 if rough else None]):
+            light = taps.read((weights @ near[:, h]).take(taps.cells))
+            value += wave[:, None] * light.reshape(columns.shape)
+        return value
 
     def _bits(self, z_um: float) -> int:
         """Return the bits of the two heights about a focus that `uses` tells apart."""

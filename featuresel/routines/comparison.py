@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -11,6 +12,7 @@ import numpy.typing as npt
 
 from featuresel.routines import Camera, FloatArray
 from featuresel.routines.appearance import Appearance, Pose
+from featuresel.routines.front import Front
 
 BoolArray = npt.NDArray[np.bool_]
 IntArray = npt.NDArray[np.intp]
@@ -21,37 +23,7 @@ _SOME = 300  # pixels, enough to tell a wrong start
 _LOOSE = 3.0  # times the spread, that focus and zoom are held to: images tell more
 _IN_VIEW = 0.2  # of the cells, that a turn is judged by
 _CLEAR = 0.02  # share of the target's light that must come through
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Front:
-    """What stands before the target at some focus heights, as maps of the region."""
-
-    light: FloatArray  # (K, rows, columns), K odd
-    through: FloatArray  # (K, rows, columns)
-    reach_um: float  # heights are from -reach to reach off nominal, at equal steps
-    axis_px: tuple[float, float]  # column and row that zoom leaves alone
-
-    def at(
-        self, pose: Pose, columns: IntArray, rows: IntArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return light and share let through at pixels, at the pose's focus and zoom.
-
-        A parabola through the nearest three heights, linear between pixels.
-        """
-        half = len(self.light) // 2
-        place = min(max(pose.z_um / self.reach_um, -1.0), 1.0) * half + half
-        k = min(max(round(place), 1), 2 * half - 1)
-        t = place - k
-        weights = np.array([t * (t - 1) / 2, 1 - t * t, t * (t + 1) / 2])
-        light: FloatArray = np.tensordot(weights, self.light[k - 1 : k + 2], axes=1)
-        through: FloatArray = np.tensordot(weights, self.through[k - 1 : k + 2], axes=1)
-        if pose.zoom == 1.0:
-            return light[rows, columns], through[rows, columns]
-        x = np.asarray((columns - self.axis_px[0]) / pose.zoom, dtype=np.float64)
-        y = np.asarray((rows - self.axis_px[1]) / pose.zoom, dtype=np.float64)
-        x, y = self.axis_px[0] + x, self.axis_px[1] + y
-        return _between(light, x, y), _between(through, x, y)
+POSE = 6  # numbers of the pose: column, row, turn, focus, zoom, focus of the front
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,22 +34,26 @@ class Free:
     z_sigma_um: float  # 0: the focus is nominal
     zoom_sigma: float  # 0: the zoom is nominal
     gradient: bool  # whether the light may have one
+    front_sigma_um: float  # of what stands in front; 0: nothing does
 
     @property
     def chosen(self) -> BoolArray:
-        """Return which of column, row, turn, z, zoom, gain and gradients are free."""
-        z, zoom = self.z_sigma_um > 0, self.zoom_sigma > 0
-        return np.array(
-            [True, True, self.turn, z, zoom, True, self.gradient, self.gradient]
+        """Return which of the pose's numbers, gain and gradients are free, (9,)."""
+        z, zoom, front = (
+            sigma > 0
+            for sigma in (self.z_sigma_um, self.zoom_sigma, self.front_sigma_um)
         )
+        light = (True, self.gradient, self.gradient)
+        return np.array([True, True, self.turn, z, zoom, front, *light])
 
     def precision(self, *, squared: bool) -> FloatArray:
-        """Return the weights that draw focus (or its square) and zoom to nominal, (8,).
+        """Return the weights that draw focus (or its square) and zoom to nominal, (9,).
 
         Only so much that what cannot be seen stays nominal.
         """
-        weights, z = np.zeros(8), _LOOSE * self.z_sigma_um
-        for k, sigma in ((3, z**2 if squared else z), (4, self.zoom_sigma)):
+        weights, z = np.zeros(POSE + 3), _LOOSE * self.z_sigma_um
+        sigmas = (z**2 if squared else z, self.zoom_sigma, self.front_sigma_um)
+        for k, sigma in enumerate(sigmas, start=3):
             if sigma > 0:
                 weights[k] = 1 / (_LOOSE * sigma) ** 2
         return weights
@@ -100,6 +76,7 @@ class Job:
     front: Front | None
     camera: Camera
     free: Free
+    symmetry: int  # order of the pattern's
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -111,6 +88,27 @@ class Job:
         """Return whether the square of the focus is fitted: its sign does not show."""
         return self.looks.is_even and len(self.views) == 1
 
+    @property
+    def sides(self) -> tuple[int, ...]:
+        """Return the signs of the focus that only what stands in front can tell."""
+        return (1, -1) if self.squared and self.front is not None else (1,)
+
+    def lit(
+        self,
+        pose: Pose,
+        light: FloatArray,
+        columns: IntArray,
+        rows: IntArray,
+        gains: FloatArray,
+    ) -> FloatArray:
+        """Return the image of a target's light under gain and gradients (3,)."""
+        if self.front is not None:
+            front = self.front.at(pose, columns, rows)
+            light = front.light + front.through * light
+        place = _place(self, columns, rows)
+        lit: FloatArray = light * (gains[0] + gains[1] * place[0] + gains[2] * place[1])
+        return lit
+
     def focus(self, pose: Pose) -> float:
         """Return what is fitted for the focus: its height or, see above, the square."""
         return pose.z_um**2 if self.squared else pose.z_um
@@ -121,9 +119,9 @@ class Seen:
     """What pixels show and what the model says they should."""
 
     value: FloatArray  # (N,) of the image
-    target: FloatArray  # (N, 3): light by gain, and by gradients
-    slopes: FloatArray  # (N, 5) by the pose, in even light
-    place: FloatArray  # (N, 2) across the region, -.5 to .5
+    target: FloatArray  # (3, N): light by gain, and by gradients
+    slopes: FloatArray  # (POSE, N) by the pose, in even light
+    place: FloatArray  # (2, N) across the region, -.5 to .5
 
 
 def pixels_of(job: Job, pose: Pose) -> tuple[tuple[IntArray, IntArray], ...]:
@@ -133,7 +131,10 @@ def pixels_of(job: Job, pose: Pose) -> tuple[tuple[IntArray, IntArray], ...]:
 
 def at(pose: Pose, view: View) -> Pose:
     """Return the pose with the focus that a view has of it."""
-    return pose if view.dz_um == 0 else replace(pose, z_um=pose.z_um + view.dz_um)
+    if view.dz_um == 0:
+        return pose
+    front_um = None if pose.front_um is None else pose.front_um + view.dz_um
+    return replace(pose, z_um=pose.z_um + view.dz_um, front_um=front_um)
 
 
 def see(job: Job, view: View, pose: Pose, pixels: tuple[IntArray, IntArray]) -> Seen:
@@ -143,11 +144,17 @@ def see(job: Job, view: View, pose: Pose, pixels: tuple[IntArray, IntArray]) -> 
     focus = looks.focus
     if job.looks.is_even and not job.squared:  # by the height, not by its square
         focus = 2 * here.z_um * focus
-    slopes = np.stack((looks.across, looks.down, looks.turn, focus, looks.grow), axis=1)
+    slopes = np.zeros((POSE, len(columns)))
+    for k, slope in enumerate(
+        (looks.across, looks.down, looks.turn, focus, looks.grow)
+    ):
+        slopes[k] = slope
     mean = looks.value
     if job.front is not None:
-        light, through = job.front.at(here, columns, rows)
-        mean, slopes = light + through * mean, through[:, None] * slopes
+        front = job.front.at(here, columns, rows)
+        slopes *= front.through
+        slopes[5] = front.light_slope + front.through_slope * mean
+        mean = front.light + front.through * mean
     place = _place(job, columns, rows)
     value = view.image[rows, columns]
     return Seen(value, _lit(mean, place), slopes, place)
@@ -155,39 +162,55 @@ def see(job: Job, view: View, pose: Pose, pixels: tuple[IntArray, IntArray]) -> 
 
 def fitted_light(value: FloatArray, target: FloatArray, free: Free) -> FloatArray:
     """Return gain and gradients, (3,), by plain least squares."""
-    columns = target if free.gradient else target[:, :1]
-    normal = columns.T @ columns
+    rows = target if free.gradient else target[:1]
+    normal = rows @ rows.T
     # so little more that a black image has a solution
     normal.flat[:: len(normal) + 1] += 1e-12 * len(value)
     light: FloatArray = np.zeros(3)
-    light[: len(normal)] = np.linalg.solve(normal, columns.T @ value)
+    light[: len(normal)] = np.linalg.solve(normal, rows @ value)
     return light
 
 
 def misfits(
-    job: Job, pose: Pose, turns: FloatArray, cells: IntArray | None = None
+    job: Job,
+    pose: Pose,
+    turns: FloatArray,
+    cells: IntArray,
+    *,
+    rough: bool = False,
 ) -> FloatArray:
-    """Return chi squared a pixel at some turns under the best light, of some cells.
+    """Return chi squared a pixel at some turns under the best light, by some cells.
 
     Infinite where nearly all of them are out of view.
+
+    Parameters
+    ----------
+    job : Job
+        The images.
+    pose : Pose
+        Where the target is; its turn does not matter.
+    turns : (T,) float array
+        Turns from the template, rad.
+    cells : (N,) int array
+        Of the template.
+    rough : bool
+        See `featuresel.routines.appearance.Appearance.turned`.
     """
-    if cells is None:
-        cells = job.looks.some_cells(pose.z_um, _SOME)
     values, targets, weights = [], [], []
     for view in job.views:
         here = at(pose, view)
-        seen = job.looks.turned(here, turns, cells, job.shape)
+        seen = job.looks.turned(here, turns, cells, job.shape, rough=rough)
         mean = seen.value
         if job.front is not None:
-            light, through = job.front.at(here, seen.columns, seen.rows)
-            mean = light + through * mean
+            front = job.front.at(here, seen.columns, seen.rows)
+            mean = front.light + front.through * mean
         values.append(view.image[seen.rows, seen.columns])
         targets.append(_lit(mean, _place(job, seen.columns, seen.rows)))
         weights.append(seen.inside.astype(np.float64))
     value, weight = np.concatenate(values, axis=1), np.concatenate(weights, axis=1)
-    target = np.concatenate(targets, axis=1)
+    target = np.concatenate(targets, axis=2).transpose(1, 0, 2)
     light = _lights(value, target, weight, job.free)
-    mean = np.einsum("tnk,tk->tn", target, light)
+    mean = (light[:, None] @ target)[:, 0]
     left = np.minimum((value - mean) ** 2 / job.camera.variance(mean), REJECT**2)
     count = weight.sum(axis=1)
     found = (left * weight).sum(axis=1) / np.maximum(count, 1)
@@ -206,9 +229,9 @@ def try_each(
     best, least = pose, math.inf
     for z_um in depths:
         cells = job.looks.some_cells(z_um, _SOME)
-        for zoom in zooms:
-            here = replace(pose, z_um=z_um, zoom=zoom)
-            found = misfits(job, here, np.array(turns), cells)
+        for zoom, side in itertools.product(zooms, job.sides):
+            here = replace(pose, z_um=z_um, zoom=zoom, front_um=side * z_um)
+            found = misfits(job, here, np.array(turns), cells, rough=True)
             k = int(np.argmin(found))
             if found[k] < least:
                 best, least = replace(here, turn_rad=turns[k]), float(found[k])
@@ -219,14 +242,14 @@ def _lights(
     value: FloatArray, target: FloatArray, weight: FloatArray, free: Free
 ) -> FloatArray:
     """Return gain and gradients at each turn, (T, 3), by plain least squares."""
-    columns = target if free.gradient else target[:, :, :1]
-    weighted = columns * weight[:, :, None]
-    normal = np.einsum("tnj,tnk->tjk", weighted, columns)
+    rows = target if free.gradient else target[:, :1]
+    weighted = rows * weight[:, None]
+    normal = weighted @ rows.transpose(0, 2, 1)
     size = normal.shape[1]
     normal += 1e-12 * value.shape[1] * np.eye(size)  # so that black has a solution
-    right = np.einsum("tnj,tn->tj", weighted, value)
+    right = weighted @ value[:, :, None]
     light: FloatArray = np.zeros((len(value), 3))
-    light[:, :size] = np.linalg.solve(normal, right[:, :, None])[:, :, 0]
+    light[:, :size] = np.linalg.solve(normal, right)[:, :, 0]
     return light
 
 
@@ -235,30 +258,16 @@ def _pixels(job: Job, pose: Pose) -> tuple[IntArray, IntArray]:
     columns, rows = job.looks.pixels(pose, job.shape)
     if job.front is None:
         return columns, rows
-    middle = len(job.front.through) // 2
-    clear = job.front.through[middle, rows, columns] > _CLEAR
+    clear = job.front.clear(columns, rows) > _CLEAR
     return columns[clear], rows[clear]
 
 
 def _place(job: Job, columns: IntArray, rows: IntArray) -> FloatArray:
-    """Return where pixels lie in the region, (..., 2), -.5 to .5."""
+    """Return where pixels lie in the region, (2, ...), -.5 to .5."""
     height, width = job.shape
-    return np.stack((columns / width - 0.5, rows / height - 0.5), axis=-1)
+    return np.stack((columns / width - 0.5, rows / height - 0.5))
 
 
 def _lit(mean: FloatArray, place: FloatArray) -> FloatArray:
-    """Return (..., 3): the pixels' light by gain, and by gradients."""
-    return np.stack((mean, mean * place[..., 0], mean * place[..., 1]), axis=-1)
-
-
-def _between(values: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
-    """Return a map's values between its pixels, linear; at the border, the border's."""
-    height, width = values.shape
-    x = np.asarray(np.clip(x, 0, width - 1.001), dtype=np.float64)
-    y = np.asarray(np.clip(y, 0, height - 1.001), dtype=np.float64)
-    left, top = x.astype(np.intp), y.astype(np.intp)
-    u, v = x - left, y - top
-    above = (1 - u) * values[top, left] + u * values[top, left + 1]
-    below = (1 - u) * values[top + 1, left] + u * values[top + 1, left + 1]
-    mean: FloatArray = (1 - v) * above + v * below
-    return mean
+    """Return (3, ...): the pixels' light by gain, and by gradients."""
+    return np.stack((mean, mean * place[0], mean * place[1]))

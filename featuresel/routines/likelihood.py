@@ -13,6 +13,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
+import numpy.typing as npt
 
 from featuresel.routines import (
     Artifact,
@@ -25,14 +26,21 @@ from featuresel.routines import (
     Target,
     TargetKind,
 )
-from featuresel.routines.ambiguity import is_ambiguous, other_turns
-from featuresel.routines.comparison import Job, View, misfits
+from featuresel.routines.ambiguity import (
+    equal_turns,
+    is_marked,
+    marks,
+    other_turns,
+)
+from featuresel.routines.comparison import Job, View
 from featuresel.routines.pose_fit import PoseFit, fit_pose
 from featuresel.routines.pose_job import prepare_job, read_job
 from featuresel.routines.pose_start import start_pose
 
+IntArray = npt.NDArray[np.intp]
+
 NAME = "likelihood"
-VERSION = "1"
+VERSION = "2"
 KINDS: tuple[TargetKind, ...] = ("circle", "teeth", "outline", "jaws")
 GIVES: tuple[Known, ...] = ("xy", "theta", "z", "zoom")
 NEEDS: tuple[Known, ...] = ("xy",)
@@ -62,11 +70,11 @@ def measure(
     found = fit_pose(job, start)
     if isinstance(found, Failure):
         return found
-    if p["symmetry"] > 1 and p["turns"] and guess.z_um is None:
-        found = _other_turns(job, artifact, found)
-        others = other_turns(found.pose.turn_rad, p["symmetry"], p["range_rad"])
-        if is_ambiguous(job, found.pose, others):
-            return Failure(code="ambiguous", message="another turn fits as well")
+    marked = artifact.arrays.get("odd", np.zeros(0))
+    if len(marked) > 0 and guess.z_um is None:
+        found = _at_mark(job, found, marked.astype(np.intp), p["range_rad"])
+        if isinstance(found, Failure):
+            return found
     return answer(found, p, guess)
 
 
@@ -76,26 +84,31 @@ def cost(artifact: Artifact, _pixels: int) -> float:
     return 4.0 + 3e-4 * float(cells)
 
 
-def _other_turns(job: Job, artifact: Artifact, found: PoseFit) -> PoseFit:
+def _at_mark(
+    job: Job, found: PoseFit, cells: IntArray, range_rad: float
+) -> PoseFit | Failure:
     """Return the fit at that of the equal turns which what breaks the symmetry tells.
 
     Half a period too: beyond the first sign change of the transfer function teeth and
     gaps swap.
     """
-    count, here = int(artifact.parameters["symmetry"]), found.pose
-    odd = artifact.arrays.get("odd")
-    if odd is None or len(odd) == 0:
+    turns = equal_turns(found.pose.turn_rad, job.symmetry)
+    seen = marks(job, found, turns, cells)
+    best = int(np.argmax(seen.share))
+    if best > 0:
+        start = replace(found.pose, turn_rad=float(turns[best]))
+        other = fit_pose(job, start)
+        if isinstance(other, PoseFit) and other.chi2 < found.chi2:
+            found = other
+            turns = equal_turns(found.pose.turn_rad, job.symmetry)
+            seen = marks(job, found, turns, cells)
+    alone = len(other_turns(found.pose.turn_rad, job.symmetry, range_rad)) == 0
+    if alone or is_marked(seen):
         return found
-    steps = np.array([0.0, -0.5, 0.5, *range(1, count)])
-    turns = here.turn_rad + steps * 2 * math.pi / count
-    left = misfits(job, here, turns, odd.astype(np.intp))
-    best = int(np.argmin(left))
-    if best == 0 or not math.isfinite(left[best]):
-        return found
-    other = fit_pose(job, replace(here, turn_rad=float(turns[best])))
-    if isinstance(other, Failure) or other.chi2 >= found.chi2:
-        return found
-    return other
+    return Failure(
+        code="ambiguous",
+        message=f"{seen.share[0]:.0%} of what breaks the symmetry shows",
+    )
 
 
 def answer(
@@ -131,7 +144,7 @@ def answer(
         score=found.used / max(1.0, found.chi2),
         spread_px=float(max(sigma[0], sigma[1])),
         spread_theta_rad=float(sigma[2]) if p["turns"] else None,
-        z_um=pose.z_um if p["focus_sigma_um"] > 0 else None,
+        z_um=found.z_um if p["focus_sigma_um"] > 0 else None,
         spread_z_um=float(sigma[3]) if p["focus_sigma_um"] > 0 else None,
         zoom=pose.zoom if p["zoom_sigma"] > 0 else None,
     )

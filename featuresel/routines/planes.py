@@ -64,6 +64,7 @@ def prepare_planes(
     turns: bool,
     reach_um: float,
     ignored: BoolArray | None = None,
+    also_px: FloatArray | None = None,
 ) -> Artifact:
     """Return the planes of a target as an artifact, see `read_appearance`.
 
@@ -81,6 +82,8 @@ def prepare_planes(
         How far from nominal the focus may be.
     ignored : (rows, columns) bool array, optional
         Pixels of the nominal image that are not the target's.
+    also_px : (2, N) float array, optional
+        Places, right and down of the reference point, that are read whatever they tell.
     """
     half = _half_px(model, target, shape, reach_um)
     over = _over(model, target)
@@ -111,15 +114,15 @@ def prepare_planes(
             "is_even": float(stops.is_even),
             "heights": float(len(used)),
         },
-        arrays=_packed(planes, back, used),
+        arrays=_packed(planes, back, used, _read(also_px, grid, used.shape[1:])),
     )
 
 
 def _packed(
-    planes: FloatArray, back: IntArray, used: BoolArray
+    planes: FloatArray, back: IntArray, used: BoolArray, also: BoolArray
 ) -> dict[str, npt.NDArray[np.float32]]:
     """Return coefficients of the cells that are read, where they are, and their use."""
-    kept = _grown(np.asarray(used.any(axis=0)))
+    kept = _grown(used.any(axis=0) | also)
     cells = np.where(kept, np.cumsum(kept).reshape(kept.shape), 0)
     deep = depth_coefficients(planes[back].reshape(*back.shape, planes.shape[1], -1))
     packed = np.zeros((len(back), planes.shape[1], int(kept.sum()) + 1), np.float32)
@@ -225,6 +228,20 @@ def _used(
         block = block[:rows, :columns]
         used[k, : block.shape[0], : block.shape[1]] = block
     return np.asarray(used & inner)
+
+
+def _read(
+    places_px: FloatArray | None, grid: _Grid, shape: tuple[int, ...]
+) -> BoolArray:
+    """Return the cells that pixels nearest to some places, (2, N), may fall on."""
+    read = np.zeros(shape, np.uint8)
+    if places_px is not None:
+        cells = np.rint(grid.over * places_px + np.array(grid.middle)[:, None])
+        column, row = cells.astype(np.intp)
+        inside = (column >= 0) & (column < shape[1]) & (row >= 0) & (row < shape[0])
+        read[row[inside], column[inside]] = 1
+    size = 2 * grid.over + 1
+    return np.asarray(cv2.dilate(read, np.ones((size, size), np.uint8)) > 0)
 
 
 def _grown(used: BoolArray) -> BoolArray:

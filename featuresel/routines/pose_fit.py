@@ -12,6 +12,7 @@ from featuresel.routines import Failure, FloatArray
 from featuresel.routines.appearance import Pose
 from featuresel.routines.comparison import (
     FEWEST,
+    POSE,
     REJECT,
     Job,
     Seen,
@@ -40,11 +41,19 @@ class PoseFit:
 
     pose: Pose
     light: FloatArray  # (3,) gain, and its changes across and down the region
-    covariance: FloatArray  # (8, 8) of column, row, turn, focus, zoom and light
+    covariance: FloatArray  # (9, 9) of column, row, turn, focus, zoom, front and light
     squared: bool  # the covariance is of the square of the focus
     chi2: float  # of the pixels used, each: 1 if only noise is left
     used: float  # share of the pixels that are the target's
     pixels: int
+
+    @property
+    def z_um(self) -> float:
+        """Return the focus, with the sign that what stands in front has, if any."""
+        pose = self.pose
+        if not self.squared or pose.front_um is None:
+            return pose.z_um
+        return math.copysign(pose.z_um, pose.front_um)
 
     @property
     def sigma(self) -> FloatArray:
@@ -86,7 +95,7 @@ def fit_pose(job: Job, start: Pose) -> PoseFit | Failure:
         if move[3] * before < 0:  # about focus slopes vanish, and steps go to and fro
             depths /= 2
         before = float(move[3])
-        pose, light = _after(job, pose, move), linear.light + move[5:]
+        pose, light = _after(job, pose, move), linear.light + move[POSE:]
         length = float(move @ linear.normal @ move)
         # steps shrink by squares at the end: the next is this one's over the last one's
         least = length * min(1.0, length / shorter)
@@ -112,7 +121,7 @@ def step_once(job: Job, start: Pose) -> PoseFit | Failure:
         return Failure(code="no_contrast", message="the image tells no pose")
     gained = float(move @ (2 * linear.right - linear.normal @ move)) / linear.pixels
     after = replace(linear, chi2=max(linear.chi2 - gained, 0.0))
-    return after.result(job, _after(job, start, move), linear.light + move[5:])
+    return after.result(job, _after(job, start, move), linear.light + move[POSE:])
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,16 +129,16 @@ class _Linear:
     """The linear least-squares problem at one pose."""
 
     light: FloatArray  # (3,) that it starts from
-    normal: FloatArray  # (8, 8)
-    right: FloatArray  # (8,)
+    normal: FloatArray  # (9, 9)
+    right: FloatArray  # (9,)
     chi2: float
     used: float
     pixels: int
 
     def move(self, job: Job, pose: Pose, depths: float) -> FloatArray | None:
-        """Return the step, (8,), as far as may be believed; None if there is none."""
+        """Return the step, (9,), as far as may be believed; None if there is none."""
         pick = np.flatnonzero(job.free.chosen)
-        move = np.zeros(8)
+        move = np.zeros(POSE + 3)
         try:
             move[pick] = np.linalg.solve(
                 self.normal[np.ix_(pick, pick)], self.right[pick]
@@ -146,7 +155,7 @@ class _Linear:
     def result(self, job: Job, pose: Pose, light: FloatArray) -> PoseFit:
         """Return the fit that ends at a pose."""
         pick = np.ix_(*2 * (np.flatnonzero(job.free.chosen),))
-        covariance = np.zeros((8, 8))
+        covariance = np.zeros((POSE + 3,) * 2)
         covariance[pick] = np.linalg.pinv(self.normal[pick], hermitian=True)
         return PoseFit(
             pose=pose,
@@ -173,7 +182,7 @@ def _linear(
         light = fitted_light(seen.value, seen.target, job.free)
     if not (np.isfinite(light).all() and light[0] > 0):
         return Failure(code="no_contrast", message="no light fits the image")
-    mean = seen.target @ light
+    mean = light @ seen.target
     noise = np.sqrt(job.camera.variance(mean))
     residual = (seen.value - mean) / noise
     scale = max(1.0, 1.4826 * median(np.abs(residual)))
@@ -182,16 +191,14 @@ def _linear(
     if trusted.sum() < FEWEST:
         return Failure(code="misfit", message=f"{int(trusted.sum())} pixels fit")
     weight = np.where(trusted, (1 - ratio**2) ** 2, 0.0)
-    lit = light[0] + seen.place @ light[1:]
-    design = np.concatenate((seen.slopes * lit[:, None], seen.target), axis=1)
-    design /= noise[:, None]
+    lit = light[0] + light[1:] @ seen.place
+    design = np.concatenate((seen.slopes * lit, seen.target)) / noise
     pull = job.free.precision(squared=job.squared)
-    right = design.T @ (weight * residual)
-    right[3] -= pull[3] * job.focus(pose)
-    right[4] += pull[4] * (1 - pose.zoom)
+    right = design @ (weight * residual)
+    right[3:POSE] -= pull[3:POSE] * (job.focus(pose), pose.zoom - 1, pose.seen_front_um)
     return _Linear(
         light=light,
-        normal=(design * weight[:, None]).T @ design + np.diag(pull),
+        normal=(design * weight) @ design.T + np.diag(pull),
         right=right,
         chi2=float((residual[trusted] ** 2).mean()),
         used=float(trusted.mean()),
@@ -205,9 +212,9 @@ def _together(seen: list[Seen]) -> Seen:
         return seen[0]
     return Seen(
         value=np.concatenate([s.value for s in seen]),
-        target=np.concatenate([s.target for s in seen]),
-        slopes=np.concatenate([s.slopes for s in seen]),
-        place=np.concatenate([s.place for s in seen]),
+        target=np.concatenate([s.target for s in seen], axis=1),
+        slopes=np.concatenate([s.slopes for s in seen], axis=1),
+        place=np.concatenate([s.place for s in seen], axis=1),
     )
 
 
@@ -232,7 +239,16 @@ def _after(job: Job, pose: Pose, move: FloatArray) -> Pose:
         turn_rad=pose.turn_rad + float(move[2]),
         z_um=min(max(z_um, -reach), reach),
         zoom=min(max(pose.zoom + float(move[4]), _ZOOMS[0]), _ZOOMS[1]),
+        front_um=_front_um(job, pose, float(move[5])),
     )
+
+
+def _front_um(job: Job, pose: Pose, move_um: float) -> float | None:
+    """Return the focus of what stands in front after a step, where it has maps."""
+    if job.front is None:
+        return pose.front_um
+    reach = job.front.reach_um
+    return min(max(pose.seen_front_um + move_um, -reach), reach)
 
 
 def _moved_px(job: Job, place_px: float, turn_rad: float, zoom: float) -> float:

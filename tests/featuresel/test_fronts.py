@@ -7,7 +7,7 @@ import numpy.typing as npt
 import pytest
 
 from featuresel.nominal import nominal_render
-from featuresel.routines.comparison import Front
+from featuresel.routines.front import Front
 from featuresel.routines.fronts import front_maps
 from tests.featuresel.fits import Drawn, artifact, case, job, render
 
@@ -34,7 +34,9 @@ def test_what_stands_alone_has_nothing_before_it(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["between", "over_shaft"])
-@pytest.mark.parametrize(("z_um", "zoom"), [(0, 1), (-5, 1), (12, 1), (0, 0.995)])
+@pytest.mark.parametrize(
+    ("z_um", "zoom"), [(0, 1), (-5, 1), (12, 1), (15, 1), (0, 0.995)]
+)
 def test_images_are_the_target_alone_behind_a_veil(
     name: str, z_um: float, zoom: float
 ) -> None:
@@ -51,11 +53,12 @@ def test_images_are_the_target_alone_behind_a_veil(
         image = drawn.render(look).ravel()[inner]
         alone = look.alone(dx_um=dx_um, dy_um=dy_um, dz_um=z_um).ravel()[inner]
         pose = replace(drawn.pose(case(name)), zoom=zoom)
-        light, through = front(name).at(pose, columns, rows)
+        seen = front(name).at(pose, columns, rows)
+        shown = seen.light + seen.through * alone
         noise = np.sqrt(look.camera.variance(image))
-        assert (np.abs(light + through * alone - image) < 0.1 * noise).all()
-        if z_um in (0, 12) and zoom == 1:  # a height of the maps
-            assert np.abs(light + through * alone - image).max() < 1e-6
+        assert (np.abs(shown - image) < 0.1 * noise).all()
+        if z_um == 0 and zoom == 1:  # a height of the maps
+            assert np.abs(shown - image).max() < 1e-6
 
 
 def test_the_share_let_through_is_the_veils_where_the_target_does_not_vary() -> None:
@@ -70,13 +73,30 @@ def test_fronts_focus_beyond_the_heights_is_that_of_the_last() -> None:
     pose = Drawn().pose(case("over_shaft"))
     last, beyond = (
         front("over_shaft").at(replace(pose, z_um=z), columns, rows)
-        for z in (REACH_UM, 3 * REACH_UM)
+        for z in (front("over_shaft").reach_um, 3 * REACH_UM)
     )
-    np.testing.assert_array_equal(last, beyond)
+    np.testing.assert_array_equal(last.light, beyond.light)
+    np.testing.assert_array_equal(last.through, beyond.through)
+
+
+@pytest.mark.parametrize("zoom", [1.0, 0.995])
+def test_slopes_by_the_fronts_focus_are_differences(zoom: float) -> None:
+    columns, rows = grid("over_shaft")
+    pose = replace(Drawn().pose(case("over_shaft")), zoom=zoom, z_um=4.0)
+    # a parabola's central difference is exact, but for 32 bits of the maps
+    low, here, high = (
+        front("over_shaft").at(replace(pose, front_um=z), columns, rows)
+        for z in (4.5, 5.0, 5.5)
+    )
+    atol = 4 * float(np.finfo(np.float32).eps)
+    np.testing.assert_allclose(here.light_slope, high.light - low.light, atol=atol)
+    slope = high.through - low.through
+    np.testing.assert_allclose(here.through_slope, slope, atol=atol)
 
 
 def test_an_odd_number_of_heights_has_focus_in_its_middle() -> None:
     for name in ("between", "over_shaft"):
         assert len(front(name).light) % 2 == 1
-        assert front(name).reach_um == REACH_UM
+        depth_um = case(name).microscope.wave_depth_um
+        assert front(name).reach_um == pytest.approx(REACH_UM + depth_um)
         assert artifact(name).arrays["front_light"].shape[1:] == (200, 200)
