@@ -74,7 +74,7 @@ def measure(unit: Unit) -> Part:
 def measure_all(
     wanted: Sequence[Unit], jobs: int, path: Path | None
 ) -> Iterator[tuple[Unit, Part]]:
-    """Yield units as they are done, first those that are recorded."""
+    """Yield units as they are done, first those recorded; with no jobs these alone."""
     known = {} if path is None else recorded(path)
     codes = {unit.way: code_of(*_modules(unit.way)) for unit in wanted}
     keys = {unit: key_of(asdict(unit), codes[unit.way]) for unit in wanted}
@@ -90,6 +90,8 @@ def measure_all(
 
 def _worked(left: Sequence[Unit], jobs: int) -> Iterator[tuple[Unit, Part]]:
     """Yield units as they are measured, in no order."""
+    if jobs == 0:
+        return
     if jobs == 1 or len(left) < 2:
         yield from map(_pair, left)
         return
@@ -127,6 +129,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--condition", choices=CONDITIONS, action="append")
     parser.add_argument("--height", type=float, action="append", metavar="UM")
     parser.add_argument("--record", type=Path, default=RECORD)
+    parser.add_argument("--show", action="store_true", help="only what is recorded")
     call = parser.parse_args(argv)
     wanted = [
         unit
@@ -137,7 +140,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         and unit.z_um in (call.height or HEIGHTS_UM)
     ]
     done = []
-    for unit, part in measure_all(wanted, call.jobs, call.record):
+    for unit, part in measure_all(wanted, 0 if call.show else call.jobs, call.record):
         done.append((unit, part))
         print(f"{len(done)} of {len(wanted)}: {unit}", file=sys.stderr, flush=True)
     found = points(done)

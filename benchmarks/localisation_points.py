@@ -17,6 +17,7 @@ TRIALS = 1500
 PART = 250  # trials of a unit: seconds to minutes
 WAYS = ("likelihood", "one_step", *PAIRS)
 _STEPPED = ("plain", "all")
+_SLOW = "gear_close"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,16 +44,16 @@ class Point:
 
 
 def units(trials: int) -> list[Unit]:
-    """Return all that is measured, the slow scene first, so that jobs end together."""
-    places = [
+    """Return all that is measured, the scene that takes longest last."""
+    places = [("one_step", "gear", c, z) for c in _STEPPED for z in HEIGHTS_UM]
+    places += [(way, "gear", "plain", z) for way in PAIRS for z in DEPTHS_UM]
+    places += [
         ("likelihood", scene, condition, z)
-        for scene in ("gear_close", *(s for s in SCENES if s != "gear_close"))
+        for scene in sorted(SCENES, key=lambda scene: scene == _SLOW)
         for condition in CONDITIONS
         if not (scene == "fingers" and condition == "fingers")
         for z in HEIGHTS_UM
     ]
-    places += [("one_step", "gear", c, z) for c in _STEPPED for z in HEIGHTS_UM]
-    places += [(way, "gear", "plain", z) for way in PAIRS for z in DEPTHS_UM]
     return [
         Unit(
             way=way, scene=scene, condition=condition, z_um=z, part=part,

@@ -62,11 +62,15 @@ def gear() -> LookCase:
 
 
 def gear_close() -> LookCase:
-    """The gear at the highest magnification that keeps it in the field."""
+    """The gear at the highest magnification that keeps it in the field.
+
+    Of the frame, what is as wide as it is high: routines read nothing beside it.
+    """
     m = MICROSCOPE.height_px * MICROSCOPE.pitch_um / _LARGEST_ZOOM_FIELD_UM
     scope: Microscope = replace(MICROSCOPE, magnification=m)
-    whole = Window(row=0, column=0, rows=scope.height_px, columns=scope.width_px)
-    return on_target(replace(gear(), microscope=scope, window=whole))
+    side = scope.height_px
+    middle = Window(row=0, column=(scope.width_px - side) // 2, rows=side, columns=side)
+    return on_target(replace(gear(), microscope=scope, window=middle))
 
 
 def shaft() -> LookCase:

@@ -8,9 +8,10 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from benchmarks.figures import Benchmark
-from benchmarks.localisation import BENCHMARK, SAMPLE, measure_all
+from benchmarks.localisation import BENCHMARK, SAMPLE, main, measure_all
 from benchmarks.localisation_points import HEIGHTS_UM, PART, costs, lines, points, units
 from benchmarks.localisation_scenes import (
     CONDITIONS,
@@ -33,7 +34,7 @@ from featuresel.routines import Failure
 from featuresel.sensitivity import sensitivities
 
 FEW = Unit(
-    way="likelihood", scene="shaft", condition="plain", z_um=5.0, part=1, trials=2
+    way="likelihood", scene="shaft", condition="plain", z_um=5.0, part=0, trials=2
 )
 
 
@@ -119,14 +120,20 @@ def test_a_point_at_which_nothing_is_right_has_empty_cells() -> None:
     assert line == "| plain | 5 |  |  | 2 ambiguous | 0 | 2 | 500 |"
 
 
-def test_units_that_are_recorded_are_not_measured_again(tmp_path: Path) -> None:
+def test_units_that_are_recorded_are_not_measured_again(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     path = tmp_path / "record.jsonl"
+    assert list(measure_all([FEW], 0, path)) == []
     ((unit, part),) = measure_all([FEW], 1, path)
     assert unit == FEW
     assert part.trials == 2
     written = path.read_text(encoding="utf-8")
-    assert list(measure_all([FEW], 1, path)) == [(FEW, part)]  # also its CPU times
+    assert list(measure_all([FEW], 0, path)) == [(FEW, part)]  # also its CPU times
     assert path.read_text(encoding="utf-8") == written
+    words = ["--trials", "2", "--scene", "shaft", "--height", "5", "--show"]
+    assert main([*words, "--record", str(path)]) == 0
+    assert capsys.readouterr().out.count("| plain | 5 |") == 1
     fresh = next(iter(measure_all([FEW], 1, None)))[1]
     assert replace(fresh, cpu_s=part.cpu_s) == part
 
