@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from featuresel.routines import Target
 from featuresel.routines.frame import RegionFrame
+from optics.lamplight import Light, lights
 from optics.lens import LensErrors
 from optics.lensing import lens_scene
 from optics.microscope import Microscope
@@ -171,6 +172,7 @@ def picture(
     model: str,
     light: Illumination,
     backdrop: Sequence[Covered] = (),
+    under: Sequence[Light] | None = None,
 ) -> FloatArray:
     """Return the region without noise, as the case's fidelity has it.
 
@@ -186,6 +188,8 @@ def picture(
         As in `optics.render.render`.
     backdrop : sequence of Covered
         What stands still, by `still_layers` with the same arguments.
+    under : sequence of Light, optional
+        The light that it leaves, by `still_lights`. Default: it is computed.
     """
     if case.shares_still_layers:
         layers, also = tuple(moved), backdrop
@@ -216,6 +220,7 @@ def picture(
         window=case.window,
         light=light,
         also=also,
+        under=under if also else None,
         sampling=case.sampling,
     )
 
@@ -233,4 +238,29 @@ def still_layers(
         model=model,
         window=case.window,
         sampling=case.sampling,
+    )
+
+
+def still_lights(
+    case: LookCase, microscope: Microscope, *, focus_um: float
+) -> tuple[Light, ...] | None:
+    """Return the light that still layers leave at every height that is seen.
+
+    Returns
+    -------
+    tuple of Light, optional
+        None where nothing is shaded, or images do not share it.
+    """
+    if case.lamp_aperture is None or not case.static or not case.shares_still_layers:
+        return None
+    heights = {layer.z_um for layer in (*case.static, *case.moving)}
+    if case.background_z_um is not None:
+        heights.add(case.background_z_um)
+    return lights(
+        case.static,
+        sorted(heights),
+        microscope,
+        lamp_aperture=case.lamp_aperture,
+        focus_um=(focus_um,),
+        window=case.window,
     )

@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
-from featuresel.case import LookCase, moved_layers, picture, still_layers
+from featuresel.case import (
+    LookCase,
+    moved_layers,
+    picture,
+    still_layers,
+    still_lights,
+)
 from featuresel.routines import Blur, Camera, Drifts, Veil
+from optics.lamplight import Light
 from optics.microscope import Microscope
 from optics.outline import Outline, Ring, Segment
 from optics.prepared import prepare
@@ -21,6 +29,27 @@ FloatArray = npt.NDArray[np.float64]
 
 _POINT = 1e-12  # fill factor of samples that integrate over no area
 _VEILED = 3.0  # fields: the face behind what stands in front ends out of sight
+_HELD_PX = 1 << 22  # of images that are kept, 32 MiB: routines ask for the same ones
+_BACKDROPS = 4  # settings whose still layers are kept
+
+Asked = tuple[float, ...]  # numbers that an image depends on
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class Backdrop:
+    """What stands still at one focus and zoom, blurred, and the light it leaves."""
+
+    layers: tuple[Covered, ...]
+    under: tuple[Light, ...] | None
+
+
+@dataclass(frozen=True, slots=True)
+class _Known:
+    """What was made before, what was asked for last at the end."""
+
+    images: dict[Asked, FloatArray] = field(default_factory=dict)
+    backdrops: dict[Asked, Backdrop] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +57,7 @@ class NominalRender:
     """Renders a case's region, at nominal focus and zoom unless told else."""
 
     case: LookCase
-    static: tuple[Covered, ...]  # what every image at nominal focus and zoom shares
+    known: _Known = field(default_factory=_Known, compare=False, repr=False)
 
     @property
     def camera(self) -> Camera:
@@ -73,10 +102,17 @@ class NominalRender:
     ) -> FloatArray:
         """Return the noise-free region, clipped to what the sensor can tell, 0..1.
 
-        `theta_rad` is the turn away from the nominal angle.
+        `theta_rad` is the turn away from the nominal angle. Images that were asked for
+        not long ago are given again.
         """
-        moved = moved_layers(self.case, dx_um, dy_um, theta_rad)
-        return np.clip(self._picture(moved, dz_um=dz_um, zoom=zoom), 0.0, 1.0)
+
+        def made() -> FloatArray:
+            moved = moved_layers(self.case, dx_um, dy_um, theta_rad)
+            return np.clip(self._picture(moved, dz_um=dz_um, zoom=zoom), 0.0, 1.0)
+
+        asked, window = (dx_um, dy_um, theta_rad, dz_um, zoom), self.case.window
+        most = _HELD_PX // (window.rows * window.columns)
+        return _held(self.known.images, asked, most, made).copy()
 
     def template(
         self, dz_um: Sequence[float], *, over: int, half_px: tuple[int, int]
@@ -128,13 +164,17 @@ class NominalRender:
         self, moved: tuple[Layer, ...], *, dz_um: float, zoom: float
     ) -> FloatArray:
         """Return the region, not clipped."""
-        case, backdrop = self.case, self.static
+        case = self.case
         scope = replace(
             case.microscope, magnification=case.microscope.magnification * zoom
         )
         focus_um = case.focus_um + dz_um
-        if dz_um != 0.0 or zoom != 1.0:
-            backdrop = still_layers(case, scope, focus_um=focus_um, model=case.model)
+        backdrop = _held(
+            self.known.backdrops,
+            (dz_um, zoom),
+            _BACKDROPS,
+            lambda: _backdrop(case, scope, focus_um),
+        )
         return picture(
             case,
             moved,
@@ -142,16 +182,31 @@ class NominalRender:
             focus_um=focus_um,
             model=case.model,
             light=case.light,
-            backdrop=backdrop,
+            backdrop=backdrop.layers,
+            under=backdrop.under,
         )
 
 
 def nominal_render(case: LookCase) -> NominalRender:
     """Return the renderer that routines prepare with."""
-    static = still_layers(
-        case, case.microscope, focus_um=case.focus_um, model=case.model
+    return NominalRender(case=case)
+
+
+def _backdrop(case: LookCase, scope: Microscope, focus_um: float) -> Backdrop:
+    """Return what stands still in a look at some focus and zoom."""
+    return Backdrop(
+        layers=still_layers(case, scope, focus_um=focus_um, model=case.model),
+        under=still_lights(case, scope, focus_um=focus_um),
     )
-    return NominalRender(case=case, static=static)
+
+
+def _held(known: dict[Asked, T], asked: Asked, most: int, make: Callable[[], T]) -> T:
+    """Return what is known or made now; the `most` asked for last stay, or one."""
+    found = known.pop(asked) if asked in known else make()
+    while known and len(known) >= most:
+        del known[next(iter(known))]
+    known[asked] = found
+    return found
 
 
 def _fine(case: LookCase, over: int, half_px: tuple[int, int]) -> LookCase:

@@ -9,8 +9,15 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 import numpy.typing as npt
 
-from featuresel.case import LookCase, moved_layers, picture, still_layers
+from featuresel.case import (
+    LookCase,
+    moved_layers,
+    picture,
+    still_layers,
+    still_lights,
+)
 from featuresel.perturb import Trial
+from optics.lamplight import Light
 from optics.laying import light_up
 from optics.microscope import Microscope
 from optics.outline import Outline
@@ -167,7 +174,8 @@ class _Look:
 
     case: LookCase
     at: Setting
-    backdrop: tuple[Covered, ...]  # what stands still, at the setting's focus and zoom
+    # what stands still at the setting's focus and zoom, and the light it leaves
+    backdrop: tuple[tuple[Covered, ...], tuple[Light, ...] | None]
 
     @classmethod
     def of(cls, case: LookCase, at: Setting) -> _Look:
@@ -195,6 +203,7 @@ class _Look:
         """Return the region in even light of gain 1, (rows, columns)."""
         at = at or self.at
         same = (at.dz_um, at.zoom) == (self.at.dz_um, self.at.zoom)
+        still, under = self.backdrop if same else _still(self.case, at)
         return picture(
             self.case,
             moved_layers(self.case, at.dx_um, at.dy_um, at.dtheta_rad),
@@ -202,7 +211,8 @@ class _Look:
             focus_um=self.case.focus_um + at.dz_um,
             model=self.case.model,
             light=Illumination(),
-            backdrop=self.backdrop if same else _still(self.case, at),
+            backdrop=still,
+            under=under,
         )
 
 
@@ -212,14 +222,13 @@ def _scope(case: LookCase, at: Setting) -> Microscope:
     return replace(case.microscope, magnification=magnification)
 
 
-def _still(case: LookCase, at: Setting) -> tuple[Covered, ...]:
-    """Return what stands still, blurred."""
-    return still_layers(
-        case,
-        _scope(case, at),
-        focus_um=case.focus_um + at.dz_um,
-        model=case.model,
-    )
+def _still(
+    case: LookCase, at: Setting
+) -> tuple[tuple[Covered, ...], tuple[Light, ...] | None]:
+    """Return what stands still, blurred, and the light it leaves."""
+    scope, focus_um = _scope(case, at), case.focus_um + at.dz_um
+    layers = still_layers(case, scope, focus_um=focus_um, model=case.model)
+    return layers, still_lights(case, scope, focus_um=focus_um)
 
 
 def _light(case: LookCase, at: Setting) -> FloatArray:

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
+from featuresel.case import moved_layers, picture, still_layers
 from featuresel.nominal import nominal_render
 from optics.outline import Outline
 from optics.scene import Illumination, Layer
@@ -111,3 +112,26 @@ def test_a_veil_hides_all_below_it_and_nothing_beside_it() -> None:
         assert veil.light[100, column] == pytest.approx(0.6 * hides, abs=tail)
     assert (veil.through > -0.01).all()
     assert (veil.through < 1.01).all()
+
+
+def test_what_is_kept_changes_no_image() -> None:
+    lit = replace(case("over_shaft"), lamp_aperture=0.3)
+    look = nominal_render(lit)
+    asked = [(0.3, 0.0), (-0.3, 0.0), (0.3, 4.0), (0.3, 8.0), (0.3, -4.0), (0.3, 2.0)]
+    first = [look(dx_um=x, dz_um=z) for x, z in asked]
+    for (x, z), image in zip(asked, first, strict=True):
+        scope, focus_um = lit.microscope, lit.focus_um + z
+        anew = picture(
+            lit,
+            moved_layers(lit, x, 0.0, 0.0),
+            scope,
+            focus_um=focus_um,
+            model=lit.model,
+            light=lit.light,
+            backdrop=still_layers(lit, scope, focus_um=focus_um, model=lit.model),
+        )
+        # shades of still and of moved layers are added up in another order
+        np.testing.assert_allclose(image, np.clip(anew, 0, 1), rtol=0, atol=1e-12)
+    first[0][...] = 0.0
+    assert look(dx_um=0.3).max() > 0
+    np.testing.assert_array_equal(look(dx_um=-0.3), first[1])
