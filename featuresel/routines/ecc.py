@@ -2,16 +2,15 @@
 
 All of the target's pixels count, so a part out of focus is located about as well as its
 image allows; in focus, where pixels undersample the edges, bilinear sampling costs more
-than noise does. It knows no zoom: a reference point far from the middle of what is seen
-moves with it. `benchmarks/localisation` has the numbers.
+than noise does. Zoom is no part of it: where the edges lie to one side of the reference
+point, as fingers' tips do of their grip, a wrong zoom would move what is found, so
+there a fit with a free scale follows. `benchmarks/localisation` has the numbers.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
 
 from featuresel.routines import (
@@ -20,17 +19,18 @@ from featuresel.routines import (
     FloatArray,
     Guess,
     Known,
+    LookModel,
     Measurement,
-    Render,
     Target,
     TargetKind,
 )
+from featuresel.routines.ecc_search import FAINT, REACH_PX, TemplatePose, align, turned
 from featuresel.routines.extent import cut, half_px
-from featuresel.routines.peak import Float32Array
 from featuresel.routines.picture import refused
+from featuresel.routines.template_fit import SCALE_OFF, refine, refine_work
 
 NAME = "ecc"
-VERSION = "1"
+VERSION = "2"
 KINDS: tuple[TargetKind, ...] = ("circle", "teeth", "outline", "jaws")
 GIVES: tuple[Known, ...] = ("xy", "theta")
 NEEDS: tuple[Known, ...] = ("xy", "theta")
@@ -39,17 +39,13 @@ CONTROL = False
 DEAR = False
 
 _LEAST_SCORE = 0.8  # correlation; blur and light gradients leave .9 and more
-_MOVED_PX = 2 * CAPTURE_PX  # from the guess: beyond, it has run away
-_TURNED_RAD = 0.2  # likewise
-_LAST_PX = 0.1  # the step after convergence: a larger one is no convergence
-_ROUNDS, _SETTLED = 20, 1e-6  # of the correlation
-_NO_BLUR = 1  # OpenCV blurs both images by 5 px otherwise, which shifts what is found
-_QUARTER_RAD = math.pi / 2
-_GRID = 32  # OpenCV's warp rounds coordinates to this part of a pixel
+_TURNED_RAD = 0.2  # from the guess: beyond, it has run away
+_ZOOM_SIGMAS = 3.0  # of zoom errors that a scale has to take
+_PULLED_PX = 0.02  # by those: more than interpolation costs in focus
+_SHRINK = 2  # of the first images of the fit: twice as far to fall into place
 _TYPICAL_ROUNDS = 7
 _TURN_WORK, _SHIFT_WORK = 4.2e-5, 4.5e-5  # a round, per pixel, in box filters
 _PART_WORK = 2e-5  # per pixel of the part: copies and gradients
-_FAINT = 0.01  # standard deviation below which a template shows nothing
 # Of what the rim tells when shifted, the least it tells when turned. Pixels alone make
 # a disc in focus seem to tell .01.
 _TURN_TOLD, _TURN_TOLD_ROUND = 0.002, 0.02
@@ -57,21 +53,12 @@ _PLACES_PX = ((0.0, 0.5), (0.25, 0.0), (0.5, 0.75), (0.75, 0.25))  # all phases 
 _TURNS = (-1.0, -0.3, 0.3, 1.0)  # of the angle's range
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Pose:
-    """Where the template's middle pixel is, px, and how far it is turned."""
-
-    column: float
-    row: float
-    turned_rad: float
-    score: float
-
-
-def prepare(render: Render, target: Target) -> Artifact | Failure:
+def prepare(render: LookModel, target: Target) -> Artifact | Failure:
     """Return the nominal template, and how much it tells of place and angle.
 
-    The angle is not sought where nothing shows it. What bilinear sampling makes of
-    sub-pixel places is measured on the render and goes into the spread.
+    The angle is not sought where nothing shows it, the scale not where it moves
+    nothing. What bilinear sampling makes of sub-pixel places is measured on the render
+    and goes into the spread.
     """
     image = render()
     half = half_px(target, image.shape, CAPTURE_PX)
@@ -80,14 +67,17 @@ def prepare(render: Render, target: Target) -> Artifact | Failure:
             code="outside", message=f"{min(half)} px between target and border"
         )
     template = cut(image, target, half)
-    if not float(template.std()) > _FAINT:
+    if not float(template.std()) > FAINT:
         return Failure(code="no_contrast", message="the template is blank")
+    zoom = _ZOOM_SIGMAS * render.drifts.zoom_sigma
     first = Artifact(
         parameters={
             "offset_column_px": target.column - round(target.column),
             "offset_row_px": target.row - round(target.row),
             "theta_rad": target.theta_rad,
             "locked_px": 0.0,
+            "scales": float(zoom * _pulled_px(template) > _PULLED_PX),
+            "scale_off": max(SCALE_OFF, zoom),
             **_told(template, round_target=target.kind == "circle"),
         },
         arrays={"template": template.astype(np.float32)},
@@ -109,30 +99,23 @@ def measure(
     if p["turns"] and guess.theta_rad is None:
         return Failure(code="no_angle", message="needs an angle to start from")
     start = _start(artifact, guess)
-    found = _align(image, artifact, start)
+    found = align(image, artifact.arrays["template"], start, turns=p["turns"] > 0)
+    if p["scales"] and not isinstance(found, Failure):
+        found = _scaled(image, artifact, found)
     if isinstance(found, Failure):
         return found
-    moved = math.hypot(found.column - start.column, found.row - start.row)
-    turned = abs(found.turned_rad - start.turned_rad)
-    if moved > _MOVED_PX or turned > _TURNED_RAD:
-        return Failure(
-            code="diverged",
-            message=f"moved by {moved:.2f} px and {turned:.3f} rad from the guess",
-        )
-    if found.score < _LEAST_SCORE:
-        return Failure(
-            code="low_score",
-            message=f"correlation {found.score:.3f}, at least {_LEAST_SCORE}",
-        )
-    return _measurement(found, artifact)
+    return _strayed(start, found) or _measurement(found, artifact)
 
 
 def cost(artifact: Artifact, _pixels: int) -> float:
     """Return the work of one `measure`, see `featuresel.routines.Routine`."""
     template = artifact.arrays["template"]
-    part = (math.hypot(*template.shape) + 2 * _MOVED_PX) ** 2
+    part = (math.hypot(*template.shape) + 2 * REACH_PX) ** 2
     each = _TURN_WORK if artifact.parameters["turns"] else _SHIFT_WORK
-    return 0.5 + _PART_WORK * part + _TYPICAL_ROUNDS * each * template.size
+    work = 0.5 + _PART_WORK * part + _TYPICAL_ROUNDS * each * template.size
+    if artifact.parameters["scales"]:
+        work += refine_work(template.astype(np.float64), part, _SHRINK)
+    return work
 
 
 def _told(template: FloatArray, *, round_target: bool) -> dict[str, float]:
@@ -153,7 +136,23 @@ def _told(template: FloatArray, *, round_target: bool) -> dict[str, float]:
     }
 
 
-def _locked_px(render: Render, target: Target, artifact: Artifact) -> float | Failure:
+def _pulled_px(template: FloatArray) -> float:
+    """Return how far a scale of 2 would move what is found, to first order.
+
+    A template scaled about its middle looks shifted where its edges lie to one side.
+    """
+    down, across = np.gradient(template)
+    v = np.arange(template.shape[0])[:, None] - (template.shape[0] - 1) / 2
+    u = np.arange(template.shape[1]) - (template.shape[1] - 1) / 2
+    grown = across * u + down * v
+    x = float((grown * across).sum()) / max(float((across**2).sum()), 1e-12)
+    y = float((grown * down).sum()) / max(float((down**2).sum()), 1e-12)
+    return math.hypot(x, y)
+
+
+def _locked_px(
+    render: LookModel, target: Target, artifact: Artifact
+) -> float | Failure:
     """Return the rms error per axis without noise, over some places and turns.
 
     Turned edges cross pixels at all phases: it is largest where nothing turns.
@@ -172,130 +171,65 @@ def _locked_px(render: Render, target: Target, artifact: Artifact) -> float | Fa
     return float(np.sqrt(np.mean(np.square(errors))))
 
 
-def _start(artifact: Artifact, guess: Guess) -> _Pose:
-    """Return the template's pose that the guess stands for."""
-    p = artifact.parameters
-    turned = 0.0
-    if p["turns"] and guess.theta_rad is not None:
-        turned = math.remainder(guess.theta_rad - p["theta_rad"], math.tau)
-    dx, dy = _turned((p["offset_column_px"], p["offset_row_px"]), turned)
-    return _Pose(
-        column=guess.column - dx, row=guess.row - dy, turned_rad=turned, score=0.0
+def _scaled(
+    image: FloatArray, artifact: Artifact, near: TemplatePose
+) -> TemplatePose | Failure:
+    """Return the pose with the scale free, from one found without."""
+    found = refine(
+        image,
+        artifact.arrays["template"].astype(np.float64),
+        (near.column, near.row, near.turned_rad),
+        _SHRINK,
+        scale_off=artifact.parameters["scale_off"],
+        turns=artifact.parameters["turns"] > 0,
     )
-
-
-def _align(image: FloatArray, artifact: Artifact, start: _Pose) -> _Pose | Failure:
-    """Return the pose of the highest correlation.
-
-    OpenCV takes the angle from its sine, so the template is turned by quarters first,
-    which moves pixels onto pixels. Its warp rounds coordinates to 1/32 px and then
-    steps as if it had not, so one last step starts on that grid, where rounding
-    changes nothing.
-    """
-    quarters = round(start.turned_rad / _QUARTER_RAD)
-    template = np.ascontiguousarray(np.rot90(artifact.arrays["template"], quarters))
-    left, top, part = _part(image, template.shape, start)
-    if min(part.shape) < 4:
-        return Failure(code="outside", message="the target is out of view")
-    if not float(part.std()) > _FAINT / 2:
-        return Failure(code="no_contrast", message="the image is blank")
-    at = _Pose(
-        column=start.column - left,
-        row=start.row - top,
-        turned_rad=start.turned_rad - quarters * _QUARTER_RAD,
-        score=0.0,
-    )
-    turns = artifact.parameters["turns"] > 0
-    found = _search(part, template, at, _ROUNDS, turns=turns)
     if isinstance(found, Failure):
         return found
-    on_grid = replace(
-        found,
-        column=round(found.column * _GRID) / _GRID,
-        row=round(found.row * _GRID) / _GRID,
-    )
-    last = _search(part, template, on_grid, 1, turns=turns)
-    if isinstance(last, Failure):
-        return last
-    step = math.hypot(last.column - on_grid.column, last.row - on_grid.row)
-    if not step <= _LAST_PX:
-        return Failure(code="diverged", message=f"still moves by {step:.3f} px")
-    return replace(
-        last,
-        column=last.column + left,
-        row=last.row + top,
-        turned_rad=last.turned_rad + quarters * _QUARTER_RAD,
+    return TemplatePose(
+        column=found.column,
+        row=found.row,
+        turned_rad=found.turned_rad,
+        score=found.score,
     )
 
 
-def _part(
-    image: FloatArray, shape: tuple[int, ...], at: _Pose
-) -> tuple[int, int, Float32Array]:
-    """Return left, top and the piece of the image that the template may reach."""
-    reach = math.hypot(*shape) / 2 + _MOVED_PX
-    left, top = max(0, int(at.column - reach)), max(0, int(at.row - reach))
-    right, bottom = max(0, int(at.column + reach)), max(0, int(at.row + reach))
-    part = image[top : bottom + 1, left : right + 1]
-    return left, top, np.ascontiguousarray(part, dtype=np.float32)
-
-
-def _search(
-    image: Float32Array,
-    template: Float32Array,
-    start: _Pose,
-    rounds: int,
-    *,
-    turns: bool,
-) -> _Pose | Failure:
-    """Return the pose after `rounds` of OpenCV's steps at most.
-
-    References
-    ----------
-    Evangelidis & Psarakis (2008).
-    """
-    motion = cv2.MOTION_EUCLIDEAN if turns else cv2.MOTION_TRANSLATION
-    middle = ((template.shape[1] - 1) / 2, (template.shape[0] - 1) / 2)
-    limits = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, rounds, _SETTLED)
-    everywhere = np.ones(image.shape, dtype=np.uint8)
-    try:
-        score, warp = cv2.findTransformECC(
-            template,
-            image,
-            _warp(start, middle),
-            motion,
-            limits,
-            everywhere,
-            _NO_BLUR,
+def _strayed(start: TemplatePose, found: TemplatePose) -> Failure | None:
+    """Return why what was found cannot be the target, if it cannot."""
+    moved = math.hypot(found.column - start.column, found.row - start.row)
+    turned_rad = abs(found.turned_rad - start.turned_rad)
+    if moved > REACH_PX or turned_rad > _TURNED_RAD:
+        return Failure(
+            code="diverged",
+            message=f"moved by {moved:.2f} px and {turned_rad:.3f} rad from the guess",
         )
-    except cv2.error as error:
-        return Failure(code="diverged", message=f"no convergence: {error.err}")
-    if not (math.isfinite(score) and np.isfinite(warp).all()):
-        return Failure(code="diverged", message="no finite pose")
-    m = warp.astype(np.float64)
-    column, row = m @ (*middle, 1.0)
-    return _Pose(
-        column=float(column),
-        row=float(row),
-        turned_rad=math.atan2(-m[1, 0], m[0, 0]),
-        score=float(score),
+    if found.score < _LEAST_SCORE:
+        return Failure(
+            code="low_score",
+            message=f"correlation {found.score:.3f}, at least {_LEAST_SCORE}",
+        )
+    return None
+
+
+def _start(artifact: Artifact, guess: Guess) -> TemplatePose:
+    """Return the template's pose that the guess stands for."""
+    p = artifact.parameters
+    turn = 0.0
+    if p["turns"] and guess.theta_rad is not None:
+        turn = math.remainder(guess.theta_rad - p["theta_rad"], math.tau)
+    dx, dy = turned((p["offset_column_px"], p["offset_row_px"]), turn)
+    return TemplatePose(
+        column=guess.column - dx, row=guess.row - dy, turned_rad=turn, score=0.0
     )
 
 
-def _warp(pose: _Pose, middle: tuple[float, float]) -> Float32Array:
-    """Return the map (2, 3) from the template's pixels to the image's."""
-    c, s = math.cos(pose.turned_rad), math.sin(pose.turned_rad)
-    x, y = _turned(middle, pose.turned_rad)
-    return np.array(((c, s, pose.column - x), (-s, c, pose.row - y)), dtype=np.float32)
-
-
-def _measurement(found: _Pose, artifact: Artifact) -> Measurement:
+def _measurement(found: TemplatePose, artifact: Artifact) -> Measurement:
     """Return the reference point's pose from the template's.
 
     The residual's share of the contrast is 1 / score^2 - 1; what the slopes make of it
     is the spread.
     """
     p = artifact.parameters
-    dx, dy = _turned((p["offset_column_px"], p["offset_row_px"]), found.turned_rad)
+    dx, dy = turned((p["offset_column_px"], p["offset_row_px"]), found.turned_rad)
     score = min(max(found.score, 1e-6), 1.0)
     residual = math.sqrt(1 / score**2 - 1)
     scatter = residual / math.sqrt(min(p["x_per_px2"], p["y_per_px2"]))
@@ -311,9 +245,3 @@ def _measurement(found: _Pose, artifact: Artifact) -> Measurement:
         spread_px=math.hypot(scatter, p["locked_px"]),
         spread_theta_rad=spread_theta,
     )
-
-
-def _turned(point: tuple[float, float], turned_rad: float) -> tuple[float, float]:
-    """Return (columns, rows) turned counter-clockwise as displayed: rows go down."""
-    c, s = math.cos(turned_rad), math.sin(turned_rad)
-    return c * point[0] + s * point[1], -s * point[0] + c * point[1]

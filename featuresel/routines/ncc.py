@@ -14,8 +14,8 @@ from featuresel.routines import (
     FloatArray,
     Guess,
     Known,
+    LookModel,
     Measurement,
-    Render,
     Target,
     TargetKind,
     work,
@@ -23,10 +23,10 @@ from featuresel.routines import (
 from featuresel.routines.extent import cut, half_px
 from featuresel.routines.peak import Float32Array, find_peak
 from featuresel.routines.picture import refused
-from featuresel.routines.template_fit import refine, refine_work
+from featuresel.routines.template_fit import SCALE_OFF, refine, refine_work
 
 NAME = "ncc"
-VERSION = "1"
+VERSION = "2"
 KINDS: tuple[TargetKind, ...] = ("circle", "teeth", "outline", "jaws")
 GIVES: tuple[Known, ...] = ("xy", "theta")
 NEEDS: tuple[Known, ...] = ()
@@ -38,15 +38,17 @@ _LEAST_SCORE = 0.6  # correlation; noise, blur and gradients leave .8 and more
 _COARSE_PX = 16.0  # half the template's side where angles are searched
 _STEP_PX = 1.0  # of the rim between two templates: half of it blurs, no more
 _MOST = 96  # templates
+_ZOOM_SIGMAS = 3.0  # of zoom errors that a fit's scale may take
 _NO_TURN_RAD = 1e-3  # below this range the angle is not searched
 
 
-def prepare(render: Render, target: Target) -> Artifact | Failure:
+def prepare(render: LookModel, target: Target) -> Artifact | Failure:
     """Return templates over the angles, and whether the angle is measured.
 
-    An outline's angle is searched in small images and refined by a least-squares fit of
-    the nominal template; for round and toothed parts the templates only have to be
-    near, over one period of the symmetry.
+    The angle of an outline or of fingers is searched in small images and refined by a
+    least-squares fit of the nominal template, its scale free: zoom moves the fingers'
+    tips, and they would take the grip along. For round and toothed parts the templates
+    only have to be near, over one period of the symmetry.
     """
     image = render()
     half = half_px(target, image.shape, target.search_px)
@@ -55,7 +57,8 @@ def prepare(render: Render, target: Target) -> Artifact | Failure:
             code="outside",
             message=f"{min(half)} px between target and border after the search",
         )
-    turns = target.kind == "outline" and target.theta_range_rad > _NO_TURN_RAD
+    some = target.theta_range_rad > _NO_TURN_RAD
+    turns = target.kind == "jaws" or (target.kind == "outline" and some)
     shrink = 1
     if turns:  # a power of two, so that halving ends at 1
         shrink = 2 ** max(0, int(math.log2(max(1.0, min(half) / _COARSE_PX))))
@@ -76,6 +79,7 @@ def prepare(render: Render, target: Target) -> Artifact | Failure:
             "turns": float(turns),
             "theta_rad": target.theta_rad,
             "range_rad": target.theta_range_rad,
+            "scale_off": max(SCALE_OFF, _ZOOM_SIGMAS * render.drifts.zoom_sigma),
         },
         arrays={
             "templates": np.stack(templates).astype(np.float32),
@@ -104,6 +108,7 @@ def measure(
         artifact.arrays["nominal"].astype(np.float64),
         (column, row, turned_rad),
         shrink,
+        scale_off=p["scale_off"],
     )
     if isinstance(fine, Failure):
         return fine
@@ -130,7 +135,7 @@ def cost(artifact: Artifact, pixels: int) -> float:
     if shrink > 1:
         total += work.smooth(pixels, 0.45 * shrink)
     if p["turns"]:
-        nominal = artifact.arrays["nominal"].size
+        nominal = artifact.arrays["nominal"].astype(np.float64)
         total += refine_work(nominal, pixels, shrink)
     return total
 
@@ -159,7 +164,7 @@ def _answer(
 
 def _angles(target: Target, half: tuple[int, int], shrink: int) -> FloatArray:
     """Return turns away from nominal so close that the rim moves by `_STEP_PX`."""
-    if target.kind in ("circle", "jaws"):
+    if target.kind == "circle":
         return np.zeros(1)
     limit = min(target.theta_range_rad, math.pi / max(target.symmetry, 1))
     if limit <= _NO_TURN_RAD:

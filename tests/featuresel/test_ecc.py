@@ -92,6 +92,30 @@ def test_capture_is_as_stated(look: Look) -> None:
             assert math.hypot(x - case.x_um - 1.0, y - case.y_um) < 0.05
 
 
+@pytest.mark.parametrize("zoom", [0.985, 1.015])  # three sigmas of the look
+def test_a_zoom_error_does_not_take_the_fingers_grip_along(
+    zoom: float, look: Look
+) -> None:
+    case = look("jaws")
+    scope = replace(case.microscope, magnification=zoom * case.microscope.magnification)
+    image = nominal_render(replace(case, microscope=scope))(dx_um=1.0)
+    found = ecc.measure(image, prepared(case), near(case, 1.0, 0.0, 0.0))
+    assert isinstance(found, Measurement)
+    x, y = case.frame.to_world(found.column, found.row)
+    off = math.hypot(x - zoom * (case.x_um + 1.0), y - zoom * case.y_um)
+    # without a scale the grip goes with the tips, by .9 um; what is left is
+    # the sampling of edges in focus, a few hundredths of a pixel
+    assert off < 0.05
+
+
+def test_a_scale_is_sought_only_where_it_moves_the_place(look: Look) -> None:
+    scales = {n: prepared(look(n)).parameters["scales"] for n in ("post", "jaws")}
+    assert scales == {"post": 0.0, "jaws": 1.0}
+    case = look("jaws")
+    sure = replace(case, spread=replace(case.spread, magnification_sigma=0.0))
+    assert prepared(sure).parameters["scales"] == 0.0
+
+
 def test_a_disc_has_no_angle_and_needs_none(look: Look) -> None:
     case = look("post")
     artifact = prepared(case)

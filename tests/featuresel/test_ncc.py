@@ -64,6 +64,21 @@ def test_a_zoom_error_does_not_move_an_outline_on_the_axis(look: Look) -> None:
     assert math.hypot(x - 1.01 * case.x_um, y - 1.01 * case.y_um) < 0.02
 
 
+@pytest.mark.parametrize(("turn", "zoom"), [(0.1, 1.0), (-0.12, 1.015), (0.0, 0.985)])
+def test_turned_and_zoomed_fingers_keep_their_grip(
+    turn: float, zoom: float, look: Look
+) -> None:
+    case = look("jaws")
+    scope = replace(case.microscope, magnification=zoom * case.microscope.magnification)
+    image = nominal_render(replace(case, microscope=scope))(theta_rad=turn)
+    found = ncc.measure(image, prepared(case), start(case))
+    assert isinstance(found, Measurement)
+    assert found.theta_rad == pytest.approx(case.theta_rad + turn, abs=5e-4)
+    x, y = case.frame.to_world(found.column, found.row)
+    # a template that did not turn or grow would be off by 60 um x .1 rad or 1.5 %
+    assert math.hypot(x - zoom * case.x_um, y - zoom * case.y_um) < 0.05
+
+
 def test_the_whole_pixel_agrees_with_scikit_image(look: Look) -> None:
     case = look("post")
     artifact = prepared(case)
