@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from benchmarks import (
     coherence,
+    compiling,
     costs,
     error_maps,
     example,
@@ -42,5 +43,6 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     localisation.BENCHMARK,
     imports.BENCHMARK,
     example.BENCHMARK,
+    compiling.BENCHMARK,
     runs.BENCHMARK,
 )
