@@ -1,8 +1,10 @@
 """Circle through the iso-line at the level that the render predicts for its rim.
 
-Good far out of focus, where calipers need long lines, and under light that has a
-gradient: the level is a plane between both sides of the rim. What is near the rim and
-blurred into one of its sides pulls it. `benchmarks/localisation` has the numbers.
+Good out of focus, where calipers need long lines, and under light that has a gradient:
+the level is a plane between both sides of the rim. What is near the rim and blurred
+into one of its sides pulls it. So does its own blur, where that is much wider than the
+planned one and reaches the sides: the centre then stays near the guess, does not
+settle, and is refused. `benchmarks/localisation` has the numbers.
 """
 
 from __future__ import annotations
@@ -26,7 +28,7 @@ from featuresel.routines.rim import approach, approach_work
 from featuresel.routines.rim_plan import placed, prepare_rim
 
 NAME = "iso_circle"
-VERSION = "1"
+VERSION = "2"
 KINDS: tuple[TargetKind, ...] = ("circle", "teeth")
 GIVES: tuple[Known, ...] = ("xy",)
 NEEDS: tuple[Known, ...] = ("xy",)

@@ -26,7 +26,7 @@ from featuresel.routines.rim_plan import placed, prepare_rim
 from featuresel.routines.sampling import BoolArray, median
 
 NAME = "iso_ellipse"
-VERSION = "1"
+VERSION = "2"
 KINDS: tuple[TargetKind, ...] = ("circle", "teeth")
 GIVES: tuple[Known, ...] = ("xy",)
 NEEDS: tuple[Known, ...] = ("xy",)

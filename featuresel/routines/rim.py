@@ -22,6 +22,8 @@ STEP_PX = 0.5  # of radial profiles
 THICK = 6  # steps: what is averaged of both sides, so that the level is not noisy
 
 _NEAR_PX = 0.5  # what the first circle may be off by
+_APPROACHES = 5  # rounds; two settle in focus
+_STAYS_PX = 0.02  # a round; of errors that rounds keep to .8, four times this are left
 _MOVED_PX = 2 * CAPTURE_PX  # from the guess: beyond, another rim was met
 _WEAKEST = 0.3  # of the predicted step: light falls to .7, focus errors take the rest
 _SECTORS = 48  # of the circle, in which points are counted
@@ -104,23 +106,32 @@ def rim_points(
 def approach(
     image: FloatArray, p: Mapping[str, float], guess: Guess
 ) -> tuple[RimPoints, Circle] | Failure:
-    """Return the points and the circle through them, sought again about its centre."""
+    """Return the points and the circle through them, sought until its centre stays.
+
+    The level is that of two rings about the last centre. Where blur reaches them it
+    tilts with that centre's error, and each round keeps a share of it, the larger the
+    wider the blur. What does not settle is refused.
+    """
     if unfit := refused(image):
         return unfit
-    at = guess
-    found: tuple[RimPoints, Circle] | None = None
-    for away in (CAPTURE_PX, _NEAR_PX):
+    at, away = guess, CAPTURE_PX
+    for _ in range(_APPROACHES):
         points = rim_points(image, p, at, away)
         if isinstance(points, Failure):
             return points
-        start = (at.column, at.row, p["radius_px"])
-        circle = fit_circle(points.columns, points.rows, start)
+        circle = fit_circle(
+            points.columns, points.rows, (at.column, at.row, p["radius_px"])
+        )
         moved = math.hypot(circle.column - guess.column, circle.row - guess.row)
         if not moved <= _MOVED_PX:
             return Failure(code="outside", message=f"{moved:.1f} px from the guess")
-        at, found = Guess(column=circle.column, row=circle.row), (points, circle)
-    assert found is not None  # noqa: S101 - there are two rounds
-    return found
+        step = math.hypot(circle.column - at.column, circle.row - at.row)
+        if away < CAPTURE_PX and step <= _STAYS_PX:
+            return points, circle
+        at, away = Guess(column=circle.column, row=circle.row), _NEAR_PX
+    return Failure(
+        code="unsettled", message=f"the centre still moves by {step:.2f} px a round"
+    )
 
 
 def approach_work(p: Mapping[str, float]) -> float:

@@ -64,6 +64,29 @@ def test_out_of_focus_it_keeps_to_the_limit(
 
 
 @pytest.mark.parametrize("name", BOTH)
+def test_blur_beyond_the_planned_one_never_lets_the_guess_through(
+    name: str, look: Look
+) -> None:
+    case = look("post")  # planned in focus
+    artifact, found = prepared(case, name), {}
+    for z in (10.0, 25.0):
+        image = nominal_render(replace(case, focus_um=z))()
+        for off in (-1.5, 1.5):
+            at = replace(start(case), column=case.target.column + off)
+            found[z, off] = load(name).measure(image, artifact, at)
+    left, right = found[10.0, -1.5], found[10.0, 1.5]
+    assert isinstance(left, Measurement)
+    assert isinstance(right, Measurement)
+    # of 3 px between the guesses: what a round may still move, four times as much
+    # after all rounds that follow, to either side
+    assert abs(right.column - left.column) < 2 * 4 * 0.02
+    for off in (-1.5, 1.5):
+        lost = found[25.0, off]
+        assert isinstance(lost, Failure)
+        assert lost.code == "unsettled"
+
+
+@pytest.mark.parametrize("name", BOTH)
 def test_the_lights_level_and_gradient_move_nothing(name: str, look: Look) -> None:
     case = look("post")
     artifact = prepared(case, name)
