@@ -25,8 +25,26 @@ def needing(**changes: object) -> Plan:
     return replace(plan, requirements=need)
 
 
-def test_the_examples_plan_fits_the_examples_cell() -> None:
-    preflight(plan_of(()), station())
+def test_the_examples_plan_fits_the_examples_cell_and_nothing_moves() -> None:
+    found = station()
+    before = found.stage.reading(), found.jaws().reading()
+    preflight(plan_of(()), found)
+    assert (found.stage.reading(), found.jaws().reading()) == before
+    assert before[0].x_um == stage_start().x_um
+
+
+def test_limits_belong_to_what_is_reachable() -> None:
+    """A plan that asks for all the station offers fits; a micrometre more does not."""
+    found = station()
+    offer = found.offer
+    assert offer.opening_um is not None
+    whole = {"magnification": offer.magnification, "focus_um": offer.focus_um,
+             "opening_um": offer.opening_um, "travel": offer.travel}  # fmt: skip
+    preflight(needing(**whole), found)
+    low, high = offer.focus_um
+    with pytest.raises(ExecutorError, match="focus_um") as caught:
+        preflight(needing(focus_um=(low, high + 1.0)), found)
+    assert caught.value.code == "MP806"
 
 
 @pytest.mark.parametrize(
