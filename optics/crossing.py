@@ -10,8 +10,9 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 import numpy.typing as npt
@@ -90,12 +91,12 @@ def crossed(
         behind = np.zeros((len(rays), rows, columns), dtype=np.float32)
         for face, seen, total in zip(faces, views, sums, strict=True):
             at = _met(face, rays, lattice)
-            parts = [view[at] for view in seen]
+            parts = [_met_by(view, at) for view in seen]
             behind *= 1 - parts[0]
             if face.dark is not None:
                 behind += parts[1] * parts[2]
             for k, part in enumerate(parts):
-                total[k] += part.sum(axis=0)
+                total[k] += part[0] if len(part) == 1 else part.sum(axis=0)
         lost += behind.sum(axis=0)
     means = np.concatenate([lost[None], sums.reshape(-1, rows, columns)])
     means /= len(tangents)
@@ -127,43 +128,53 @@ def _faces(
     focus_um: float,
 ) -> Iterator[_Face]:
     """Yield faces from the lowest shaded one up."""
+
+    @cache  # the plane below may be as high as a layer
+    def dark(z_um: float) -> Float32Array | None:
+        if z_um not in found:
+            return None
+        wide = _wide(lattice, microscope, z_um - focus_um)
+        return (1 - found[z_um].on(wide)).astype(np.float32)
+
     if background is not None and background[1] in found:
-        yield _face([], background, found, lattice, microscope, focus_um)
+        yield _face([], background, dark, lattice, microscope, focus_um)
     lowest = min(found)
     ordered = sorted(layers, key=lambda layer: (layer.z_um, layer.name))
     for z_um, group in itertools.groupby(ordered, key=lambda layer: layer.z_um):
         if z_um >= lowest:
-            yield _face(list(group), (0.0, z_um), found, lattice, microscope, focus_um)
+            yield _face(list(group), (0.0, z_um), dark, lattice, microscope, focus_um)
 
 
 def _face(
     layers: Sequence[Layer],
     plane: tuple[float, float],
-    found: Mapping[float, Light],
+    dark: Callable[[float], Float32Array | None],
     lattice: Lattice,
     microscope: Microscope,
     focus_um: float,
 ) -> _Face:
     """Return layers of one height, or the plane below if there are none."""
     reflectance, z_um = plane
-    reach_um = microscope.blur_diameter_um(z_um - focus_um) / 2
-    wide = lattice.grown(math.ceil(reach_um / lattice.step_um))
+    wide = _wide(lattice, microscope, z_um - focus_um)
     covers = np.zeros(wide.shape) if layers else np.ones(wide.shape)
     sends = reflectance * covers
     for layer in layers:
         own = wide.cells(layer)
         covers, sends = covers * (1 - own) + own, sends * (1 - own)
         sends += layer.reflectance * own
-    dark = None
-    if z_um in found:
-        dark = (1 - found[z_um].on(wide)).astype(np.float32)
     return _Face(
         height_um=z_um,
         z_um=z_um - focus_um,
         covers=covers.astype(np.float32),
         sends=sends.astype(np.float32),
-        dark=dark,
+        dark=dark(z_um),
     )
+
+
+def _wide(lattice: Lattice, microscope: Microscope, z_um: float) -> Lattice:
+    """Return the points that rays meet `z_um` out of focus."""
+    reach_um = microscope.blur_diameter_um(z_um) / 2
+    return lattice.grown(math.ceil(reach_um / lattice.step_um))
 
 
 def _met(
@@ -173,6 +184,15 @@ def _met(
     by = (face.covers.shape[0] - lattice.shape[0]) // 2
     across, up = np.rint(face.z_um * tangents.T / lattice.step_um).astype(np.intp)
     return by - up, by + across
+
+
+def _met_by(
+    view: Float32Array, at: tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]
+) -> Float32Array:
+    """Return what a bundle of rays meets, (rays, rows, columns); of one no copy."""
+    if at[0].size == 1:
+        return np.asarray(view[at[0].item(), at[1].item()][None])
+    return view[at]
 
 
 def _views(face: _Face, lattice: Lattice) -> list[Float32Array]:
