@@ -79,34 +79,18 @@ def select(
         in_set=in_set,
     )
     faults = {score.chain: task.fault(score) for score in scores}
-    reliable = [score for score in scores if not task.unreliable(score)]
-    best_known = front(reliable, task.use)
     passing = [score for score in scores if not faults[score.chain]]
     chosen = best(passing, task)
-    if chosen is None:
-        return Selection(
-            chosen=None,
-            fallback=None,
-            reasons=tuple((s.chain, f"rejected: {faults[s.chain]}") for s in scores),
-            advice=_advice(scores, task),
-            pareto=best_known,
-        )
-    others = [s for s in passing if s.chain != chosen.chain]
-    apart = [s for s in others if s.chain[0] != chosen.chain[0]]
-    fallback = best(apart, task) or best(others, task)
-    reasons = []
-    for score in scores:
-        fault = faults[score.chain]
-        if fault:
-            reasons.append((score.chain, f"rejected: {fault}"))
-        else:
-            reasons.append((score.chain, _standing(score, chosen, fallback)))
+    fallback = _fallback(passing, chosen, task)
+    reliable = [score for score in scores if not task.unreliable(score)]
     return Selection(
         chosen=chosen,
         fallback=fallback,
-        reasons=tuple(reasons),
-        advice="",
-        pareto=best_known,
+        reasons=tuple(
+            (s.chain, _reason(s, faults[s.chain], chosen, fallback)) for s in scores
+        ),
+        advice=_advice(scores, task) if chosen is None else "",
+        pareto=front(reliable, task.use),
     )
 
 
@@ -123,6 +107,17 @@ def best(scores: Sequence[Score], task: Constraints) -> Score | None:
     return chosen
 
 
+def _fallback(
+    passing: Sequence[Score], chosen: Score | None, task: Constraints
+) -> Score | None:
+    """Return the next best, one that begins with another routine if there is one."""
+    if chosen is None:
+        return None
+    others = [s for s in passing if s.chain != chosen.chain]
+    apart = [s for s in others if s.chain[0] != chosen.chain[0]]
+    return best(apart, task) or best(others, task)
+
+
 def _advice(scores: Sequence[Score], task: Constraints) -> str:
     """Return what to relax: what the best reliable chain needs, or another target."""
     if task.hidden():
@@ -130,25 +125,33 @@ def _advice(scores: Sequence[Score], task: Constraints) -> str:
     if task.ambiguous():
         return _unambiguous(task)
     reliable = [s for s in scores if not task.unreliable(s)]
+    return _looser(reliable, task) if reliable else _safer(scores)
+
+
+def _looser(reliable: Sequence[Score], task: Constraints) -> str:
+    """Return the limits under which a reliable chain would pass, or what none tells."""
     whole = [s for s in reliable if not task.one_way(s)]
-    if reliable and not whole:
+    if not whole:
         return (
             "reliable chains tell the place in one direction only: look at another "
             "feature, or at several together"
         )
     able = [s for s in whole if math.isfinite(task.use(s))]
-    quick = [s for s in able if not task.slow(s)]
     if able:
         # a chain that only costs too much wants its limit raised, not the tolerances
         only_slow = [s for s in able if not task.inaccurate(s)]
+        quick = [s for s in able if not task.slow(s)]
         nearest = min(
             only_slow or quick or able, key=lambda s: (task.use(s), s.cost, s.chain)
         )
         return f"{_name(nearest.chain)} would pass with {_needs(nearest, task)}"
     if any(math.isfinite(s.need_um) for s in whole):
         return "no reliable chain gives an angle: break the target's symmetry"
-    if whole:
-        return "too few trials to tell a spread"
+    return "too few trials to tell a spread"
+
+
+def _safer(scores: Sequence[Score]) -> str:
+    """Return how near the most reliable chain comes, where none is."""
     rightest = max(scores, key=lambda s: (s.success - s.silent, -s.cost))
     return (
         f"no chain is reliable; the best, {_name(rightest.chain)}, is right in "
@@ -181,8 +184,12 @@ def _needs(score: Score, task: Constraints) -> str:
     return " and ".join(parts)
 
 
-def _standing(score: Score, chosen: Score, fallback: Score | None) -> str:
-    """Return the reason of a chain that passes."""
+def _reason(
+    score: Score, fault: str, chosen: Score | None, fallback: Score | None
+) -> str:
+    """Return why a chain is taken or not; one without a fault passes."""
+    if fault or chosen is None:
+        return f"rejected: {fault}"
     numbers = f"2 sigma + |bias| {score.need_um:.3g} um, cost {score.cost:.3g}"
     if score.chain == chosen.chain:
         return f"chosen: {numbers}, success above {score.success_lower:.1%}"
