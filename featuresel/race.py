@@ -98,9 +98,7 @@ def race(
     Maron & Moore (1997), The racing algorithm, Artificial Intelligence Review 11.
     """
     ends = round_ends(rounds, most)
-    peeks = len(ends) if peeks is None else peeks
-    if peeks < len(ends):
-        raise ValueError(f"need a peek for each of {len(ends)} rounds, got {peeks}")
+    peeks = _peeks(ends, peeks)
     verdicts = Verdicts(
         case=case, limits=limits or Limits(), peeks=peeks, in_set=in_set
     )
@@ -133,3 +131,12 @@ def round_ends(rounds: Sequence[int], most: int) -> tuple[int, ...]:
     if any(b <= a for a, b in zip((0, *rounds), rounds, strict=False)):
         raise ValueError(f"rounds must rise from 1, got {tuple(rounds)}")
     return (*(end for end in rounds if end < most), most)
+
+
+def _peeks(ends: Sequence[int], peeks: int | None) -> int:
+    """Return how often outcomes may decide on trials, at least once a round."""
+    if peeks is None:
+        return len(ends)
+    if peeks < len(ends):
+        raise ValueError(f"need a peek for each of {len(ends)} rounds, got {peeks}")
+    return peeks
