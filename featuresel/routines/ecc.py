@@ -27,7 +27,7 @@ from featuresel.routines import (
 from featuresel.routines.ecc_search import FAINT, REACH_PX, TemplatePose, align, turned
 from featuresel.routines.extent import cut, half_px
 from featuresel.routines.picture import refused
-from featuresel.routines.template_fit import SCALE_OFF, refine, refine_work
+from featuresel.routines.template_fit import SCALE_OFF, SURE_SCORE, refine, refine_work
 
 NAME = "ecc"
 VERSION = "2"
@@ -41,7 +41,7 @@ DEAR = False
 _LEAST_SCORE = 0.8  # correlation; blur and light gradients leave .9 and more
 _TURNED_RAD = 0.2  # from the guess: beyond, it has run away
 _ZOOM_SIGMAS = 3.0  # of zoom errors that a scale has to take
-_PULLED_PX = 0.02  # by those: more than interpolation costs in focus
+_PULLED_PX = 0.1  # by those: round and toothed parts stay far below, fingers far above
 _SHRINK = 2  # of the first images of the fit: twice as far to fall into place
 _TYPICAL_ROUNDS = 7
 _TURN_WORK, _SHIFT_WORK = 4.2e-5, 4.5e-5  # a round, per pixel, in box filters
@@ -70,13 +70,14 @@ def prepare(render: LookModel, target: Target) -> Artifact | Failure:
     if not float(template.std()) > FAINT:
         return Failure(code="no_contrast", message="the template is blank")
     zoom = _ZOOM_SIGMAS * render.drifts.zoom_sigma
+    alone = cut(render.alone(), target, half)  # what stands still pulls in any case
     first = Artifact(
         parameters={
             "offset_column_px": target.column - round(target.column),
             "offset_row_px": target.row - round(target.row),
             "theta_rad": target.theta_rad,
             "locked_px": 0.0,
-            "scales": float(zoom * _pulled_px(template) > _PULLED_PX),
+            "scales": float(zoom * _pulled_px(alone) > _PULLED_PX),
             "scale_off": max(SCALE_OFF, zoom),
             **_told(template, round_target=target.kind == "circle"),
         },
@@ -180,6 +181,7 @@ def _scaled(
         artifact.arrays["template"].astype(np.float64),
         (near.column, near.row, near.turned_rad),
         _SHRINK,
+        least_score=SURE_SCORE,
         scale_off=artifact.parameters["scale_off"],
         turns=artifact.parameters["turns"] > 0,
     )

@@ -23,7 +23,7 @@ from featuresel.routines import (
 from featuresel.routines.extent import cut, half_px
 from featuresel.routines.peak import Float32Array, find_peak
 from featuresel.routines.picture import refused
-from featuresel.routines.template_fit import SCALE_OFF, refine, refine_work
+from featuresel.routines.template_fit import SCALE_OFF, SURE_SCORE, refine, refine_work
 
 NAME = "ncc"
 VERSION = "2"
@@ -79,6 +79,7 @@ def prepare(render: LookModel, target: Target) -> Artifact | Failure:
             "turns": float(turns),
             "theta_rad": target.theta_rad,
             "range_rad": target.theta_range_rad,
+            "least_score": SURE_SCORE if target.kind == "jaws" else _LEAST_SCORE,
             "scale_off": max(SCALE_OFF, _ZOOM_SIGMAS * render.drifts.zoom_sigma),
         },
         arrays={
@@ -108,6 +109,7 @@ def measure(
         artifact.arrays["nominal"].astype(np.float64),
         (column, row, turned_rad),
         shrink,
+        least_score=p["least_score"],
         scale_off=p["scale_off"],
     )
     if isinstance(fine, Failure):
@@ -115,8 +117,6 @@ def measure(
     moved = math.hypot(fine.column - column, fine.row - row)
     if moved > 2 * shrink + 2:
         return Failure(code="diverged", message=f"the fit moved by {moved:.1f} px")
-    if fine.score < _LEAST_SCORE:
-        return _low(fine.score)
     if abs(fine.turned_rad) > p["range_rad"] * 1.2 + 0.01 and p["range_rad"] < 3:
         return Failure(code="outside", message=f"turned by {fine.turned_rad:.3f} rad")
     theta = math.remainder(p["theta_rad"] + fine.turned_rad, 2 * math.pi)

@@ -19,9 +19,9 @@ _LEAST_IN_VIEW = 0.8  # of the template's pixels
 _LEAST_GAIN = 0.05  # of the template's contrast
 _SLOPING = 0.1  # of the steepest slope: an edge
 _BESIDE_PX = 10  # of an edge, compared: as far as defocus of 10 um and more may blur it
-# Correlation about edges. A template in focus keeps .97 with fingers 10 um out of it
-# (A = .42); at 25 um .92 is left, and one answer in thirty is wrong.
-_LEAST_SCORE = 0.95
+# Of what has nothing behind it, about its edges. A template in focus keeps .97 with
+# fingers 10 um out of it (A = .42); at 25 um .92 is left, and some answers are wrong.
+SURE_SCORE = 0.95
 SCALE_OFF = 0.05  # zoom errors stay below 2 %; what is farther off is another thing
 
 
@@ -32,7 +32,7 @@ class Fit:
     column: float
     row: float
     turned_rad: float
-    score: float  # correlation coefficient of image and template there
+    score: float  # correlation coefficient of image and template about its edges
 
 
 def refine(
@@ -41,6 +41,7 @@ def refine(
     start: tuple[float, float, float],
     shrink: int,
     *,
+    least_score: float,
     scale_off: float = SCALE_OFF,
     turns: bool = True,
 ) -> Fit | Failure:
@@ -57,6 +58,8 @@ def refine(
         as displayed.
     shrink : int
         Images `shrink` times smaller are fitted first, then half of that, down to 1.
+    least_score : float
+        Correlation of image and template about its edges, below which they differ.
     scale_off : float
         How far from 1 the scale may be.
     turns : bool
@@ -65,7 +68,8 @@ def refine(
     Returns
     -------
     Fit or Failure
-        Fails with "diverged" if it does not settle, "outside" if too little is in view.
+        Fails with "diverged" if it does not settle, "outside" if too little is in view,
+        "scale_off" and "low_score" beyond the limits.
     """
     pose = np.array((*start, 1.0))
     score = 0.0
@@ -79,10 +83,9 @@ def refine(
         shrink //= 2
     if abs(pose[3] - 1) > scale_off:
         return Failure(code="scale_off", message=f"{pose[3]:.3f} times the template")
-    if score < _LEAST_SCORE:
+    if score < least_score:
         return Failure(
-            code="low_score",
-            message=f"correlation {score:.3f}, at least {_LEAST_SCORE}",
+            code="low_score", message=f"correlation {score:.3f}, at least {least_score}"
         )
     return Fit(
         column=float(pose[0]),
