@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from types import MappingProxyType
 
@@ -133,17 +133,31 @@ class RadialTable:
         return value
 
 
-@lru_cache(maxsize=64)  # layers of one height and draws of one focus share theirs
 def tabulate(
     model: str, microscope: Microscope, z_um: float, x_max: float = 1.0
 ) -> RadialTable:
     """Return the table of `transfer` for x in 0..`x_max`.
 
     Its cubic interpolation errs by less than `TABLE_ERROR`; see `transfer` for the
-    rest.
+    rest. It depends on no pixel, so images at all zooms share it.
     """
     if not 0 < x_max <= 1:
         raise ValueError(f"x_max must be in (0, 1], got {x_max}")
+    eyeless = replace(
+        microscope,
+        magnification=1.0,
+        pitch_um=1.0,
+        width_px=1,
+        height_px=1,
+        fill_factor=1.0,
+    )
+    return _tabulate(model, eyeless, z_um, x_max)
+
+
+@lru_cache(maxsize=256)  # layers of one height and draws of one focus share theirs
+def _tabulate(
+    model: str, microscope: Microscope, z_um: float, x_max: float
+) -> RadialTable:
     first = math.sqrt(1 - x_max)
     # the phase of the marginal ray turns by 2 pi per cycle over the blur's radius, and
     # x by at most 2 per sqrt(1 - x)

@@ -179,6 +179,8 @@ def exact(
             "need 0 < aperture < index and wavelength_um > 0, got "
             f"{aperture}, {index}, {wavelength_um}"
         )
+    if z_um == 0:
+        return diffraction(x)
     s = np.minimum(_checked(x), 1.0).ravel()
     law = HighAperture(aperture=aperture, index=index)
     otf = overlap(law, s, 2 * np.pi / wavelength_um * abs(_finite(z_um)) * s)

@@ -122,12 +122,13 @@ class HighAperture:
         A = self.aperture
         d = 4 * A**2 + t**2
         edge = s * t + 2 * self._axial
-        rim = edge * np.sqrt(d) / (2 * A)  # sqrt(E - 4 A**2 half**2), uncancelled
+        root = np.sqrt(d)
+        rim = edge * root / (2 * A)  # sqrt(E - 4 A**2 half**2), uncancelled
         across = 2 * A * half
         E = rim**2 + across**2
         angle = _arc_tangent(across, rim)
-        flat = half * edge / (2 * d) + E * angle / (2 * d**1.5)
-        bent = (s * t) ** 2 * angle / (4 * A**2 * np.sqrt(d))
+        flat = half * edge / (2 * d) + E * angle / (2 * d * root)
+        bent = (s * t) ** 2 * angle / (4 * A**2 * root)
         density: Values = flat - bent
         return density
 

@@ -160,18 +160,9 @@ class Part:
         """Return the transfer of a view and the highest frequency of its image."""
         setting, z_um = view.setting, self._defocus_um(view)
         cut = band_cut(self.model, setting, z_um, self.sampling.band_error)
-        # a table depends on no pixel, and one for a little more than the cut serves
-        # the zooms nearby too
-        eyeless = replace(
-            setting,
-            magnification=1.0,
-            pitch_um=1.0,
-            width_px=1,
-            height_px=1,
-            fill_factor=1.0,
-        )
+        # a table for a little more than the cut serves the zooms nearby too
         steps = math.ceil(_TABLES * math.log2(cut))
-        table = tabulate(self.model, eyeless, z_um, 2.0 ** (steps / _TABLES))
+        table = tabulate(self.model, setting, z_um, 2.0 ** (steps / _TABLES))
         return table, cut * setting.cutoff_per_um
 
     def _defocus_um(self, view: View) -> float:
