@@ -81,8 +81,7 @@ def _height(
     case: LookCase, artifact: Artifact, pair: Sequence[Drawn], rng: np.random.Generator
 ) -> float | Failure:
     """Return the height that a pair tells, from a coarse guess with the angle."""
-    s = pair[0].setting
-    at = replace(guess(case, pair[0], rng), theta_rad=case.theta_rad + s.dtheta_rad)
+    at = guess(case, pair[0], rng, told=True)
     found = defocus_pair.measure([d.image for d in pair], OFFSETS_UM, artifact, at)
     if isinstance(found, Failure):
         return found

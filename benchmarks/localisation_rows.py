@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 
 import cv2
@@ -22,7 +22,6 @@ from benchmarks.localisation_scenes import (
     draws,
 )
 from benchmarks.localisation_trials import (
-    OFF_RAD,
     SEED,
     TOLERANCE_RAD,
     TOLERANCE_UM,
@@ -122,8 +121,7 @@ def begin(case: LookCase, name: str, drawn: Drawn, rng: np.random.Generator) -> 
         return start(case)
     if "z" in needs:
         return near(case, drawn, rng)
-    turned = case.theta_rad + drawn.setting.dtheta_rad + OFF_RAD * rng.uniform(-1, 1)
-    return replace(guess(case, drawn, rng), theta_rad=turned)
+    return guess(case, drawn, rng, told=True)
 
 
 def _measured(

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import TypeVar
 
 import cv2
@@ -45,6 +45,7 @@ TOLERANCE_UM, TOLERANCE_RAD = 0.5, 0.01
 WRONG = 2.0  # tolerances, as in the trials
 OFF_PX = 1.5  # how far off a coarse routine may be, that the fit starts from
 OFF_RAD = 0.02  # and its angle, but for patterns, where it is not told any
+LOOKED_AT = ("gear_close",)  # but close up, as a look from afar went before
 NEAR_PX = 0.3  # what the last answer of a servo is off by, that `one_step` starts from
 NEAR_UM = 0.5  # and its focus
 _RIM_UM = 50.0  # of the gear: what NEAR_PX there is as an angle and a zoom
@@ -87,7 +88,8 @@ def measure_single(unit: Unit) -> Part:
     cv2.setNumThreads(1)
     case, stages = _ready(unit.scene, unit.condition, unit.way)
     rng = np.random.default_rng([SEED, unit.part])
-    begin = near if unit.way == "one_step" else guess
+    told = partial(guess, told=unit.scene in LOOKED_AT)
+    begin = near if unit.way == "one_step" else told
     shown = draws(case, unit.z_um, unit.trials, SEED, part=unit.part)
     said, lights, spent = [], [], np.zeros(2)
     for _ in range(unit.trials):
@@ -199,15 +201,20 @@ def errors(
     return x - true[0], y - true[1], turned
 
 
-def guess(case: LookCase, drawn: Drawn, rng: np.random.Generator) -> Guess:
-    """Return what a coarse routine might say: off by up to `OFF_PX`, any angle."""
+def guess(
+    case: LookCase, drawn: Drawn, rng: np.random.Generator, *, told: bool = False
+) -> Guess:
+    """Return what a coarse routine might say: off by up to `OFF_PX` and `OFF_RAD`.
+
+    Of a pattern no angle, unless it is `told`.
+    """
     s = drawn.setting
     column, row = _nearby(case, s, OFF_PX, rng)
     theta = case.theta_rad + s.dtheta_rad + OFF_RAD * rng.uniform(-1, 1)
     return Guess(
         column=column,
         row=row,
-        theta_rad=None if case.target.symmetry > 1 else theta,
+        theta_rad=theta if told or case.target.symmetry == 1 else None,
     )
 
 
