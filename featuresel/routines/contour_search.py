@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 import numpy.typing as npt
+from numpy.lib.stride_tricks import sliding_window_view
 
 from featuresel.routines import FloatArray, work
 from featuresel.routines.contour_model import turned
@@ -202,8 +203,7 @@ def _scores(
     side, pad = 2 * steps + 1, 2 * steps
     right, up = (np.pad(part, pad) for part in (found.right, found.up))
     rows, columns = right.shape
-    shifts = np.arange(side)
-    grid = (shifts[:, None] * columns + shifts).ravel()
+    shifted = [sliding_window_view(part, (side, side)) for part in (right, up)]
     weight = points[:, 4] / points[:, 4].sum()
     scores = np.empty((len(angles_rad), side * side))
     for k, angle in enumerate(angles_rad.tolist()):
@@ -212,10 +212,11 @@ def _scores(
         i, j = i + steps, j + steps  # of the first shift, in the padded field
         # what no shift brings into the image counts as without gradient
         seen = (i >= 0) & (i <= columns - side) & (j >= 0) & (j <= rows - side)
-        first = (j[seen] * columns + i[seen])[:, None] + grid
         own = weight[seen]
-        scores[k] = (across[seen] * own) @ right.ravel()[first]
-        scores[k] += (upward[seen] * own) @ up.ravel()[first]
+        scores[k] = 0.0
+        for part, share in zip(shifted, (across, upward), strict=True):
+            met = part[j[seen], i[seen]].reshape(own.size, side * side)
+            scores[k] += (share[seen] * own) @ met
     return scores.reshape(-1, side, side)
 
 
