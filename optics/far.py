@@ -169,10 +169,9 @@ def _share(low: Spectrum, reach_um: float) -> FloatArray:
     J, K = low.orders
     width = _STEEPNESS / (2 * math.pi * reach_um)
     u = np.arange(J + 1) / (low.tile.width_um * width)
-    v = np.r_[0 : K + 1, -K:0] / (low.tile.height_um * width)
-    q = (u**2 + v[:, None] ** 2) / 2
-    share: FloatArray = 1 - np.expm1(-q) ** 2
-    return share
+    v = np.arange(K + 1) / (low.tile.height_um * width)
+    share = 1 - np.expm1(-(u**2 + v[:, None] ** 2) / 2) ** 2
+    return np.concatenate([share, share[:0:-1]])
 
 
 def _terms(places: FloatArray, reach_px: float) -> int:

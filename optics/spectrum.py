@@ -16,7 +16,7 @@ from scipy import fft
 
 from optics.clip import Box, Edges, clip
 from optics.outline import Outline
-from optics.spreading import deposit, grid_size, kernel_transform, spread
+from optics.spreading import deposit, grid_size, kernel_transforms, spread
 
 FloatArray = npt.NDArray[np.float64]
 ComplexArray = npt.NDArray[np.complex128]
@@ -267,10 +267,11 @@ def _fill(values: ComplexArray, nodes: Nodes, tile: Tile) -> None:
     at_y, share_y = spread(Y, gy)
     rows = np.r_[0 : K + 1, gy - K : gy]
     k = np.r_[0 : K + 1, -K:0]
-    level = kernel_transform(k, gy)
+    level = kernel_transforms(K, gy)
+    level = np.concatenate([level, level[:0:-1]])
     if J > 0:
         j = np.arange(1, J + 1)
-        slope = 1j / (2 * np.pi * j * kernel_transform(j, gx))
+        slope = 1j / (2 * np.pi * j * kernel_transforms(J, gx)[1:])
         grid = deposit(at_x, share_x, at_y, share_y, dy / tile.height_um, (gy, gx))
         half = np.zeros((gy, J), dtype=np.complex128)
         for first, end in _runs(at_y, gy):  # rows that edges touch

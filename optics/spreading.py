@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -46,6 +47,14 @@ def kernel_transform(order: npt.NDArray[np.intp], size: int) -> FloatArray:
     root = np.sqrt(_BETA**2 - (np.pi * _WIDTH * order / size) ** 2)
     transform: FloatArray = _WIDTH * np.sinh(root) / (root * i0(_BETA))
     return transform
+
+
+@lru_cache(maxsize=256)  # tiles have few sizes
+def kernel_transforms(highest: int, size: int) -> FloatArray:
+    """Return the transform at 0..`highest` cycles a grid, not to be changed."""
+    found = kernel_transform(np.arange(highest + 1), size)
+    found.setflags(write=False)
+    return found
 
 
 def deposit(
