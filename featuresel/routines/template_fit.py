@@ -14,7 +14,7 @@ from featuresel.routines.sampling import BoolArray, cubic
 
 _ROUNDS = 25  # Gauss-Newton settles in 5 to 10
 _TYPICAL_ROUNDS = 3  # from one size to the next
-_SETTLED_PX = 1e-3  # a tenth of what noise leaves; slopes are rounded to 1/32 px
+_SETTLED_PX = 5e-3  # the next is far shorter; slopes rounded to 1/32 px hop by .002
 _LEAST_IN_VIEW = 0.8  # of the template's pixels
 _LEAST_GAIN = 0.05  # of the template's contrast
 _SLOPING = 0.1  # of the steepest slope: an edge

@@ -108,6 +108,24 @@ def test_a_zoom_error_does_not_take_the_fingers_grip_along(
     assert off < 0.05
 
 
+def test_a_scale_is_fitted_to_ten_microns_out_of_focus_and_not_beyond(
+    look: Look,
+) -> None:
+    case = look("jaws")
+    artifact = prepared(case)
+    found = [
+        ecc.measure(
+            nominal_render(replace(case, focus_um=z, model="exact"))(),
+            artifact,
+            near(case, 0.0, 0.0, 0.0),
+        )
+        for z in (10.0, 25.0)
+    ]
+    assert isinstance(found[0], Measurement)
+    assert found[0].score == pytest.approx(0.975, abs=0.01)
+    assert isinstance(found[1], Failure)
+
+
 def test_a_scale_is_sought_only_where_it_moves_the_place(look: Look) -> None:
     scales = {n: prepared(look(n)).parameters["scales"] for n in ("post", "jaws")}
     assert scales == {"post": 0.0, "jaws": 1.0}
