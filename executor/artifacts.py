@@ -10,7 +10,7 @@ import numpy as np
 
 from executor.errors import ExecutorError
 from featuresel.routines import Artifact, load
-from schemas.plan import Plan, RoutineUse
+from schemas.plan import Look, Measure, Plan, RoutineUse
 
 Stages = Sequence[tuple[str, Artifact]]
 
@@ -33,14 +33,22 @@ class Artifacts:
         found: dict[tuple[str, str | None], Artifact] = {}
         for step in plan.steps:
             for look in step.looks:
-                for use in (*look.measure.chain, *look.measure.fallback):
-                    _check_version(use)
-                    found[look.id, use.arrays or use.id] = _read(use, folder)
+                for measure in look.measures:
+                    key = key_of(look, measure)
+                    for use in (*measure.chain, *measure.fallback):
+                        _check_version(use)
+                        found[key, use.arrays or use.id] = _read(use, folder)
         return cls(found)
 
-    def stages(self, look_id: str, uses: Sequence[RoutineUse]) -> Stages:
-        """Return the routines of one chain of a look, coarse to fine."""
-        return [(use.id, self._found[look_id, use.arrays or use.id]) for use in uses]
+    def stages(self, key: str, uses: Sequence[RoutineUse]) -> Stages:
+        """Return the routines of one chain, coarse to fine; `key` is `key_of` its
+        feature."""
+        return [(use.id, self._found[key, use.arrays or use.id]) for use in uses]
+
+
+def key_of(look: Look, measure: Measure) -> str:
+    """Return what the artifacts of a look's feature are kept under."""
+    return f"{look.id}.{measure.feature}" if measure.feature else look.id
 
 
 def _check_version(use: RoutineUse) -> None:

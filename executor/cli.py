@@ -22,7 +22,7 @@ from executor.run import RunResult, run_plan
 from executor.station import Station, preflight
 from executor.summary import summary_json, table
 from schemas.codec import CodecError, from_data, to_data
-from schemas.plan import Plan, VerifyAction, parse_plan
+from schemas.plan import Measure, Plan, VerifyAction, parse_plan
 from schemas.world import World
 
 if TYPE_CHECKING:
@@ -266,10 +266,16 @@ def _listing(plan: Plan) -> list[str]:
         lines += [f"  move {_targets(to_data(move))}" for move in step.moves]
         lines += [
             f"  look at {look.target} at {look.view.magnification:g} x, focus "
-            f"{look.view.focus_um:g} um: {', '.join(u.id for u in look.measure.chain)}"
+            f"{look.view.focus_um:g} um: {'; '.join(map(_found_by, look.measures))}"
             for look in step.looks
         ]
     return lines
+
+
+def _found_by(measure: Measure) -> str:
+    """Return the routines that find a feature, and which, if it is not the target."""
+    names = ", ".join(use.id for use in measure.chain)
+    return f"{names} on {measure.feature}" if measure.feature else names
 
 
 def _targets(move: dict[str, Any]) -> str:

@@ -24,6 +24,8 @@ CODES: Mapping[str, tuple[str, int]] = {
     "MP822": ("a target was found too far from where it was expected", FAILED),
     "MP823": ("a target was found turned too far", FAILED),
     "MP824": ("an angle is needed and was not measured", FAILED),
+    "MP825": ("a measurement is too uncertain", FAILED),
+    "MP826": ("the features of one look disagree", FAILED),
     "MP830": ("the alignment did not reach its tolerance", FAILED),
     "MP831": ("the alignment diverged", MACHINE),
     "MP832": ("a correction was larger than allowed", MACHINE),

@@ -201,6 +201,6 @@ def _step_result(
         error_um=outcome.error_um,
         limit_um=limit_um,
         spread_um=outcome.spread_um,
-        expected_sigma_um=step.looks[0].measure.sigma_xy_um if step.looks else None,
+        expected_sigma_um=step.looks[0].sigma_xy_um if step.looks else None,
         height_um=outcome.height_um,
     )

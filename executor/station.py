@@ -128,11 +128,12 @@ def _check_routines(plan: Plan) -> None:
     """Every routine of every look must be installed."""
     for step in plan.steps:
         for look in step.looks:
-            for use in (*look.measure.chain, *look.measure.fallback):
-                if use.id not in REGISTRY:
-                    raise ExecutorError(
-                        "MP810", f"look {look.id} needs routine {use.id!r}"
-                    )
+            for measure in look.measures:
+                for use in (*measure.chain, *measure.fallback):
+                    if use.id not in REGISTRY:
+                        raise ExecutorError(
+                            "MP810", f"look {look.id} needs routine {use.id!r}"
+                        )
 
 
 def _check_start(plan: Plan, station: Station) -> None:

@@ -16,6 +16,8 @@ from schemas.pose import Pose
 # Half width of the scored ring over its radius: wide enough for the edge's blur some
 # tens of um out of focus, too narrow for the post inside a bore or the teeth outside.
 RING_HALF = 0.2
+# a look that ends so did not see what it looks for
+UNSEEN = ("MP820", "MP821", "MP822", "MP823", "MP825", "MP826")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,7 +67,7 @@ def _find(rig: Rig, look: Look, on_failure: Sequence[OnFailure]) -> Sighting:
     try:
         return look_at(rig, look, on_failure)
     except ExecutorError as error:
-        if error.code not in ("MP820", "MP821", "MP822", "MP823"):
+        if error.code not in UNSEEN:
             raise
         raise ExecutorError(
             "MP850", f"{error} [{error.code}]", cause=error.cause

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from featuresel.candidates import chains, routines
 from featuresel.case import LookCase
 from featuresel.completeness import seen_share
+from featuresel.constraints import Constraints
 from featuresel.crlb import camera_of, fisher
 from featuresel.information import limit
 from featuresel.nominal import nominal_render
@@ -29,9 +30,8 @@ class Contest:
     outcomes: tuple[Outcome, ...]
     scores: tuple[Score, ...]  # of every chain, by the trials that it had
     selection: Selection
-    limit_um: (
-        float | None
-    )  # Cramer-Rao, of the worse axis; None: none, or not asked for
+    limit_um: float | None  # Cramer-Rao, the worse axis; None: none, or not asked for
+    visible: float | None  # share of the target's edges; None: not known
 
 
 def compete(
@@ -42,14 +42,16 @@ def compete(
     limits: Limits | None = None,
     thorough: bool = False,
     limited: bool = True,
+    in_set: bool = False,
     map: Map = map,  # noqa: A002 - it is the builtin, or a pool's
 ) -> Contest:
     """Return the chain to measure a look with, and what was tried to find it.
 
-    Routines that are dear to prepare take part where the others leave no room: where
-    none passes, or the chosen one uses more than `Limits.roomy` of a tolerance. Below
-    that a dearer one is never chosen. They race by themselves on the same trials; each
-    race's bounds count its own rounds.
+    A target that is hidden, or whose angle cannot be told, gets the trials of one round
+    only: no chain can pass. Routines that are dear to prepare take part where the
+    others leave no room: where none passes, or the chosen one uses more than
+    `Limits.roomy` of a tolerance. Below that a dearer one is never chosen. They race by
+    themselves on the same trials; the bounds count the rounds of both races.
 
     Parameters
     ----------
@@ -65,21 +67,53 @@ def compete(
         Whether dear routines take part in any case.
     limited : bool
         Whether the Cramer-Rao limit is computed: it takes two dozen images.
+    in_set : bool
+        As in `featuresel.select.select`.
     map : callable
         As in `featuresel.trials.run`.
     """
     bounds = limits or Limits()
-    least_um = limit_um(case) if limited else None
-    judge = _Judge(case, root_seed, most, bounds, map, least_um)
-    found = judge.contest(make_ready(case, dear=thorough))
-    if thorough or judge.is_roomy(found):
+    visible = seen_share(case.target, nominal_render(case).veil())
+    hopeless = bool(_task(case, bounds, visible).unfit())
+    judge = _Judge(
+        case=case,
+        root_seed=root_seed,
+        most=min(most, ROUNDS[0]) if hopeless else most,
+        limits=bounds,
+        in_set=in_set,
+        map=map,
+        races=1 if thorough or hopeless else 2,
+        limit_um=limit_um(case) if limited and not hopeless else None,
+        visible=visible,
+    )
+    found = judge.contest(make_ready(case, dear=thorough and not hopeless))
+    if thorough or hopeless or is_roomy(case, found.selection, judge.limits):
         return found
     ready = make_ready(case, known=found.prepared.artifacts)
     fresh = [chain for chain in ready.chains if chain not in found.prepared.chains]
     return judge.contest(replace(ready, chains=tuple(fresh)), found) if fresh else found
 
 
-@dataclass(frozen=True, slots=True)
+def is_roomy(case: LookCase, found: Selection, limits: Limits | None = None) -> bool:
+    """Return whether the chosen chain leaves room in every tolerance."""
+    if found.chosen is None:
+        return False
+    task = _task(case, limits or Limits())
+    return task.use(found.chosen) <= task.limits.roomy
+
+
+def _task(case: LookCase, limits: Limits, visible: float | None = None) -> Constraints:
+    """Return what a chain has to meet on a look."""
+    return Constraints(
+        tolerance_um=case.tolerance_um,
+        tolerance_theta_rad=case.tolerance_theta_rad,
+        limits=limits,
+        target=case.target,
+        visible=visible,
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class _Judge:
     """One look's races and the choice among their scores."""
 
@@ -87,8 +121,11 @@ class _Judge:
     root_seed: int
     most: int
     limits: Limits
+    in_set: bool
     map: Map
+    races: int  # at most
     limit_um: float | None
+    visible: float | None
 
     def contest(self, ready: Prepared, before: Contest | None = None) -> Contest:
         """Return the choice among new chains and those of an earlier contest."""
@@ -99,6 +136,8 @@ class _Judge:
             most=self.most,
             limits=self.limits,
             rounds=ROUNDS,
+            peeks=self.races * (sum(end < self.most for end in ROUNDS) + 1),
+            in_set=self.in_set,
             map=self.map,
         )
         scores = tuple(replace(s, limit_um=self.limit_um) for s in raced.scores)
@@ -114,6 +153,7 @@ class _Judge:
             scores=scores,
             selection=self.select(scores),
             limit_um=self.limit_um,
+            visible=self.visible,
         )
 
     def select(self, scores: Sequence[Score]) -> Selection:
@@ -124,18 +164,9 @@ class _Judge:
             tolerance_theta_rad=self.case.tolerance_theta_rad,
             limits=self.limits,
             target=self.case.target,
-            visible=seen_share(self.case.target, nominal_render(self.case).veil()),
+            visible=self.visible,
+            in_set=self.in_set,
         )
-
-    def is_roomy(self, found: Contest) -> bool:
-        """Return whether the chosen chain leaves room in every tolerance."""
-        chosen = found.selection.chosen
-        if chosen is None:
-            return False
-        use = chosen.need_um / self.case.tolerance_um
-        if self.case.tolerance_theta_rad is not None:
-            use = max(use, chosen.need_theta_rad / self.case.tolerance_theta_rad)
-        return use <= self.limits.roomy
 
 
 def make_ready(

@@ -55,10 +55,13 @@ class Feature:
 
 
 def coincide(a: Feature, b: Feature, *, within_um: float) -> bool:
-    """Return whether two features are one: kind, place and sizes are the same.
+    """Return whether two features of a part are one: of a kind, a place and sizes.
 
-    Sizes that only one of them states do not count.
+    Sizes that only one of them states do not count. A part has one whole outline,
+    about whatever point.
     """
+    if a.kind == b.kind == "outline":
+        return True
     if a.kind != b.kind or math.dist(a.center_um, b.center_um) > within_um:
         return False
     shared = [n for n in _SIZES if n in a.parameters and n in b.parameters]

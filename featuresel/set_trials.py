@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 from featuresel.candidates import Chain
@@ -12,7 +12,7 @@ from featuresel.case import LookCase
 from featuresel.located import Located, located
 from featuresel.perturb import Trial, image
 from featuresel.routines import Failure, FloatArray
-from featuresel.routines.fusion import Fused, Seen, fuse
+from featuresel.routines.fusion import Seen, fuse
 from featuresel.score import Score, chain_cost, score_chain
 from featuresel.trials import Map, Outcome, Prepared, follow, outcome_of
 
@@ -45,7 +45,7 @@ def score_set(
     *,
     least: int,
     map: Map = map,  # noqa: A002 - it is the builtin, or a pool's
-) -> tuple[Score, tuple[Outcome, ...]]:
+) -> Score:
     """Return what the members tell together of the case's target, by fresh trials.
 
     Parameters
@@ -63,7 +63,7 @@ def score_set(
 
     Returns
     -------
-    Score, tuple of Outcome
+    Score
         Of a chain that names the features; each trial's errors are of the pose that
         `featuresel.routines.fusion.fuse` makes of those that answered.
 
@@ -76,7 +76,7 @@ def score_set(
         raise ValueError("a set needs members and trials")
     outcomes = tuple(map(partial(_tried, case, tuple(members), least), trials))
     cost = sum(chain_cost(m.case, m.prepared, m.chain) for m in members)
-    return score_chain(case, _chain(members), outcomes, cost), outcomes
+    return score_chain(case, _chain(members), outcomes, cost)
 
 
 def _chain(members: Sequence[Member]) -> Chain:
@@ -91,20 +91,19 @@ def _tried(
     picture = image(case, trial)
     found = [_seen(member, picture) for member in members]
     answered = [seen for seen in found if isinstance(seen, Seen)]
-    place: Located | Failure
     if len(answered) < least:
-        place = next(seen for seen in found if isinstance(seen, Failure))
-    else:
-        place = _place(fuse(answered, None if case.theta_any else case.theta_rad))
-    return outcome_of(case, trial, _chain(members), place)
-
-
-def _place(found: Fused | Failure) -> Located | Failure:
-    """Return where the wanted point is."""
-    if isinstance(found, Failure):
-        return found
-    return Located(
-        x_um=found.x_um, y_um=found.y_um, theta_rad=found.theta_rad, axis_rad=None
+        missed = next(seen for seen in found if isinstance(seen, Failure))
+        return outcome_of(case, trial, _chain(members), missed)
+    fused = fuse(answered, None if case.theta_any else case.theta_rad)
+    if isinstance(fused, Failure):
+        return outcome_of(case, trial, _chain(members), fused)
+    place = Located(
+        x_um=fused.x_um, y_um=fused.y_um, theta_rad=fused.theta_rad, axis_rad=None
+    )
+    return replace(
+        outcome_of(case, trial, _chain(members), place),
+        spread_um=fused.sigma_um,
+        spread_theta_rad=fused.sigma_theta_rad,
     )
 
 

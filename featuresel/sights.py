@@ -41,7 +41,12 @@ class Sight:
 
 
 def sight_of(
-    feature: Feature, score: Score, *, about_um: Point, theta_rad: float
+    feature: Feature,
+    score: Score,
+    *,
+    about_um: Point,
+    theta_rad: float,
+    made_um: float = 0.0,
 ) -> Sight:
     """Return a feature as its trials saw it.
 
@@ -50,17 +55,20 @@ def sight_of(
     feature : Feature
         In the part's frame.
     score : Score
-        Of the chain that measures it. A bias that is left counts as spread.
+        Of the chain that measures it, at the feature's own place. A bias that is left
+        counts as spread.
     about_um : (x, y)
         The point of the part whose place is wanted, in the part's frame.
     theta_rad : float
         Nominal angle of the part.
+    made_um : float
+        One sigma per axis of where the part as made has the feature.
     """
     c, s = math.cos(theta_rad), math.sin(theta_rad)
     x, y = feature.center_um[0] - about_um[0], feature.center_um[1] - about_um[1]
     sigma = math.inf
     if score.sigma_um is not None and score.bias_um is not None:
-        sigma = math.hypot(score.sigma_um, *score.bias_um)
+        sigma = math.hypot(score.sigma_um, *score.bias_um, made_um)
     turn = None
     if score.sigma_theta_rad is not None and math.isfinite(score.need_theta_rad):
         turn = math.hypot(score.sigma_theta_rad, score.bias_theta_rad or 0.0)

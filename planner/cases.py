@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import replace
 
 from featuresel.case import LookCase, Spread
 from featuresel.contour import with_contour
 from featuresel.routines import Target
 from optics.fidelity import Fidelity, choose
 from optics.layer_error import choose_layers
+from optics.lens import LensErrors
 from optics.lensing import lens_scene
 from optics.outline import Outline, place
 from optics.scene import Illumination, Layer, Scene
@@ -17,25 +20,29 @@ from optics.shading import shade_error
 from planner.inputs.task import Task
 from planner.inputs.workcell import Workcell
 from planner.lens import known_errors, lamp_aperture
-from planner.model.assembly import Place
+from planner.model.assembly import Place, locate_place
 from planner.model.requests import ANGLE_RAD, LOOK_SHARE, PERIOD_SHARE, Request
 from planner.model.scenes import relevant, world_scene
 from planner.model.sightings import needed_shape, search_um, spot_of
 from planner.model.targets import Shape, outline_of, target_layers
 from planner.model.views import SEARCH_SIGMAS, ViewPlan
 
+MOST_TOGETHER = 4  # features that one look measures
 _FOCUS_SIGMAS = 2.0  # a law must hold so far from the nominal focus
 
 
 def build_case(
-    task: Task, request: Request, view: ViewPlan, max_image_error: float
+    task: Task,
+    request: Request,
+    view: ViewPlan,
+    max_image_error: float,
 ) -> tuple[LookCase, Fidelity]:
     """Return the case that routines are tried on, and why it is rendered as it is."""
     shape = needed_shape(task, request)
     spot = spot_of(task, request, shape)
     static, moving = _layers(task, request, shape, view)
     scope, camera = view.microscope, task.workcell.camera
-    spread = _spread(task, spot)
+    spread = _spread(task, request, spot, static)
     lens = known_errors(task.workcell)
     shown = Scene(
         layers=static + tuple(_placed(layer, spot) for layer in moving),
@@ -85,6 +92,43 @@ def build_case(
         spread=spread,
     )
     return case, fidelity
+
+
+def feature_case(
+    task: Task, request: Request, view: ViewPlan, case: LookCase, shape: Shape
+) -> LookCase:
+    """Return a look at another feature of the target's body, through the same region.
+
+    Scene, optics and light are those of `case`. One of several features may be as many
+    times less accurate as their mean is better.
+    """
+    spot = spot_of(task, request, shape)
+    c, s = math.cos(case.theta_rad), math.sin(case.theta_rad)
+    x, y = spot.pose.x_um - case.x_um, spot.pose.y_um - case.y_um
+    back = (-(c * x + s * y), s * x - c * y)  # of its origin, in the part's axes
+    return replace(
+        case,
+        key=f"{case.key}/{shape.name}",
+        moving=tuple(
+            replace(layer, outline=place(layer.outline, *back)) for layer in case.moving
+        ),
+        x_um=spot.pose.x_um,
+        y_um=spot.pose.y_um,
+        target=with_contour(
+            _target(task, shape, spot, view), _carrying(task, request, shape)
+        ),
+        tolerance_um=case.tolerance_um * math.sqrt(MOST_TOGETHER),
+        tolerance_theta_rad=None
+        if case.tolerance_theta_rad is None
+        else _angle_tolerance(request, shape),
+        spread=replace(
+            case.spread,
+            pose_sigma_xy_um=math.hypot(
+                spot.sigma_xy_um, task.benchmark.pose_sigma_xy_um
+            ),
+            search_um=search_um(task, spot),
+        ),
+    )
 
 
 def _lamp(
@@ -177,7 +221,7 @@ def _target(task: Task, shape: Shape, spot: Place, view: ViewPlan) -> Target:
         kind=shape.kind,
         column=(scope.width_px - 1) / 2 + k * spot.pose.x_um - region.column,
         row=(scope.height_px - 1) / 2 - k * spot.pose.y_um - region.row,
-        theta_rad=spot.pose.theta_rad,
+        theta_rad=spot.pose.theta_rad + shape.angle_rad,
         px_per_um=k,
         search_px=k * search_um(task, spot),
         theta_range_rad=min(math.pi, SEARCH_SIGMAS * _sigma_theta(task, spot)),
@@ -192,9 +236,15 @@ def _sigma_theta(task: Task, spot: Place) -> float:
     return math.hypot(spot.sigma_theta_rad, task.benchmark.pose_sigma_theta_rad)
 
 
-def _spread(task: Task, spot: Place) -> Spread:
-    """Return what the trials perturb: the task's benchmark and the target's spread."""
-    b = task.benchmark
+def _spread(
+    task: Task, request: Request, spot: Place, static: Sequence[Layer]
+) -> Spread:
+    """Return what the trials perturb: the task's benchmark and the spreads of places.
+
+    Of the lens only what changes how the target looks: what moves the whole image is a
+    term of the error budget.
+    """
+    b, lens = task.benchmark, task.workcell.optics.lens
     return Spread(
         focus_sigma_um=b.focus_sigma_um,
         magnification_sigma=b.magnification_sigma,
@@ -203,6 +253,22 @@ def _spread(task: Task, spot: Place) -> Spread:
         pose_sigma_xy_um=math.hypot(spot.sigma_xy_um, b.pose_sigma_xy_um),
         pose_sigma_theta_rad=min(_sigma_theta(task, spot), math.pi),
         search_um=search_um(task, spot),
+        occluder_sigma_um=_occluder_sigma_um(task, request, spot, static),
+        lens=LensErrors(field_curvature_sigma_per_um=lens.field_curvature_sigma_per_um),
+    )
+
+
+def _occluder_sigma_um(
+    task: Task, request: Request, spot: Place, static: Sequence[Layer]
+) -> float:
+    """Return the spread of what stands higher than the target, the least known of it.
+
+    What lies lower hides nothing.
+    """
+    higher = {la.name.partition(".")[0] for la in static if la.z_um > spot.z_um}
+    return max(
+        (locate_place(task, request.state, name).sigma_xy_um for name in higher),
+        default=0.0,
     )
 
 

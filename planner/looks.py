@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
+from featuresel.bias_prediction import predict_bias
 from featuresel.case import LookCase
-from featuresel.contest import compete
-from featuresel.score import Score
+from featuresel.contest import Contest, compete
 from featuresel.select import Selection
 from featuresel.trials import Map
 from featuresel.usable import usable_range
-from optics.fidelity import Fidelity
 from planner.cases import build_case
 from planner.diagnostics import Report
 from planner.effects import effect_rows
@@ -22,11 +22,22 @@ from planner.lens import (
 )
 from planner.model.requests import Request
 from planner.model.scenes import world_scene
-from planner.model.sightings import needed_shape, spot_of, views
+from planner.model.sightings import needed_shape, spot_of, views, whole_view
+from planner.model.targets import Shape
 from planner.model.views import ViewPlan
 from planner.pictures import Picture, picture
 from planner.presets import Effort
-from planner.records import evidence, measure_record, scene_record, view_record
+from planner.records import (
+    Measured,
+    depth_record,
+    evidence,
+    look_key,
+    measure_record,
+    scene_record,
+    together_record,
+    view_record,
+)
+from planner.sets import ChosenSet, Search, Sets, wanted
 from planner.tried import Arrays, Tried, arrays_of
 from schemas import plan as p
 
@@ -62,75 +73,153 @@ def compile_look(
     """Return the look, None if there is a reason why it cannot be done.
 
     Magnifications are tried in order of preference until a chain of routines meets the
-    tolerance; `current` is the one the microscope is at.
+    tolerance on the target; if none does, until several features of its part do
+    together. `current` is the magnification that the microscope is at.
     """
-    failed: list[tuple[ViewPlan, Selection]] = []
-    for view in views(task, request, current, report):
-        case, fidelity = build_case(task, request, view, effects.max_image_error)
-        trial = _benchmark(task, case, fidelity, effects)
-        if trial.selection.chosen is not None:
-            return _finish(task, request, trial, trial.selection.chosen, effects)
-        failed.append((view, trial.selection))
-    if failed:
-        _report_failure(request, failed, report)
+    settings = views(task, request, current, report)
+    if not settings:
+        return None
+    job = _Job(task, request, needed_shape(task, request), effects)
+    for view in settings:
+        tried, found = job.alone(view)
+        if tried.selection.chosen is not None:
+            return job.finish(view, tried, found)
+    for view in settings:
+        whole = whole_view(task, request, view)
+        tried, found = job.alone(whole)
+        sets = job.search(whole, tried, found).run()
+        if sets.chosen is not None:
+            return job.finish_set(tried, sets)
+    _report_failure(request, view, tried.selection, sets.advice, report)
     return None
 
 
-def _benchmark(
-    task: Task, case: LookCase, fidelity: Fidelity, effects: Effects
-) -> Tried:
-    """Return the choice among all chains, with the trials behind it."""
-    found = compete(
-        case,
-        root_seed=task.seed,
-        most=effects.effort.trials,
-        thorough=effects.effort.thorough,
-        limited=effects.effort.limited,
-        map=effects.map,
-    )
-    return Tried(
-        case=case,
-        fidelity=fidelity,
-        prepared=found.prepared,
-        outcomes=found.outcomes,
-        scores=found.scores,
-        selection=found.selection,
-    )
+@dataclass(frozen=True, slots=True)
+class _Job:
+    """One look to be compiled."""
 
+    task: Task
+    request: Request
+    shape: Shape
+    effects: Effects
 
-def _finish(
-    task: Task, request: Request, tried: Tried, chosen: Score, effects: Effects
-) -> CompiledLook:
-    """Return what the plan says of a look whose chain is chosen."""
-    case, shape = tried.case, needed_shape(task, request)
-    usable = usable_range(
-        case,
-        tried.prepared,
-        chosen.chain,
-        root_seed=task.seed,
-        draws=effects.effort.range_draws,
-        map=effects.map,
-    )
-    image = reference_image(task, request, case)
-    name = f"images/{request.id}.png"
-    return CompiledLook(
-        look=p.Look(
-            id=request.id,
-            target=shape.name,
-            view=view_record(task, request, case, usable.focus_um),
-            scene=scene_record(task, request, case, shape, name, image),
-            effects=effect_rows(task, request, tried),
-            measure=measure_record(request, shape, tried, chosen, usable),
-            evidence=evidence(tried, chosen),
-        ),
-        case=case,
-        picture=image,
-        arrays=arrays_of(request.id, tried),
-        distortion_sigma_um=middle_sigma_um(
-            task.workcell, case.microscope, spot_of(task, request, shape)
-        ),
-        coherence_um=middle_offset_um(task, request.state, shape, case.microscope),
-    )
+    def alone(self, view: ViewPlan) -> tuple[Tried, Contest]:
+        """Return the choice among all chains for the target, with the trials."""
+        effort, limit = self.effects.effort, self.effects.max_image_error
+        case, fidelity = build_case(self.task, self.request, view, limit)
+        found = compete(
+            case,
+            root_seed=self.task.seed,
+            most=effort.trials,
+            thorough=effort.thorough,
+            limited=effort.limited,
+            map=self.effects.map,
+        )
+        return Tried.of(case, fidelity, found), found
+
+    def search(self, view: ViewPlan, tried: Tried, found: Contest) -> Search:
+        """Return the search for several features beside the target."""
+        return Search(
+            task=self.task,
+            request=self.request,
+            shape=self.shape,
+            view=view,
+            alone=tried,
+            visible=found.visible,
+            effort=self.effects.effort,
+            map=self.effects.map,
+        )
+
+    def finish(self, view: ViewPlan, tried: Tried, found: Contest) -> CompiledLook:
+        """Return a look whose target alone does, or several features if they are
+        wanted and do better."""
+        search = self.search(view, tried, found)
+        if not wanted(found, tried.case, self.effects.effort):
+            return self._look(tried, [self._measured(tried)], search.left_out(), None)
+        sets = search.run()
+        if sets.chosen is None or len(sets.chosen.raced) == 1:
+            return self._look(tried, [self._measured(tried)], sets.rows, None)
+        return self.finish_set(tried, sets)
+
+    def finish_set(self, tried: Tried, sets: Sets) -> CompiledLook:
+        """Return a look that measures the features of a set."""
+        chosen = sets.chosen
+        if chosen is None:
+            raise ValueError("no set was chosen")
+        found = [
+            self._measured(raced.tried, raced.shape, sight.sigma_um)
+            for raced, sight in zip(chosen.raced, chosen.sights, strict=True)
+        ]
+        return self._look(tried, found, sets.rows, chosen)
+
+    def _measured(
+        self, tried: Tried, shape: Shape | None = None, sigma_um: float | None = None
+    ) -> Measured:
+        """Return a feature with the range and the bias of its chain."""
+        case, chosen = tried.case, tried.selection.chosen
+        if chosen is None:
+            raise ValueError("no chain was chosen")
+        seed, effects = self.task.seed, self.effects
+        usable = usable_range(
+            case,
+            tried.prepared,
+            chosen.chain,
+            root_seed=seed,
+            draws=effects.effort.range_draws,
+            map=effects.map,
+        )
+        only = replace(tried.prepared, chains=(chosen.chain,))
+        curves = predict_bias(case, only, root_seed=seed, map=effects.map)
+        return Measured(
+            shape=shape or self.shape,
+            tried=tried,
+            chosen=chosen,
+            usable=usable,
+            curve=curves.get(chosen.chain),
+            depth=depth_record(case, usable) if effects.effort.limited else None,
+            sigma_um=sigma_um,
+        )
+
+    def _look(
+        self,
+        tried: Tried,
+        found: Sequence[Measured],
+        rows: Sequence[p.FeatureRow],
+        together: ChosenSet | None,
+    ) -> CompiledLook:
+        """Return what the plan says of a look; `tried` is of its target."""
+        task, request, shape, case = self.task, self.request, self.shape, tried.case
+        first, *others = [measure_record(request, shape, each) for each in found]
+        focus = [each.usable.focus_um for each in found]
+        usable = (max(low for low, _ in focus), min(high for _, high in focus))
+        image = reference_image(task, request, case)
+        name = f"images/{request.id}.png"
+        return CompiledLook(
+            look=p.Look(
+                id=request.id,
+                target=shape.name,
+                view=view_record(task, request, case, usable),
+                scene=scene_record(task, request, case, shape, name, image),
+                effects=effect_rows(task, request, tried),
+                measure=first,
+                evidence=evidence(found[0].tried, found[0].chosen, rows),
+                others=tuple(others),
+                together=None if together is None else together_record(together),
+            ),
+            case=case,
+            picture=image,
+            arrays={
+                path: arrays
+                for each in found
+                for path, arrays in arrays_of(
+                    look_key(request, shape, each.shape), each.tried
+                ).items()
+            },
+            distortion_sigma_um=middle_sigma_um(
+                task.workcell, case.microscope, spot_of(task, request, shape)
+            ),
+            coherence_um=middle_offset_um(task, request.state, shape, case.microscope),
+        )
 
 
 def reference_image(task: Task, request: Request, case: LookCase) -> Picture:
@@ -145,10 +234,13 @@ def reference_image(task: Task, request: Request, case: LookCase) -> Picture:
 
 
 def _report_failure(
-    request: Request, failed: list[tuple[ViewPlan, Selection]], report: Report
+    request: Request,
+    view: ViewPlan,
+    selection: Selection,
+    advice: str,
+    report: Report,
 ) -> None:
-    """Report that no chain is good enough, with the best reason of each view."""
-    view, selection = failed[-1]
+    """Report that neither a chain nor a set of features is good enough."""
     reasons = "; ".join(
         f"{' > '.join(chain)}: {why}" for chain, why in selection.reasons
     )
@@ -157,5 +249,5 @@ def _report_failure(
         request.where,
         f"look {request.id!r}: no routine finds {request.target} well enough at "
         f"{view.microscope.magnification:.4g} x: {reasons}",
-        selection.advice,
+        advice or selection.advice,
     )

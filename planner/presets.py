@@ -17,18 +17,34 @@ class Effort:
     range_draws: int  # noise draws at each focus and zoom of the usable range
     image_error: float  # of unit contrast, that images may have
     limited: bool  # the physical limit is computed beside what routines reach
+    features: int  # of a part, raced beside a target that alone does not do
     thorough: bool  # routines dear to prepare are tried where others leave room, too
 
 
 # 59 trials without a failure show .95 at one-sided 95 % (Clopper-Pearson), 299 show .99
 PRESETS: Mapping[Preset, Effort] = {
     "fast": Effort(
-        trials=24, range_draws=2, image_error=0.005, limited=False, thorough=False
+        trials=24,
+        range_draws=2,
+        image_error=0.005,
+        limited=False,
+        features=2,
+        thorough=False,
     ),
     "balanced": Effort(
-        trials=64, range_draws=4, image_error=0.002, limited=True, thorough=False
+        trials=64,
+        range_draws=4,
+        image_error=0.002,
+        limited=True,
+        features=3,
+        thorough=False,
     ),
     "accurate": Effort(
-        trials=304, range_draws=8, image_error=0.0005, limited=True, thorough=True
+        trials=304,
+        range_draws=8,
+        image_error=0.0005,
+        limited=True,
+        features=6,
+        thorough=True,
     ),
 }

@@ -3,24 +3,30 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
+from featuresel.bias import BiasCurve
 from featuresel.case import LookCase
 from featuresel.constraints import Limits
 from featuresel.gates import choose_gate
+from featuresel.resolution import contrast, spurious_um
 from featuresel.score import Score
 from featuresel.trials import is_wrong
 from featuresel.usable import UsableRange
 from optics.jacobian import point_jacobian, to_px
 from planner.inputs.task import Task
 from planner.model.assembly import height_sigma_um
+from planner.model.features import offset_um
 from planner.model.requests import Request
 from planner.model.scenes import shade_of
 from planner.model.sightings import needed_shape, spot_of
 from planner.model.targets import Shape
 from planner.model.views import focus_stops
 from planner.pictures import Picture, picture_sha256
+from planner.sets import ChosenSet
 from planner.tried import Tried, use_of
 from schemas import plan as p
 from schemas.pose import Pose
@@ -28,6 +34,7 @@ from schemas.pose import Pose
 # Gates lie outside what every accepted trial showed, by these margins.
 SCORE_MARGIN = 0.8
 SHIFT_MARGIN = 1.5
+SPREAD_MARGIN = 2.0
 
 
 def view_record(
@@ -50,7 +57,9 @@ def view_record(
     )
 
 
-def evidence(tried: Tried, chosen: Score) -> p.Evidence:
+def evidence(
+    tried: Tried, chosen: Score, features: Sequence[p.FeatureRow]
+) -> p.Evidence:
     """Return every chain's score with the reason for or against it."""
     reasons = dict(tried.selection.reasons)
     return p.Evidence(
@@ -61,6 +70,7 @@ def evidence(tried: Tried, chosen: Score) -> p.Evidence:
             for other in tried.scores
             if other.chain != chosen.chain
         ),
+        features=tuple(features),
     )
 
 
@@ -89,25 +99,34 @@ def scene_record(
     )
 
 
-def measure_record(
-    request: Request,
-    shape: Shape,
-    tried: Tried,
-    chosen: Score,
-    usable: UsableRange,
-) -> p.Measure:
-    """Return how the look measures, with what the trials promise."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Measured:
+    """A feature that a look measures, and how well."""
+
+    shape: Shape
+    tried: Tried
+    chosen: Score
+    usable: UsableRange
+    curve: BiasCurve | None  # of the bias through focus
+    depth: p.Depth | None
+    sigma_um: float | None  # that its place counts with; None: what trials showed
+
+
+def measure_record(request: Request, target: Shape, found: Measured) -> p.Measure:
+    """Return how the look measures a feature, with what the trials promise."""
+    tried, shape, chosen = found.tried, found.shape, found.chosen
     case, spare = tried.case, tried.selection.fallback
+    where = look_key(request, target, shape)
     return p.Measure(
-        chain=tuple(use_of(request.id, tried, name) for name in chosen.chain),
+        chain=tuple(use_of(where, tried, name) for name in chosen.chain),
         fallback=tuple(
-            use_of(request.id, tried, name) for name in (spare.chain if spare else ())
+            use_of(where, tried, name) for name in (spare.chain if spare else ())
         ),
         region=_region(case),
         reference=_reference(case),
         bias_um=chosen.bias_um or (0.0, 0.0),
         jacobian_px_per_um=_jacobian(case),
-        sigma_xy_um=chosen.sigma_um or 0.0,
+        sigma_xy_um=(found.sigma_um or chosen.sigma_um) or 0.0,
         sigma_theta_rad=chosen.sigma_theta_rad,
         limit_xy_um=chosen.limit_um,
         gates=_gates(tried, chosen),
@@ -116,11 +135,61 @@ def measure_record(
         symmetry_broken_by=shape.symmetry_broken_by
         if case.tolerance_theta_rad is not None
         else "",
-        usable_focus_um=usable.focus_um,
-        usable_magnification=usable.magnification,
+        usable_focus_um=found.usable.focus_um,
+        usable_magnification=found.usable.magnification,
         fallback_bias_um=(spare.bias_um if spare else None) or (0.0, 0.0),
         fallback_min_score=0.0 if spare is None else _min_score(tried, spare),
+        feature="" if shape.name == target.name else shape.name,
+        offset_um=offset_um(shape, target),
+        turn_rad=shape.angle_rad,
+        bias_through_focus=_through_focus(found.curve),
+        depth=found.depth,
     )
+
+
+def depth_record(case: LookCase, usable: UsableRange) -> p.Depth:
+    """Return what the usable focus range of a feature stands beside."""
+    low, high = (float(v) for v in contrast(case, usable.focus_um))
+    turned_um = spurious_um(case)
+    return p.Depth(
+        textbook_um=case.microscope.wave_depth_um,
+        spurious_um=turned_um if math.isfinite(turned_um) else None,
+        contrast=(low, high),
+    )
+
+
+def look_key(request: Request, target: Shape, shape: Shape) -> str:
+    """Return what the files of a look's feature are called after."""
+    return request.id if shape.name == target.name else f"{request.id}.{shape.name}"
+
+
+def together_record(found: ChosenSet) -> p.Together:
+    """Return what the features of a look tell together.
+
+    Parts as made and biases may make a spread larger than the set's trials showed it:
+    the larger counts.
+    """
+    known, dropped = found.found.known, found.found.dropped_um
+    turn = found.score.sigma_theta_rad
+    if turn is not None and math.isfinite(known.sigma_theta_rad):
+        turn = max(turn, known.sigma_theta_rad)
+    return p.Together(
+        sigma_xy_um=max(found.score.sigma_um or 0.0, known.sigma_um),
+        sigma_theta_rad=turn,
+        conditioning=known.conditioning,
+        dropped_um=dropped if math.isfinite(dropped) else None,
+        least=found.least,
+        success_lower=found.score.success_lower,
+        silent_upper=found.score.silent_upper,
+    )
+
+
+def _through_focus(curve: BiasCurve | None) -> tuple[p.BiasAt, ...]:
+    """Return a predicted bias as the plan has it."""
+    if curve is None:
+        return ()
+    rows = zip(curve.dz_um, curve.x_um, curve.y_um, strict=True)
+    return tuple(p.BiasAt(dz_um=z, x_um=x, y_um=y) for z, x, y in rows)
 
 
 def _region(case: LookCase) -> p.Region:
@@ -143,10 +212,18 @@ def _reference(case: LookCase) -> p.Reference:
 
 def _gates(tried: Tried, chosen: Score) -> p.Gates:
     """Return what a measurement must meet: what every good trial met, and a margin."""
+    mine = [o for o in tried.outcomes if o.chain == chosen.chain]
+    spreads = [
+        o.spread_um
+        for o in mine
+        if o.spread_um is not None and not is_wrong(tried.case, o)
+    ]
+    widest = SPREAD_MARGIN * max(spreads, default=0.0)
     return p.Gates(
         min_score=_min_score(tried, chosen),
         max_shift_um=SHIFT_MARGIN * tried.case.spread.search_um,
         max_turn_rad=None,
+        max_spread_um=widest or None,
     )
 
 

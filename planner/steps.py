@@ -48,6 +48,8 @@ RETRIES = (
     p.OnFailure(code="MP820", do="retry", times=2),
     p.OnFailure(code="MP821", do="retry", times=2),
     p.OnFailure(code="MP822", do="retry", times=1),
+    p.OnFailure(code="MP825", do="retry", times=2),
+    p.OnFailure(code="MP826", do="retry", times=1),
 )
 # A height sweep reaches this many limits to either side of the expected height.
 SWEEP_LIMITS = 3.0
@@ -127,10 +129,10 @@ def axis_move(move: Move, speed_um_per_s: float | None = None) -> p.AxisMove:
 
 def _remember(memory: Memory, look: CompiledLook) -> Memory:
     """Return the memory after a look."""
-    measure, view = look.look.measure, look.look.view
+    view = look.look.view
     seen = Sighted(
         name=look.look.target,
-        sigma_um=measure.sigma_xy_um,
+        sigma_um=look.look.sigma_xy_um,
         bias_um=0.0,  # the executor takes the mean error off
         magnification=view.magnification,
         focus_um=view.focus_um,

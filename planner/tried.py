@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from featuresel.case import LookCase
+from featuresel.contest import Contest
 from featuresel.routines import Artifact, Failure, load
 from featuresel.score import Score
 from featuresel.select import Selection
@@ -29,6 +30,18 @@ class Tried:
     outcomes: tuple[Outcome, ...]
     scores: tuple[Score, ...]
     selection: Selection
+
+    @classmethod
+    def of(cls, case: LookCase, fidelity: Fidelity, found: Contest) -> Tried:
+        """Return what a contest over a case showed."""
+        return cls(
+            case=case,
+            fidelity=fidelity,
+            prepared=found.prepared,
+            outcomes=found.outcomes,
+            scores=found.scores,
+            selection=found.selection,
+        )
 
 
 def used(tried: Tried) -> tuple[str, ...]:

@@ -14,7 +14,7 @@ from typing import Any, Literal
 from schemas.codec import CodecError, from_data, to_data
 from schemas.pose import Pose
 
-FORMAT_VERSION = "1.1"
+FORMAT_VERSION = "1.2"
 
 AxesName = Literal["stage", "robot"]
 
@@ -121,11 +121,30 @@ class Gates:
     min_score: float
     max_shift_um: float  # from the expected place
     max_turn_rad: float | None  # from the expected angle; None: any angle
+    max_spread_um: float | None = None  # of the routine's own sigma; None: any
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BiasAt:
+    """Mean error that the renderer predicts at one focus, in the target's frame."""
+
+    dz_um: float  # of the focus from the look's own
+    x_um: float
+    y_um: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Depth:
+    """What the usable focus range of a feature stands beside."""
+
+    textbook_um: float  # depth of field n wavelength / A**2, from end to end
+    spurious_um: float | None  # defocus that turns dark and bright about; None: none
+    contrast: tuple[float, float]  # at both ends of the range, over that in focus
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Measure:
-    """How a look measures its target."""
+    """How a look measures one feature: its target, or another of the same part."""
 
     chain: tuple[RoutineUse, ...]  # coarse to fine
     fallback: tuple[RoutineUse, ...]  # used when the chain fails aloud; may be empty
@@ -145,6 +164,11 @@ class Measure:
     usable_magnification: tuple[float, float]  # ratio to nominal that still does
     fallback_bias_um: tuple[float, float] = (0.0, 0.0)  # as bias_um, of the fallback
     fallback_min_score: float = 0.0  # as gates.min_score, of the fallback
+    feature: str = ""  # what is measured; "": the look's target
+    offset_um: tuple[float, float] = (0.0, 0.0)  # from the target, in the part's frame
+    turn_rad: float = 0.0  # of the feature's frame in the part's
+    bias_through_focus: tuple[BiasAt, ...] = ()  # by rising dz_um; () = not predicted
+    depth: Depth | None = None  # None: not computed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -173,12 +197,47 @@ class Score:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class FeatureRow:
+    """One feature, or the set that is used, by Feddema's criteria.
+
+    `docs/features.md` says how each is computed; None where it was not.
+    """
+
+    name: str  # features of a set joined by " + "
+    kind: str  # of target; "set"
+    reason: str  # why it is used or not
+    chain: tuple[str, ...] = ()  # the best one, () if none was tried
+    robustness: float | None = None
+    uniqueness: float | None = None
+    completeness: float | None = None
+    cost: float | None = None
+    resolution_um: float | None = None
+    rank: int | None = None
+    controllability: float | None = None
+    conditioning: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Evidence:
     """The trials behind a look's choice; `scores` hold every chain tried."""
 
     tolerance_um: float  # what the look had to meet
     chosen: Score
     others: tuple[Score, ...]
+    features: tuple[FeatureRow, ...] = ()  # the part's, tried or not
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Together:
+    """What several features of one look tell, measured on the same frame."""
+
+    sigma_xy_um: float  # of the target's place, in the direction known worst
+    sigma_theta_rad: float | None  # None: the angle is not told
+    conditioning: float  # of the Jacobian, rotation scaled by the part's radius
+    dropped_um: float | None  # sigma without the worst feature; None: not told then
+    least: int  # features that must answer
+    success_lower: float  # of fresh trials of the set, as in `Score`
+    silent_upper: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -192,6 +251,27 @@ class Look:
     effects: tuple[EffectRow, ...]
     measure: Measure
     evidence: Evidence
+    others: tuple[Measure, ...] = ()  # further features, measured on the same frame
+    together: Together | None = None  # None: `measure` alone tells the pose
+
+    @property
+    def measures(self) -> tuple[Measure, ...]:
+        """Return how each feature of the look is measured, the first first."""
+        return (self.measure, *self.others)
+
+    @property
+    def sigma_xy_um(self) -> float:
+        """Return the spread of the target's place per axis, from the trials."""
+        if self.together is None:
+            return self.measure.sigma_xy_um
+        return self.together.sigma_xy_um
+
+    @property
+    def sigma_theta_rad(self) -> float | None:
+        """Return the spread of the target's angle, None if it is not measured."""
+        if self.together is None:
+            return self.measure.sigma_theta_rad
+        return self.together.sigma_theta_rad
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -12,6 +12,8 @@ from featuresel.routines import Failure, FloatArray
 
 _ROUNDS = 8  # of Gauss-Newton: the turn is all that is not linear
 _STILL_RAD = 1e-12
+_FINEST_UM = 1e-4  # a spread below it counts as it, as in `featuresel.sights`
+_FINEST_RAD = 1e-6
 _BLIND = 1e-6  # of the largest singular value, as in `featuresel.sights`
 _DOUBT = 3.72  # normal quantile of 1 - 1e-4: features that agree are refused so rarely
 
@@ -22,11 +24,11 @@ class Seen:
 
     x_um: float
     y_um: float
-    sigma_um: float  # of its place per axis, > 0
+    sigma_um: float  # of its place per axis
     offset_um: tuple[float, float] = (0.0, 0.0)  # from the wanted point, part's frame
     axis_rad: float | None = None  # the one direction in which the place is known
     theta_rad: float | None = None  # of the part, as this feature has it
-    sigma_theta_rad: float | None = None  # of that, > 0; None: it is not to be used
+    sigma_theta_rad: float | None = None  # of that; None: it is not to be used
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,6 +38,8 @@ class Fused:
     x_um: float
     y_um: float
     theta_rad: float | None  # None: no feature tells it
+    sigma_um: float  # of the place in the direction known worst, by the features' own
+    sigma_theta_rad: float | None
     chi_square: float  # sum of squared deviations of the features, in their sigmas
     freedom: int  # numbers measured beyond those wanted
 
@@ -87,10 +91,13 @@ def fuse(seen: Sequence[Seen], theta_rad: float | None = None) -> Fused | Failur
             code="features_disagree",
             message=f"chi-square {chi_square:.3g}, at most {bound(freedom):.3g}",
         )
+    known = np.linalg.pinv(rows[:, :free].T @ rows[:, :free])
     return Fused(
         x_um=float(pose[0]),
         y_um=float(pose[1]),
         theta_rad=float(pose[2]) if free == 3 else None,
+        sigma_um=math.sqrt(float(np.linalg.eigvalsh(known[:2, :2])[-1])),
+        sigma_theta_rad=math.sqrt(float(known[2, 2])) if free == 3 else None,
         chi_square=chi_square,
         freedom=freedom,
     )
@@ -141,18 +148,20 @@ def _system(
     rows: list[tuple[float, float, float]] = []
     off: list[float] = []
     for one in seen:
+        sigma = max(one.sigma_um, _FINEST_UM)
         x, y = one.offset_um
         arm = (c * x - s * y, s * x + c * y)
         axes = (0.0, math.pi / 2) if one.axis_rad is None else (one.axis_rad,)
         for axis in axes:
             u, v = math.cos(axis), math.sin(axis)
             miss = (at_um[0] + arm[0] - one.x_um, at_um[1] + arm[1] - one.y_um)
-            rows.append(_scaled((u, v, v * arm[0] - u * arm[1]), one.sigma_um))
-            off.append((u * miss[0] + v * miss[1]) / one.sigma_um)
+            rows.append(_scaled((u, v, v * arm[0] - u * arm[1]), sigma))
+            off.append((u * miss[0] + v * miss[1]) / sigma)
         if one.theta_rad is not None and one.sigma_theta_rad is not None:
-            rows.append(_scaled((0.0, 0.0, 1.0), one.sigma_theta_rad))
             turned = math.remainder(theta_rad - one.theta_rad, math.tau)
-            off.append(turned / one.sigma_theta_rad)
+            sigma = max(one.sigma_theta_rad, _FINEST_RAD)
+            rows.append(_scaled((0.0, 0.0, 1.0), sigma))
+            off.append(turned / sigma)
     return np.array(rows, dtype=np.float64), np.array(off, dtype=np.float64)
 
 

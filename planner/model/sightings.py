@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 
 from optics.microscope import Microscope
+from optics.scene import Scene, Window
 from planner.diagnostics import Report
 from planner.inputs.task import Task
 from planner.model.assembly import Place, locate_place
 from planner.model.requests import Request
 from planner.model.scenes import relevant, shade_of, world_scene
-from planner.model.targets import Shape, shape_of
+from planner.model.targets import Shape, outline_of, shape_of
 from planner.model.views import (
     SEARCH_SIGMAS,
     Origin,
@@ -63,11 +64,7 @@ def views(
     for zoom in zooms:
         scope = microscope_at(cell, zoom)
         region = region_for(scope, shape.box_um, spot, search_um(task, spot))
-        seen = relevant(scene.layers, scope, focus, region)
-        level = light_level(cell, seen, task.benchmark)
-        found.append(
-            ViewPlan(microscope=scope, focus_um=focus, light=level, region=region)
-        )
+        found.append(_lit(task, scene, scope, focus, region))
     if found:
         widest = max((v.microscope for v in found), key=lambda scope: scope.aperture)
         _report_shade(task, request, shape, spot, widest, report)
@@ -132,18 +129,46 @@ def _report_shade(
     )
 
 
+def whole_view(task: Task, request: Request, view: ViewPlan) -> ViewPlan:
+    """Return the view with a region that holds all of the target's body, as far as the
+    frame does: other features of it may stand in for the target."""
+    shape = needed_shape(task, request)
+    if shape.owner in task.workcell.tools:
+        return view
+    x0, y0, x1, y1 = outline_of(task, shape).bounds_um
+    reach = math.hypot(max(-x0, x1), max(-y0, y1))
+    spot = spot_of(task, request, shape)
+    box = (-reach, -reach, reach, reach)
+    region = region_for(view.microscope, box, spot, search_um(task, spot))
+    scene = world_scene(task, request.state)
+    return _lit(task, scene, view.microscope, view.focus_um, region)
+
+
+def _lit(
+    task: Task, scene: Scene, scope: Microscope, focus_um: float, region: Window
+) -> ViewPlan:
+    """Return a view lit for the brightest of what its region shows."""
+    seen = relevant(scene.layers, scope, focus_um, region)
+    level = light_level(task.workcell, seen, task.benchmark)
+    return ViewPlan(microscope=scope, focus_um=focus_um, light=level, region=region)
+
+
 def spot_of(task: Task, request: Request, shape: Shape) -> Place:
-    """Return where the target's reference point nominally is."""
+    """Return where the target's reference point nominally is.
+
+    Its spread takes in how far it swings about the owner's own origin.
+    """
     place = locate_place(task, request.state, shape.owner)
     x_um, y_um = place.pose.apply(*shape.center_um)
     face = locate_place(task, request.state, request.target).z_um
+    swing_um = min(place.sigma_theta_rad, 1.0) * math.hypot(*shape.center_um)
     return Place(
         name=shape.name,
         owner=place.owner,
         carrier=place.carrier,
         pose=Pose(x_um=x_um, y_um=y_um, theta_rad=place.pose.theta_rad),
         z_um=face,
-        sigma_xy_um=place.sigma_xy_um,
+        sigma_xy_um=math.hypot(place.sigma_xy_um, swing_um),
         sigma_theta_rad=place.sigma_theta_rad,
     )
 

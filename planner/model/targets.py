@@ -21,7 +21,7 @@ JAWS_SEEN_UM = 60.0  # of the fingers behind the grip that a look takes in
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Shape:
-    """A target in its own frame: reference point at the origin, owner's angle."""
+    """A target about its reference point, in the owner's axes but for `angle_rad`."""
 
     name: str  # as measured: the task's name, or "part.outline" for a whole part
     owner: str
@@ -33,6 +33,7 @@ class Shape:
     symmetry: int
     symmetry_broken_by: str
     parameters: Mapping[str, float] = field(default_factory=dict)
+    angle_rad: float = 0.0  # of the target's own frame in the owner's
 
     @property
     def has_angle(self) -> bool:
@@ -50,7 +51,8 @@ def shape_of(task: Task, state: State, name: str) -> Shape | None:
     if inner in part.posts:
         return _post(part, part.posts[inner], name)
     if inner:
-        return _feature(part, part.features[inner], name)
+        feature = part.features[inner]
+        return None if feature.kind == "notch" else declared_shape(part, feature, name)
     teeth = [f for f in part.features.values() if f.kind == "teeth" and not f.avoid]
     if teeth:
         return _teeth(part, teeth[0], f"{owner}.{teeth[0].name}")
@@ -149,14 +151,12 @@ def _post(part: Part, post: Post, name: str) -> Shape:
     )
 
 
-def _feature(part: Part, feature: Feature, name: str) -> Shape | None:
-    """Return a declared feature; a notch is no target of its own."""
+def declared_shape(part: Part, feature: Feature, name: str) -> Shape:
+    """Return a declared feature; a notch, no target of its own, as a circle."""
     if feature.kind == "teeth":
         return _teeth(part, feature, name)
     if feature.kind == "outline":
         return _whole(part)
-    if feature.kind != "circle":
-        return None
     return Shape(
         name=name,
         owner=part.name,
@@ -232,6 +232,7 @@ def middle_um(part: Part) -> tuple[float, float]:
 def outline_of(task: Task, shape: Shape) -> Outline:
     """Return the outline that holds the target's edges, in the target's frame."""
     part = task.parts[owner_of(shape.name)]
-    inner = shape.name.partition(".")[2]
+    inner = shape.name.partition(".")[2].partition(".")[0]
     outline = part.posts[inner].outline if inner in part.posts else part.outline
-    return place(outline, -shape.center_um[0], -shape.center_um[1])
+    about = place(outline, -shape.center_um[0], -shape.center_um[1])
+    return place(about, 0.0, 0.0, -shape.angle_rad) if shape.angle_rad else about

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from optics.ledger import CONTRAST
-from schemas.plan import Look, Plan, Step
+from schemas.plan import Look, Measure, Plan, Step
 
 
 def plan_summary(plan: Plan) -> str:
@@ -58,9 +58,15 @@ def _step_line(step: Step) -> str:
 
 def _look_line(look: Look) -> str:
     """Return what finds the target, and how well."""
-    chain = " > ".join(use.id for use in look.measure.chain)
+    found = "; ".join(_found_by(measure) for measure in look.measures)
     low, high = look.measure.usable_focus_um
     return (
-        f"{look.target} by {chain} at {look.view.magnification:.3g} x, sigma "
-        f"{look.measure.sigma_xy_um:.2g} um, focus {low:+g}..{high:+g} um"
+        f"{look.target} by {found} at {look.view.magnification:.3g} x, sigma "
+        f"{look.sigma_xy_um:.2g} um, focus {low:+g}..{high:+g} um"
     )
+
+
+def _found_by(measure: Measure) -> str:
+    """Return the routines that find a feature, and which, if it is not the target."""
+    chain = " > ".join(use.id for use in measure.chain)
+    return f"{chain} on {measure.feature}" if measure.feature else chain

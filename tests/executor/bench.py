@@ -491,7 +491,7 @@ def measure(
         bias_um=(0.0, 0.0),
         jacobian_px_per_um=(),
         sigma_xy_um=0.1,
-        sigma_theta_rad=None,
+        sigma_theta_rad=0.01 if any(u.id == "tooth_notch" for u in uses) else None,
         limit_xy_um=None,
         gates=Gates(min_score=0.3, max_shift_um=max_shift_um, max_turn_rad=None),
         capture_um=40.0,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,8 @@ from scipy.stats import binomtest
 
 import executor.cli
 from planner.cli import main as microplan_main
-from tests.planner.examples import copy_example
+from planner.presets import PRESETS
+from tests.planner.examples import change, copy_example
 
 SEEDS = range(20)
 # An L of lines, 120 x 80 um; an arc rounds one corner and a circle is its hole.
@@ -108,6 +110,72 @@ def test_a_bracket_of_lines_and_an_arc_is_located(tmp_path: Path) -> None:
         assert status == 0
         error = summary["true_look_error_um"]["find"]
         assert error < 5 * math.sqrt(2) * look["measure"]["sigma_xy_um"]
+
+
+def test_a_feature_that_is_hidden_gives_way_to_others(tmp_path: Path) -> None:
+    task = bracket_task(tmp_path)
+    change(task, "    origin: outline\n", "    origin: outline\n" + HOLE + COVER)
+    change(task, "steps:\n", OVER_THE_HOLE + "steps:\n")
+    change(task, "target: bracket,", "target: bracket.hole,")
+    drawing = document.Drawing.new("R2010")
+    drawing.modelspace().add_circle((0, 0), 14)
+    drawing.saveas(task.parent / "parts" / "cover.dxf")
+    folder = tmp_path / "bracket.plan"
+    assert (
+        microplan_main(["compile", str(task), "-o", str(folder), "--preset", "fast"])
+        == 0
+    )
+    look = json.loads((folder / "plan.json").read_text())["steps"][0]["looks"][0]
+    rows = {row["name"]: row for row in look["evidence"]["features"]}
+    assert "0% of the target's edges are visible" in rows["bracket.hole"]["reason"]
+    assert look["target"] == "bracket.hole"
+    assert look["measure"]["feature"].startswith("bracket.")
+    for seed in range(3):
+        status, summary = run(folder, tmp_path / "run", seed)
+        assert status == 0
+        error = summary["true_look_error_um"]["find"]
+        assert error < 5 * math.sqrt(2) * look["together"]["sigma_xy_um"]
+
+
+def test_a_look_with_a_feature_to_spare_does_without_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    spare = replace(PRESETS["fast"], trials=16, range_draws=1, thorough=True)
+    monkeypatch.setattr("planner.compiler.PRESETS", {"fast": spare})
+    task = bracket_task(tmp_path)
+    folder = tmp_path / "bracket.plan"
+    assert (
+        microplan_main(["compile", str(task), "-o", str(folder), "--preset", "fast"])
+        == 0
+    )
+    plan = json.loads((folder / "plan.json").read_text())
+    look = plan["steps"][0]["looks"][0]
+    assert look["others"]
+    assert look["together"]["least"] == len(look["others"])
+    status, summary = run(folder, tmp_path / "whole", 1)
+    assert status == 0
+    look["measure"]["gates"]["min_score"] = 2.0  # nothing scores so high
+    (folder / "plan.json").write_text(json.dumps(plan))
+    status, without = run(folder, tmp_path / "without", 1)
+    assert status == 0
+    limit = 5 * math.sqrt(2) * look["together"]["dropped_um"]
+    assert without["true_look_error_um"]["find"] < limit
+    assert without["true_look_error_um"] != summary["true_look_error_um"]
+
+
+HOLE = '    features: {hole: {kind: circle, layer: "0"}}\n'
+COVER = """\
+  cover:
+    drawing: {file: parts/cover.dxf, units: um, layers: ["0"]}
+    thickness_um: 40
+    reflectance: 0.5
+    origin: outline
+"""
+# on the bracket's hole, which is at (-40, -20) of a part turned by 25 degrees
+OVER_THE_HOLE = """\
+  cover: {on: stage, x_um: -27.8, y_um: -35.03, theta_deg: 0, sigma_xy_um: 0.5,
+    sigma_theta_deg: 0}
+"""
 
 
 def bracket_task(folder: Path) -> Path:

@@ -1,0 +1,187 @@
+"""One feature of a look: routines on the image, gates, bias, pixels to um."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from executor.artifacts import key_of
+from executor.errors import ExecutorError
+from executor.rig import Rig
+from featuresel.routines import Failure, FloatArray, Guess, Measurement
+from featuresel.routines.chain import measure_chain
+from featuresel.routines.fusion import Seen
+from schemas.plan import BiasAt, Look, Measure, RoutineUse
+from schemas.pose import Pose
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Picture:
+    """A frame's region, and what was believed when it was taken."""
+
+    image: FloatArray  # (rows, columns), 0..1 of full scale
+    expected: Pose  # of the look's target, world
+    knows_angle: bool
+    dz_um: float  # of the focus from the look's own
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Shown:
+    """A feature as one picture shows it, and how surely."""
+
+    seen: Seen
+    score: float
+    spread_um: float  # the routine's own estimate, one sigma per axis
+    routines: tuple[str, ...]
+
+
+def look_for(rig: Rig, look: Look, measure: Measure, picture: Picture) -> Shown:
+    """Return where a picture shows a feature: its chain, then the fallback.
+
+    Raises
+    ------
+    ExecutorError
+        MP820 if no routine finds it; MP821..MP823, MP825 if an answer fails a gate.
+    """
+    try:
+        return _measured(rig, look, measure, measure.chain, picture)
+    except ExecutorError as error:
+        if not measure.fallback:
+            raise
+        rig.journal.write("fallback", look=look.id, code=error.code, why=str(error))
+        return _measured(rig, look, _spare(measure), measure.fallback, picture)
+
+
+def bias_at(curve: Sequence[BiasAt], dz_um: float) -> tuple[float, float]:
+    """Return how much a predicted bias differs at a focus from that at the look's own.
+
+    Linear between the heights, beyond the outermost theirs; 0 without a curve.
+    """
+    if not curve:
+        return (0.0, 0.0)
+    here, there = _between(curve, 0.0), _between(curve, dz_um)
+    return (there[0] - here[0], there[1] - here[1])
+
+
+def _between(curve: Sequence[BiasAt], dz_um: float) -> tuple[float, float]:
+    """Return the bias at one focus."""
+    after = next((k for k, at in enumerate(curve) if at.dz_um >= dz_um), len(curve))
+    if after in (0, len(curve)):
+        end = curve[min(after, len(curve) - 1)]
+        return (end.x_um, end.y_um)
+    low, high = curve[after - 1], curve[after]
+    share = (dz_um - low.dz_um) / (high.dz_um - low.dz_um)
+    return (
+        low.x_um + share * (high.x_um - low.x_um),
+        low.y_um + share * (high.y_um - low.y_um),
+    )
+
+
+def _spare(measure: Measure) -> Measure:
+    """Return how the fallback measures: with that chain's bias and gate.
+
+    The spread's gate and the bias through focus are the first chain's own.
+    """
+    gates = replace(
+        measure.gates, min_score=measure.fallback_min_score, max_spread_um=None
+    )
+    return replace(
+        measure, bias_um=measure.fallback_bias_um, gates=gates, bias_through_focus=()
+    )
+
+
+def _measured(
+    rig: Rig,
+    look: Look,
+    measure: Measure,
+    uses: Sequence[RoutineUse],
+    picture: Picture,
+) -> Shown:
+    """Run one chain on the image and pass its answer through the gates."""
+    start = Guess(
+        column=measure.reference.column,
+        row=measure.reference.row,
+        theta_rad=picture.expected.theta_rad + measure.turn_rad
+        if picture.knows_angle
+        else None,
+    )
+    stages = rig.artifacts.stages(key_of(look, measure), uses)
+    found = measure_chain(picture.image, stages, start)
+    name = measure.feature or look.target
+    if isinstance(found, Failure):
+        raise ExecutorError(
+            "MP820",
+            f"look {look.id}: {name} not found ({found.code}): {found.message}",
+            cause=found.code,
+        )
+    shown = _shown(rig, look, measure, found, picture)
+    shown = replace(shown, routines=tuple(use.id for use in uses))
+    _pass_gates(f"look {look.id}: {name}", measure, shown, picture)
+    return shown
+
+
+def _shown(
+    rig: Rig, look: Look, measure: Measure, found: Measurement, picture: Picture
+) -> Shown:
+    """Turn pixels into um and take off the mean error that the trials showed.
+
+    That error is fixed in the part's frame: at an unknown angle it stays.
+    """
+    theta_rad = picture.expected.theta_rad if picture.knows_angle else None
+    if found.theta_rad is not None:
+        theta_rad = found.theta_rad - measure.turn_rad
+    x_um, y_um = rig.frame_of(look).to_world(found.column, found.row)
+    if theta_rad is not None:
+        more_x, more_y = bias_at(measure.bias_through_focus, picture.dz_um)
+        turn = Pose(x_um=0.0, y_um=0.0, theta_rad=theta_rad)
+        bias = turn.apply(measure.bias_um[0] + more_x, measure.bias_um[1] + more_y)
+        x_um, y_um = x_um - bias[0], y_um - bias[1]
+    return Shown(
+        seen=Seen(
+            x_um=x_um,
+            y_um=y_um,
+            sigma_um=measure.sigma_xy_um,
+            offset_um=measure.offset_um,
+            axis_rad=found.axis_rad,
+            theta_rad=None if found.theta_rad is None else theta_rad,
+            sigma_theta_rad=measure.sigma_theta_rad,
+        ),
+        score=found.score,
+        spread_um=found.spread_px * look.view.um_per_px,
+        routines=(),
+    )
+
+
+def _pass_gates(name: str, measure: Measure, shown: Shown, picture: Picture) -> None:
+    """Raise unless score, spread, place and angle are what they should be."""
+    gates, seen = measure.gates, shown.seen
+    if not shown.score >= gates.min_score:  # also refuses nan
+        raise ExecutorError(
+            "MP821", f"{name} scored {shown.score:.3g}, needs {gates.min_score:.3g}"
+        )
+    if gates.max_spread_um is not None and not shown.spread_um <= gates.max_spread_um:
+        raise ExecutorError(
+            "MP825",
+            f"{name} is known to {shown.spread_um:.3g} um by the routine's own "
+            f"estimate, at most {gates.max_spread_um:.3g} um",
+        )
+    expected_x, expected_y = picture.expected.apply(*measure.offset_um)
+    shift_um = math.hypot(seen.x_um - expected_x, seen.y_um - expected_y)
+    if not shift_um <= gates.max_shift_um:
+        raise ExecutorError(
+            "MP822",
+            f"{name} found {shift_um:.3g} um from where it was expected, "
+            f"at most {gates.max_shift_um:.3g} um",
+        )
+    if gates.max_turn_rad is None or seen.theta_rad is None:
+        return
+    turn_rad = abs(
+        math.remainder(seen.theta_rad - picture.expected.theta_rad, math.tau)
+    )
+    if not turn_rad <= gates.max_turn_rad:
+        raise ExecutorError(
+            "MP823",
+            f"{name} found turned {turn_rad:.3g} rad, "
+            f"at most {gates.max_turn_rad:.3g} rad",
+        )

@@ -1,0 +1,271 @@
+"""Several features of one look: which are raced, which set is used, and why."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from featuresel.case import LookCase
+from featuresel.constraints import Constraints, Limits
+from featuresel.contest import Contest, compete, is_roomy
+from featuresel.feature import Feature
+from featuresel.feature_set import FeatureSet, choose_set
+from featuresel.perturb import design
+from featuresel.pose_need import Need
+from featuresel.score import Score
+from featuresel.select import select
+from featuresel.set_trials import Member, score_set
+from featuresel.sights import Sight, sight_of
+from featuresel.trials import Map, Prepared
+from planner.cases import MOST_TOGETHER, feature_case
+from planner.inputs.task import Task
+from planner.model.features import drawn, offset_um, proposals
+from planner.model.requests import Request
+from planner.model.targets import Shape
+from planner.model.views import ViewPlan
+from planner.presets import Effort
+from planner.raced import Judged, Raced, unseen
+from planner.tried import Tried
+from schemas import plan as p
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChosenSet:
+    """The features that a look measures, the look's own target first if among them."""
+
+    raced: tuple[Raced, ...]
+    sights: tuple[Sight, ...]
+    score: Score  # of fresh trials of all of them
+    found: FeatureSet
+    least: int  # that must answer
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sets:
+    """What the search for a set came to."""
+
+    chosen: ChosenSet | None
+    rows: tuple[p.FeatureRow, ...]
+    advice: str  # what to relax where nothing was chosen
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Search:
+    """A look whose features are raced where its target alone does not do.
+
+    `alone` is the target's own contest.
+    """
+
+    task: Task
+    request: Request
+    shape: Shape
+    view: ViewPlan
+    alone: Tried
+    visible: float | None
+    effort: Effort
+    map: Map
+
+    def run(self) -> Sets:
+        """Return the set to use, or why there is none."""
+        raced, skipped = self._race()
+        able = [r for r in raced if r.passes]
+        sights = {r.shape.name: self._sight(r) for r in able}
+        if not able:
+            rows = [self._judged.row(r, None, _fault(r)) for r in raced]
+            faults = (f"{r.shape.name}: {r.tried.selection.advice}" for r in raced)
+            return Sets(chosen=None, rows=(*rows, *skipped), advice="; ".join(faults))
+        found = self._found(list(sights.values()))
+        said = dict(found.reasons)
+        rows = [
+            self._judged.row(
+                r, sights.get(r.shape.name), said.get(r.shape.name) or _fault(r)
+            )
+            for r in raced
+        ]
+        if not found.qualifies:
+            advice = "; ".join(found.relaxations)
+            return Sets(chosen=None, rows=(*rows, *skipped), advice=advice)
+        members = [r for r in able if r.shape.name in found.names]
+        chosen = self._tested(members, [sights[r.shape.name] for r in members], found)
+        fault = self._together.fault(chosen.score)
+        if fault:
+            advice = f"{' + '.join(found.names)}: {fault}"
+            return Sets(chosen=None, rows=(*rows, *skipped), advice=advice)
+        rows.append(
+            self._judged.set_row(chosen.raced, chosen.sights, found.known.sigma_um)
+        )
+        return Sets(chosen=chosen, rows=(*rows, *skipped), advice="")
+
+    def left_out(self) -> tuple[p.FeatureRow, ...]:
+        """Return the rows of a look whose target alone leaves room."""
+        known = proposals(self.task, self.request, self.shape)
+        target = replace(self._target(known.target), tried=self.alone)
+        reason = f"not tried: {self.shape.name} alone leaves room"
+        return (
+            self._judged.row(target, self._sight(target), "used: it alone does"),
+            *(
+                p.FeatureRow(name=shape.name, kind=shape.kind, reason=reason)
+                for _, shape in known.others
+            ),
+        )
+
+    def _race(self) -> tuple[list[Raced], list[p.FeatureRow]]:
+        """Return the features that were raced, and a row for each that was not."""
+        known = proposals(self.task, self.request, self.shape)
+        raced, skipped = [self._target(known.target)], []
+        for feature, shape in known.others:
+            case = feature_case(
+                self.task, self.request, self.view, self.alone.case, shape
+            )
+            why = unseen(case)
+            if not why and len(raced) > self.effort.features:
+                why = f"not tried: {self.effort.features} others were"
+            if why:
+                row = p.FeatureRow(name=shape.name, kind=shape.kind, reason=why)
+                skipped.append(row)
+            else:
+                raced.append(self._other(feature, shape, case))
+        return raced, skipped
+
+    def _target(self, known: Feature | None) -> Raced:
+        """Return the target itself, its chains judged as those of one of several."""
+        case = self.alone.case
+        selection = select(
+            self.alone.scores,
+            tolerance_um=case.tolerance_um * math.sqrt(MOST_TOGETHER),
+            tolerance_theta_rad=case.tolerance_theta_rad,
+            target=case.target,
+            visible=self.visible,
+            in_set=True,
+        )
+        return Raced(
+            feature=known or drawn(self.shape),
+            shape=self.shape,
+            tried=replace(self.alone, selection=selection),
+            visible=self.visible,
+        )
+
+    def _other(self, feature: Feature, shape: Shape, case: LookCase) -> Raced:
+        """Return another feature after its race."""
+        found = compete(
+            case,
+            root_seed=self.task.seed,
+            most=self.effort.trials,
+            thorough=self.effort.thorough,
+            limited=self.effort.limited,
+            in_set=True,
+            map=self.map,
+        )
+        tried = Tried.of(case, self.alone.fidelity, found)
+        return Raced(feature=feature, shape=shape, tried=tried, visible=found.visible)
+
+    def _found(self, sights: Sequence[Sight]) -> FeatureSet:
+        """Return the smallest set that does, with a feature to spare where wanted."""
+        need = self._need
+        if self.effort.thorough:
+            spare = choose_set(sights, replace(need, redundant=True))
+            if spare.qualifies:
+                return spare
+        return choose_set(sights, need)
+
+    @property
+    def _need(self) -> Need:
+        """Return what a set has to tell: two sigma within each tolerance.
+
+        Where the target alone does, a set has to leave the room that it does not.
+        """
+        case = self.alone.case
+        share = 1.0 if self.alone.selection.chosen is None else Limits().roomy
+        if self.effort.thorough:
+            share = 1.0
+        turn = case.tolerance_theta_rad
+        return Need(
+            sigma_um=share * case.tolerance_um / 2,
+            sigma_theta_rad=None if turn is None else share * turn / 2,
+            radius_um=self._judged.radius_um,
+            most=MOST_TOGETHER,
+            redundant=False,
+        )
+
+    @property
+    def _judged(self) -> Judged:
+        """Return how features are compared: a turn counts as its corners' way."""
+        x0, y0, x1, y1 = self.shape.box_um
+        radius_um = math.hypot(x1 - x0, y1 - y0) / 2
+        return Judged(case=self.alone.case, radius_um=radius_um)
+
+    @property
+    def _together(self) -> Constraints:
+        """Return what a set has to meet in its own trials."""
+        case = self.alone.case
+        return Constraints(
+            tolerance_um=case.tolerance_um,
+            tolerance_theta_rad=case.tolerance_theta_rad,
+        )
+
+    def _sight(self, raced: Raced) -> Sight:
+        """Return a feature as the search for a set has it.
+
+        The target is where the look is to find it; others lie off it on the part as
+        made, by the profile tolerance of the edges of both, uniform within.
+        """
+        own = raced.shape.name == self.shape.name
+        part = self.task.parts.get(self.shape.owner)
+        made = 0.0 if own or part is None else part.profile_tolerance_um
+        return sight_of(
+            raced.feature,
+            raced.chosen,
+            about_um=self.shape.center_um,
+            theta_rad=self.alone.case.theta_rad,
+            made_um=made * math.sqrt(2 / 3),
+        )
+
+    def _tested(
+        self, raced: Sequence[Raced], sights: Sequence[Sight], found: FeatureSet
+    ) -> ChosenSet:
+        """Return the set with the score of fresh trials."""
+        case = self.alone.case
+        names = "+".join(r.shape.name for r in raced)
+        fresh = replace(case, key=f"{case.key}/{names}")
+        need = self._need
+        spare = found.dropped_um <= need.sigma_um and (
+            need.sigma_theta_rad is None
+            or found.dropped_theta_rad <= need.sigma_theta_rad
+        )
+        least = len(raced) - 1 if spare else len(raced)
+        score = score_set(
+            fresh,
+            [self._member(r, s) for r, s in zip(raced, sights, strict=True)],
+            design(fresh, self.effort.trials, self.task.seed),
+            least=least,
+            map=self.map,
+        )
+        return ChosenSet(
+            raced=tuple(raced), sights=tuple(sights), score=score, found=found,
+            least=least,
+        )  # fmt: skip
+
+    def _member(self, raced: Raced, sight: Sight) -> Member:
+        """Return a feature as trials of the set measure it."""
+        chain = raced.chosen.chain
+        artifacts = raced.tried.prepared.artifacts
+        return Member(
+            case=raced.tried.case,
+            prepared=Prepared(
+                chains=(chain,), artifacts={name: artifacts[name] for name in chain}
+            ),
+            score=raced.chosen,
+            offset_um=offset_um(raced.shape, self.shape),
+            sigma_um=sight.sigma_um,
+        )
+
+
+def wanted(found: Contest, case: LookCase, effort: Effort) -> bool:
+    """Return whether more features are raced though the target alone does."""
+    return effort.thorough or (effort.limited and not is_roomy(case, found.selection))
+
+
+def _fault(raced: Raced) -> str:
+    """Return why no chain of a feature passes."""
+    return f"rejected: {raced.tried.selection.advice}"
