@@ -12,7 +12,7 @@ from featuresel.constraints import Constraints
 from featuresel.crlb import camera_of, fisher
 from featuresel.information import limit
 from featuresel.nominal import nominal_render
-from featuresel.race import race
+from featuresel.race import race, round_ends
 from featuresel.routines import Artifact, Failure, load
 from featuresel.score import Score
 from featuresel.select import Limits, Selection, select
@@ -136,7 +136,7 @@ class _Judge:
             most=self.most,
             limits=self.limits,
             rounds=ROUNDS,
-            peeks=self.races * (sum(end < self.most for end in ROUNDS) + 1),
+            peeks=self.races * len(round_ends(ROUNDS, self.most)),
             in_set=self.in_set,
             map=self.map,
         )

@@ -20,6 +20,7 @@ from planner.lens import (
     middle_offset_um,
     middle_sigma_um,
 )
+from planner.measures import Measured, depth_record, look_key, measure_record
 from planner.model.requests import Request
 from planner.model.scenes import world_scene
 from planner.model.sightings import needed_shape, spot_of, views, whole_view
@@ -27,16 +28,7 @@ from planner.model.targets import Shape
 from planner.model.views import ViewPlan
 from planner.pictures import Picture, picture
 from planner.presets import Effort
-from planner.records import (
-    Measured,
-    depth_record,
-    evidence,
-    look_key,
-    measure_record,
-    scene_record,
-    together_record,
-    view_record,
-)
+from planner.records import evidence, scene_record, together_record, view_record
 from planner.sets import ChosenSet, Search, Sets, wanted
 from planner.tried import Arrays, Tried, arrays_of
 from schemas import plan as p

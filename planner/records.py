@@ -4,22 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
-import numpy as np
-
-from featuresel.bias import BiasCurve
 from featuresel.case import LookCase
-from featuresel.constraints import Limits
-from featuresel.gates import choose_gate
-from featuresel.resolution import contrast, spurious_um
 from featuresel.score import Score
-from featuresel.trials import is_wrong
-from featuresel.usable import UsableRange
-from optics.jacobian import point_jacobian, to_px
 from planner.inputs.task import Task
 from planner.model.assembly import height_sigma_um
-from planner.model.features import offset_um
 from planner.model.requests import Request
 from planner.model.scenes import shade_of
 from planner.model.sightings import needed_shape, spot_of
@@ -27,14 +16,8 @@ from planner.model.targets import Shape
 from planner.model.views import focus_stops
 from planner.pictures import Picture, picture_sha256
 from planner.sets import ChosenSet
-from planner.tried import Tried, use_of
+from planner.tried import Tried
 from schemas import plan as p
-from schemas.pose import Pose
-
-# Gates lie outside what every accepted trial showed, by these margins.
-SCORE_MARGIN = 0.8
-SHIFT_MARGIN = 1.5
-SPREAD_MARGIN = 2.0
 
 
 def view_record(
@@ -99,70 +82,6 @@ def scene_record(
     )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Measured:
-    """A feature that a look measures, and how well."""
-
-    shape: Shape
-    tried: Tried
-    chosen: Score
-    usable: UsableRange
-    curve: BiasCurve | None  # of the bias through focus
-    depth: p.Depth | None
-    sigma_um: float | None  # that its place counts with; None: what trials showed
-
-
-def measure_record(request: Request, target: Shape, found: Measured) -> p.Measure:
-    """Return how the look measures a feature, with what the trials promise."""
-    tried, shape, chosen = found.tried, found.shape, found.chosen
-    case, spare = tried.case, tried.selection.fallback
-    where = look_key(request, target, shape)
-    return p.Measure(
-        chain=tuple(use_of(where, tried, name) for name in chosen.chain),
-        fallback=tuple(
-            use_of(where, tried, name) for name in (spare.chain if spare else ())
-        ),
-        region=_region(case),
-        reference=_reference(case),
-        bias_um=chosen.bias_um or (0.0, 0.0),
-        jacobian_px_per_um=_jacobian(case),
-        sigma_xy_um=(found.sigma_um or chosen.sigma_um) or 0.0,
-        sigma_theta_rad=chosen.sigma_theta_rad,
-        limit_xy_um=chosen.limit_um,
-        gates=_gates(tried, chosen),
-        capture_um=case.spread.search_um,
-        symmetry=shape.symmetry,
-        symmetry_broken_by=shape.symmetry_broken_by
-        if case.tolerance_theta_rad is not None
-        else "",
-        usable_focus_um=found.usable.focus_um,
-        usable_magnification=found.usable.magnification,
-        fallback_bias_um=(spare.bias_um if spare else None) or (0.0, 0.0),
-        fallback_min_score=0.0 if spare is None else _min_score(tried, spare),
-        feature="" if shape.name == target.name else shape.name,
-        offset_um=offset_um(shape, target),
-        turn_rad=shape.angle_rad,
-        bias_through_focus=_through_focus(found.curve),
-        depth=found.depth,
-    )
-
-
-def depth_record(case: LookCase, usable: UsableRange) -> p.Depth:
-    """Return what the usable focus range of a feature stands beside."""
-    low, high = (float(v) for v in contrast(case, usable.focus_um))
-    turned_um = spurious_um(case)
-    return p.Depth(
-        textbook_um=case.microscope.wave_depth_um,
-        spurious_um=turned_um if math.isfinite(turned_um) else None,
-        contrast=(low, high),
-    )
-
-
-def look_key(request: Request, target: Shape, shape: Shape) -> str:
-    """Return what the files of a look's feature are called after."""
-    return request.id if shape.name == target.name else f"{request.id}.{shape.name}"
-
-
 def together_record(found: ChosenSet) -> p.Together:
     """Return what the features of a look tell together.
 
@@ -182,74 +101,6 @@ def together_record(found: ChosenSet) -> p.Together:
         success_lower=found.score.success_lower,
         silent_upper=found.score.silent_upper,
     )
-
-
-def _through_focus(curve: BiasCurve | None) -> tuple[p.BiasAt, ...]:
-    """Return a predicted bias as the plan has it."""
-    if curve is None:
-        return ()
-    rows = zip(curve.dz_um, curve.x_um, curve.y_um, strict=True)
-    return tuple(p.BiasAt(dz_um=z, x_um=x, y_um=y) for z, x, y in rows)
-
-
-def _region(case: LookCase) -> p.Region:
-    """Return the part of the frame that the routines see."""
-    window = case.window
-    return p.Region(
-        row=window.row, column=window.column, rows=window.rows, columns=window.columns
-    )
-
-
-def _reference(case: LookCase) -> p.Reference:
-    """Return where the target should be."""
-    return p.Reference(
-        column=case.target.column,
-        row=case.target.row,
-        pose=Pose(x_um=case.x_um, y_um=case.y_um, theta_rad=case.theta_rad),
-        z_um=case.focus_um,
-    )
-
-
-def _gates(tried: Tried, chosen: Score) -> p.Gates:
-    """Return what a measurement must meet: what every good trial met, and a margin."""
-    mine = [o for o in tried.outcomes if o.chain == chosen.chain]
-    spreads = [
-        o.spread_um
-        for o in mine
-        if o.spread_um is not None and not is_wrong(tried.case, o)
-    ]
-    widest = SPREAD_MARGIN * max(spreads, default=0.0)
-    return p.Gates(
-        min_score=_min_score(tried, chosen),
-        max_shift_um=SHIFT_MARGIN * tried.case.spread.search_um,
-        max_turn_rad=None,
-        max_spread_um=widest or None,
-    )
-
-
-def _min_score(tried: Tried, chain: Score) -> float:
-    """Return the least score a chain may have: its gate, or what good trials showed.
-
-    A gate that lets all pass is lowered by a margin below the good trials instead.
-    """
-    mine = [o for o in tried.outcomes if o.chain == chain.chain]
-    scores = [
-        o.score for o in mine if o.score is not None and not is_wrong(tried.case, o)
-    ]
-    usual = SCORE_MARGIN * min(scores, default=0.0)
-    gate = choose_gate(tried.case, mine, silent_limit=Limits().silent_upper)
-    return usual if gate is None or not gate.lost else max(usual, gate.min_score)
-
-
-def _jacobian(case: LookCase) -> tuple[tuple[float, ...], ...]:
-    """Return d(u, v) / d(x, y, theta, zoom) at the nominal place.
-
-    Columns as in `optics.jacobian.point_jacobian`; the turn is about the target.
-    """
-    here_um = (case.x_um, case.y_um)
-    point = to_px(np.array([here_um]), case.microscope)
-    matrix = point_jacobian(point, case.microscope, axis_um=here_um)
-    return tuple(tuple(float(v) for v in row) for row in matrix)
 
 
 def _score(found: Score, reason: str) -> p.Score:

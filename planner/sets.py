@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from featuresel.case import LookCase
@@ -69,33 +69,38 @@ class Search:
     def run(self) -> Sets:
         """Return the set to use, or why there is none."""
         raced, skipped = self._race()
-        able = [r for r in raced if r.passes]
-        sights = {r.shape.name: self._sight(r) for r in able}
-        if not able:
-            rows = [self._judged.row(r, None, _fault(r)) for r in raced]
-            faults = (f"{r.shape.name}: {r.tried.selection.advice}" for r in raced)
-            return Sets(chosen=None, rows=(*rows, *skipped), advice="; ".join(faults))
-        found = self._found(list(sights.values()))
-        said = dict(found.reasons)
+        sights = {r.shape.name: self._sight(r) for r in raced if r.passes}
+        found = self._found(list(sights.values())) if sights else None
+        said = {} if found is None else dict(found.reasons)
         rows = [
-            self._judged.row(
-                r, sights.get(r.shape.name), said.get(r.shape.name) or _fault(r)
-            )
+            self._judged.row(r, sights.get(name), said.get(name) or _fault(r))
             for r in raced
+            for name in [r.shape.name]
         ]
+        chosen, advice = self._settled(raced, sights, found)
+        if chosen is not None:
+            sigma_um = chosen.found.known.sigma_um
+            rows.append(self._judged.set_row(chosen.raced, chosen.sights, sigma_um))
+        return Sets(chosen=chosen, rows=(*rows, *skipped), advice=advice)
+
+    def _settled(
+        self,
+        raced: Sequence[Raced],
+        sights: Mapping[str, Sight],
+        found: FeatureSet | None,
+    ) -> tuple[ChosenSet | None, str]:
+        """Return the set after its own trials, or what to relax."""
+        if found is None:
+            faults = (f"{r.shape.name}: {r.tried.selection.advice}" for r in raced)
+            return None, "; ".join(faults)
         if not found.qualifies:
-            advice = "; ".join(found.relaxations)
-            return Sets(chosen=None, rows=(*rows, *skipped), advice=advice)
-        members = [r for r in able if r.shape.name in found.names]
+            return None, "; ".join(found.relaxations)
+        members = [r for r in raced if r.shape.name in found.names]
         chosen = self._tested(members, [sights[r.shape.name] for r in members], found)
         fault = self._together.fault(chosen.score)
         if fault:
-            advice = f"{' + '.join(found.names)}: {fault}"
-            return Sets(chosen=None, rows=(*rows, *skipped), advice=advice)
-        rows.append(
-            self._judged.set_row(chosen.raced, chosen.sights, found.known.sigma_um)
-        )
-        return Sets(chosen=chosen, rows=(*rows, *skipped), advice="")
+            return None, f"{' + '.join(found.names)}: {fault}"
+        return chosen, ""
 
     def left_out(self) -> tuple[p.FeatureRow, ...]:
         """Return the rows of a look whose target alone leaves room."""
