@@ -22,6 +22,14 @@ _NEAR = 0.25  # of a step, beside focus: there the square's slope is taken
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Veiling:
+    """How what stands in front is blurred: as some other blur law might do it."""
+
+    focus_um: float  # off nominal
+    core: float = 0.0  # share of its light that is blurred less
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Pose:
     """Where the target is, px of the region, and how it is turned, focused, zoomed."""
 
@@ -30,12 +38,12 @@ class Pose:
     turn_rad: float  # from the template, counter-clockwise as displayed
     z_um: float
     zoom: float
-    front_um: float | None = None  # focus of what stands in front; None: the target's
+    front: Veiling | None = None  # None: what stands in front has the target's focus
 
     @property
-    def seen_front_um(self) -> float:
-        """Return the focus that what stands in front is seen at."""
-        return self.z_um if self.front_um is None else self.front_um
+    def veiling(self) -> Veiling:
+        """Return how what stands in front is blurred."""
+        return self.front or Veiling(focus_um=self.z_um)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

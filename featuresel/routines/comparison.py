@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from featuresel.routines import Camera, FloatArray
-from featuresel.routines.appearance import Appearance, Pose
+from featuresel.routines.appearance import Appearance, Pose, Veiling
 from featuresel.routines.front import Front
 
 BoolArray = npt.NDArray[np.bool_]
@@ -23,7 +23,7 @@ _SOME = 300  # pixels, enough to tell a wrong start
 _LOOSE = 3.0  # times the spread, that focus and zoom are held to: images tell more
 _IN_VIEW = 0.2  # of the cells, that a turn is judged by
 _CLEAR = 0.02  # share of the target's light that must come through
-POSE = 6  # numbers of the pose: column, row, turn, focus, zoom, focus of the front
+POSE = 7  # numbers of the pose: place, turn, focus, zoom, and two of the front
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,25 +34,23 @@ class Free:
     z_sigma_um: float  # 0: the focus is nominal
     zoom_sigma: float  # 0: the zoom is nominal
     gradient: bool  # whether the light may have one
-    front_sigma_um: float  # of what stands in front; 0: nothing does
+    front_sigmas: tuple[float, float] | None  # of `Veiling`; None: all is clear
 
     @property
     def chosen(self) -> BoolArray:
-        """Return which of the pose's numbers, gain and gradients are free, (9,)."""
-        z, zoom, front = (
-            sigma > 0
-            for sigma in (self.z_sigma_um, self.zoom_sigma, self.front_sigma_um)
-        )
-        light = (True, self.gradient, self.gradient)
-        return np.array([True, True, self.turn, z, zoom, front, *light])
+        """Return which of the pose's numbers, gain and gradients are free, (10,)."""
+        z, zoom, front = self.z_sigma_um > 0, self.zoom_sigma > 0, self.front_sigmas
+        pose = (True, True, self.turn, z, zoom, *2 * (front is not None,))
+        return np.array([*pose, True, self.gradient, self.gradient])
 
     def precision(self, *, squared: bool) -> FloatArray:
-        """Return the weights that draw focus (or its square) and zoom to nominal, (9,).
+        """Return the weights that draw all but place, turn and light to nominal, (10,).
 
         Only so much that what cannot be seen stays nominal.
         """
         weights, z = np.zeros(POSE + 3), _LOOSE * self.z_sigma_um
-        sigmas = (z**2 if squared else z, self.zoom_sigma, self.front_sigma_um)
+        fronts = self.front_sigmas or (0.0, 0.0)
+        sigmas = (z**2 if squared else z, self.zoom_sigma, *fronts)
         for k, sigma in enumerate(sigmas, start=3):
             if sigma > 0:
                 weights[k] = 1 / (_LOOSE * sigma) ** 2
@@ -89,6 +87,11 @@ class Job:
         return self.looks.is_even and len(self.views) == 1
 
     @property
+    def held(self) -> Job:
+        """Return the job with what stands in front held at the target's focus."""
+        return replace(self, free=replace(self.free, front_sigmas=None))
+
+    @property
     def sides(self) -> tuple[int, ...]:
         """Return the signs of the focus that only what stands in front can tell."""
         return (1, -1) if self.squared and self.front is not None else (1,)
@@ -103,8 +106,8 @@ class Job:
     ) -> FloatArray:
         """Return the image of a target's light under gain and gradients (3,)."""
         if self.front is not None:
-            front = self.front.at(pose, columns, rows)
-            light = front.light + front.through * light
+            front, through = self.front.plain(pose, columns, rows)
+            light = front + through * light
         place = _place(self, columns, rows)
         lit: FloatArray = light * (gains[0] + gains[1] * place[0] + gains[2] * place[1])
         return lit
@@ -133,8 +136,10 @@ def at(pose: Pose, view: View) -> Pose:
     """Return the pose with the focus that a view has of it."""
     if view.dz_um == 0:
         return pose
-    front_um = None if pose.front_um is None else pose.front_um + view.dz_um
-    return replace(pose, z_um=pose.z_um + view.dz_um, front_um=front_um)
+    front = pose.front
+    if front is not None:
+        front = replace(front, focus_um=front.focus_um + view.dz_um)
+    return replace(pose, z_um=pose.z_um + view.dz_um, front=front)
 
 
 def see(job: Job, view: View, pose: Pose, pixels: tuple[IntArray, IntArray]) -> Seen:
@@ -153,7 +158,7 @@ def see(job: Job, view: View, pose: Pose, pixels: tuple[IntArray, IntArray]) -> 
     if job.front is not None:
         front = job.front.at(here, columns, rows)
         slopes *= front.through
-        slopes[5] = front.light_slope + front.through_slope * mean
+        slopes[5:] = front.light_slopes + front.through_slopes * mean
         mean = front.light + front.through * mean
     place = _place(job, columns, rows)
     value = view.image[rows, columns]
@@ -202,8 +207,8 @@ def misfits(
         seen = job.looks.turned(here, turns, cells, job.shape, rough=rough)
         mean = seen.value
         if job.front is not None:
-            front = job.front.at(here, seen.columns, seen.rows)
-            mean = front.light + front.through * mean
+            light, through = job.front.plain(here, seen.columns, seen.rows)
+            mean = light + through * mean
         values.append(view.image[seen.rows, seen.columns])
         targets.append(_lit(mean, _place(job, seen.columns, seen.rows)))
         weights.append(seen.inside.astype(np.float64))
@@ -230,7 +235,8 @@ def try_each(
     for z_um in depths:
         cells = job.looks.some_cells(z_um, _SOME)
         for zoom, side in itertools.product(zooms, job.sides):
-            here = replace(pose, z_um=z_um, zoom=zoom, front_um=side * z_um)
+            front = None if job.front is None else Veiling(focus_um=side * z_um)
+            here = replace(pose, z_um=z_um, zoom=zoom, front=front)
             found = misfits(job, here, np.array(turns), cells, rough=True)
             k = int(np.argmin(found))
             if found[k] < least:

@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from featuresel.routines import FloatArray
 from featuresel.routines.appearance import Pose
+from featuresel.routines.spline import basis
 
 IntArray = npt.NDArray[np.intp]
 Float32Array = npt.NDArray[np.float32]
@@ -16,51 +17,73 @@ Float32Array = npt.NDArray[np.float32]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Veiled:
-    """What pixels, (...), show: light + through x target alone."""
+    """What N pixels show: light + through x target alone."""
 
-    light: FloatArray
-    through: FloatArray
-    light_slope: FloatArray  # by the focus of what stands in front, per um
-    through_slope: FloatArray
+    light: FloatArray  # (N,)
+    through: FloatArray  # (N,)
+    light_slopes: FloatArray  # (2, N) by the numbers of a `Veiling`
+    through_slopes: FloatArray  # (2, N)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Front:
     """What stands before the target at some focus heights, as maps of the region."""
 
-    light: Float32Array  # (K, rows, columns), K odd
-    through: Float32Array  # (K, rows, columns)
-    reach_um: float  # heights are from -reach to reach off nominal, at equal steps
+    light: Float32Array  # (K + 2, rows, columns), a spline's coefficients
+    through: Float32Array  # (K + 2, rows, columns)
+    core_light: Float32Array  # (K + 2, rows, columns) what less blur changes them by
+    core_through: Float32Array  # (K + 2, rows, columns)
+    reach_um: (
+        float  # the K heights are from -reach to reach off nominal, at equal steps
+    )
     axis_px: tuple[float, float]  # column and row that zoom leaves alone
 
     def at(self, pose: Pose, columns: IntArray, rows: IntArray) -> Veiled:
-        """Return what pixels show, at the focus and zoom that the pose has of it.
+        """Return what pixels show, (N,), as the pose has it in front.
 
-        A parabola through the nearest three heights, linear between pixels.
+        A cubic spline through the heights, linear between pixels.
         """
-        half, height_um = len(self.light) // 2, pose.seen_front_um
-        place = min(max(height_um / self.reach_um, -1.0), 1.0) * half + half
-        k = min(max(round(place), 1), 2 * half - 1)
-        t = place - k
-        weights = np.array([[t * (t - 1) / 2, 1 - t * t, t * (t + 1) / 2],
-                            [t - 0.5, -2 * t, t + 0.5]])  # fmt: skip
-        weights[1] *= half / self.reach_um
-        three = slice(k - 1, k + 2)
+        front = pose.veiling
+        four, (value, by_focus) = self._heights(front.focus_um)
+        seen, slopes = [], []
+        for maps, cores in (
+            (self.light, self.core_light),
+            (self.through, self.core_through),
+        ):
+            near = self._read(maps[four], pose.zoom, columns, rows)
+            core = value @ self._read(cores[four], pose.zoom, columns, rows)
+            seen.append(value @ near + front.core * core)
+            slopes.append(np.stack((by_focus @ near, core)))
+        return Veiled(
+            light=seen[0],
+            through=seen[1],
+            light_slopes=slopes[0],
+            through_slopes=slopes[1],
+        )
+
+    def plain(
+        self, pose: Pose, columns: IntArray, rows: IntArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return light and share let through at pixels, (...), by focus alone."""
+        four, (value, _) = self._heights(pose.veiling.focus_um)
         light, through = (
-            np.tensordot(weights, self._read(m[three], pose.zoom, columns, rows), 1)
+            np.tensordot(value, self._read(m[four], pose.zoom, columns, rows), 1)
             for m in (self.light, self.through)
         )
-        return Veiled(
-            light=light[0],
-            through=through[0],
-            light_slope=light[1],
-            through_slope=through[1],
-        )
+        return light, through
+
+    def _heights(self, focus_um: float) -> tuple[slice, FloatArray]:
+        """Return four coefficients and their weights, (2, 4): of value and slope."""
+        count = len(self.light) - 2
+        share = min(max(focus_um / self.reach_um, -1.0), 1.0)
+        at = basis((share + 1) * (count - 1) / 2 + 1, count + 2)
+        slopes = at.slopes * (count - 1) / 2 / self.reach_um
+        return slice(at.first, at.first + 4), np.stack((at.weights, slopes))
 
     def clear(self, columns: IntArray, rows: IntArray) -> FloatArray:
-        """Return the share let through at nominal focus and zoom."""
-        middle = self.through[len(self.through) // 2]
-        return np.asarray(middle[rows, columns], dtype=np.float64)
+        """Return the share let through at N pixels at nominal focus and zoom."""
+        four, (value, _) = self._heights(0.0)
+        return np.asarray(value @ self.through[four, rows, columns])
 
     def _read(
         self, maps: Float32Array, zoom: float, columns: IntArray, rows: IntArray

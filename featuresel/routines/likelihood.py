@@ -67,15 +67,13 @@ def measure(
     start = start_pose(job, p, guess)
     if isinstance(start, Failure):
         return start
-    found = fit_pose(job, start)
-    if isinstance(found, Failure):
-        return found
+    found = fit_pose(job.held, start)
     marked = artifact.arrays.get("odd", np.zeros(0))
-    if len(marked) > 0 and guess.z_um is None:
-        found = _at_mark(job, found, marked.astype(np.intp), p["range_rad"])
-        if isinstance(found, Failure):
-            return found
-    return answer(found, p, guess)
+    if isinstance(found, PoseFit) and len(marked) > 0 and guess.z_um is None:
+        found = _at_mark(job.held, found, marked.astype(np.intp), p["range_rad"])
+    if isinstance(found, PoseFit) and job.front is not None:
+        found = fit_pose(job, found.pose)  # at a wrong turn it would try to mend that
+    return found if isinstance(found, Failure) else answer(found, p, guess)
 
 
 def cost(artifact: Artifact, _pixels: int) -> float:

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from featuresel.routines import Failure, FloatArray
-from featuresel.routines.appearance import Pose
+from featuresel.routines.appearance import Pose, Veiling
 from featuresel.routines.comparison import (
     FEWEST,
     POSE,
@@ -32,6 +32,7 @@ _FAR_PX = 1.5  # the most that one step may move the image
 _FAR_DEPTHS = 1.0  # the most that one step may change the focus, steps of the planes
 _AGAIN_PX = 0.5  # a move after which the pixels are chosen anew
 _FULL = 0.99  # of full scale, where the camera may have clipped
+_MOST_CORE = 0.3  # beyond, it would stand for another focus of what stands in front
 _ZOOMS = (0.8, 1.25)  # beyond, nothing that starts near nominal gets
 
 
@@ -41,7 +42,7 @@ class PoseFit:
 
     pose: Pose
     light: FloatArray  # (3,) gain, and its changes across and down the region
-    covariance: FloatArray  # (9, 9) of column, row, turn, focus, zoom, front and light
+    covariance: FloatArray  # (10, 10) of the pose, POSE numbers, and of light
     squared: bool  # the covariance is of the square of the focus
     chi2: float  # of the pixels used, each: 1 if only noise is left
     used: float  # share of the pixels that are the target's
@@ -51,9 +52,9 @@ class PoseFit:
     def z_um(self) -> float:
         """Return the focus, with the sign that what stands in front has, if any."""
         pose = self.pose
-        if not self.squared or pose.front_um is None:
+        if not self.squared or pose.front is None:
             return pose.z_um
-        return math.copysign(pose.z_um, pose.front_um)
+        return math.copysign(pose.z_um, pose.front.focus_um)
 
     @property
     def sigma(self) -> FloatArray:
@@ -129,14 +130,14 @@ class _Linear:
     """The linear least-squares problem at one pose."""
 
     light: FloatArray  # (3,) that it starts from
-    normal: FloatArray  # (9, 9)
-    right: FloatArray  # (9,)
+    normal: FloatArray  # (10, 10)
+    right: FloatArray  # (10,)
     chi2: float
     used: float
     pixels: int
 
     def move(self, job: Job, pose: Pose, depths: float) -> FloatArray | None:
-        """Return the step, (9,), as far as may be believed; None if there is none."""
+        """Return the step, (10,), as far as may be believed; None if there is none."""
         pick = np.flatnonzero(job.free.chosen)
         move = np.zeros(POSE + 3)
         try:
@@ -149,7 +150,11 @@ class _Linear:
             return None
         move *= _shortened(job, pose, move, depths)
         # the focus stays where planes are, its square positive
-        move[3] = job.focus(_after(job, pose, move)) - job.focus(pose)
+        after = _after(job, pose, move)
+        move[3] = job.focus(after) - job.focus(pose)
+        if job.free.front_sigmas is not None:
+            move[5] = after.veiling.focus_um - pose.veiling.focus_um
+            move[6] = after.veiling.core - pose.veiling.core
         return move
 
     def result(self, job: Job, pose: Pose, light: FloatArray) -> PoseFit:
@@ -195,7 +200,9 @@ def _linear(
     design = np.concatenate((seen.slopes * lit, seen.target)) / noise
     pull = job.free.precision(squared=job.squared)
     right = design @ (weight * residual)
-    right[3:POSE] -= pull[3:POSE] * (job.focus(pose), pose.zoom - 1, pose.seen_front_um)
+    front = pose.veiling
+    off = (job.focus(pose), pose.zoom - 1, front.focus_um, front.core)
+    right[3:POSE] -= pull[3:POSE] * off
     return _Linear(
         light=light,
         normal=(design * weight) @ design.T + np.diag(pull),
@@ -233,22 +240,30 @@ def _after(job: Job, pose: Pose, move: FloatArray) -> Pose:
     reach, z_um = job.looks.reach_um - farthest, job.focus(pose) + float(move[3])
     if job.squared:
         z_um = math.sqrt(max(z_um, 0.0))
+    z_um = min(max(z_um, -reach), reach)
     return Pose(
         column=pose.column + float(move[0]),
         row=pose.row + float(move[1]),
         turn_rad=pose.turn_rad + float(move[2]),
-        z_um=min(max(z_um, -reach), reach),
+        z_um=z_um,
         zoom=min(max(pose.zoom + float(move[4]), _ZOOMS[0]), _ZOOMS[1]),
-        front_um=_front_um(job, pose, float(move[5])),
+        front=_front(job, pose, z_um, move[5:POSE]),
     )
 
 
-def _front_um(job: Job, pose: Pose, move_um: float) -> float | None:
-    """Return the focus of what stands in front after a step, where it has maps."""
+def _front(job: Job, pose: Pose, z_um: float, move: FloatArray) -> Veiling | None:
+    """Return how what stands in front is blurred after a step, within its maps."""
     if job.front is None:
-        return pose.front_um
-    reach = job.front.reach_um
-    return min(max(pose.seen_front_um + move_um, -reach), reach)
+        return pose.front
+    was, reach = pose.veiling, job.front.reach_um
+    if job.free.front_sigmas is None:
+        return Veiling(
+            focus_um=math.copysign(z_um, was.focus_um) if job.squared else z_um
+        )
+    return Veiling(
+        focus_um=min(max(was.focus_um + float(move[0]), -reach), reach),
+        core=min(max(was.core + float(move[1]), -_MOST_CORE), _MOST_CORE),
+    )
 
 
 def _moved_px(job: Job, place_px: float, turn_rad: float, zoom: float) -> float:

@@ -22,6 +22,7 @@ from featuresel.routines.comparison import Free, Job, View
 from featuresel.routines.front import Front
 from featuresel.routines.fronts import front_maps
 from featuresel.routines.planes import FOCUS_SIGMAS, prepare_planes
+from featuresel.routines.spline import runout_coefficients
 
 _LEAST_SIGNAL = 0.03  # of full scale, that the target must vary by
 _SHARES = (-0.9, -0.5, 0.5, 0.7, 0.9)  # of the range of turns, where they are looked at
@@ -29,6 +30,8 @@ _BESIDE_PX = 2  # about what is not round, as its blur grows out of focus
 # Wave depths of field, that blur laws may differ by in the height of what stands in
 # front: Hopkins' law and the exact one by 2 % of 130 um at an aperture of .42.
 _APART_DEPTHS = 1.0
+_BEYOND = 2.0  # times that, what the maps reach to beyond the focus
+_CORE_SIGMA = 0.1  # share that they may differ by in the core of a blur: so they do
 _MOST_ARC_PX = 160.0  # that turns may move a circle's rim by: beyond, it is round
 
 
@@ -54,11 +57,17 @@ def prepare_job(
         also_px=None if odd_px is None else _turned_px(odd_px, beside(target.symmetry)),
     )
     apart_um = _APART_DEPTHS * model.blur.depth_um
-    front = front_maps(model, target, image, reach_um + apart_um)
+    front = front_maps(model, target, image, reach_um + _BEYOND * apart_um)
     arrays = dict(made.arrays)
     if front is not None:
-        arrays["front_light"] = front.light.astype(np.float32)
-        arrays["front_through"] = front.through.astype(np.float32)
+        maps = {
+            "front_light": front.light,
+            "front_through": front.through,
+            "front_core_light": front.core_light,
+            "front_core_through": front.core_through,
+        }
+        for name, values in maps.items():
+            arrays[name] = runout_coefficients(values).astype(np.float32)
     if odd_px is not None:
         arrays["odd"] = _cells(odd_px, made)
     camera, drifts = model.camera, model.drifts
@@ -72,8 +81,9 @@ def prepare_job(
             "focus_sigma_um": drifts.focus_sigma_um,
             "zoom_sigma": drifts.zoom_sigma,
             "gradient": drifts.gradient,
-            "front_reach_um": reach_um + apart_um,
-            "front_sigma_um": drifts.focus_sigma_um + apart_um,
+            "front_reach_um": reach_um + _BEYOND * apart_um,
+            "front_focus_sigma_um": drifts.focus_sigma_um + apart_um,
+            "front_core_sigma": _CORE_SIGMA,
             "axis_column": drifts.axis_px[0],
             "axis_row": drifts.axis_px[1],
             "full_well_e": camera.full_well_e,
@@ -88,13 +98,19 @@ def prepare_job(
 def read_job(views: tuple[View, ...], artifact: Artifact) -> Job:
     """Return images with all that they are compared with."""
     p, arrays = artifact.parameters, artifact.arrays
-    front = None
+    front, sigmas = None, None
     if "front_light" in arrays:
         front = Front(
             light=arrays["front_light"],
             through=arrays["front_through"],
+            core_light=arrays["front_core_light"],
+            core_through=arrays["front_core_through"],
             reach_um=p["front_reach_um"],
             axis_px=(p["axis_column"], p["axis_row"]),
+        )
+        sigmas = (
+            p["front_focus_sigma_um"],
+            p["front_core_sigma"],
         )
     return Job(
         views=views,
@@ -111,7 +127,7 @@ def read_job(views: tuple[View, ...], artifact: Artifact) -> Job:
             z_sigma_um=p["focus_sigma_um"],
             zoom_sigma=p["zoom_sigma"],
             gradient=p["gradient"] > 0,
-            front_sigma_um=0.0 if front is None else p["front_sigma_um"],
+            front_sigmas=sigmas,
         ),
         symmetry=int(p["symmetry"]),
     )

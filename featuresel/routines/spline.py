@@ -110,6 +110,21 @@ def depth_coefficients(values: FloatArray) -> FloatArray:
     return flat.reshape(values.shape)
 
 
+def runout_coefficients(values: FloatArray) -> FloatArray:
+    """Return the coefficients, (K + 2, ...), of a spline through K values.
+
+    Its ends are parabolas: the second slope is right there too.
+    """
+    count = len(values) + 2
+    matrix = np.zeros((count, count))
+    matrix[0, :4] = matrix[-1, -4:] = (1, -3, 3, -1)
+    for k in range(1, count - 1):
+        matrix[k, k - 1 : k + 2] = (1 / 6, 2 / 3, 1 / 6)
+    ends = np.zeros((1, values[0].size))
+    flat = np.concatenate((ends, values.reshape(len(values), -1), ends))
+    return np.asarray(np.linalg.solve(matrix, flat)).reshape(count, *values.shape[1:])
+
+
 def _mirrored(template: FloatArray) -> FloatArray:
     """Return the template followed by its mirror images, so that borders meet alike."""
     wide = np.concatenate((template, template[:, ::-1]), axis=1)

@@ -7,6 +7,7 @@ import numpy.typing as npt
 import pytest
 from scipy.stats import chi2
 
+from featuresel.nominal import nominal_render
 from featuresel.routines import Artifact, Failure, Guess, Measurement, defocus_pair
 from tests.featuresel.conftest import noisy
 from tests.featuresel.fits import (
@@ -106,7 +107,7 @@ def test_images_of_nothing_are_refused_and_left_as_they_are(value: float) -> Non
 def test_a_look_without_contrast_is_not_prepared() -> None:
     shown = case("post")
     flat = replace(shown.moving[0], reflectance=shown.background)
-    look = replace(render("post"), case=replace(shown, moving=(flat,)))
+    look = nominal_render(replace(shown, moving=(flat,)))
     made = defocus_pair.prepare(look, shown.target, offset_um=PAIR_UM)
     assert not isinstance(made, Artifact)
     assert made.code == "no_contrast"

@@ -86,6 +86,19 @@ def test_a_wrong_tooth_is_mended(teeth: float) -> None:
     assert off("find_gear", drawn, found)[1] < TURN_RAD
 
 
+@pytest.mark.parametrize("z_um", [-9.0, 9.0])
+def test_what_stands_in_front_tells_the_side_of_focus(z_um: float) -> None:
+    # the gear alone looks the same on both sides, the fingers 130 um above do not
+    rng = np.random.default_rng(38)
+    for _ in range(3):
+        drawn = draw("between", rng, z_um=z_um)
+        guess = around("between", drawn, 0.7, rng.uniform(0, math.tau))
+        found = measure("between", photo("between", drawn, rng), guess)
+        assert max(off("between", drawn, found)) < PLACE_PX
+        assert isinstance(found, Measurement)
+        assert found.z_um == pytest.approx(z_um, abs=0.2)
+
+
 def without_notch(_drawn: Drawn) -> NominalRender:
     shown = case("find_gear")
     plain = replace(shown.moving[0], outline=gear(notch=False))

@@ -14,6 +14,7 @@ from featuresel.routines.spline import (
     cubic_weights,
     depth_coefficients,
     plane_coefficients,
+    runout_coefficients,
 )
 
 FloatArray = npt.NDArray[np.float64]
@@ -24,6 +25,17 @@ EPS = np.finfo(float).eps
 # .72 cycles a sample times a side of 3 samples: step**2 / 8 times the curvature, at
 # most that at 0, pi**2 / 3.
 TABLE = (0.72 * 3 / 511) ** 2 / 8 * math.pi**2 / 3
+
+
+def test_a_parabola_is_run_out_exactly() -> None:
+    place = np.arange(6.0)
+    found = runout_coefficients((2 - 3 * place + 0.5 * place**2)[:, None])[:, 0]
+    for at in (0.0, 0.3, 2.5, 5.0):
+        near = basis(at + 1, len(found))
+        value = near.weights @ found[near.first : near.first + 4]
+        slope = near.slopes @ found[near.first : near.first + 4]
+        assert value == pytest.approx(2 - 3 * at + 0.5 * at**2, abs=1e-12)
+        assert slope == pytest.approx(-3 + at, abs=1e-12)
 
 
 def test_weights_are_those_of_scipys_spline() -> None:
