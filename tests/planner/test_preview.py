@@ -55,9 +55,10 @@ class Recorder:
     ) -> Iterable[B]:
         """Return `function` of each item; keep the case it holds and the trials."""
         chunks: Sequence[A] = list(items)
-        self.case = function.args[0]  # type: ignore[attr-defined]  # a partial
         for chunk in chunks:
-            self.trials += chunk  # type: ignore[arg-type]  # chunks of trials
+            if isinstance(chunk, tuple) and isinstance(chunk[0], Trial):
+                self.case = function.args[0]  # type: ignore[attr-defined]  # a partial
+                self.trials += chunk
         return map(function, chunks)
 
 
