@@ -18,6 +18,7 @@ IntArray = npt.NDArray[np.intp]
 Float32Array = npt.NDArray[np.float32]
 
 BEYOND = 2  # planes past the range, where a natural spline's end no longer tells
+_APART = 7  # cells of the template that a few are taken from, no row like the last
 _NEAR = 0.25  # of a step, beside focus: there the square's slope is taken
 
 
@@ -134,8 +135,11 @@ class Appearance:
 
     def some_cells(self, z_um: float, count: int) -> IntArray:
         """Return about `count` of the cells that are worth comparing at a focus."""
-        uses = self.uses.ravel().astype(np.int32)
-        cells = np.flatnonzero(uses & self._bits(z_um))
+        every = next(k for k in (_APART, _APART + 2) if self.shape[1] % k)
+        bits, uses = self._bits(z_um), self.uses.ravel()
+        cells = every * np.flatnonzero(uses[::every].astype(np.int32) & bits)
+        if len(cells) < count:
+            cells = np.flatnonzero(uses.astype(np.int32) & bits)
         return cells[:: max(1, len(cells) // count)]
 
     def turned(

@@ -98,10 +98,11 @@ def fit_pose(job: Job, start: Pose) -> PoseFit | Failure:
         before = float(move[3])
         pose, light = _after(job, pose, move), linear.light + move[POSE:]
         length = float(move @ linear.normal @ move)
-        # steps shrink by squares at the end: the next is this one's over the last one's
-        least = length * min(1.0, length / shorter)
+        # steps shrink by squares at the end: the next one over this is, squared too,
+        # this one over the last
+        least = length * min(1.0, length / shorter) ** 2
         if least < _SETTLED * max(1.0, linear.chi2) and length < _NEARLY:
-            return linear.result(job, pose, light)
+            return linear.after(move).result(job, pose, light)
         shorter = max(length, 1e-300)
     return Failure(code="diverged", message=f"not settled after {_ROUNDS} rounds")
 
@@ -120,9 +121,8 @@ def step_once(job: Job, start: Pose) -> PoseFit | Failure:
     move = linear.move(job, start, _FAR_DEPTHS)
     if move is None:
         return Failure(code="no_contrast", message="the image tells no pose")
-    gained = float(move @ (2 * linear.right - linear.normal @ move)) / linear.pixels
-    after = replace(linear, chi2=max(linear.chi2 - gained, 0.0))
-    return after.result(job, _after(job, start, move), linear.light + move[POSE:])
+    end = _after(job, start, move)
+    return linear.after(move).result(job, end, linear.light + move[POSE:])
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,6 +156,11 @@ class _Linear:
             move[5] = after.veiling.focus_um - pose.veiling.focus_um
             move[6] = after.veiling.core - pose.veiling.core
         return move
+
+    def after(self, move: FloatArray) -> _Linear:
+        """Return the problem with chi squared as a step leaves it."""
+        gained = float(move @ (2 * self.right - self.normal @ move)) / self.pixels
+        return replace(self, chi2=max(self.chi2 - gained, 0.0))
 
     def result(self, job: Job, pose: Pose, light: FloatArray) -> PoseFit:
         """Return the fit that ends at a pose."""
