@@ -80,7 +80,7 @@ def select(
     )
     faults = {score.chain: task.fault(score) for score in scores}
     passing = [score for score in scores if not faults[score.chain]]
-    chosen = best(passing, task)
+    chosen = _best(passing, task)
     fallback = _fallback(passing, chosen, task)
     reliable = [score for score in scores if not task.unreliable(score)]
     return Selection(
@@ -94,7 +94,7 @@ def select(
     )
 
 
-def best(scores: Sequence[Score], task: Constraints) -> Score | None:
+def _best(scores: Sequence[Score], task: Constraints) -> Score | None:
     """Return the cheapest that leaves room, by the rule of `select`."""
     chosen: Score | None = None
     limits = task.limits
@@ -115,7 +115,7 @@ def _fallback(
         return None
     others = [s for s in passing if s.chain != chosen.chain]
     apart = [s for s in others if s.chain[0] != chosen.chain[0]]
-    return best(apart, task) or best(others, task)
+    return _best(apart, task) or _best(others, task)
 
 
 def _advice(scores: Sequence[Score], task: Constraints) -> str:

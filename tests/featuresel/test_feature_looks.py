@@ -1,8 +1,7 @@
-"""Proposed features, as routines find them: from the drawing to the part's pose."""
+"""Proposed features, as routines find them: from the drawing to places and sets."""
 
 from __future__ import annotations
 
-import cmath
 import math
 from collections.abc import Callable
 from dataclasses import replace
@@ -12,40 +11,28 @@ import pytest
 from featuresel.candidates import Chain, chains
 from featuresel.case import LookCase
 from featuresel.completeness import seen_share
-from featuresel.feature import Feature, to_target
+from featuresel.feature import Feature
 from featuresel.feature_set import choose_set
 from featuresel.features import propose
 from featuresel.located import Located, along, located
 from featuresel.nominal import nominal_render
 from featuresel.perturb import design
-from featuresel.pick import Option, pick
 from featuresel.pose_need import Need
 from featuresel.routines import Artifact, Measurement
 from featuresel.routines.chain import measure_chain
 from featuresel.score import score
 from featuresel.select import select
-from featuresel.sights import sight_of
+from featuresel.sights import Sight, sight_of
 from featuresel.trials import prepare, run, start
 from optics.outline import Outline
 from optics.scene import Layer
+from tests.featuresel.aims import aimed
 from tests.featuresel.conftest import disc, gear, polygon
 
 Look = Callable[[str], LookCase]
 
 RIM = ("circle_caliper", "tooth_notch")
 DX_UM, DY_UM, TURN_RAD = 0.9, -0.7, 0.01
-
-
-def aimed(case: LookCase, feature: Feature, theta_range_rad: float) -> LookCase:
-    """Return the look with one feature of its part as the target."""
-    outline = case.moving[0].outline
-    column, row = case.frame.to_pixel(case.x_um, case.y_um)
-    target = to_target(
-        feature, about_um=(0.0, 0.0), column=column, row=row, theta_rad=case.theta_rad,
-        px_per_um=case.microscope.px_per_um, search_px=3.0,
-        theta_range_rad=theta_range_rad, outline=outline,
-    )  # fmt: skip
-    return replace(case, target=target, theta_any=theta_range_rad == math.pi)
 
 
 @pytest.mark.parametrize(
@@ -58,7 +45,7 @@ def aimed(case: LookCase, feature: Feature, theta_range_rad: float) -> LookCase:
         ("outline", "contour_match"),
     ],
 )
-def test_a_proposed_feature_tells_the_parts_pose(
+def test_a_proposed_feature_tells_its_place_and_the_parts_angle(
     kind: str, routine: str, look: Look
 ) -> None:
     bracket = look("bracket")
@@ -79,19 +66,9 @@ def test_a_proposed_feature_tells_the_parts_pose(
 
 
 def error_um(case: LookCase, place: Located) -> float:
-    """Return how far the place is off, in the directions that are known.
-
-    Where no angle was measured, the nominal one has put the part on the other side of
-    the feature by as much as the arm has turned.
-    """
+    """Return how far the feature is off, in the directions that are known."""
     x, y = place.x_um - case.x_um - DX_UM, place.y_um - case.y_um - DY_UM
-    if place.theta_rad is None:
-        was, now = (
-            cmath.rect(1.0, turn) * complex(*case.target.offset_um)
-            for turn in (case.theta_rad, case.theta_rad + TURN_RAD)
-        )
-        x, y = x - (now - was).real, y - (now - was).imag
-    else:
+    if place.theta_rad is not None:
         turn = place.theta_rad - case.theta_rad - TURN_RAD
         assert abs(math.remainder(turn, math.tau)) < 1e-3
     return math.hypot(*along((x, y), place.axis_rad))
@@ -114,38 +91,54 @@ def over_the_notch() -> Layer:
     return Layer(name="washer", outline=outline, z_um=5.0, reflectance=0.5)
 
 
-def tried(case: LookCase, feature: Feature, chain: Chain) -> Option:
-    """Return a feature as an option, after trials of one chain."""
-    look = aimed(case, feature, math.pi)
-    ready = prepare(look, [chain])
-    done = run(look, ready, design(look, 10, 1))
-    return Option(
-        target=look.target,
-        scores=score(look, ready, done),
-        visible=seen_share(look.target, nominal_render(look).veil()),
+def sight(case: LookCase, feature: Feature, chain: Chain) -> Sight | str:
+    """Return a feature as a set may have it after trials, or why it may not."""
+    aim = aimed(case, feature, math.pi)
+    ready = prepare(aim, [chain])
+    chosen = select(
+        score(aim, ready, run(aim, ready, design(aim, 6, 1))),
+        tolerance_um=aim.tolerance_um,
+        tolerance_theta_rad=aim.tolerance_theta_rad,
+        target=aim.target,
+        visible=seen_share(aim.target, nominal_render(aim).veil()),
+        in_set=True,
     )
+    if chosen.chosen is None:
+        return chosen.advice
+    return sight_of(feature, chosen.chosen, about_um=(0, 0), theta_rad=case.theta_rad)
 
 
-def test_another_feature_is_picked_when_the_notch_is_hidden(look: Look) -> None:
+def test_another_feature_is_used_when_the_notch_is_hidden(look: Look) -> None:
     outline = long_tooth_gear()
     layer = Layer(name="gear", outline=outline, z_um=0.0, reflectance=0.8)
     case = look("find_gear")
     calm = replace(case.spread, pose_sigma_xy_um=0.5, search_um=2.0)
-    free = replace(case, moving=(layer,), spread=calm, tolerance_theta_rad=0.01)
+    free = replace(
+        case, moving=(layer,), spread=calm, tolerance_um=2.0, tolerance_theta_rad=0.02
+    )
     hidden = replace(free, static=(over_the_notch(),))
     features = {f.kind: f for f in propose(outline)}
-    ways = ((features["teeth"], RIM), (features["outline"], ("contour_match",)))
-    found = []
+    ways = ((features["teeth"], RIM), (features["outline"], ("ncc",)))
+    need = Need(sigma_um=1.0, sigma_theta_rad=0.01, radius_um=75.0, redundant=False)
+    used = []
     for shown in (free, hidden):
-        options = [tried(shown, feature, chain) for feature, chain in ways]
-        found.append(pick(options, tolerance_um=1.0, tolerance_theta_rad=0.01))
-    assert [f.name for f in found] == ["teeth1", "outline1"]
-    assert "no chain is reliable" in dict(found[1].reasons)["teeth1"]
+        sights = [sight(shown, feature, chain) for feature, chain in ways]
+        able = [s for s in sights if isinstance(s, Sight)]
+        found = choose_set(able, need)
+        assert found.qualifies
+        used.append((found.names, [s.name for s in able]))
+    teeth, whole = features["teeth"].name, features["outline"].name
+    assert used[0] == ((teeth,), [teeth, whole])
+    assert used[1] == ((whole,), [whole])
+    (reason,) = (s for s in sights if isinstance(s, str))
+    assert "no chain is reliable" in reason
 
 
 def test_two_edges_tell_the_pose_that_neither_tells(look: Look) -> None:
     bracket = look("bracket")
-    calm = replace(bracket.spread, pose_sigma_theta_rad=0.01, search_um=2.0)
+    calm = replace(
+        bracket.spread, pose_sigma_xy_um=0.5, pose_sigma_theta_rad=0.01, search_um=2.0
+    )
     bracket = replace(bracket, spread=calm)
     sights = []
     for feature in propose(bracket.moving[0].outline):

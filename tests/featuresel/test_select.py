@@ -10,7 +10,6 @@ import pytest
 
 from featuresel.constraints import Limits
 from featuresel.pareto import front
-from featuresel.pick import Option, pick
 from featuresel.routines import Target
 from featuresel.score import Score, failure_upper, success_lower
 from featuresel.select import select
@@ -252,42 +251,3 @@ def test_one_trial_tells_no_spread() -> None:
     for theta in (None, 0.01):
         found = select([once], tolerance_um=1.0, tolerance_theta_rad=theta)
         assert found.advice == "too few trials to tell a spread"
-
-
-def test_another_feature_is_picked_when_the_notch_is_hidden() -> None:
-    notched = replace(GEAR, parameters={**GEAR.parameters, **NOTCH})
-    corner = replace(GEAR, name="corner1", kind="corner", symmetry=1, parameters={})
-    rim = (a_score("otsu>tooth_notch", 0.1, 3),)
-    legs = (a_score("corner", 0.2, 4),)
-    shown = pick(
-        [Option(target=notched, scores=rim), Option(target=corner, scores=legs)],
-        tolerance_um=1, tolerance_theta_rad=0.01,
-    )  # fmt: skip
-    assert shown.name == "rim"
-    hidden = (with_failures(rim[0], 40, 0),)
-    found = pick(
-        [Option(target=notched, scores=hidden), Option(target=corner, scores=legs)],
-        tolerance_um=1, tolerance_theta_rad=0.01,
-    )  # fmt: skip
-    assert found.name == "corner1"
-    assert found.selection is not None
-    assert found.selection.chosen == legs[0]
-    reasons = dict(found.reasons)
-    assert reasons["corner1"].startswith("picked: ")
-    assert "no chain is reliable" in reasons["rim"]
-    neither = pick(
-        [Option(target=GEAR, scores=rim)],
-        tolerance_um=1, tolerance_theta_rad=0.01,
-    )  # fmt: skip
-    assert neither.name is None
-    assert neither.advice.startswith("rim: break the target's symmetry")
-
-
-def test_equal_features_go_by_name() -> None:
-    options = [
-        Option(target=replace(GEAR, name=name), scores=(a_score("a"),))
-        for name in ("c", "a", "b")
-    ]
-    assert pick(options, tolerance_um=1, tolerance_theta_rad=None).name == "a"
-    with pytest.raises(ValueError, match="names that differ"):
-        pick([options[0]] * 2, tolerance_um=1, tolerance_theta_rad=None)
