@@ -223,7 +223,7 @@ def limit_um(case: LookCase) -> float | None:
 def unknowns(case: LookCase) -> Sequence[str]:
     """Return what an estimator must find besides the place, by the limit's names."""
     spread, names = case.spread, ["x", "y"]
-    if case.target.kind != "circle" or case.target.offset_um != (0.0, 0.0):
+    if case.target.kind != "circle":
         names.append("theta")
     if spread.focus_sigma_um > 0:
         names.append("z")

@@ -6,9 +6,8 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
-from featuresel.contour import with_contour
-from featuresel.routines import Target, TargetKind
-from optics.outline import Outline, Point, place
+from featuresel.routines import TargetKind
+from optics.outline import Point
 
 # what tells two features of one kind and place apart
 _SIZES = ("radius_um", "outer_um", "extent_um", "length_um", "width_um", "reach_um")
@@ -71,82 +70,6 @@ def coincide(a: Feature, b: Feature, *, within_um: float) -> bool:
     order = 2 if a.kind == "pair" else 1  # turned by half a turn a pair is the same
     turn = math.remainder(a.angle_rad - b.angle_rad, math.tau / order)
     return same and abs(turn) <= 1e-3
-
-
-def in_frame(outline: Outline, feature: Feature) -> Outline:
-    """Return an outline of the part's frame in the feature's own frame."""
-    x, y = feature.center_um
-    return place(place(outline, -x, -y), 0.0, 0.0, -feature.angle_rad)
-
-
-def to_target(
-    feature: Feature,
-    *,
-    about_um: Point,
-    column: float,
-    row: float,
-    theta_rad: float,
-    px_per_um: float,
-    search_px: float,
-    theta_range_rad: float,
-    outline: Outline | None = None,
-) -> Target:
-    """Return the feature as what routines look for.
-
-    Parameters
-    ----------
-    feature : Feature
-        Of the part that the look is to locate.
-    about_um : (x, y)
-        The point of the part that the look is to locate, in the part's frame.
-    column, row : float
-        Where that point is nominally, px of the region.
-    theta_rad : float
-        Nominal angle of the part, counter-clockwise.
-    px_per_um : float
-        Scale of the image, > 0.
-    search_px : float
-        The point is within this of its nominal place.
-    theta_range_rad : float
-        The part's angle is within this of nominal; pi = any.
-    outline : Outline, optional
-        The part's, for the target's contour.
-
-    Returns
-    -------
-    Target
-        It looks for the feature where the part's nominal pose has it. `search_px` holds
-        the swing of the feature about the point too, `theta_rad` the angle of the
-        feature's own frame, `offset_um` the feature's place seen from the point, in the
-        part's axes.
-
-    Raises
-    ------
-    ValueError
-        If `px_per_um` is not positive.
-    """
-    if not px_per_um > 0:
-        raise ValueError(f"px_per_um must be positive, got {px_per_um}")
-    x, y = feature.center_um[0] - about_um[0], feature.center_um[1] - about_um[1]
-    c, s = math.cos(theta_rad), math.sin(theta_rad)
-    swing = 2 * math.sin(min(theta_range_rad, math.pi) / 2) * math.hypot(x, y)
-    target = Target(
-        name=feature.name,
-        kind=feature.kind,
-        column=column + px_per_um * (c * x - s * y),
-        row=row - px_per_um * (s * x + c * y),
-        theta_rad=theta_rad + feature.angle_rad,
-        px_per_um=px_per_um,
-        search_px=search_px + px_per_um * swing,
-        theta_range_rad=theta_range_rad,
-        symmetry=feature.symmetry,
-        bright=feature.bright,
-        parameters=feature.parameters,
-        offset_um=(x, y),
-    )
-    if outline is None:
-        return target
-    return with_contour(target, [in_frame(outline, feature)])
 
 
 def renamed(feature: Feature, name: str) -> Feature:

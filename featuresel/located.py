@@ -1,4 +1,4 @@
-"""A measured feature to the pose of what the look is to locate."""
+"""A measurement in pixels to the target's place in the world."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from featuresel.routines import Failure, Measurement
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Located:
-    """The look's reference point in the world, as one measurement has it."""
+    """The target's reference point in the world, as one measurement has it."""
 
     x_um: float
     y_um: float
@@ -20,31 +20,19 @@ class Located:
 
 
 def located(case: LookCase, found: Measurement) -> Located | Failure:
-    """Return where the look's reference point is, given a feature of it.
+    """Return where a measurement has the target's reference point.
 
-    The feature lies `Target.offset_um` off the reference point and is turned against
-    the look's frame by as much as nominally. Where the measurement has no angle the
-    nominal one takes its place; if any angle is possible that is a failure, because
-    the reference point may be anywhere on a circle about the feature. So is an answer
-    with a number that is not finite, be it only a spread or the score: gates compare
-    those, and a nan passes or fails them by chance.
+    The angle is that of the frame that `LookCase.theta_rad` is of: the target's own may
+    be turned against it, by as much as nominally. An answer with a number that is not
+    finite is a failure, be it only a spread or the score: gates compare those, and a
+    nan passes or fails them by chance.
     """
     endless = _not_finite(found)
     if endless:
         return Failure(code="not_finite", message=f"not finite: {', '.join(endless)}")
-    frame_rad = case.target.theta_rad - case.theta_rad
-    theta = None if found.theta_rad is None else found.theta_rad - frame_rad
+    turned_rad = case.target.theta_rad - case.theta_rad
+    theta = None if found.theta_rad is None else found.theta_rad - turned_rad
     x, y = case.frame.to_world(found.column, found.row)
-    off_x, off_y = case.target.offset_um
-    if (off_x, off_y) != (0.0, 0.0):
-        if theta is None and case.theta_any:
-            return Failure(
-                code="no_angle",
-                message="the feature is off the reference point, its angle unknown",
-            )
-        turn = case.theta_rad if theta is None else theta
-        c, s = math.cos(turn), math.sin(turn)
-        x, y = x - (c * off_x - s * off_y), y - (s * off_x + c * off_y)
     return Located(x_um=x, y_um=y, theta_rad=theta, axis_rad=found.axis_rad)
 
 

@@ -53,8 +53,6 @@ class Target:
     # points on the drawn edges and their normals out of the material, (x, y, nx, ny) um
     # in the target's frame at theta 0, about half a pixel apart
     contour: tuple[tuple[float, float, float, float], ...] = ()
-    # of this feature's reference point in the frame of what the look is to locate
-    offset_um: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -19,13 +19,14 @@ from featuresel.criteria import (
     set_criteria,
     uniqueness,
 )
-from featuresel.feature import Feature, to_target
+from featuresel.feature import Feature
 from featuresel.features import propose
 from featuresel.nominal import nominal_render
 from featuresel.routines import Veil
 from featuresel.score import Score, failure_upper, success_lower
 from featuresel.sights import sight_of
-from optics.outline import Outline, Ring, Segment
+from optics.outline import Outline, Ring, Segment, place
+from tests.featuresel.aims import target_of
 
 RADIUS = 60.0
 
@@ -138,22 +139,18 @@ def test_uniqueness_is_how_far_the_likest_turn_is_from_right(
 def test_a_sight_is_where_the_placed_part_has_the_feature() -> None:
     feature = kinds("corner")[0]
     sight = sight_of(feature, a_score(), about_um=(5.0, -3.0), theta_rad=0.3)
-    target = to_target(
-        feature, about_um=(5.0, -3.0), column=0.0, row=0.0, theta_rad=0.3,
-        px_per_um=2.0, search_px=1.0, theta_range_rad=0.0,
-    )  # fmt: skip
-    assert (2 * sight.x_um, -2 * sight.y_um) == pytest.approx(
-        (target.column, target.row)
-    )
+    # the second road: the outline itself placed in the world
+    placed = place(place(ELL, -5.0, 3.0), 0.0, 0.0, 0.3)
+    points = [edge.start for ring in placed.rings for edge in ring.edges]
+    assert min(math.dist((sight.x_um, sight.y_um), point) for point in points) < 1e-9
 
 
 def test_seen_is_what_lies_in_the_region_and_behind_nothing() -> None:
     outline = kinds("outline")[0]
     rows, columns = 200, 200
-    target = to_target(
-        outline, about_um=outline.center_um, column=99.5, row=99.5, theta_rad=0.0,
-        px_per_um=1.0, search_px=1.0, theta_range_rad=0.0, outline=ELL,
-    )  # fmt: skip
+    target = target_of(
+        outline, ELL, column=99.5, row=99.5, theta_rad=0.0, px_per_um=1.0
+    )
     clear = Veil(light=np.zeros((rows, columns)), through=np.ones((rows, columns)))
     assert seen_share(target, clear) == 1.0
     # a finger over all that is left of the middle: x below the middle of the bounds

@@ -10,11 +10,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from featuresel.feature import Feature, to_target
+from featuresel.feature import Feature
 from featuresel.features import MOST, merge, propose
-from featuresel.routines.frame import RegionFrame
 from optics.outline import Arc, Edge, Outline, Point, Ring, Segment, place
 from planner.inputs import features as declared_ones
+from tests.featuresel.aims import target_of
 
 CUT = math.asin(3 / 25)  # half the angle of a 6 um wide notch in a 25 um bore
 
@@ -329,27 +329,12 @@ def test_a_pair_is_the_same_from_either_side() -> None:
     assert "pair1" not in [f.name for f in merge(proposed, [turned])]
 
 
-@pytest.mark.parametrize("theta", [0.0, 0.4, -2.0])
-def test_the_target_lies_where_the_part_has_it(theta: float) -> None:
-    frame = RegionFrame(width_px=640, height_px=480, um_per_px=1.1, row=20, column=30)
-    about, part = (5.0, -3.0), (12.0, 7.0)  # the part's point, and where it is
-    column, row = frame.to_pixel(*part)
+def test_a_corners_frame_leads_out_of_the_material() -> None:
     corner = next(f for f in propose(ell()) if f.kind == "corner")
-    target = to_target(
-        corner, about_um=about, column=column, row=row, theta_rad=theta,
-        px_per_um=1 / 1.1, search_px=8.0, theta_range_rad=0.1, outline=ell(),
-    )  # fmt: skip
-    # the second road: the outline itself placed in the world
-    placed = place(place(ell(), -about[0], -about[1]), *part, theta)
-    points = [edge.start for ring in placed.rings for edge in ring.edges]
-    x, y = frame.to_world(target.column, target.row)
-    assert min(math.dist((x, y), point) for point in points) < 1e-9
-    assert target.theta_rad == theta + corner.angle_rad
-    lever = math.dist(corner.center_um, about)
-    assert target.offset_um == pytest.approx(
-        (corner.center_um[0] - about[0], corner.center_um[1] - about[1])
+    target = target_of(
+        corner, ell(), column=0.0, row=0.0, theta_rad=0.4, px_per_um=1 / 1.1
     )
-    assert target.search_px == pytest.approx(8 + 2 * math.sin(0.05) * lever / 1.1)
+    assert target.theta_rad == 0.4 + corner.angle_rad
     # in the corner's frame the bisector leads out: its legs lie behind it
     legs = np.array([(p[0], p[1]) for p in target.contour if math.hypot(*p[:2]) < 20])
     assert len(legs) > 10
@@ -387,8 +372,3 @@ def test_nonsense_is_an_error() -> None:
         replace(feature, edge_um=0.0)
     with pytest.raises(ValueError, match="finite"):
         replace(feature, center_um=(math.nan, 0.0))
-    with pytest.raises(ValueError, match="px_per_um"):
-        to_target(
-            feature, about_um=(0, 0), column=0, row=0, theta_rad=0,
-            px_per_um=0, search_px=1, theta_range_rad=0,
-        )  # fmt: skip
