@@ -105,6 +105,7 @@ def _measured(
         theta_rad=picture.expected.theta_rad + measure.turn_rad
         if picture.knows_angle
         else None,
+        theta_assumed=True,
     )
     stages = rig.artifacts.stages(key_of(look, measure), uses)
     found = measure_chain(picture.image, stages, start)

@@ -57,7 +57,7 @@ class NominalRender:
     """Renders a case's region, at nominal focus and zoom unless told else."""
 
     case: LookCase
-    known: _Known = field(default_factory=_Known, compare=False, repr=False)
+    known: _Known = field(default_factory=_Known, init=False, compare=False, repr=False)
 
     @property
     def camera(self) -> Camera:

@@ -98,7 +98,12 @@ def prepare(case: LookCase, chains: Sequence[Chain]) -> Prepared:
 def start(case: LookCase) -> Guess:
     """Return where a look starts: the nominal place, and the angle if it is known."""
     theta = None if case.theta_any else case.target.theta_rad
-    return Guess(column=case.target.column, row=case.target.row, theta_rad=theta)
+    return Guess(
+        column=case.target.column,
+        row=case.target.row,
+        theta_rad=theta,
+        theta_assumed=True,
+    )
 
 
 def run(

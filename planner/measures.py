@@ -132,7 +132,7 @@ def _gates(tried: Tried, chosen: Score) -> p.Gates:
         min_score=_min_score(tried, chosen),
         max_shift_um=SHIFT_MARGIN * tried.case.spread.search_um,
         max_turn_rad=None,
-        max_spread_um=widest or None,
+        max_spread_um=max(widest, tried.case.tolerance_um),
     )
 
 

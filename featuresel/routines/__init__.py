@@ -72,6 +72,8 @@ class Guess:
     theta_rad: float | None = None
     z_um: float | None = None  # of the focus from nominal
     zoom: float | None = None  # over nominal
+    # nobody has measured `theta_rad`: the true angle is anywhere in the target's range
+    theta_assumed: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -56,6 +56,7 @@ def advance(
         theta_rad=start.theta_rad if found.theta_rad is None else found.theta_rad,
         z_um=start.z_um if found.z_um is None else found.z_um,
         zoom=start.zoom if found.zoom is None else found.zoom,
+        theta_assumed=start.theta_assumed and found.theta_rad is None,
     )
     return Progress(guess=guess, found=found)
 

@@ -48,21 +48,20 @@ def _zooms(job: Job, p: Mapping[str, float]) -> list[float]:
 
 
 def _turns(job: Job, p: Mapping[str, float], guess: Guess) -> list[float] | Failure:
-    """Return turns to start at: the guess's, or all within a period of the pattern.
-
-    The nominal angle is no measurement: the true one is anywhere in its range.
-    """
+    """Return turns to start at: a measured one, or all about an assumed one."""
     if not p["turns"]:
         return [0.0]
-    known = guess.theta_rad is not None and guess.theta_rad != p["theta_rad"]
-    if guess.theta_rad is not None and (known or p["range_rad"] >= math.pi):
-        return [math.remainder(guess.theta_rad - p["theta_rad"], 2 * math.pi)]
+    middle = 0.0
+    if guess.theta_rad is not None:
+        middle = math.remainder(guess.theta_rad - p["theta_rad"], 2 * math.pi)
+        if not guess.theta_assumed:
+            return [middle]
     rim_px = max(job.looks.shape) / 2 / job.looks.over
     reach = min(p["range_rad"], math.pi / p["symmetry"])
     count = math.ceil(2 * reach * rim_px / _TURN_PX)
     if count > _MOST_TURNS:
         return Failure(code="no_angle", message="the fit needs an angle to start at")
-    return [reach * ((2 * k + 1) / count - 1) for k in range(count)]
+    return [middle + reach * ((2 * k + 1) / count - 1) for k in range(count)]
 
 
 def _depths(job: Job) -> list[float]:
