@@ -121,7 +121,10 @@ def _seen(member: Member, picture: FloatArray) -> Seen | Failure:
     if place.theta_rad is None and case.theta_any:
         x, y = 0.0, 0.0  # which way it points is not known
     c, s = math.cos(turn), math.sin(turn)
-    sigma_theta = member.score.sigma_theta_rad
+    # what is left of the angle's bias counts as spread, as it does in the search
+    sigma_theta = math.hypot(
+        member.score.sigma_theta_rad or 0.0, member.score.bias_theta_rad or 0.0
+    )
     return Seen(
         x_um=place.x_um - (c * x - s * y),
         y_um=place.y_um - (s * x + c * y),

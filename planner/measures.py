@@ -57,7 +57,7 @@ def measure_record(request: Request, target: Shape, found: Measured) -> p.Measur
         bias_um=chosen.bias_um or (0.0, 0.0),
         jacobian_px_per_um=_jacobian(case),
         sigma_xy_um=(found.sigma_um or chosen.sigma_um) or 0.0,
-        sigma_theta_rad=chosen.sigma_theta_rad,
+        sigma_theta_rad=_sigma_theta_rad(found),
         limit_xy_um=chosen.limit_um,
         gates=_gates(tried, chosen),
         capture_um=case.spread.search_um,
@@ -75,6 +75,14 @@ def measure_record(request: Request, target: Shape, found: Measured) -> p.Measur
         bias_through_focus=_through_focus(found.curve),
         depth=found.depth,
     )
+
+
+def _sigma_theta_rad(found: Measured) -> float | None:
+    """Return the spread of the angle; of one of several features, its bias in it."""
+    sigma = found.chosen.sigma_theta_rad
+    if sigma is None or found.sigma_um is None:
+        return sigma
+    return math.hypot(sigma, found.chosen.bias_theta_rad or 0.0)
 
 
 def depth_record(case: LookCase, usable: UsableRange) -> p.Depth:
