@@ -47,6 +47,8 @@ def proposals(task: Task, request: Request, shape: Shape) -> Proposals:
         declared = [_drawn(part, f) for f in own if not f.avoid]
         avoided = [_drawn(part, f) for f in part.features.values() if f.avoid]
     proposed = propose(outline)
+    if any(f.kind == "notch" and f.avoid for f in part.features.values()):
+        proposed = tuple(map(_without_notch, proposed))
     aim = drawn(shape)
     found = merge(proposed, declared, avoided, within_um=SAME_UM)
     found = tuple(_as_proposed(feature, proposed) for feature in found)
@@ -119,6 +121,14 @@ def _as_proposed(feature: Feature, proposed: tuple[Feature, ...]) -> Feature:
         if coincide(feature, other, within_um=SAME_UM):
             return replace(other, name=feature.name)
     return feature
+
+
+def _without_notch(feature: Feature) -> Feature:
+    """Return teeth without the notch that tells one from the next."""
+    if feature.kind != "teeth" or not feature.symmetry_broken_by:
+        return feature
+    kept = {k: v for k, v in feature.parameters.items() if not k.startswith("notch_")}
+    return replace(feature, parameters=kept, symmetry_broken_by="", alike=0.0)
 
 
 def _shape(

@@ -180,7 +180,9 @@ def _teeth(part: Part, teeth: Feature, name: str) -> Shape:
         "phase_rad": teeth.phase_rad,
     }
     finest = teeth.radius_um - teeth.root_um
-    notch = next((f for f in part.features.values() if f.kind == "notch"), None)
+    notch = next(
+        (f for f in part.features.values() if f.kind == "notch" and not f.avoid), None
+    )
     bore = next(
         (f for f in part.features.values() if f.kind == "circle" and f.hole), None
     )
