@@ -137,7 +137,8 @@ def _bearing(a: Seen, b: Seen) -> float:
     """Return the turn from the line between two features as drawn to that seen."""
     (ax, ay), (bx, by) = a.offset_um, b.offset_um
     drawn = math.atan2(by - ay, bx - ax)
-    return math.atan2(b.y_um - a.y_um, b.x_um - a.x_um) - drawn
+    seen = math.atan2(b.y_um - a.y_um, b.x_um - a.x_um)
+    return math.remainder(seen - drawn, math.tau)
 
 
 def _system(
