@@ -40,6 +40,7 @@ from featuresel.routines.contour_search import (
     search_work,
 )
 from featuresel.routines.contour_turns import choose_turn
+from featuresel.routines.picture import refused
 from featuresel.routines.polarity import predict
 
 NAME = "contour_match"
@@ -117,6 +118,9 @@ def measure(
     The angle is None if the contour is round, or if no edge in sight tells the turns of
     its symmetry apart.
     """
+    unfit = refused(image)
+    if unfit is not None:
+        return unfit
     if min(image.shape) < 4 * artifact.parameters["shrink"]:
         return Failure(code="outside", message=f"an image of {image.shape} px")
     points = artifact.arrays["points"].astype(np.float64)

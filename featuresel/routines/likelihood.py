@@ -33,6 +33,7 @@ from featuresel.routines.ambiguity import (
     other_turns,
 )
 from featuresel.routines.comparison import Job, View
+from featuresel.routines.picture import refused
 from featuresel.routines.pose_fit import PoseFit, fit_pose
 from featuresel.routines.pose_job import prepare_job, read_job
 from featuresel.routines.pose_start import start_pose
@@ -63,6 +64,9 @@ def measure(
     image: FloatArray, artifact: Artifact, guess: Guess
 ) -> Measurement | Failure:
     """Return the likeliest pose near the guess; fails if too little of it fits."""
+    unfit = refused(image)
+    if unfit is not None:
+        return unfit
     job, p = read_job((View(image=image),), artifact), artifact.parameters
     start = start_pose(job, p, guess)
     if isinstance(start, Failure):

@@ -27,9 +27,6 @@ from featuresel.routines import (
 from optics.outline import place
 from tests.featuresel.conftest import CASES, bracket, make_case, noisy
 
-# these do not refuse an image of numbers that are none, yet
-UNGUARDED = ("contour_match", "likelihood", "one_step")
-
 LOOKS: dict[TargetKind, str] = {
     "circle": "post", "teeth": "between", "outline": "bracket", "jaws": "jaws",
 }  # fmt: skip
@@ -156,9 +153,7 @@ def test_any_image_has_a_typed_answer(name: str, kind: TargetKind) -> None:
         assert value.tobytes() == arrays[key], key
 
 
-@pytest.mark.parametrize(
-    ("name", "kind"), [pair for pair in pairs() if pair[0] not in UNGUARDED]
-)
+@pytest.mark.parametrize(("name", "kind"), list(pairs()))
 def test_what_is_no_image_is_refused(name: str, kind: TargetKind) -> None:
     artifact, routine = prepared(name, kind), load(name)
     if isinstance(artifact, Failure):
