@@ -52,6 +52,7 @@ DEAR = True
 _WORST_CHI2 = 60.0  # worse is another thing; what trials show sets a finer gate
 _LEAST_USED = 0.55  # share of pixels that must be the target's
 _MOST_SPREAD_PX = 0.5  # of what an image tells: in more uncertainty nothing is found
+_DIMMEST = 0.02  # of the nominal light: less is told apart from none by rounding alone
 _FAR_PX = 3.0  # the most that the fit may move from the guess
 
 
@@ -118,6 +119,10 @@ def answer(
 ) -> Measurement | Failure:
     """Return the measurement, or why the fit cannot be believed."""
     pose = found.pose
+    if found.light[0] < _DIMMEST:
+        return Failure(
+            code="too_dim", message=f"{found.light[0]:.2g} of the nominal light"
+        )
     if found.chi2 > _WORST_CHI2 or found.used < _LEAST_USED:
         return Failure(
             code="misfit",
