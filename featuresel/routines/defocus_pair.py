@@ -8,6 +8,7 @@ light are shared, and only the focus differs.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from featuresel.routines import (
     Artifact,
@@ -18,11 +19,13 @@ from featuresel.routines import (
     Measurement,
     Target,
 )
-from featuresel.routines.comparison import View
+from featuresel.routines.appearance import Pose
+from featuresel.routines.comparison import Job, View
 from featuresel.routines.likelihood import answer
-from featuresel.routines.pose_fit import fit_pose
+from featuresel.routines.picture import refused
+from featuresel.routines.pose_fit import PoseFit, fit_pose
 from featuresel.routines.pose_job import prepare_job, read_job
-from featuresel.routines.pose_start import start_pose
+from featuresel.routines.pose_start import refocused, start_pose
 
 
 def prepare(
@@ -63,6 +66,9 @@ def measure(
     """
     if len(images) < 2 or len(images) != len(offsets_um):
         raise ValueError("need two images or more, and as many offsets")
+    unfit = next((u for u in map(refused, images) if u is not None), None)
+    if unfit is not None:
+        return unfit
     views = tuple(
         View(image=image, dz_um=offset)
         for image, offset in zip(images, offsets_um, strict=True)
@@ -71,5 +77,19 @@ def measure(
     start = start_pose(job, p, guess)
     if isinstance(start, Failure):
         return start
-    found = fit_pose(job, start)
+    if guess.z_um is None:
+        start = _at_focus(job, start)
+    found = fit_pose(job.held, start)
+    if isinstance(found, PoseFit) and job.front is not None:
+        found = fit_pose(job, found.pose)
     return found if isinstance(found, Failure) else answer(found, p, guess)
+
+
+def _at_focus(job: Job, start: Pose) -> Pose:
+    """Return where a fit starts, once the place is right and tells the focus.
+
+    A pair has minima far from its focus, where one image alone fits.
+    """
+    level = replace(job.held, free=replace(job.held.free, z_sigma_um=0.0))
+    placed = fit_pose(level, start)
+    return refocused(job, placed.pose if isinstance(placed, PoseFit) else start)

@@ -10,6 +10,7 @@ from featuresel.routines.appearance import Pose
 from featuresel.routines.comparison import Job, try_each
 
 _DEPTHS = (0.1, 0.35, 0.6, 0.85)  # of the reach in focus, where fits start
+_DEEP = 2.5  # steps of the planes between focus heights, once the place is known
 _ZOOM_PX = 1.5  # that the rim moves by between zooms where fits start
 _TURN_PX = 2.5  # that the rim moves by between turns where fits start
 _MOST_TURNS = 64  # of them, at every focus height: more take too long
@@ -37,6 +38,18 @@ def start_pose(job: Job, p: Mapping[str, float], guess: Guess) -> Pose | Failure
     if len(depths) * len(turns) == 1:
         return pose
     return try_each(job, pose, turns=turns, depths=depths, zooms=zooms)
+
+
+def refocused(job: Job, pose: Pose) -> Pose:
+    """Return a pose with the focus that fits best of all within reach.
+
+    At a place that is off, more blur fits better: what `start_pose` tells may be far
+    out of focus. Fitted at that focus the place is right, and there depths tell.
+    """
+    reach_um = job.looks.reach_um - max(abs(view.dz_um) for view in job.views)
+    count = math.ceil(2 * reach_um / (_DEEP * job.looks.step_um))
+    depths = [reach_um * ((2 * k + 1) / count - 1) for k in range(count)]
+    return try_each(job, pose, turns=[pose.turn_rad], depths=depths, zooms=[pose.zoom])
 
 
 def _zooms(job: Job, p: Mapping[str, float]) -> list[float]:

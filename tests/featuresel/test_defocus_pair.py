@@ -54,6 +54,29 @@ def test_the_side_of_focus_is_found(z_um: float) -> None:
         assert found.z_um == pytest.approx(z_um, abs=0.15)
 
 
+def test_a_guess_beside_the_place_does_not_hide_the_focus() -> None:
+    # a place 1.4 px off and a reach of 27 um: where fits started they ended 16 um off
+    narrow = case("post")
+    wide = replace(
+        narrow, key="wide", spread=replace(narrow.spread, focus_sigma_um=9.0)
+    )
+    look, rng = nominal_render(wide), np.random.default_rng(1)
+    made = defocus_pair.prepare(look, wide.target, offset_um=PAIR_UM)
+    assert isinstance(made, Artifact), made
+    for z_um in (-20.0, -5.0, 0.0, 0.0, 10.0, 20.0):
+        drawn = draw("post", rng, z_um=z_um)
+        images = [
+            noisy(wide, drawn.render(look, offset_um=offset), rng) for offset in OFFSETS
+        ]
+        way = rng.uniform(0, 2 * np.pi)
+        guess = near(
+            drawn.pose(wide), column=1.4 * float(np.cos(way)), row=1.4 * np.sin(way)
+        )
+        found = defocus_pair.measure(images, OFFSETS, made, guess)
+        assert isinstance(found, Measurement), found
+        assert found.z_um == pytest.approx(z_um, abs=0.15)
+
+
 @pytest.mark.parametrize("z_um", [0.0, 4.0])
 def test_place_and_focus_are_at_the_joint_limit(z_um: float) -> None:
     rng, errors, claimed = np.random.default_rng(6), [], []
@@ -90,6 +113,16 @@ def test_images_and_offsets_go_together() -> None:
     for images, offsets in (([image], [0.0]), ([], []), ([image, image], [1.0])):
         with pytest.raises(ValueError, match="two images"):
             defocus_pair.measure(images, offsets, pair_artifact("post"), guess)
+
+
+def test_what_is_no_image_is_refused() -> None:
+    image = render("post")()
+    hollow = np.where(image > image.mean(), np.nan, image)
+    for images in ([image, hollow], [hollow, image]):
+        found = defocus_pair.measure(
+            images, OFFSETS, pair_artifact("post"), Guess(column=99.7, row=99.6)
+        )
+        assert isinstance(found, Failure)
 
 
 @pytest.mark.parametrize("value", [0.0, 0.4, 1.0])
