@@ -69,12 +69,12 @@ def _between(curve: Sequence[BiasAt], dz_um: float) -> tuple[float, float]:
     after = next((k for k, at in enumerate(curve) if at.dz_um >= dz_um), len(curve))
     if after in (0, len(curve)):
         end = curve[min(after, len(curve) - 1)]
-        return (end.x_um, end.y_um)
+        return (end.bias_x_um, end.bias_y_um)
     low, high = curve[after - 1], curve[after]
     share = (dz_um - low.dz_um) / (high.dz_um - low.dz_um)
     return (
-        low.x_um + share * (high.x_um - low.x_um),
-        low.y_um + share * (high.y_um - low.y_um),
+        low.bias_x_um + share * (high.bias_x_um - low.bias_x_um),
+        low.bias_y_um + share * (high.bias_y_um - low.bias_y_um),
     )
 
 

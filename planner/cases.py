@@ -100,9 +100,15 @@ def feature_case(
     """Return a look at another feature of the target's body, through the same region.
 
     Scene, optics and light are those of `case`. One of several features may be as many
-    times less accurate as their mean is better.
+    times less accurate as their mean is better. It lies as far off as the target does,
+    and as it swings about the target in the trials.
     """
-    spot = spot_of(task, request, shape)
+    target = needed_shape(task, request)
+    arm_um = math.dist(shape.center_um, target.center_um)
+    swing_um = min(case.spread.pose_sigma_theta_rad, 1.0) * arm_um
+    # the sum, not the root of squares: extreme trials have both at once
+    sigma_um = spot_of(task, request, target).sigma_xy_um + swing_um
+    spot = replace(spot_of(task, request, shape), sigma_xy_um=sigma_um)
     c, s = math.cos(case.theta_rad), math.sin(case.theta_rad)
     x, y = spot.pose.x_um - case.x_um, spot.pose.y_um - case.y_um
     back = (-(c * x + s * y), s * x - c * y)  # of its origin, in the part's axes

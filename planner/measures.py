@@ -106,7 +106,7 @@ def _through_focus(curve: BiasCurve | None) -> tuple[p.BiasAt, ...]:
     if curve is None:
         return ()
     rows = zip(curve.dz_um, curve.x_um, curve.y_um, strict=True)
-    return tuple(p.BiasAt(dz_um=z, x_um=x, y_um=y) for z, x, y in rows)
+    return tuple(p.BiasAt(dz_um=z, bias_x_um=x, bias_y_um=y) for z, x, y in rows)
 
 
 def _region(case: LookCase) -> p.Region:

@@ -129,8 +129,8 @@ class BiasAt:
     """Mean error that the renderer predicts at one focus, in the target's frame."""
 
     dz_um: float  # of the focus from the look's own
-    x_um: float
-    y_um: float
+    bias_x_um: float
+    bias_y_um: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -205,9 +205,9 @@ def test_one_feature_off_the_target_needs_the_angle() -> None:
 
 
 CURVE = (
-    BiasAt(dz_um=-4.0, x_um=0.3, y_um=0.0),
-    BiasAt(dz_um=1.0, x_um=0.1, y_um=-0.2),
-    BiasAt(dz_um=6.0, x_um=-0.5, y_um=0.4),
+    BiasAt(dz_um=-4.0, bias_x_um=0.3, bias_y_um=0.0),
+    BiasAt(dz_um=1.0, bias_x_um=0.1, bias_y_um=-0.2),
+    BiasAt(dz_um=6.0, bias_x_um=-0.5, bias_y_um=0.4),
 )
 
 
@@ -224,7 +224,7 @@ def test_the_bias_at_another_focus_is_taken_off_in_the_parts_frame() -> None:
     change = complex(
         *(
             np.interp(stop, heights, row) - np.interp(0.0, heights, row)
-            for row in ([at.x_um for at in CURVE], [at.y_um for at in CURVE])
+            for row in ([at.bias_x_um for at in CURVE], [at.bias_y_um for at in CURVE])
         )
     )
     # the angle is not known before: a bias of what direction? none is taken off
@@ -241,7 +241,7 @@ def test_the_bias_at_another_focus_is_taken_off_in_the_parts_frame() -> None:
 @given(st.floats(-20.0, 20.0))
 def test_the_change_of_a_bias_is_linear_between_heights(dz_um: float) -> None:
     heights = [at.dz_um for at in CURVE]
-    columns = ([at.x_um for at in CURVE], [at.y_um for at in CURVE])
+    columns = ([at.bias_x_um for at in CURVE], [at.bias_y_um for at in CURVE])
     expected = [
         np.interp(dz_um, heights, row) - np.interp(0.0, heights, row) for row in columns
     ]

@@ -22,7 +22,8 @@ REL = 1e-4
 MEASURED = frozenset(
     {"sigma_um", "sigma_xy_um", "sigma_theta_rad", "bias_um", "worst_um", "min_score",
      "success_lower", "silent_upper", "success_probability", "tolerance_xy_um",
-     "expected_cycles", "expected_s"}
+     "expected_cycles", "expected_s", "max_spread_um", "robustness", "resolution_um",
+     "sigma_upper_um", "bias_x_um", "bias_y_um"}
 )  # fmt: skip
 MEASURED_REL = 0.2  # of 24 trials; a routine that changed moves its sigma by more
 MEASURED_ABS = 2e-3  # um or rad: biases are averages about 0
