@@ -18,6 +18,7 @@ IntArray = npt.NDArray[np.intp]
 Float32Array = npt.NDArray[np.float32]
 
 BEYOND = 2  # planes past the range, where a natural spline's end no longer tells
+AGAIN_PX = 0.5  # a move of the target after which its pixels are chosen anew
 _APART = 7  # cells of the template that a few are taken from, no row like the last
 _NEAR = 0.25  # of a step, beside focus: there the square's slope is taken
 

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from featuresel.routines import Artifact, FloatArray, LookModel, Target
-from featuresel.routines.appearance import BEYOND
+from featuresel.routines.appearance import AGAIN_PX, BEYOND
 from featuresel.routines.informative import informative
 from featuresel.routines.spline import depth_coefficients, plane_coefficients
 
@@ -38,6 +38,14 @@ class _Grid:
 
     over: int  # per pixel
     middle: tuple[float, float]  # (column, row) of the reference point
+
+    @property
+    def around(self) -> int:
+        """Return the samples about a chosen one that a fit may read.
+
+        A spline's, as many as pixels move by, and one as pixels are between samples.
+        """
+        return _SUPPORT + math.ceil(AGAIN_PX * self.over + 0.5)
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,15 +122,21 @@ def prepare_planes(
             "is_even": float(stops.is_even),
             "heights": float(len(used)),
         },
-        arrays=_packed(planes, back, used, _read(also_px, grid, used.shape[1:])),
+        arrays=_packed(
+            planes, back, used, _read(also_px, grid, used.shape[1:]), grid.around
+        ),
     )
 
 
 def _packed(
-    planes: FloatArray, back: IntArray, used: BoolArray, also: BoolArray
+    planes: FloatArray,
+    back: IntArray,
+    used: BoolArray,
+    also: BoolArray,
+    around: int,
 ) -> dict[str, npt.NDArray[np.float32]]:
     """Return coefficients of the cells that are read, where they are, and their use."""
-    kept = _grown(used.any(axis=0) | also)
+    kept = _grown(used.any(axis=0) | also, around)
     cells = np.where(kept, np.cumsum(kept).reshape(kept.shape), 0)
     deep = depth_coefficients(planes[back].reshape(*back.shape, planes.shape[1], -1))
     packed = np.zeros((len(back), planes.shape[1], int(kept.sum()) + 1), np.float32)
@@ -214,7 +228,7 @@ def _used(
     seen = light[:, first::over, first::over]
     focus = np.gradient(seen, depths, axis=0) if len(depths) > 1 else 0 * seen
     inner = np.zeros((rows, columns), dtype=bool)
-    edge = _SUPPORT + 2
+    edge = grid.around
     inner[edge:-edge, edge:-edge] = True
     # by the middle of its block: what is told in vain would else be counted on
     own = own[: seen.shape[1], : seen.shape[2]] * inner[first::over, first::over]
@@ -244,8 +258,8 @@ def _read(
     return np.asarray(cv2.dilate(read, np.ones((size, size), np.uint8)) > 0)
 
 
-def _grown(used: BoolArray) -> BoolArray:
-    """Return the cells and those around them that a spline reads."""
-    size = 2 * _SUPPORT + 1
+def _grown(used: BoolArray, around: int) -> BoolArray:
+    """Return the cells and those `around` them."""
+    size = 2 * around + 1
     kernel = np.ones((size, size), np.uint8)
     return np.asarray(cv2.dilate(used.astype(np.uint8), kernel) > 0)

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from featuresel.routines import Failure, FloatArray
-from featuresel.routines.appearance import Pose, Veiling
+from featuresel.routines.appearance import AGAIN_PX, Pose, Veiling
 from featuresel.routines.comparison import (
     FEWEST,
     POSE,
@@ -30,7 +30,6 @@ _SETTLED = 0.05  # squared length of the next step, in standard deviations, over
 _NEARLY = 100.0  # and of this one: farther off nothing is known of the next
 _FAR_PX = 1.5  # the most that one step may move the image
 _FAR_DEPTHS = 1.0  # the most that one step may change the focus, steps of the planes
-_AGAIN_PX = 0.5  # a move after which the pixels are chosen anew
 _FULL = 0.99  # of full scale, where the camera may have clipped
 _MOST_CORE = 0.3  # beyond, it would stand for another focus of what stands in front
 _ZOOMS = (0.8, 1.25)  # beyond, nothing that starts near nominal gets
@@ -281,5 +280,5 @@ def _is_elsewhere(job: Job, one: Pose, other: Pose) -> bool:
     """Return whether other pixels tell most at the other pose."""
     place_px = math.hypot(one.column - other.column, one.row - other.row)
     turn_rad, zoom = one.turn_rad - other.turn_rad, one.zoom - other.zoom
-    far = _moved_px(job, place_px, turn_rad, zoom) > _AGAIN_PX
+    far = _moved_px(job, place_px, turn_rad, zoom) > AGAIN_PX
     return far or abs(one.z_um - other.z_um) > job.looks.step_um

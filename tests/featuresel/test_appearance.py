@@ -60,6 +60,21 @@ def test_light_is_the_renderers_to_a_tenth_of_the_noise(
         assert (np.abs(pulls) < 0.1).all()
 
 
+@pytest.mark.parametrize("name", LOOKS)
+@pytest.mark.parametrize("move", [(0.49, 0.0), (-0.49, 0.0), (0.0, 0.49), (0.0, -0.49)])
+def test_pixels_show_the_target_half_a_pixel_on(
+    name: str, move: tuple[float, float]
+) -> None:
+    # so far a fit moves before it chooses its pixels anew
+    drawn = draw(name, np.random.default_rng(3), z_um=0.4 * looks(name).reach_um)
+    image, pose = drawn.render(render(name)), drawn.pose(case(name))
+    before = replace(pose, column=pose.column + move[0], row=pose.row + move[1])
+    columns, rows = looks(name).pixels(before, image.shape)
+    error = looks(name).light(pose, columns, rows).value - image[rows, columns]
+    noise = math.sqrt(render(name).camera.variance(image).max())
+    assert np.abs(error).max() < 0.1 * noise
+
+
 @pytest.mark.parametrize("zoom", [0.98, 0.995])
 def test_zoom_leaves_the_pixels_size_alone(zoom: float) -> None:
     # planes hold the light of a pixel of the nominal side: at a zoom z it is that of
