@@ -12,6 +12,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 from executor.drivers import AxisReading
+from featuresel.routines.fusion import Believed
 from schemas.plan import AxesName, Belief, FeaturePlace
 from schemas.pose import Pose
 
@@ -98,6 +99,13 @@ class Beliefs:
         """Return whether anything is known of the owner's angle."""
         return self._owners[self.owner(name)].sigma_theta_rad < ANY_ANGLE_RAD
 
+    def angle(self, name: str, readings: Readings) -> Believed | None:
+        """Return the owner's angle in the world, None if nothing is known of it."""
+        if not self.knows_angle(name):
+            return None
+        sigma = self._owners[self.owner(name)].sigma_theta_rad
+        return Believed(theta_rad=self.world(name, readings).theta_rad, sigma_rad=sigma)
+
     def update(
         self,
         name: str,
@@ -105,8 +113,12 @@ class Beliefs:
         x_um: float,
         y_um: float,
         theta_rad: float | None,
+        sigma_theta_rad: float | None = None,
     ) -> None:
-        """Re-anchor the owner so that `name` is where it was measured."""
+        """Re-anchor the owner so that `name` is where it was measured.
+
+        An angle without a sigma counts as known.
+        """
         owner = self.owner(name)
         belief = self._owners[owner]
         angle = (
@@ -117,7 +129,9 @@ class Beliefs:
         pose = Pose(x_um=x_um - dx_um, y_um=y_um - dy_um, theta_rad=angle)
         self._place(owner, belief.carrier, pose, readings)
         if theta_rad is not None:
-            self._owners[owner] = replace(self._owners[owner], sigma_theta_rad=0.0)
+            self._owners[owner] = replace(
+                self._owners[owner], sigma_theta_rad=sigma_theta_rad or 0.0
+            )
 
     def grasp(self, part: str, tool: str, readings: Readings) -> None:
         """Hand a part to the tool: centred across the jaws, y and angle kept."""

@@ -11,7 +11,7 @@ from executor.errors import ExecutorError
 from executor.rig import Rig
 from featuresel.routines import Failure, FloatArray, Guess, Measurement
 from featuresel.routines.chain import measure_chain
-from featuresel.routines.fusion import Seen
+from featuresel.routines.fusion import Believed, Seen
 from schemas.plan import BiasAt, Look, Measure, RoutineUse
 from schemas.pose import Pose
 
@@ -22,7 +22,7 @@ class Picture:
 
     image: FloatArray  # (rows, columns), 0..1 of full scale
     expected: Pose  # of the look's target, world
-    knows_angle: bool
+    believed: Believed | None  # the part's angle, None if nothing is known of it
     dz_um: float  # of the focus from the look's own
 
 
@@ -79,7 +79,7 @@ def _between(curve: Sequence[BiasAt], dz_um: float) -> tuple[float, float]:
 
 
 def _spare(measure: Measure) -> Measure:
-    """Return how the fallback measures: with that chain's bias and gate.
+    """Return how the fallback measures: with that chain's bias, spread and gate.
 
     The spread's gate and the bias through focus are the first chain's own.
     """
@@ -87,7 +87,12 @@ def _spare(measure: Measure) -> Measure:
         measure.gates, min_score=measure.fallback_min_score, max_spread_um=None
     )
     return replace(
-        measure, bias_um=measure.fallback_bias_um, gates=gates, bias_through_focus=()
+        measure,
+        bias_um=measure.fallback_bias_um,
+        sigma_xy_um=measure.fallback_sigma_xy_um or measure.sigma_xy_um,
+        sigma_theta_rad=measure.fallback_sigma_theta_rad,
+        gates=gates,
+        bias_through_focus=(),
     )
 
 
@@ -103,7 +108,7 @@ def _measured(
         column=measure.reference.column,
         row=measure.reference.row,
         theta_rad=picture.expected.theta_rad + measure.turn_rad
-        if picture.knows_angle
+        if picture.believed is not None
         else None,
         theta_assumed=True,
     )
@@ -129,7 +134,7 @@ def _shown(
 
     That error is fixed in the part's frame: at an unknown angle it stays.
     """
-    theta_rad = picture.expected.theta_rad if picture.knows_angle else None
+    theta_rad = None if picture.believed is None else picture.believed.theta_rad
     if found.theta_rad is not None:
         theta_rad = found.theta_rad - measure.turn_rad
     x_um, y_um = rig.frame_of(look).to_world(found.column, found.row)

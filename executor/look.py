@@ -24,6 +24,7 @@ class Sighting:
     theta_rad: float | None  # None: not measured
     score: float
     spread_um: float  # the best routine's own estimate, one sigma per axis
+    sigma_theta_rad: float | None  # by the trials; None: the angle was not measured
     routines: tuple[str, ...]
     frames: int  # grabbed until it was found
 
@@ -63,6 +64,7 @@ def look_at(rig: Rig, look: Look, on_failure: Sequence[OnFailure] = ()) -> Sight
             sighting.x_um,
             sighting.y_um,
             sighting.theta_rad,
+            sighting.sigma_theta_rad,
         )
         rig.journal.write("seen", look=look.id, at=sighting)
         if rig.watch is not None:
@@ -94,7 +96,7 @@ def _sight(rig: Rig, look: Look, tries: int) -> Sighting:
     picture = Picture(
         image=to_unit(counts, rig.plan.requirements.bits),
         expected=rig.beliefs.world(look.target, rig.readings()),
-        knows_angle=rig.beliefs.knows_angle(look.target),
+        believed=rig.beliefs.angle(look.target, rig.readings()),
         dz_um=focus_um - look.view.focus_um,
     )
     shown = _shown(rig, look, picture)
@@ -104,6 +106,7 @@ def _sight(rig: Rig, look: Look, tries: int) -> Sighting:
 def _shown(rig: Rig, look: Look, picture: Picture) -> list[Shown]:
     """Return the features that were found; the first fault if they are too few."""
     least = len(look.measures) if look.together is None else look.together.least
+    least = max(least, 1)
     found: list[Shown] = []
     faults: list[ExecutorError] = []
     for measure in look.measures:
@@ -121,8 +124,7 @@ def _fused(
     look: Look, shown: Sequence[Shown], picture: Picture, tries: int
 ) -> Sighting:
     """Return the target's pose by all features found."""
-    believed = picture.expected.theta_rad if picture.knows_angle else None
-    pose = fuse([each.seen for each in shown], believed)
+    pose = fuse([each.seen for each in shown], picture.believed)
     if isinstance(pose, Failure):
         raise ExecutorError(
             "MP826",
@@ -136,6 +138,7 @@ def _fused(
         theta_rad=pose.theta_rad,
         score=min(each.score for each in shown),
         spread_um=min(each.spread_um for each in shown),
+        sigma_theta_rad=pose.sigma_theta_rad,
         routines=tuple(name for each in shown for name in each.routines),
         frames=tries,
     )

@@ -111,6 +111,8 @@ class Constraints:
             )
         if self.tolerance_theta_rad is None:
             return ""
+        if self.in_set and not score.angles:
+            return ""  # others may give it
         if score.angles < score.success or score.sigma_theta_rad is None:
             return "gives no angle, which is needed"
         if score.need_theta_rad > self.tolerance_theta_rad:

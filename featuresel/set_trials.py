@@ -12,7 +12,7 @@ from featuresel.case import LookCase
 from featuresel.located import Located, located
 from featuresel.perturb import Trial, image
 from featuresel.routines import Failure, FloatArray
-from featuresel.routines.fusion import Seen, fuse
+from featuresel.routines.fusion import Believed, Seen, fuse
 from featuresel.score import Score, chain_cost, score_chain
 from featuresel.trials import Map, Outcome, Prepared, follow, outcome_of
 
@@ -94,7 +94,7 @@ def _tried(
     if len(answered) < least:
         missed = next(seen for seen in found if isinstance(seen, Failure))
         return outcome_of(case, trial, _chain(members), missed)
-    fused = fuse(answered, None if case.theta_any else case.theta_rad)
+    fused = fuse(answered, _believed(case))
     if isinstance(fused, Failure):
         return outcome_of(case, trial, _chain(members), fused)
     place = Located(
@@ -104,6 +104,15 @@ def _tried(
         outcome_of(case, trial, _chain(members), place),
         spread_um=fused.sigma_um,
         spread_theta_rad=fused.sigma_theta_rad,
+    )
+
+
+def _believed(case: LookCase) -> Believed | None:
+    """Return the angle that a look starts with, None if it is any."""
+    if case.theta_any:
+        return None
+    return Believed(
+        theta_rad=case.theta_rad, sigma_rad=case.spread.pose_sigma_theta_rad
     )
 
 

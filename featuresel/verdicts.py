@@ -74,7 +74,7 @@ class Verdicts:
         if limit is None or not score.success:
             return ""
         if not score.angles:
-            return "gives no angle, which is needed"
+            return "" if self.in_set else "gives no angle, which is needed"
         if score.theta is not None and score.theta.need_lower > limit:
             return (
                 f"2 sigma + |bias| of the angle above {score.theta.need_lower:.3g} "

@@ -28,6 +28,8 @@ from planner.model.targets import Shape, outline_of, target_layers
 from planner.model.views import SEARCH_SIGMAS, ViewPlan
 
 MOST_TOGETHER = 4  # features that one look measures
+# of the look's tolerances that each of them has: their mean is as much better
+SHARE_TOGETHER = math.sqrt(MOST_TOGETHER)
 _FOCUS_SIGMAS = 2.0  # a law must hold so far from the nominal focus
 
 
@@ -109,6 +111,7 @@ def feature_case(
     # the sum, not the root of squares: extreme trials have both at once
     sigma_um = spot_of(task, request, target).sigma_xy_um + swing_um
     spot = replace(spot_of(task, request, shape), sigma_xy_um=sigma_um)
+    angle = _angle_tolerance(request, shape)
     c, s = math.cos(case.theta_rad), math.sin(case.theta_rad)
     x, y = spot.pose.x_um - case.x_um, spot.pose.y_um - case.y_um
     back = (-(c * x + s * y), s * x - c * y)  # of its origin, in the part's axes
@@ -123,10 +126,10 @@ def feature_case(
         target=with_contour(
             _target(task, shape, spot, view), _carrying(task, request, shape)
         ),
-        tolerance_um=case.tolerance_um * math.sqrt(MOST_TOGETHER),
+        tolerance_um=case.tolerance_um * SHARE_TOGETHER,
         tolerance_theta_rad=None
-        if case.tolerance_theta_rad is None
-        else _angle_tolerance(request, shape),
+        if case.tolerance_theta_rad is None or angle is None
+        else angle * SHARE_TOGETHER,
         spread=replace(
             case.spread,
             pose_sigma_xy_um=math.hypot(
@@ -280,9 +283,11 @@ def _occluder_sigma_um(
 
 def _angle_tolerance(request: Request, shape: Shape) -> float | None:
     """Return how well the angle must be known, None if it need not be."""
+    if shape.symmetry == 0:
+        return None  # it has none
     if request.needs_angle_rad is not None:
         return LOOK_SHARE * request.needs_angle_rad
-    if not request.wants_angle or shape.symmetry == 0 or shape.kind == "jaws":
+    if not request.wants_angle or shape.kind == "jaws":
         return None
     if shape.symmetry > 1:
         return PERIOD_SHARE * 2 * math.pi / shape.symmetry

@@ -76,13 +76,19 @@ def compile_look(
         tried, found = job.alone(view)
         if tried.selection.chosen is not None:
             return job.finish(view, tried, found)
+    advice = tried.selection.advice
     for view in settings:
         whole = whole_view(task, request, view)
+        if whole == view:
+            continue  # there is nothing beside the target
         tried, found = job.alone(whole)
+        if tried.selection.chosen is not None:
+            return job.finish(whole, tried, found)
         sets = job.search(whole, tried, found).run()
         if sets.chosen is not None:
             return job.finish_set(tried, sets)
-    _report_failure(request, view, tried.selection, sets.advice, report)
+        advice = sets.advice
+    _report_failure(request, view, tried.selection, advice, report)
     return None
 
 
@@ -123,13 +129,13 @@ class _Job:
         )
 
     def finish(self, view: ViewPlan, tried: Tried, found: Contest) -> CompiledLook:
-        """Return a look whose target alone does, or several features if they are
-        wanted and do better."""
+        """Return a look whose target alone does, or several features where those are
+        wanted and do better, or have one to spare."""
         search = self.search(view, tried, found)
         if not wanted(found, tried.case, self.effects.effort):
             return self._look(tried, [self._measured(tried)], search.left_out(), None)
         sets = search.run()
-        if sets.chosen is None or len(sets.chosen.raced) == 1:
+        if sets.chosen is None:
             return self._look(tried, [self._measured(tried)], sets.rows, None)
         return self.finish_set(tried, sets)
 
@@ -194,7 +200,9 @@ class _Job:
                 scene=scene_record(task, request, case, shape, name, image),
                 effects=effect_rows(task, request, tried),
                 measure=first,
-                evidence=evidence(found[0].tried, found[0].chosen, rows),
+                evidence=evidence(
+                    found[0].tried, found[0].chosen, rows, case.tolerance_um
+                ),
                 others=tuple(others),
                 together=None if together is None else together_record(together),
             ),
@@ -241,5 +249,5 @@ def _report_failure(
         request.where,
         f"look {request.id!r}: no routine finds {request.target} well enough at "
         f"{view.microscope.magnification:.4g} x: {reasons}",
-        advice or selection.advice,
+        advice,
     )

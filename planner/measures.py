@@ -68,6 +68,8 @@ def measure_record(request: Request, target: Shape, found: Measured) -> p.Measur
         usable_focus_um=found.usable.focus_um,
         usable_magnification=found.usable.magnification,
         fallback_bias_um=(spare.bias_um if spare else None) or (0.0, 0.0),
+        fallback_sigma_xy_um=None if spare is None else _spare_sigma_um(found, spare),
+        fallback_sigma_theta_rad=None if spare is None else spare.sigma_theta_rad,
         fallback_min_score=0.0 if spare is None else _min_score(tried, spare),
         feature="" if shape.name == target.name else shape.name,
         offset_um=offset_um(shape, target),
@@ -75,6 +77,13 @@ def measure_record(request: Request, target: Shape, found: Measured) -> p.Measur
         bias_through_focus=_through_focus(found.curve),
         depth=found.depth,
     )
+
+
+def _spare_sigma_um(found: Measured, spare: Score) -> float:
+    """Return the spread of a fallback, with what the chain's own has beside trials."""
+    own, counts = found.chosen.sigma_um or 0.0, found.sigma_um or 0.0
+    beside = math.sqrt(max(counts**2 - own**2, 0.0))
+    return math.hypot(spare.sigma_um or 0.0, beside)
 
 
 def _sigma_theta_rad(found: Measured) -> float | None:

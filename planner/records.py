@@ -41,12 +41,18 @@ def view_record(
 
 
 def evidence(
-    tried: Tried, chosen: Score, features: Sequence[p.FeatureRow]
+    tried: Tried,
+    chosen: Score,
+    features: Sequence[p.FeatureRow],
+    tolerance_um: float,
 ) -> p.Evidence:
-    """Return every chain's score with the reason for or against it."""
+    """Return every chain's score with the reason for or against it.
+
+    `tolerance_um` is the look's own; one of several features may have a wider one.
+    """
     reasons = dict(tried.selection.reasons)
     return p.Evidence(
-        tolerance_um=tried.case.tolerance_um,
+        tolerance_um=tolerance_um,
         chosen=_score(chosen, reasons[chosen.chain]),
         others=tuple(
             _score(other, reasons[other.chain])
@@ -88,12 +94,13 @@ def together_record(found: ChosenSet) -> p.Together:
     Parts as made and biases may make a spread larger than the set's trials showed it:
     the larger counts.
     """
-    known, dropped = found.found.known, found.found.dropped_um
+    known = found.found.known
+    dropped = math.hypot(found.found.dropped_um, found.shared_um)
     turn = found.score.sigma_theta_rad
     if turn is not None and math.isfinite(known.sigma_theta_rad):
         turn = max(turn, known.sigma_theta_rad)
     return p.Together(
-        sigma_xy_um=max(found.score.sigma_um or 0.0, known.sigma_um),
+        sigma_xy_um=found.sigma_um,
         sigma_theta_rad=turn,
         conditioning=known.conditioning,
         dropped_um=dropped if math.isfinite(dropped) else None,

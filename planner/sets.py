@@ -18,7 +18,7 @@ from featuresel.select import select
 from featuresel.set_trials import Member, score_set
 from featuresel.sights import Sight, sight_of
 from featuresel.trials import Map, Prepared
-from planner.cases import MOST_TOGETHER, feature_case
+from planner.cases import MOST_TOGETHER, SHARE_TOGETHER, feature_case
 from planner.inputs.task import Task
 from planner.model.features import drawn, offset_um, proposals
 from planner.model.requests import Request
@@ -39,6 +39,18 @@ class ChosenSet:
     score: Score  # of fresh trials of all of them
     found: FeatureSet
     least: int  # that must answer
+    shared_um: float  # one sigma of the target's place on the part, as made
+
+    @property
+    def sigma_um(self) -> float:
+        """Return the spread of the target's place; the worse of trials and model."""
+        seen = max(self.score.sigma_um or 0.0, self.found.known.sigma_um)
+        return math.hypot(seen, self.shared_um)
+
+    @property
+    def need_um(self) -> float:
+        """Return 2 sigma + |bias|, what a tolerance must hold."""
+        return 2 * self.sigma_um + math.hypot(*(self.score.bias_um or (0.0, 0.0)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,13 +83,16 @@ class Search:
         raced, skipped = self._race()
         sights = {r.shape.name: self._sight(r) for r in raced if r.passes}
         found = self._found(list(sights.values())) if sights else None
-        said = {} if found is None else dict(found.reasons)
-        rows = [
-            self._judged.row(r, sights.get(name), said.get(name) or _fault(r))
-            for r in raced
-            for name in [r.shape.name]
-        ]
         chosen, advice = self._settled(raced, sights, found)
+        said = {} if found is None or chosen is None else dict(found.reasons)
+        unused = f"passes as one of several; no set is used: {advice}"
+        rows = [
+            self._judged.row(
+                r, sight, _fault(r) if sight is None else said.get(name, unused)
+            )
+            for r in raced
+            for name, sight in [(r.shape.name, sights.get(r.shape.name))]
+        ]
         if chosen is not None:
             sigma_um = chosen.found.known.sigma_um
             rows.append(self._judged.set_row(chosen.raced, chosen.sights, sigma_um))
@@ -95,18 +110,39 @@ class Search:
             return None, "; ".join(faults)
         if not found.qualifies:
             return None, "; ".join(found.relaxations)
+        alone = self.alone.selection.chosen
+        if alone is not None and found.names == (self.shape.name,):
+            return None, f"{self.shape.name} alone does"
         members = [r for r in raced if r.shape.name in found.names]
         chosen = self._tested(members, [sights[r.shape.name] for r in members], found)
-        fault = self._together.fault(chosen.score)
+        fault = self._fault(chosen)
+        rival = None if self.effort.thorough else alone
+        if not fault and rival is not None and chosen.need_um >= rival.need_um:
+            fault = f"{self.shape.name} alone does better"
         if fault:
             return None, f"{' + '.join(found.names)}: {fault}"
         return chosen, ""
 
+    def _fault(self, chosen: ChosenSet) -> str:
+        """Return what a set misses in its own trials, as the part may be made."""
+        case = self.alone.case
+        task = Constraints(
+            tolerance_um=case.tolerance_um,
+            tolerance_theta_rad=case.tolerance_theta_rad,
+        )
+        fault = task.fault(chosen.score)
+        if fault or chosen.need_um <= case.tolerance_um:
+            return fault
+        return (
+            f"with the part's profile tolerance 2 sigma + |bias| is "
+            f"{chosen.need_um:.3g} um, tolerance {case.tolerance_um:.3g} um"
+        )
+
     def left_out(self) -> tuple[p.FeatureRow, ...]:
-        """Return the rows of a look whose target alone leaves room."""
+        """Return the rows of a look whose target alone does."""
         known = proposals(self.task, self.request, self.shape)
         target = replace(self._target(known.target), tried=self.alone)
-        reason = f"not tried: {self.shape.name} alone leaves room"
+        reason = f"not tried: {self.shape.name} alone does"
         return (
             self._judged.row(target, self._sight(target), "used: it alone does"),
             *(
@@ -135,19 +171,30 @@ class Search:
 
     def _target(self, known: Feature | None) -> Raced:
         """Return the target itself, its chains judged as those of one of several."""
-        case = self.alone.case
+        own = self.alone.case
+        turn = own.tolerance_theta_rad
+        case = replace(
+            own,
+            tolerance_um=own.tolerance_um * SHARE_TOGETHER,
+            tolerance_theta_rad=None if turn is None else turn * SHARE_TOGETHER,
+        )
         selection = select(
             self.alone.scores,
-            tolerance_um=case.tolerance_um * math.sqrt(MOST_TOGETHER),
+            tolerance_um=case.tolerance_um,
             tolerance_theta_rad=case.tolerance_theta_rad,
             target=case.target,
             visible=self.visible,
             in_set=True,
         )
+        feature = replace(
+            known or drawn(self.shape),
+            center_um=self.shape.center_um,
+            angle_rad=self.shape.angle_rad,
+        )
         return Raced(
-            feature=known or drawn(self.shape),
+            feature=feature,
             shape=self.shape,
-            tried=replace(self.alone, selection=selection),
+            tried=replace(self.alone, case=case, selection=selection),
             visible=self.visible,
         )
 
@@ -200,31 +247,38 @@ class Search:
         radius_um = math.hypot(x1 - x0, y1 - y0) / 2
         return Judged(case=self.alone.case, radius_um=radius_um)
 
-    @property
-    def _together(self) -> Constraints:
-        """Return what a set has to meet in its own trials."""
-        case = self.alone.case
-        return Constraints(
-            tolerance_um=case.tolerance_um,
-            tolerance_theta_rad=case.tolerance_theta_rad,
-        )
-
     def _sight(self, raced: Raced) -> Sight:
         """Return a feature as the search for a set has it.
 
-        The target is where the look is to find it; others lie off it on the part as
-        made, by the profile tolerance of the edges of both, uniform within.
+        The target is where the look is to find it; on a part as made its edges and
+        those of others lie off the drawing, each by the profile tolerance.
         """
         own = raced.shape.name == self.shape.name
-        part = self.task.parts.get(self.shape.owner)
-        made = 0.0 if own or part is None else part.profile_tolerance_um
         return sight_of(
             raced.feature,
             raced.chosen,
             about_um=self.shape.center_um,
             theta_rad=self.alone.case.theta_rad,
-            made_um=made * math.sqrt(2 / 3),
+            made_um=0.0 if own else self._made_um,
         )
+
+    @property
+    def _made_um(self) -> float:
+        """Return one sigma of where a part as made has an edge, uniform within."""
+        part = self.task.parts.get(self.shape.owner)
+        return 0.0 if part is None else part.profile_tolerance_um / math.sqrt(3)
+
+    def _shared_um(self, raced: Sequence[Raced], found: FeatureSet) -> float:
+        """Return what the target's own making adds to a set: others do not see it.
+
+        In so far as the target itself is measured its weight takes that off.
+        """
+        weight = 0.0
+        for each in raced:
+            if each.shape.name == self.shape.name:
+                own = self._sight(each).sigma_um
+                weight = min(1.0, (found.known.sigma_um / own) ** 2) if own else 1.0
+        return (1 - weight) * self._made_um
 
     def _tested(
         self, raced: Sequence[Raced], sights: Sequence[Sight], found: FeatureSet
@@ -248,7 +302,7 @@ class Search:
         )
         return ChosenSet(
             raced=tuple(raced), sights=tuple(sights), score=score, found=found,
-            least=least,
+            least=least, shared_um=self._shared_um(raced, found),
         )  # fmt: skip
 
     def _member(self, raced: Raced, sight: Sight) -> Member:

@@ -14,7 +14,7 @@ from typing import Any, Literal
 from schemas.codec import CodecError, from_data, to_data
 from schemas.pose import Pose
 
-FORMAT_VERSION = "1.2"
+FORMAT_VERSION = "2.0"
 
 AxesName = Literal["stage", "robot"]
 
@@ -163,6 +163,8 @@ class Measure:
     usable_focus_um: tuple[float, float]  # focus error that still meets the tolerance
     usable_magnification: tuple[float, float]  # ratio to nominal that still does
     fallback_bias_um: tuple[float, float] = (0.0, 0.0)  # as bias_um, of the fallback
+    fallback_sigma_xy_um: float | None = None  # as sigma_xy_um, of the fallback
+    fallback_sigma_theta_rad: float | None = None
     fallback_min_score: float = 0.0  # as gates.min_score, of the fallback
     feature: str = ""  # what is measured; "": the look's target
     offset_um: tuple[float, float] = (0.0, 0.0)  # from the target, in the part's frame

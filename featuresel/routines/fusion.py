@@ -14,7 +14,8 @@ _ROUNDS = 8  # of Gauss-Newton: the turn is all that is not linear
 _STILL_RAD = 1e-12
 _FINEST_UM = 1e-4  # a spread below it counts as it, as in `featuresel.sights`
 _FINEST_RAD = 1e-6
-_BLIND = 1e-6  # of the largest singular value, as in `featuresel.sights`
+_BLIND = 1e-6  # of the largest singular value: an arm of a pm beside a um
+_TOLD_RAD = 0.5  # an angle that is known worse is not told
 _DOUBT = 3.72  # normal quantile of 1 - 1e-4: features that agree are refused so rarely
 
 
@@ -32,6 +33,14 @@ class Seen:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Believed:
+    """A part's angle as it is thought to be."""
+
+    theta_rad: float
+    sigma_rad: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Fused:
     """The wanted point and the part's angle, world frame."""
 
@@ -44,16 +53,16 @@ class Fused:
     freedom: int  # numbers measured beyond those wanted
 
 
-def fuse(seen: Sequence[Seen], theta_rad: float | None = None) -> Fused | Failure:
+def fuse(seen: Sequence[Seen], believed: Believed | None = None) -> Fused | Failure:
     """Return the pose that fits all features best, weighted by their sigmas.
 
     Parameters
     ----------
     seen : sequence of Seen
-        At least one feature.
-    theta_rad : float, optional
-        The part's angle as it is thought to be; used only where the features do not
-        tell it, and as a start where none measures it.
+        The features.
+    believed : Believed, optional
+        The part's angle as it is thought to be. It holds where no feature measures an
+        angle and their places tell it worse than that, or worse than `_TOLD_RAD`.
 
     Returns
     -------
@@ -68,30 +77,35 @@ def fuse(seen: Sequence[Seen], theta_rad: float | None = None) -> Fused | Failur
     Simon (1998), eqs. (13, 16), in object space. The bound of chi-square is that of
     Wilson & Hilferty (1931).
     """
-    start = _angle(seen, theta_rad)
-    levers = any(s.offset_um != (0.0, 0.0) for s in seen)
-    if start is None and levers:
-        return Failure(code="no_angle", message="features off the point, angle unknown")
-    turn = start or 0.0
-    rows, off = _system(seen, turn)
-    free = _free(rows)
-    if free < 2:
+    start = _angle(seen, believed)
+    rows, _ = _system(seen, start or 0.0)
+    if not _tells(rows[:, :2]):
         return Failure(code="under_determined", message="the place is not told")
-    pose = np.array([0.0, 0.0, turn])
+    free = 3 if _turn_free(seen, rows, believed) else 2
+    lever_um = max((math.hypot(*one.offset_um) for one in seen), default=0.0)
+    if start is None and free == 2 and lever_um > _FINEST_UM:
+        return Failure(code="no_angle", message="features off the point, angle unknown")
+    return _settled(seen, start or 0.0, free)
+
+
+def _settled(seen: Sequence[Seen], start_rad: float, free: int) -> Fused | Failure:
+    """Return the fit of the first two or all three of place and angle."""
+    pose = np.array([0.0, 0.0, start_rad])
     for _ in range(_ROUNDS):
+        rows, off = _system(seen, pose[2], (pose[0], pose[1]))
         step = np.zeros(3)
         step[:free] = np.linalg.lstsq(rows[:, :free], -off, rcond=None)[0]
         pose = pose + step
-        rows, off = _system(seen, pose[2], (pose[0], pose[1]))
         if abs(step[2]) < _STILL_RAD:
             break
+    rows, off = _system(seen, pose[2], (pose[0], pose[1]))
     freedom, chi_square = len(off) - free, float(off @ off)
     if not chi_square <= bound(freedom):  # also refuses nan
         return Failure(
             code="features_disagree",
             message=f"chi-square {chi_square:.3g}, at most {bound(freedom):.3g}",
         )
-    known = np.linalg.pinv(rows[:, :free].T @ rows[:, :free])
+    known = _covariance(rows[:, :free])
     return Fused(
         x_um=float(pose[0]),
         y_um=float(pose[1]),
@@ -103,6 +117,20 @@ def fuse(seen: Sequence[Seen], theta_rad: float | None = None) -> Fused | Failur
     )
 
 
+def _turn_free(
+    seen: Sequence[Seen], rows: FloatArray, believed: Believed | None
+) -> bool:
+    """Return whether the features tell the angle, and better than it is believed."""
+    if any(s.theta_rad is not None and s.sigma_theta_rad is not None for s in seen):
+        return True
+    if not _tells(rows):
+        return False
+    sigma = math.sqrt(float(_covariance(rows)[2, 2]))
+    # a look that is repeated tells it as well as before
+    limit = _TOLD_RAD if believed is None else min(1.01 * believed.sigma_rad, _TOLD_RAD)
+    return sigma <= limit
+
+
 def bound(freedom: int) -> float:
     """Return what chi-square stays below in all but one of 10 000 cases."""
     if freedom < 1:
@@ -111,7 +139,7 @@ def bound(freedom: int) -> float:
     return float(freedom * (1 - part + _DOUBT * math.sqrt(part)) ** 3)
 
 
-def _angle(seen: Sequence[Seen], theta_rad: float | None) -> float | None:
+def _angle(seen: Sequence[Seen], believed: Believed | None) -> float | None:
     """Return the angle to start from: the best measured, the one believed, or that of
     the longest line between two features."""
     turns = [
@@ -121,8 +149,8 @@ def _angle(seen: Sequence[Seen], theta_rad: float | None) -> float | None:
     ]
     if turns:
         return min(turns)[1]
-    if theta_rad is not None:
-        return theta_rad
+    if believed is not None:
+        return believed.theta_rad
     whole = [s for s in seen if s.axis_rad is None]
     lines = [
         (math.dist(a.offset_um, b.offset_um), _bearing(a, b))
@@ -130,7 +158,7 @@ def _angle(seen: Sequence[Seen], theta_rad: float | None) -> float | None:
         for b in whole[:k]
     ]
     length, turn = max(lines, default=(0.0, 0.0))
-    return turn if length > 0 else None
+    return turn if length > _FINEST_UM else None
 
 
 def _bearing(a: Seen, b: Seen) -> float:
@@ -163,7 +191,8 @@ def _system(
             sigma = max(one.sigma_theta_rad, _FINEST_RAD)
             rows.append(_scaled((0.0, 0.0, 1.0), sigma))
             off.append(turned / sigma)
-    return np.array(rows, dtype=np.float64), np.array(off, dtype=np.float64)
+    jacobian = np.array(rows, dtype=np.float64).reshape(-1, 3)
+    return jacobian, np.array(off, dtype=np.float64)
 
 
 def _scaled(
@@ -172,13 +201,17 @@ def _scaled(
     return (row[0] / sigma, row[1] / sigma, row[2] / sigma)
 
 
-def _free(rows: FloatArray) -> int:
-    """Return how many of x, y and the angle the rows tell: 3, 2, or fewer."""
-    lengths = np.linalg.norm(rows, axis=0)
-    scaled = rows / np.where(lengths > 0, lengths, 1.0)
-    for count in (3, 2):
-        part = scaled[:, :count]
-        values = np.linalg.svd(part, compute_uv=False)
-        if len(values) == count and values[-1] > _BLIND * values[0]:
-            return count
-    return 0
+def _tells(rows: FloatArray) -> bool:
+    """Return whether the rows tell all of their columns; turns count per um of arm."""
+    if len(rows) < rows.shape[1]:
+        return False
+    values = np.linalg.svd(rows, compute_uv=False)
+    return bool(values[-1] > _BLIND * values[0])
+
+
+def _covariance(rows: FloatArray) -> FloatArray:
+    """Return the covariance of what the rows tell."""
+    _, values, vectors = np.linalg.svd(rows, full_matrices=False)
+    scaled = vectors / values[:, None]
+    found: FloatArray = scaled.T @ scaled
+    return found

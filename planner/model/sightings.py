@@ -45,6 +45,14 @@ def views(
             "target its part, or a feature of kind circle, teeth or outline",
         )
         return ()
+    if _is_avoided(task, request.target):
+        report.refuse(
+            "MP502",
+            request.where,
+            f"{request.target} is marked 'avoid': it is never looked for",
+            "target its part or another feature, or leave 'avoid' out",
+        )
+        return ()
     if request.needs_angle_rad is not None and not shape.has_angle:
         report.refuse(
             "MP502",
@@ -69,6 +77,13 @@ def views(
         widest = max((v.microscope for v in found), key=lambda scope: scope.aperture)
         _report_shade(task, request, shape, spot, widest, report)
     return tuple(found)
+
+
+def _is_avoided(task: Task, target: str) -> bool:
+    """Return whether a look's target is a feature that the task forbids."""
+    owner, _, inner = target.partition(".")
+    part = task.parts.get(owner)
+    return part is not None and inner in part.features and part.features[inner].avoid
 
 
 def _origin(task: Task, request: Request, spot: Place) -> Origin:

@@ -184,7 +184,12 @@ def _teeth(part: Part, teeth: Feature, name: str) -> Shape:
         (f for f in part.features.values() if f.kind == "notch" and not f.avoid), None
     )
     bore = next(
-        (f for f in part.features.values() if f.kind == "circle" and f.hole), None
+        (
+            f
+            for f in part.features.values()
+            if f.kind == "circle" and f.hole and not f.avoid
+        ),
+        None,
     )
     if notch is not None:
         parameters["notch_rad"] = notch.phase_rad

@@ -169,9 +169,12 @@ def test_features_farther_apart_than_drawn_are_refused() -> None:
 
 def test_a_disagreement_may_be_tried_again() -> None:
     rig = seeing(AT, (-ARM_UM, ARM_UM + 2.0))
+    stream = io.StringIO()
+    rig.journal = Journal(stream, rig.station.clock)
     with pytest.raises(ExecutorError) as caught:
         look_at(rig, look(), (OnFailure(code="MP826", do="retry", times=2),))
     assert caught.value.code == "MP826"
+    assert [e["event"] for e in journal(stream)].count("look") == 3
 
 
 @pytest.mark.parametrize("shown", BOTH)

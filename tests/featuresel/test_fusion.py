@@ -13,7 +13,7 @@ from scipy.optimize import least_squares
 from scipy.stats import chi2
 
 from featuresel.routines import Failure
-from featuresel.routines.fusion import Fused, Seen, bound, fuse
+from featuresel.routines.fusion import Believed, Fused, Seen, bound, fuse
 from featuresel.sights import Sight, covariance
 
 TRUE = (412.0, -77.0, 0.4)
@@ -30,6 +30,10 @@ def seen(
         sigma_um=sigma,
         offset_um=(x, y),
     )
+
+
+def sure(sigma_rad: float = 1e-3) -> Believed:
+    return Believed(theta_rad=TRUE[2], sigma_rad=sigma_rad)
 
 
 def pose(found: Fused | Failure) -> tuple[float, float, float]:
@@ -92,8 +96,10 @@ def test_three_edges_are_enough_and_two_are_not() -> None:
         replace(seen(x, y), axis_rad=axis + TRUE[2])
         for x, y, axis in ((50, 0, 0.0), (0, 30, math.pi / 2), (-40, 30, math.pi / 2))
     ]
-    assert pose(fuse(edges, TRUE[2] + 0.05)) == pytest.approx(TRUE, abs=1e-9)
-    found = fuse(edges[1:2], TRUE[2])
+    assert pose(
+        fuse(edges, Believed(theta_rad=TRUE[2] + 0.05, sigma_rad=0.1))
+    ) == pytest.approx(TRUE, abs=1e-9)
+    found = fuse(edges[1:2], sure())
     assert isinstance(found, Failure)
     assert found.code == "under_determined"
 
@@ -102,7 +108,7 @@ def test_an_angle_that_nobody_knows_is_said() -> None:
     found = fuse([seen(50, 0)])
     assert isinstance(found, Failure)
     assert found.code == "no_angle"
-    believed = fuse([seen(50, 0)], TRUE[2])
+    believed = fuse([seen(50, 0)], sure())
     assert isinstance(believed, Fused)
     assert (believed.x_um, believed.y_um) == pytest.approx(TRUE[:2], abs=1e-9)
     assert believed.theta_rad is None  # it was believed, not told
@@ -143,3 +149,39 @@ def test_the_spread_is_what_the_search_for_sets_predicts() -> None:
     seen_cov = np.cov(np.array(found).T)
     # a variance of 2000 draws is off by 3.2 % (1 sigma)
     assert np.diag(seen_cov) == pytest.approx(np.diag(known), rel=0.13)
+
+
+@pytest.mark.parametrize("arm_um", [0.0, 1e-15, 1e-6, 1e-3])
+@pytest.mark.parametrize("believed", [None, sure()])
+def test_hardly_any_arm_tells_no_angle(
+    arm_um: float, believed: Believed | None
+) -> None:
+    rng = np.random.default_rng(5)
+    for _ in range(50):
+        a, b, c, d = 0.1 * rng.standard_normal(4)
+        first = Seen(x_um=a, y_um=b, sigma_um=0.1)
+        second = Seen(x_um=c, y_um=d, sigma_um=0.1, offset_um=(arm_um, -arm_um))
+        found = fuse([first, second], believed)
+        assert isinstance(found, Fused)
+        assert found.theta_rad is None
+        # the mean of two, but for the arm's own length
+        near = math.hypot(found.x_um - (a + c) / 2, found.y_um - (b + d) / 2)
+        assert near <= arm_um + 1e-9
+
+
+def test_an_angle_that_is_known_better_is_not_given_up_for_a_short_arm() -> None:
+    some = [seen(0, 0), seen(8, 0)]  # tell it to .1 sqrt(2) / 8 rad
+    told = fuse(some, sure(0.1))
+    assert isinstance(told, Fused)
+    assert told.sigma_theta_rad == pytest.approx(0.1 * math.sqrt(2) / 8)
+    kept = fuse(some, sure(1e-3))
+    assert isinstance(kept, Fused)
+    assert kept.theta_rad is None
+    again = fuse(some, sure(told.sigma_theta_rad or 0.0))
+    assert isinstance(again, Fused)
+    assert again.theta_rad is not None
+
+
+def test_no_feature_is_no_pose() -> None:
+    found = fuse([])
+    assert isinstance(found, Failure)

@@ -54,7 +54,7 @@ def test_a_compiled_plan_fits(plan: Any) -> None:
     ("path", "value", "where"),
     [
         (("status",), "perhaps", "$.status"),
-        (("format_version",), "2.0", "$.format_version"),
+        (("format_version",), "3.0", "$.format_version"),
         (("steps", 0, "action", "kind"), "grip", "$.steps[0].action.kind"),
         (("steps", 0, "action", "look"), 7, "$.steps[0].action.look"),
         (("steps", 2, "control", "gain"), None, "$.steps[2].control.gain"),
