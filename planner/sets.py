@@ -20,7 +20,7 @@ from featuresel.sights import Sight, sight_of
 from featuresel.trials import Map, Prepared
 from planner.cases import MOST_TOGETHER, SHARE_TOGETHER, feature_case
 from planner.inputs.task import Task
-from planner.model.features import drawn, offset_um, proposals
+from planner.model.features import Proposals, drawn, offset_um, proposals
 from planner.model.requests import Request
 from planner.model.targets import Shape
 from planner.model.views import ViewPlan
@@ -85,6 +85,8 @@ class Search:
         found = self._found(list(sights.values())) if sights else None
         chosen, advice = self._settled(raced, sights, found)
         said = {} if found is None or chosen is None else dict(found.reasons)
+        if chosen is None and self.alone.selection.chosen is not None:
+            said = {self.shape.name: f"used: it alone passes; no set does: {advice}"}
         unused = f"passes as one of several; no set is used: {advice}"
         rows = [
             self._judged.row(
@@ -149,12 +151,13 @@ class Search:
                 p.FeatureRow(name=shape.name, kind=shape.kind, reason=reason)
                 for _, shape in known.others
             ),
+            *_avoided(known),
         )
 
     def _race(self) -> tuple[list[Raced], list[p.FeatureRow]]:
         """Return the features that were raced, and a row for each that was not."""
         known = proposals(self.task, self.request, self.shape)
-        raced, skipped = [self._target(known.target)], []
+        raced, skipped = [self._target(known.target)], _avoided(known)
         for feature, shape in known.others:
             case = feature_case(
                 self.task, self.request, self.view, self.alone.case, shape
@@ -323,6 +326,14 @@ class Search:
 def wanted(found: Contest, case: LookCase, effort: Effort) -> bool:
     """Return whether more features are raced though the target alone does."""
     return effort.thorough or (effort.limited and not is_roomy(case, found.selection))
+
+
+def _avoided(known: Proposals) -> list[p.FeatureRow]:
+    """Return the rows of what the task forbids."""
+    return [
+        p.FeatureRow(name=name, kind=kind, reason="avoided: the task says so")
+        for name, kind in known.avoided
+    ]
 
 
 def _fault(raced: Raced) -> str:

@@ -25,6 +25,7 @@ class Proposals:
 
     target: Feature | None  # what the outline says of the target itself; None: nothing
     others: tuple[tuple[Feature, Shape], ...]  # those to try first in front
+    avoided: tuple[tuple[str, str], ...] = ()  # name and kind of what the task forbids
 
 
 def proposals(task: Task, request: Request, shape: Shape) -> Proposals:
@@ -70,6 +71,11 @@ def proposals(task: Task, request: Request, shape: Shape) -> Proposals:
                 ),
             )
             for feature in _by_kinds(rest)
+        ),
+        avoided=tuple(
+            (f"{part.name}.{f.name}", f.kind)
+            for f in part.features.values()
+            if f.avoid and post is None
         ),
     )
 
