@@ -30,7 +30,6 @@ from benchmarks.localisation_trials import (
     guess,
     limit_squared,
     near,
-    start,
     timed,
 )
 from featuresel.case import LookCase
@@ -41,6 +40,7 @@ from featuresel.routines import (
     Guess,
     load,
 )
+from featuresel.trials import start
 
 FEWEST = 30  # trials a point of the slowest routine
 WORK = 1500.0  # by the cost model, that a routine may take for all trials of a point

@@ -16,12 +16,12 @@ from benchmarks.localisation_trials import (
     SEED,
     near,
     prepared,
-    start,
     timed,
 )
 from benchmarks.timing import cpu_s
 from featuresel.routines import Artifact, Failure, Guess, Measurement
 from featuresel.routines.chain import measure_chain
+from featuresel.trials import start
 
 FloatArray = npt.NDArray[np.float64]
 

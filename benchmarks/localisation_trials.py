@@ -243,17 +243,6 @@ def _nearby(
     return column + off * math.cos(along), row + off * math.sin(along)
 
 
-def start(case: LookCase) -> Guess:
-    """Return the nominal place, and the angle where it is known."""
-    theta = None if case.theta_any else case.target.theta_rad
-    return Guess(
-        column=case.target.column,
-        row=case.target.row,
-        theta_rad=theta,
-        theta_assumed=True,
-    )
-
-
 def prepared(case: LookCase, chain: Iterable[str]) -> list[tuple[str, Artifact]]:
     """Return a chain's routines with their artifacts.
 
