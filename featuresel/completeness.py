@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from featuresel.routines import Target, Veil
+from featuresel.routines import FloatArray, Target, Veil
 
 # Of the most light that any of the edges sends through: at the middle of a blurred edge
 # of what stands in front half of it comes through.
@@ -31,10 +31,7 @@ def seen_share(target: Target, veil: Veil) -> float | None:
     """
     if not target.contour:
         return None
-    x, y = np.array(target.contour)[:, :2].T
-    c, s = math.cos(target.theta_rad), math.sin(target.theta_rad)
-    column = target.column + target.px_per_um * (c * x - s * y)
-    row = target.row - target.px_per_um * (s * x + c * y)
+    column, row = contour_px(target)
     rows, columns = veil.through.shape
     # pixels' areas reach half a pixel beyond their centres
     inside = (column > -0.5) & (column < columns - 0.5)
@@ -46,3 +43,15 @@ def seen_share(target: Target, veil: Veil) -> float | None:
     through = veil.through[at]
     least = max(_DARK, _THROUGH * float(through.max(initial=0.0)))
     return float(np.count_nonzero(through > least) / len(column))
+
+
+def contour_px(target: Target) -> tuple[FloatArray, FloatArray]:
+    """Return columns and rows, (N,) px each, of a target's contour at its nominal pose.
+
+    The target must have one.
+    """
+    x, y = np.array(target.contour)[:, :2].T
+    c, s = math.cos(target.theta_rad), math.sin(target.theta_rad)
+    column = target.column + target.px_per_um * (c * x - s * y)
+    row = target.row - target.px_per_um * (s * x + c * y)
+    return column, row

@@ -6,9 +6,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from featuresel.case import LookCase
+from featuresel.completeness import contour_px
 from featuresel.criteria import Candidate, Criteria, criteria, set_criteria
 from featuresel.feature import Feature
 from featuresel.score import Score
@@ -93,10 +92,7 @@ def unseen(case: LookCase) -> str:
     target, window = case.target, case.window
     if not target.contour:
         return "its edges are not drawn"
-    x, y = np.array(target.contour)[:, :2].T
-    c, s = math.cos(target.theta_rad), math.sin(target.theta_rad)
-    column = target.column + target.px_per_um * (c * x - s * y)
-    row = target.row - target.px_per_um * (s * x + c * y)
+    column, row = contour_px(target)
     room = [column.min(), row.min()]
     room += [window.columns - 1 - column.max(), window.rows - 1 - row.max()]
     if min(room) >= target.search_px:
