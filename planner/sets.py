@@ -143,7 +143,7 @@ class Search:
     def left_out(self) -> tuple[p.FeatureRow, ...]:
         """Return the rows of a look whose target alone does."""
         known = proposals(self.task, self.request, self.shape)
-        target = replace(self._target(known.target), tried=self.alone)
+        target = self._raced_target(known.target, self.alone)
         reason = f"not tried: {self.shape.name} alone does"
         return (
             self._judged.row(target, self._sight(target), "used: it alone does"),
@@ -189,16 +189,18 @@ class Search:
             visible=self.visible,
             in_set=True,
         )
+        tried = replace(self.alone, case=case, selection=selection)
+        return self._raced_target(known, tried)
+
+    def _raced_target(self, known: Feature | None, tried: Tried) -> Raced:
+        """Return the target as a feature; where it is measured, not where proposed."""
         feature = replace(
             known or drawn(self.shape),
             center_um=self.shape.center_um,
             angle_rad=self.shape.angle_rad,
         )
         return Raced(
-            feature=feature,
-            shape=self.shape,
-            tried=replace(self.alone, case=case, selection=selection),
-            visible=self.visible,
+            feature=feature, shape=self.shape, tried=tried, visible=self.visible
         )
 
     def _other(self, feature: Feature, shape: Shape, case: LookCase) -> Raced:
