@@ -58,6 +58,7 @@ SAMPLE = (
 )
 _CODE = {
     "likelihood": (localisation_trials, "likelihood"),
+    "likelihood_same": (localisation_trials, "likelihood"),
     "one_step": (localisation_trials, "one_step"),
     "pair": (localisation_depth, "defocus_pair"),
     "pair_same": (localisation_depth, "defocus_pair"),

@@ -11,6 +11,7 @@ import numpy as np
 
 from benchmarks.localisation_scenes import SCENES, Drawn, disturbed, draws, free_names
 from benchmarks.localisation_trials import (
+    SAME,
     SEED,
     Part,
     Unit,
@@ -29,7 +30,7 @@ from featuresel.sensitivity import Setting, sensitivities
 
 PAIR_UM = 10.0  # on both sides of the height that a pair is taken for
 OFFSETS_UM = (-PAIR_UM, PAIR_UM)
-WAYS = ("pair", "pair_same")
+WAYS = ("pair", "pair" + SAME)
 
 
 def measure_pair(unit: Unit) -> Part:
@@ -94,7 +95,7 @@ def _height(
 def _ready(scene: str, condition: str, way: str) -> tuple[LookCase, Artifact]:
     """Return a look and the pair's fit that is prepared for it."""
     case = disturbed(SCENES[scene](), condition)
-    told = replace(case, model="exact") if way == "pair_same" else case
+    told = replace(case, model="exact") if way.endswith(SAME) else case
     artifact = defocus_pair.prepare(
         nominal_render(told), told.target, offset_um=PAIR_UM
     )

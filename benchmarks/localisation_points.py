@@ -9,15 +9,17 @@ from dataclasses import dataclass
 
 from benchmarks.localisation_depth import WAYS as PAIRS
 from benchmarks.localisation_scenes import CONDITIONS, SCENES
-from benchmarks.localisation_trials import AXES, Part, Unit
+from benchmarks.localisation_trials import AXES, SAME, Part, Unit
 
 HEIGHTS_UM = (0.0, 5.0, 10.0, 25.0)
 DEPTHS_UM = (0.0, 5.0, 10.0)
 TRIALS = 1500
 PART = 250  # trials of a unit: seconds to minutes
-WAYS = ("likelihood", "one_step", *PAIRS)
+SAME_LAW = "likelihood" + SAME
+WAYS = ("likelihood", SAME_LAW, "one_step", *PAIRS)
 _STEPPED = ("plain", "all")
 _SLOW = "gear_close"
+_LAWS = (("fingers", "plain"), (_SLOW, "all"))  # where blur laws differ most
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,6 +56,7 @@ def units(trials: int) -> list[Unit]:
         if not (scene == "fingers" and condition == "fingers")
         for z in HEIGHTS_UM
     ]
+    places += [(SAME_LAW, *place, z) for place in _LAWS for z in HEIGHTS_UM]
     return [
         Unit(
             way=way, scene=scene, condition=condition, z_um=z, part=part,

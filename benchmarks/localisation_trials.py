@@ -2,7 +2,8 @@
 
 A `Unit` is what one process measures in one go and what is recorded; nothing but the
 unit decides its images, so units are measured in any order and by any number of
-processes. Truth is another blur law than the one that routines are prepared with.
+processes. Truth is another blur law than the one that routines are prepared with, but
+for ways that end in `SAME`: what is left there is the routine's own.
 """
 
 from __future__ import annotations
@@ -48,6 +49,7 @@ OFF_RAD = 0.02  # and its angle, but for patterns, where it is not told any
 LOOKED_AT = ("gear_close",)  # but close up, as a look from afar went before
 NEAR_PX = 0.3  # what the last answer of a servo is off by, that `one_step` starts from
 NEAR_UM = 0.5  # and its focus
+SAME = "_same"  # ends a way whose routine is prepared with the truth's blur law
 _RIM_UM = 50.0  # of the gear: what NEAR_PX there is as an angle and a zoom
 _LIGHTS = 8  # of a unit's trials, from dark to bright, that its limit is averaged over
 
@@ -56,7 +58,7 @@ _LIGHTS = 8  # of a unit's trials, from dark to bright, that its limit is averag
 class Unit:
     """Which trials: `part` numbers those of one point, each with its own poses."""
 
-    way: str  # "likelihood" and "one_step" alone; "pair" and "pair_same", see depth
+    way: str  # a routine, and `SAME` if it knows the true law; pairs, see depth
     scene: str
     condition: str
     z_um: float
@@ -269,8 +271,9 @@ def timed(work: Callable[[], T]) -> tuple[T, float]:
 
 @lru_cache(maxsize=1)  # units of one scene and condition follow each other
 def _ready(
-    scene: str, condition: str, routine: str
+    scene: str, condition: str, way: str
 ) -> tuple[LookCase, list[tuple[str, Artifact]]]:
     """Return a look and the routine that is prepared for it."""
     case = disturbed(SCENES[scene](), condition)
-    return case, prepared(case, (routine,))
+    told = replace(case, model="exact") if way.endswith(SAME) else case
+    return case, prepared(told, (way.removesuffix(SAME),))
