@@ -27,7 +27,7 @@ _SAMPLES = 1.9  # a period of the finest detail; what is finer has no contrast
 _MOST_BITS = 20  # that 32-bit floats hold exactly, and to spare
 _MARGIN_PX = 10.0  # around the target, beyond its blur
 _FINGER = 1.2  # of a finger's width, taken in beside the opening: all of it
-_BEHIND = 1.3  # of the way from grip to tips, taken in on both sides of the grip
+_BEHIND = 2.0  # of the way from grip to tips, on both sides: far ends tell the angle
 _WANTED = 3  # column, row and turn keep their limits; focus and zoom come with them
 _SUPPORT = 2  # cells around one that a cubic spline needs
 
