@@ -40,7 +40,7 @@ from benchmarks.localisation_record import (  # noqa: E402
     record,
     recorded,
 )
-from benchmarks.localisation_scenes import CONDITIONS, SCENES  # noqa: E402
+from benchmarks.localisation_scenes import CONDITIONS, FITTED  # noqa: E402
 from benchmarks.localisation_times import times  # noqa: E402
 from benchmarks.localisation_trials import Part, Unit  # noqa: E402
 
@@ -126,7 +126,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--trials", type=int, default=TRIALS)
     parser.add_argument("--jobs", type=int, default=Options().jobs)
     parser.add_argument("--way", choices=WAYS, action="append")
-    parser.add_argument("--scene", choices=list(SCENES), action="append")
+    parser.add_argument("--scene", choices=list(FITTED), action="append")
     parser.add_argument("--condition", choices=CONDITIONS, action="append")
     parser.add_argument("--height", type=float, action="append", metavar="UM")
     parser.add_argument("--record", type=Path, default=RECORD)
@@ -136,7 +136,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         unit
         for unit in units(call.trials)
         if unit.way in (call.way or WAYS)
-        and unit.scene in (call.scene or SCENES)
+        and unit.scene in (call.scene or FITTED)
         and unit.condition in (call.condition or CONDITIONS)
         and unit.z_um in (call.height or HEIGHTS_UM)
     ]

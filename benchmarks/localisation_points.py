@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from benchmarks.localisation_depth import WAYS as PAIRS
-from benchmarks.localisation_scenes import CONDITIONS, SCENES
+from benchmarks.localisation_scenes import CONDITIONS, FITTED
 from benchmarks.localisation_trials import AXES, SAME, Part, Unit
 
 HEIGHTS_UM = (0.0, 5.0, 10.0, 25.0)
@@ -51,7 +51,7 @@ def units(trials: int) -> list[Unit]:
     places += [(way, "gear", "plain", z) for way in PAIRS for z in DEPTHS_UM]
     places += [
         ("likelihood", scene, condition, z)
-        for scene in sorted(SCENES, key=lambda scene: scene == _SLOW)
+        for scene in sorted(FITTED, key=lambda scene: scene == _SLOW)
         for condition in CONDITIONS
         if not (scene == "fingers" and condition == "fingers")
         for z in HEIGHTS_UM
@@ -80,7 +80,7 @@ def _rank(unit: Unit) -> tuple[int, int, int, float, int]:
     """Return where a unit stands in tables."""
     return (
         WAYS.index(unit.way),
-        list(SCENES).index(unit.scene),
+        list(FITTED).index(unit.scene),
         CONDITIONS.index(unit.condition),
         unit.z_um,
         unit.part,

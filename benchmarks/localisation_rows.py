@@ -16,6 +16,7 @@ import numpy as np
 
 from benchmarks.localisation_points import HEIGHTS_UM
 from benchmarks.localisation_scenes import (
+    ACROSS,
     SCENES,
     Drawn,
     disturbed,
@@ -33,6 +34,7 @@ from benchmarks.localisation_trials import (
     timed,
 )
 from featuresel.case import LookCase
+from featuresel.located import along
 from featuresel.nominal import nominal_render
 from featuresel.routines import (
     Artifact,
@@ -57,7 +59,7 @@ class Row:
     trials: int  # all heights; fewer for what takes long
     right: int  # answers within two tolerances
     silent: int  # other answers
-    ratio_x: tuple[float, ...]  # rms of right answers over the limit; nan: none
+    ratio_x: tuple[float, ...]  # rms of right answers over the limit, of edges across
     ratio_theta: tuple[float, ...]
     ms: float  # median CPU time of one measure; nan if it was not prepared
     refused: str  # why it could not be prepared
@@ -109,9 +111,10 @@ def affordable(name: str, artifact: Artifact, shown: Drawn, trials: int) -> int:
 
 
 def _limits(case: LookCase, shown: Sequence[Drawn]) -> tuple[float, ...]:
-    """Return the limit of x, y and theta, averaged as in the trials' units."""
-    found = limit_squared(case, [d.setting for d in shown])
-    return tuple(math.sqrt(v) for v in found)
+    """Return the limit of x, or across an edge, and of theta, as in the units."""
+    x, y, theta = limit_squared(case, [d.setting for d in shown])
+    across = y if case.target.kind in ACROSS else x
+    return math.sqrt(across), math.sqrt(theta)
 
 
 def begin(case: LookCase, name: str, drawn: Drawn, rng: np.random.Generator) -> Guess:
@@ -143,17 +146,23 @@ def _measured(
             continue
         dx, dy, turn = errors(case, drawn, found)
         placed, turned = "xy" in routine.GIVES, not math.isnan(turn)
-        far = placed and math.hypot(dx, dy) > WRONG * TOLERANCE_UM
+        off = along((dx, dy), found.axis_rad)
+        far = placed and math.hypot(*off) > WRONG * TOLERANCE_UM
         if far or (turned and abs(turn) > WRONG * TOLERANCE_RAD):
             silent += 1
             continue
         right += 1
-        x += [dx] if placed else []
+        x += [_across(off, found.axis_rad)] if placed else []
         theta += [turn] if turned and "theta" in routine.GIVES else []
     return _Seen(
         trials=len(shown), silent=silent, x=tuple(x), theta=tuple(theta),
         right=right, ms=tuple(taken), codes=tuple(codes),
     )  # fmt: skip
+
+
+def _across(off_um: tuple[float, float], axis_rad: float | None) -> float:
+    """Return the error in x, or its size along the one direction that is known."""
+    return off_um[0] if axis_rad is None else math.hypot(*off_um)
 
 
 def _row(
@@ -175,7 +184,7 @@ def _row(
         right=sum(s.right for s in seen),
         silent=sum(s.silent for s in seen),
         ratio_x=tuple(_rms(s.x) / k[0] for s, k in pairs),
-        ratio_theta=tuple(_rms(s.theta) / k[2] for s, k in pairs),
+        ratio_theta=tuple(_rms(s.theta) / k[1] for s, k in pairs),
         ms=float(np.median(every)) if every else math.nan,
         refused=refused,
         codes=tuple(code for s in seen for code in s.codes),
@@ -192,7 +201,7 @@ def _limit_row(place: tuple[str, str], known: Sequence[tuple[float, ...]]) -> Ro
         right=0,
         silent=0,
         ratio_x=tuple(1e3 * k[0] for k in known),
-        ratio_theta=tuple(1e3 * math.degrees(k[2]) for k in known),
+        ratio_theta=tuple(1e3 * math.degrees(k[1]) for k in known),
         ms=math.nan,
         refused="",
         codes=(),

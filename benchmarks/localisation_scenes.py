@@ -1,4 +1,4 @@
-"""What routines are asked to find: gear, shaft and fingers, clean and disturbed.
+"""What routines are asked to find: parts and features, clean and disturbed.
 
 The estimator's images come from Hopkins' law, the truth from the exact one with a band
 and a margin ten times better than the estimator's.
@@ -14,9 +14,10 @@ import numpy as np
 import numpy.typing as npt
 
 from featuresel.case import LookCase
+from featuresel.routines import TargetKind
 from featuresel.sensitivity import Setting
 from optics.microscope import Microscope
-from optics.outline import place
+from optics.outline import Outline, Ring, place
 from optics.prepared import Prepared, prepare
 from optics.sampling import Sampling
 from optics.scene import Illumination, Layer, Scene, Window
@@ -31,8 +32,10 @@ from tests.featuresel.conftest import (
     gear_layer,
     make_case,
     on_target,
+    polygon,
     post_layer,
 )
+from tests.featuresel.conftest import bracket as bracket_case
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -43,6 +46,8 @@ GAIN = (0.7, 1.2)  # no pixel saturates at a reflectance of .8
 PLACE_UM = 3.0  # largest displacement along an axis
 CONDITIONS = ("plain", "zoom", "gradient", "fingers", "all")
 FINE = Sampling(band_error=5e-6, margin=160.0)
+_HALF_UM = 55.0  # where fingers reach over what has no radius
+_LONG_UM = 400.0  # beyond the window
 _SHARED = 25  # trials of one angle: spectra are made once for them
 _LARGEST_ZOOM_FIELD_UM = 120.0  # the gear, its search and its blur
 
@@ -91,12 +96,56 @@ def fingers() -> LookCase:
     )
 
 
-SCENES: Mapping[str, Callable[[], LookCase]] = {
+def bracket() -> LookCase:
+    """An L with a hole, its whole outline at any angle, m 6.9."""
+    return bracket_case()
+
+
+def edge() -> LookCase:
+    """One straight edge across the window, its part below it, m 6.9."""
+    below = polygon(
+        (-_LONG_UM, -_LONG_UM), (0, -_LONG_UM), (0, _LONG_UM), (-_LONG_UM, _LONG_UM)
+    )
+    return _straight("edge", below, math.pi / 2, length_um=90.0)
+
+
+def pair() -> LookCase:
+    """A bar of 30 um across the window, m 6.9."""
+    bar = polygon((-15, -_LONG_UM), (15, -_LONG_UM), (15, _LONG_UM), (-15, _LONG_UM))
+    return _straight("pair", bar, math.pi / 2, length_um=90.0, width_um=30.0)
+
+
+def corner() -> LookCase:
+    """A right angle that opens to the left, its legs out of the window, m 6.9."""
+    side = _LONG_UM
+    quarter = polygon((-side, -side), (0, 0), (-side, side))
+    return _straight("corner", quarter, 0.1, angle_rad=math.pi / 2, reach_um=45.0)
+
+
+def _straight(
+    kind: TargetKind, ring: Ring, theta_rad: float, **parameters: float
+) -> LookCase:
+    """Return a look at straight edges that reach across the window."""
+    layer = Layer(
+        name="part", outline=Outline(rings=(ring,)), z_um=0.0, reflectance=0.7
+    )
+    return make_case(kind, parameters, (layer,), half_px=(70, 70), theta_rad=theta_rad)
+
+
+FITTED: Mapping[str, Callable[[], LookCase]] = {
     "gear": gear,
     "gear_close": gear_close,
     "shaft": shaft,
     "fingers": fingers,
+}  # whose every point the likelihood fit is measured at
+SCENES: Mapping[str, Callable[[], LookCase]] = {
+    **FITTED,
+    "bracket": bracket,
+    "edge": edge,
+    "pair": pair,
+    "corner": corner,
 }
+ACROSS = ("edge", "pair")  # known in one direction only, here nearly that of y
 
 
 def disturbed(case: LookCase, condition: str) -> LookCase:
@@ -128,8 +177,13 @@ def disturbed(case: LookCase, condition: str) -> LookCase:
 
 
 def free_names(case: LookCase) -> tuple[str, ...]:
-    """Return what the likelihood fit leaves free, by the names of the limit."""
-    names = ["x", "y"] + (["theta"] if case.target.kind != "circle" else []) + ["z"]
+    """Return what is to be told, by the names of the limit.
+
+    What the likelihood fit leaves free, but for the place along an edge, which no
+    routine tells.
+    """
+    names = ["y"] if case.target.kind in ACROSS else ["x", "y"]
+    names += (["theta"] if case.target.kind != "circle" else []) + ["z"]
     names += ["zoom"] if case.spread.magnification_sigma > 0 else []
     names += ["gain"]
     if case.spread.light_gradient[1] > 0:
@@ -159,7 +213,7 @@ def draws(
 
 def _radius_um(case: LookCase) -> float:
     p = case.target.parameters
-    return p.get("outer_um", p.get("radius_um", 0.0))
+    return p.get("outer_um", p.get("radius_um", _HALF_UM))
 
 
 def _group(case: LookCase, z_um: float, rng: np.random.Generator) -> Setting:

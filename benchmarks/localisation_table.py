@@ -30,7 +30,7 @@ from benchmarks.localisation_record import (  # noqa: E402
     recorded,
 )
 from benchmarks.localisation_rows import LIMIT, Row, rows  # noqa: E402
-from benchmarks.localisation_scenes import SCENES  # noqa: E402
+from benchmarks.localisation_scenes import ACROSS, SCENES  # noqa: E402
 from featuresel.routines import REGISTRY, load  # noqa: E402
 
 TRIALS = 100
@@ -43,8 +43,9 @@ def lines(scene: str, found: Sequence[Row], trials: int) -> Iterator[str]:
     """Yield a scene's table, in which the limit is 1."""
     heights = [f"{z:g}" for z in HEIGHTS_UM]
     yield f"\n### {scene}, up to {trials} trials a point\n"
-    head = ["routine", "condition", *(f"x {z}" for z in heights)]
-    turned = scene != "shaft"
+    kind = SCENES[scene]().target.kind
+    place, turned = "across" if kind in ACROSS else "x", kind != "circle"
+    head = ["routine", "condition", *(f"{place} {z}" for z in heights)]
     head += [f"theta {z}" for z in heights] if turned else []
     head += ["trials", "right", "silent", "fails mostly as", "ms"]
     yield "| " + " | ".join(head) + " |"

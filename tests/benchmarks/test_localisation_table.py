@@ -65,6 +65,22 @@ def test_a_table_of_the_page_shows_every_routine_for_its_scene() -> None:
         assert shown[::2] == shown[1::2] == wanted  # plain and all
 
 
+def test_the_page_shows_every_routine() -> None:
+    lines = PAGE.read_text(encoding="utf-8").splitlines()
+    shown = {line.split("`")[1] for line in lines if line.startswith("| `")}
+    assert set(REGISTRY) <= shown
+
+
+def test_errors_at_an_edge_are_those_across_it(tmp_path: Path) -> None:
+    wanted = [("edge", "plain", ("line_caliper",))]
+    limit, row = measure_all(wanted, 3, 1, tmp_path / "record.jsonl")
+    assert row.right > 0 == row.silent  # along it answers are up to 3 um off
+    assert all(0 < nm < 10 for nm in limit.ratio_x)
+    assert "across 0" in next(
+        line for line in lines("edge", [row], 3) if "ms |" in line
+    )
+
+
 def test_rows_that_are_recorded_are_not_measured_again(tmp_path: Path) -> None:
     path = tmp_path / "record.jsonl"
     first = list(measure_all([("shaft", "plain", ("otsu",))], 2, 1, path))
