@@ -19,7 +19,8 @@ SAME_LAW = "likelihood" + SAME
 WAYS = ("likelihood", SAME_LAW, "one_step", *PAIRS)
 _STEPPED = ("plain", "all")
 _SLOW = "gear_close"
-_LAWS = (("fingers", "plain"), (_SLOW, "all"))  # where blur laws differ most
+# where blur laws differ most
+_LAWS = (("fingers", "plain"), (_SLOW, "fingers"), (_SLOW, "all"))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
