@@ -76,6 +76,7 @@ TITLES: Mapping[str, str] = {
     "MP605": "no round hole over a post",
     "MP701": "not a plan folder",
     "MP702": "output cannot be written",
+    "MP703": "file is there already",
 }
 
 # infeasible: understood, but the answer is no (exit status 1)

@@ -60,7 +60,7 @@ def circle(rings: Sequence[Ring]) -> Circle:
     A ring is round if more than half its length lies on one circle: a notch or a flat
     does not hide a bore.
     """
-    found = [c for ring in rings if (c := _dominant(ring)) is not None]
+    found = [c for ring in rings if (c := dominant_circle(ring)) is not None]
     if len(found) == 1:
         return found[0]
     if not found:
@@ -115,7 +115,7 @@ def extent(outline: Outline, center: Point | None = None) -> tuple[Point, float]
     return center, max(_reach(edge, center) for edge in edges)
 
 
-def _dominant(ring: Ring) -> Circle | None:
+def dominant_circle(ring: Ring) -> Circle | None:
     """Return the circle that holds more than half of the ring's length."""
     arcs = [edge for edge in ring.edges if isinstance(edge, Arc)]
     half = sum(edge.length_um for edge in ring.edges) / 2
