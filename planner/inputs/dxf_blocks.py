@@ -131,11 +131,13 @@ class _Scale:
             raise EndlessError(f"block {ring} holds itself")
         if len(above) >= MAX_NESTED:
             raise EndlessError(f"blocks are nested deeper than {MAX_NESTED}")
-        self.known[name] = self.weight(block.entities, (*above, name))
+        if block.external:  # what it holds is unknown, and may be on any layer
+            self.known[name] = Weight(0, 1)
+        else:
+            self.known[name] = self.weight(block.entities, (*above, name))
         return self.known[name]
 
 
 def _vertices(entity: Entity) -> int:
     """Return the number of an entity's vertices, at least 1."""
-    inner = sum(tag[0] == 10 for tag in entity.tags)
-    return max(inner, len(entity.parts), 1)
+    return max(entity.count(10), len(entity.parts), 1)

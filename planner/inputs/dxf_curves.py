@@ -21,7 +21,7 @@ CURVE_UM = 1e-4
 CURVE_PART = 1e-6
 ROUND_UM = 1e-6  # half axes closer than this make a circle: rounding of 1e4 um
 _DEEPEST = 24  # halvings of one span: a smooth curve needs fewer than 10
-_PROBES = tuple(k / 8 for k in range(1, 8))  # of a span, where distances are taken
+_PROBES = tuple(k / 8 for k in (4, 2, 6, 1, 3, 5, 7))  # of a span, the likely first
 
 
 class TooManyError(ValueError):
@@ -213,8 +213,14 @@ class _BezierSpan:
         return _first_step(plain), -_first_step(plain[::-1])
 
     def at(self, fraction: float) -> complex:
-        z, w = self._split(fraction)[0][-1]
-        return z / w
+        rest = 1 - fraction
+        row = self.points
+        while len(row) > 1:
+            row = tuple(
+                (rest * z0 + fraction * z1, rest * w0 + fraction * w1)
+                for (z0, w0), (z1, w1) in pairwise(row)
+            )
+        return row[0][0] / row[0][1]
 
     def halves(self) -> tuple[_Span, _Span]:
         left, right = self._split(0.5)
@@ -323,8 +329,9 @@ def _pair(span: _Span, within: float) -> list[Edge] | None:
     Both tangents are as long as each other: Bolton (1975), "Biarc curves".
     """
     start, end = span.ends()
-    probes = [span.at(f) for f in _PROBES]
-    if all(abs(z - start) <= within for z in (*probes, end)):
+    if abs(end - start) <= within and all(
+        abs(span.at(f) - start) <= within for f in _PROBES
+    ):
         return [_segment(start, end)]
     one, two = (_unit(t) for t in span.tangents())
     chord = end - start
@@ -338,7 +345,8 @@ def _pair(span: _Span, within: float) -> list[Edge] | None:
     joint = (start + end + d * (one - two)) / 2
     edges = [_tangent(start, one, joint), _tangent(end, -two, joint, turned=True)]
     middle = joint - start - d * one  # direction at the joint
-    for z in probes:
+    for f in _PROBES:
+        z = span.at(f)
         edge = edges[((z - joint) * middle.conjugate()).real > 0]
         if _off(edge, z) > within:
             return None

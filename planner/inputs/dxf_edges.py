@@ -27,8 +27,8 @@ from planner.inputs.dxf_file import Block, DamagedError, DxfFile, Entity
 from planner.inputs.dxf_paths import Path, UnreadableError
 
 FAR_UM = 1e9  # a kilometre: beyond it doubles no longer resolve JOIN_UM well
-MAX_ENTITIES = 100_000  # with vertices, blocks expanded; 5 kB can ask for 1e9
-MAX_EDGES = 200_000  # curves as arcs included
+MAX_ENTITIES = 20_000  # with vertices, blocks expanded; 5 kB can ask for 1e9
+MAX_ARCS = 30_000  # of curves: 3 s of work
 
 # written on drawings, no part of what is drawn
 ANNOTATION = frozenset(
@@ -72,7 +72,7 @@ class Drawn:
     troubles: list[Trouble] = field(default_factory=list)
     skipped: Counter[str] = field(default_factory=Counter)  # what -> how many
     strokes: list[str] = field(default_factory=list)  # handles of lines with a width
-    edge_count: int = 0
+    arc_count: int = 0  # of curves
 
 
 def draw(file: DxfFile, layers: frozenset[str], scale_um: float) -> Drawn:
@@ -233,11 +233,9 @@ class _Walk:
 
     def _edges(self, shape: Shape) -> tuple[list[Edge], bool]:
         """Return a shape's edges, and whether they are only near it."""
-        left = MAX_EDGES - self.drawn.edge_count
-        edges = shape.edges(left)
-        self.drawn.edge_count += len(edges)
-        if self.drawn.edge_count > MAX_EDGES:
-            raise TooManyError(f"more than {MAX_EDGES} edges")
+        edges = shape.edges(MAX_ARCS - self.drawn.arc_count)
+        if len(edges) > 1:
+            self.drawn.arc_count += len(edges)
         for edge in edges:
             _refuse_far(edge)
         near = not isinstance(shape, Line) and len(edges) > 1

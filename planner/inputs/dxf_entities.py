@@ -1,7 +1,7 @@
 """What a DXF entity draws, in its own coordinates: lines, elliptic arcs and splines.
 
-Codes and flags: Autodesk, DXF Reference, "ENTITIES". `ezdxf`'s and others' paths turn
-arcs into cubics, 2.7e-4 of the radius off; here every curve keeps its own form.
+Codes and flags: Autodesk, DXF Reference, "ENTITIES". Every curve keeps its own form:
+an arc as a cubic, as drawing libraries have it, is 2.7e-4 of its radius off.
 """
 
 from __future__ import annotations
@@ -109,13 +109,13 @@ def _lwpolyline(entity: Entity) -> list[Path]:
     declared = entity.integer(90, -1)
     width = entity.number(43, 0.0)
     rows: list[dict[int, float]] = []
-    for tag in entity.tags:
-        code = tag[0]
+    for at in range(entity.first, entity.last):
+        code = entity.tags.codes[at]
         if code == 10:
             rows.append({})
         if code in (10, 20, 40, 41, 42) and rows:
-            rows[-1][code] = finite(tag)
-    if declared != len(rows):
+            rows[-1][code] = finite(entity.tags, at)
+    if declared not in (-1, len(rows)):
         raise DamagedError(f"it declares {declared} vertices and has {len(rows)}")
     knees = []
     for row in rows:
@@ -151,7 +151,8 @@ def _polyline(knees: list[Knee], *, closed: bool) -> list[Path]:
     """Return a polyline's edges, or the border of its stroke if it has a width."""
     if len(knees) < 2:
         raise ValueError("it has fewer than two points")
-    if any(knee.start_width or knee.end_width for knee in knees):
+    drawn = knees if closed else knees[:-1]
+    if any(knee.start_width or knee.end_width for knee in drawn):
         return stroke(knees, closed=closed)
     pairs = list(pairwise(knees))
     if closed:

@@ -7,11 +7,13 @@ repaired, left out or filled in, so what cannot be understood can be said.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 
-from planner.inputs.dxf_tags import DxfError, Tag, read_tags, unescaped
+from planner.inputs.dxf_tags import DxfError, Tags, read_tags, unescaped
 
+_COMMENT = 999  # group code
 _FROZEN = 1  # bit of a layer's flags
 _XREF = 4 | 8 | 32  # bits of a block's flags: its content is in another file
 _READ = frozenset(("HEADER", "TABLES", "BLOCKS", "ENTITIES"))  # of the sections
@@ -22,22 +24,36 @@ class Entity:
     """One entity: its tags in order, and the vertices or attributes that follow it."""
 
     kind: str
-    place: int  # line of the file, or byte of a binary one
-    tags: list[Tag] = field(default_factory=list)
+    tags: Tags
+    first: int  # of its tags, after its kind
+    last: int  # of its tags, not included
     parts: list[Entity] = field(default_factory=list)
+
+    def indices(self, code: int) -> Iterator[int]:
+        """Yield where values of a group code are among the tags."""
+        at = self.first
+        while True:
+            try:
+                at = self.tags.codes.index(code, at, self.last)
+            except ValueError:
+                return
+            yield at
+            at += 1
+
+    def count(self, code: int) -> int:
+        """Return how many values of a group code there are."""
+        return self.tags.codes[self.first : self.last].count(code)
 
     def text(self, code: int, default: str = "") -> str:
         """Return the first value of a group code as text."""
-        for tag, value, _ in self.tags:
-            if tag == code:
-                return unescaped(str(value).strip())
+        for at in self.indices(code):
+            return unescaped(str(self.tags.values[at]).strip())
         return default
 
     def number(self, code: int, default: float | None = None) -> float:
         """Return the first value of a group code; ValueError if it is no number."""
-        for tag in self.tags:
-            if tag[0] == code:
-                return finite(tag)
+        for at in self.indices(code):
+            return finite(self.tags, at)
         if default is None:
             raise ValueError(f"{self.kind} lacks its group {code}")
         return default
@@ -51,11 +67,11 @@ class Entity:
 
     def numbers(self, code: int) -> list[float]:
         """Return all values of a group code."""
-        return [finite(tag) for tag in self.tags if tag[0] == code]
+        return [finite(self.tags, at) for at in self.indices(code)]
 
     def point(self, code: int, default: complex | None = None) -> complex:
         """Return x + i y of the point whose x has this code."""
-        if default is not None and not any(tag[0] == code for tag in self.tags):
+        if default is not None and not self.count(code):
             return default
         return complex(self.number(code), self.number(code + 10))
 
@@ -72,10 +88,15 @@ class Entity:
         return self.text(8, "0") or "0"
 
     @property
+    def place(self) -> str:
+        """Return where it stands in the file."""
+        return self.tags.place(self.first - 1)
+
+    @property
     def label(self) -> str:
         """Return the handle by which a CAD program finds it, or where it stands."""
         handle = self.text(5)
-        return f"#{handle}" if handle else f"line {self.place}"
+        return f"#{handle}" if handle else self.place
 
     @property
     def in_paper(self) -> bool:
@@ -111,15 +132,16 @@ class DxfFile:
     paper: tuple[Entity, ...]
 
 
-def finite(tag: Tag) -> float:
+def finite(tags: Tags, index: int) -> float:
     """Return a tag's value as a number; ValueError if it is none or not finite."""
-    code, value, place = tag
+    value = tags.values[index]
     try:
         number = float(value)
     except ValueError:
         number = math.nan
     if not math.isfinite(number) or "_" in str(value):
-        raise ValueError(f"group {code} at {place} is {str(value)[:20]!r}, no number")
+        said, place = str(value).strip()[:20], tags.place(index)
+        raise ValueError(f"group {tags.codes[index]} at {place} is {said!r}, no number")
     return number
 
 
@@ -154,7 +176,7 @@ def read_dxf(data: bytes) -> DxfFile:
             paper += block.entities
     layers = [item for item in sections.get("TABLES", []) if item.kind == "LAYER"]
     return DxfFile(
-        version=header.get("$ACADVER", "").strip(),
+        version=header.get("$ACADVER", ""),
         units=int(float(header.get("$INSUNITS", "0"))),
         off=_names(layer for layer in layers if layer.number(62, 7) < 0),
         frozen=_names(layer for layer in layers if layer.integer(70, 0) & _FROZEN),
@@ -164,48 +186,54 @@ def read_dxf(data: bytes) -> DxfFile:
     )
 
 
-def _sections(tags: Iterable[Tag]) -> dict[str, list[Entity]]:
+def _sections(tags: Tags) -> dict[str, list[Entity]]:
     """Return the items of the sections that are read; what has no type is one item."""
     found: dict[str, list[Entity]] = {}
     items: list[Entity] | None = None
-    awaited = False
-    for tag in tags:
-        code, value, place = tag
-        if awaited:
-            if code != 2:
-                raise DxfError(f"the section at {place} has no name")
-            name = str(value).strip().upper()
+    marks = [*_marks(tags), len(tags.codes)]
+    if any(code != _COMMENT for code in tags.codes[: marks[0]]):
+        raise DxfError(f"group {tags.codes[0]} at {tags.place(0)} is in no section")
+    for at, after in pairwise(marks):
+        kind = str(tags.values[at]).strip().upper()
+        if kind == "SECTION":
+            name = Entity(kind, tags, at + 1, after).text(2).upper()
+            if items is not None or not name:
+                raise DxfError(f"a section at {tags.place(at)} has no name or no place")
             items = found.setdefault(name, []) if name in _READ else []
-            items.append(Entity(name, place))
-            keep, awaited = name in _READ, False
-        elif code == 0 and value == "SECTION":
-            if items is not None:
-                raise DxfError(f"the section before {place} does not end")
-            awaited = True
+            items.append(Entity(name, tags, at + 1, after))
         elif items is None:
-            raise DxfError(f"group {code} at {place} is in no section")
-        elif code == 0 and value == "ENDSEC":
+            raise DxfError(f"{kind[:20]} at {tags.place(at)} is in no section")
+        elif kind == "ENDSEC":
             items = None
-        elif keep:
-            if code == 0:
-                items.append(Entity(str(value).upper(), place))
-            else:
-                items[-1].tags.append(tag)
-    if items is not None or awaited:
+        else:
+            items.append(Entity(kind, tags, at + 1, after))
+    if items is not None:
         raise DxfError("its last section does not end")
     return found
+
+
+def _marks(tags: Tags) -> Iterator[int]:
+    """Yield where items begin: at group 0."""
+    at = -1
+    while True:
+        try:
+            at = tags.codes.index(0, at + 1)
+        except ValueError:
+            return
+        yield at
 
 
 def _header(items: Sequence[Entity]) -> dict[str, str]:
     """Return the first value of each header variable."""
     values: dict[str, str] = {}
     name = ""
-    for item in items:
-        for code, value, _ in item.tags:
-            if code == 9:
-                name = str(value).strip().upper()
+    for item in items[:1]:
+        for at in range(item.first, item.last):
+            value = str(item.tags.values[at]).strip()
+            if item.tags.codes[at] == 9:
+                name = value.upper()
             else:
-                values.setdefault(name, str(value))
+                values.setdefault(name, value)
     return values
 
 
@@ -246,6 +274,8 @@ def _blocks(items: Sequence[Entity]) -> dict[str, Block]:
             head, inner = item, []
         elif item.kind == "ENDBLK" and head is not None:
             name = head.text(2)
+            if name.lower() in blocks:
+                raise DamagedError(f"block '{name}' is defined twice")
             blocks[name.lower()] = Block(
                 name=name,
                 base=head.point(10, 0j),

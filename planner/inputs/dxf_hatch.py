@@ -21,11 +21,12 @@ class _Reader:
 
     def __init__(self, entity: Entity) -> None:
         self._tags = entity.tags
-        self._at = 0
+        self._at = entity.first
+        self._last = entity.last
 
     def skip_to(self, code: int) -> None:
         """Go to the next tag with this code."""
-        while self._at < len(self._tags) and self._tags[self._at][0] != code:
+        while self._at < self._last and not self.has(code):
             self._at += 1
 
     def skip_one(self, code: int) -> None:
@@ -40,18 +41,18 @@ class _Reader:
         if self.has(97) and self.whole(97) and not self.has(11):
             self._at = before  # it counts the boundary's sources instead
         while any(self.has(code) for code in (11, 12, 13)):
-            self.point(self._tags[self._at][0])
+            self.point(self._tags.codes[self._at])
 
     def has(self, code: int) -> bool:
         """Return whether the next tag has this code."""
-        return self._at < len(self._tags) and self._tags[self._at][0] == code
+        return self._at < self._last and self._tags.codes[self._at] == code
 
     def number(self, code: int) -> float:
         """Return the next tag's value."""
         if not self.has(code):
             raise DamagedError(f"its boundary lacks group {code}")
         self._at += 1
-        return finite(self._tags[self._at - 1])
+        return finite(self._tags, self._at - 1)
 
     def whole(self, code: int) -> int:
         """Return the next tag's value, a count or flags."""

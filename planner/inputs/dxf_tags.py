@@ -1,7 +1,6 @@
 """The tags of a DXF file: group codes with their values, from text or binary.
 
-A tag is (code, value, place): text files give every value as text, binary files give
-numbers as numbers. `place` is the line of the value, or its byte offset. Layout of both
+Text files give every value as text, binary files numbers as numbers. Layout of both
 kinds: Autodesk, DXF Reference, "ASCII DXF Files" and "Binary DXF Files".
 """
 
@@ -10,15 +9,13 @@ from __future__ import annotations
 import codecs
 import re
 import struct
-from collections.abc import Iterator
+from dataclasses import dataclass
 
 Value = str | float
-Tag = tuple[int, Value, int]
 
 _SENTINEL = b"AutoCAD Binary DXF\r\n\x1a\x00"
 _ESCAPED = re.compile(r"\\U\+([0-9A-Fa-f]{4})")
 _PAGE = re.compile(rb"\$DWGCODEPAGE[\s\x00]+3?[\s\x00]+(?:ansi_|dos)(\d{3,4})", re.I)
-_XDATA = 1000  # codes from here on belong to other programs
 
 # group codes and how a binary file stores their values; the others are text
 _BINARY = (
@@ -40,10 +37,23 @@ class DxfError(ValueError):
     """The bytes are no DXF file, or not a whole one; the message says where."""
 
 
-def read_tags(data: bytes) -> Iterator[Tag]:
-    """Yield the tags of a DXF file up to its end mark.
+@dataclass(frozen=True, slots=True)
+class Tags:
+    """Group codes and values of a file, in order, up to its end mark."""
 
-    Comments and other programs' data are left out.
+    codes: list[int]
+    values: list[Value]
+    offsets: list[int] | None  # of the values in a binary file, bytes
+
+    def place(self, index: int) -> str:
+        """Return where a value stands in the file."""
+        if self.offsets is None:
+            return f"line {2 * index + 2}"
+        return f"byte {self.offsets[index]}"
+
+
+def read_tags(data: bytes) -> Tags:
+    """Return the tags of a DXF file up to its end mark.
 
     Parameters
     ----------
@@ -61,12 +71,17 @@ def read_tags(data: bytes) -> Iterator[Tag]:
         raise DxfError("it holds bytes that no text has; DWG must be saved as DXF")
     else:
         tags = _text(data)
-    for code, value, place in tags:
-        if code == 0 and value == "EOF":
-            return
-        if code < _XDATA and code != 999:
-            yield code, value, place
-    raise DxfError("it ends without its end mark EOF, as if cut short")
+    at = 0
+    while True:
+        try:
+            at = tags.codes.index(0, at)
+        except ValueError:
+            raise DxfError(
+                "it ends without its end mark EOF, as if cut short"
+            ) from None
+        if str(tags.values[at]).strip() == "EOF":
+            return Tags(tags.codes[:at], tags.values[:at], tags.offsets)
+        at += 1
 
 
 def unescaped(name: str) -> str:
@@ -74,37 +89,56 @@ def unescaped(name: str) -> str:
     return _ESCAPED.sub(lambda match: chr(int(match[1], 16)), name)
 
 
-def _text(data: bytes) -> Iterator[Tag]:
-    """Yield the tags of a text file."""
+class _Codes(dict[str, int]):
+    """Group codes by the lines that hold them; files repeat a few dozen lines."""
+
+    def __missing__(self, line: str) -> int:
+        code = self[line] = int(line)
+        return code
+
+
+def _text(data: bytes) -> Tags:
+    """Return the tags of a text file; one line holds the code, the next the value."""
     text = _decoded(data.removeprefix(codecs.BOM_UTF8), _code_page(data))
     lines = text.split("\n" if "\n" in text else "\r")
-    for number in range(0, len(lines) - 1, 2):
-        try:
-            code = int(lines[number])
-        except ValueError:
-            said = lines[number][:20].strip()
-            message = f"line {number + 1} should be a group code, it is {said!r}"
-            raise DxfError(message) from None
-        value = lines[number + 1]
-        yield code, value.strip() if code == 0 else value.rstrip("\r"), number + 2
+    values: list[Value] = list(lines[1::2])
+    wanted = lines[: 2 * len(values) : 2]
+    codes: list[int] = []
+    try:
+        codes.extend(map(_Codes().__getitem__, wanted))
+    except ValueError:
+        if any(line.strip() == "EOF" for line in lines[1 : 2 * len(codes) : 2]):
+            return Tags(codes, values, None)  # what follows the end is no matter
+        number = 2 * len(codes)
+        said = lines[number][:20].strip()
+        message = f"line {number + 1} should be a group code, it is {said!r}"
+        raise DxfError(message) from None
+    return Tags(codes, values, None)
 
 
-def _binary(data: bytes) -> Iterator[Tag]:
-    """Yield the tags of a binary file."""
+def _binary(data: bytes) -> Tags:
+    """Return the tags of a binary file."""
     page = _code_page(data)
     at = len(_SENTINEL)
     short = data[at + 1 : at + 2] != b"\x00"  # R12 writes group codes in one byte
+    codes: list[int] = []
+    values: list[Value] = []
+    offsets: list[int] = []
     try:
         while at < len(data):
             code = data[at] if short else struct.unpack_from("<H", data, at)[0]
             at += 1 if short else 2
             if short and code == 255:
                 code, at = struct.unpack_from("<H", data, at)[0], at + 2
-            value, after = _value(data, at, code, page)
-            yield code, value, at
-            at = after
+            offsets.append(at)
+            value, at = _value(data, at, code, page)
+            codes.append(code)
+            values.append(value)
+            if code == 0 and value == "EOF":
+                break
     except (struct.error, IndexError, ValueError) as error:
         raise DxfError(f"it is cut short at byte {at}: {error}") from None
+    return Tags(codes, values, offsets)
 
 
 def _value(data: bytes, at: int, code: int, page: str) -> tuple[Value, int]:

@@ -16,9 +16,9 @@ from planner.inputs.rings import edges_key
 
 CHORD_UM = 0.005  # of the polygons that containment is judged by
 _CHORD_PART = 1e-7  # and of a ring's length, where that is more
-MAX_CORNERS = 4_000_000  # of all these polygons
+MAX_CORNERS = 1_500_000  # of all these polygons
 _CHUNK = 64  # rings compared with all others at a time
-_MOST_PAIRS = 4_000_000  # of rings within each other
+_MOST_PAIRS = 1_000_000  # of rings within each other
 
 
 class BadRingsError(ValueError):

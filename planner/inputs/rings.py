@@ -10,6 +10,7 @@ from optics.outline import JOIN_UM, Arc, Edge, Point, Ring, Segment
 from planner.inputs.dxf_edges import Piece
 
 GAP_UM = 0.01  # wider gaps are not closed; real drawings' gaps are below 10 nm
+_CROWD = 16  # ends within 10 nm of each other
 SAME_UM = 1e-5  # centres and radii closer than this belong to one circle
 
 
@@ -164,7 +165,10 @@ def _pair(ends: list[_End]) -> tuple[dict[_End, _End], list[_End], list[_End]]:
 
 
 def _near(ends: Sequence[_End]) -> Iterable[tuple[float, int, int]]:
-    """Yield (distance, i, j) of all ends within GAP_UM, by a grid of that size."""
+    """Yield (distance, i, j) of ends within GAP_UM, by a grid of that size.
+
+    Of a crowd only the first are compared with: it is refused in any case.
+    """
     cells: dict[tuple[int, int], list[int]] = {}
     for j, end in enumerate(ends):
         column = math.floor(end.point[0] / GAP_UM)
@@ -174,7 +178,9 @@ def _near(ends: Sequence[_End]) -> Iterable[tuple[float, int, int]]:
                 gap = math.dist(ends[i].point, end.point)
                 if gap <= GAP_UM:
                     yield gap, i, j
-        cells.setdefault((column, row), []).append(j)
+        here = cells.setdefault((column, row), [])
+        if len(here) < _CROWD:
+            here.append(j)
 
 
 def _walk(loose: Sequence[Piece], mates: dict[_End, _End]) -> list[list[Piece]]:
