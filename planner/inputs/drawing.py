@@ -33,6 +33,7 @@ __all__ = ["MAX_BYTES", "MAX_LISTED", "MAX_UM", "MIN_UM", "UM_PER_UNIT", "Drawin
            "open_drawing", "read_drawn", "read_outline"]  # fmt: skip
 
 MAX_BYTES = 16 << 20
+_UNCOUNTED = ("MP202", "MP215", "MP217")  # after these it is not known what there is
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -159,7 +160,7 @@ def _drawn(
     paper = {entity.layer.lower() for entity in drawing.document.paper}
     has = ", ".join(f"'{k}' {n}" for k, n in counts.items()) or "nothing"
     for name in layers:
-        if name.lower() in held:
+        if name.lower() in held or any(t.code in _UNCOUNTED for t in troubles):
             continue
         message = f"{drawing.file} has nothing on layer '{name}'"
         code = "MP220" if name.lower() in paper else "MP204"

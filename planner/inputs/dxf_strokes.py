@@ -107,7 +107,7 @@ def _moved(shape: Shape, shift: float) -> Shape | None:
     if not isinstance(shape, EllipticArc):
         raise TypeError("a polyline is made of lines and arcs")
     radius = abs(shape.u)
-    inner = radius - math.copysign(shift, shape.sweep_rad)
+    inner = radius - shift * math.copysign(1.0, shape.sweep_rad)
     if abs(inner) <= _SAME * radius:
         return None
     if inner < 0:
