@@ -8,6 +8,7 @@ from pathlib import Path
 
 from optics.outline import Outline, Ring
 from planner.diagnostics import Report, Span
+from planner.inputs.biarcs import CURVE_UM
 from planner.inputs.drawing_findings import (
     MAX_LISTED,
     MAX_UM,
@@ -22,8 +23,8 @@ from planner.inputs.drawing_findings import (
     warn_coarse,
 )
 from planner.inputs.dxf_blocks import layer_counts
-from planner.inputs.dxf_curves import CURVE_UM
 from planner.inputs.dxf_edges import Drawn, Trouble, draw
+from planner.inputs.dxf_entities import READERS
 from planner.inputs.dxf_file import DamagedError, DxfFile, read_dxf
 from planner.inputs.nesting import BadRingsError, nest
 from planner.inputs.overlaps import without_overlaps
@@ -157,7 +158,11 @@ def _drawn(
     troubles = list(drawn.troubles)
     report_troubles(drawing.file, troubles, at, report)
     held = {name.lower() for name in counts}
-    paper = {entity.layer.lower() for entity in drawing.document.paper}
+    paper = {
+        entity.layer.lower()
+        for entity in drawing.document.paper
+        if entity.kind in READERS or entity.kind == "INSERT"
+    }
     has = ", ".join(f"'{k}' {n}" for k, n in counts.items()) or "nothing"
     for name in layers:
         if name.lower() in held or any(t.code in _UNCOUNTED for t in troubles):

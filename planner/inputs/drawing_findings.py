@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from optics.outline import Arc, Outline, Segment
 from planner.diagnostics import Report, Span
-from planner.inputs.dxf_curves import CURVE_UM
+from planner.inputs.biarcs import CURVE_UM
 from planner.inputs.dxf_edges import Drawn, Piece, Trouble
 from planner.inputs.rings import OpenEnd
 

@@ -8,24 +8,14 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Protocol
 
-from optics.outline import Arc, Edge, Segment
+from optics.outline import Arc, Edge
+from planner.inputs.biarcs import Span, biarcs, segment, unit
 
-# How far a chain of arcs may be from its curve: 20 pm, and less for curves smaller than
-# 100 um. That keeps areas to 1e-6 down to ellipses of 5 : 1, with some 400 arcs each.
-CURVE_UM = 1e-4
-CURVE_PART = 1e-6
 ROUND_UM = 1e-6  # half axes closer than this make a circle: rounding of 1e4 um
-_DEEPEST = 24  # halvings of one span: a smooth curve needs fewer than 10
-_PROBES = tuple(k / 8 for k in (4, 2, 6, 1, 3, 5, 7))  # of a span, the likely first
-
-
-class TooManyError(ValueError):
-    """Curves need more edges than allowed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +64,7 @@ class Line:
 
     def edges(self, most: int) -> list[Edge]:  # noqa: ARG002 - one of three
         """Return it as an edge."""
-        return [_segment(self.start, self.end)]
+        return [segment(self.start, self.end)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,7 +115,7 @@ class EllipticArc:
         out: list[Edge] = []
         for k in range(count):
             low = self.start_rad + k * step
-            out += _biarcs(_EllipseSpan(self, low, low + step), size, most - len(out))
+            out += biarcs(_EllipseSpan(self, low, low + step), size, most - len(out))
         return out
 
     def at(self, angle: float) -> complex:
@@ -158,23 +148,14 @@ class Spline:
         out: list[Edge] = []
         for span in self.spans:
             if _is_straight([z for z, _ in span]):
-                out.append(_segment(span[0][0], span[-1][0]))
+                out.append(segment(span[0][0], span[-1][0]))
             else:
                 raised = tuple((z * w, w) for z, w in span)
-                out += _biarcs(_BezierSpan(raised), size, most - len(out))
+                out += biarcs(_BezierSpan(raised), size, most - len(out))
         return out
 
 
 Shape = Line | EllipticArc | Spline
-
-
-class _Span(Protocol):
-    """A smooth stretch of a curve."""
-
-    def ends(self) -> tuple[complex, complex]: ...
-    def tangents(self) -> tuple[complex, complex]: ...
-    def at(self, fraction: float) -> complex: ...
-    def halves(self) -> tuple[_Span, _Span]: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,7 +173,7 @@ class _EllipseSpan:
     def at(self, fraction: float) -> complex:
         return self.curve.at(self.low + fraction * (self.high - self.low))
 
-    def halves(self) -> tuple[_Span, _Span]:
+    def halves(self) -> tuple[Span, Span]:
         middle = (self.low + self.high) / 2
         return (
             _EllipseSpan(self.curve, self.low, middle),
@@ -222,7 +203,7 @@ class _BezierSpan:
             )
         return row[0][0] / row[0][1]
 
-    def halves(self) -> tuple[_Span, _Span]:
+    def halves(self) -> tuple[Span, Span]:
         left, right = self._split(0.5)
         return _BezierSpan(left), _BezierSpan(right)
 
@@ -305,86 +286,9 @@ def _polar(
     return row[0]
 
 
-def _biarcs(whole: _Span, size_um: float, most: int) -> Iterator[Edge]:
-    """Yield tangent arcs within the tolerance of a curve of that size."""
-    within = min(CURVE_UM, CURVE_PART * size_um)
-    waiting = [(whole, 0)]
-    made = 0
-    while waiting:
-        span, depth = waiting.pop()
-        pair = _pair(span, within)
-        if pair is None and depth < _DEEPEST:
-            left, right = span.halves()
-            waiting += [(right, depth + 1), (left, depth + 1)]
-            continue
-        made += 2
-        if made > most:
-            raise TooManyError("its curves need too many arcs")
-        yield from pair if pair is not None else [_segment(*span.ends())]
-
-
-def _pair(span: _Span, within: float) -> list[Edge] | None:
-    """Return the biarc of a span, None if it is not near enough.
-
-    Both tangents are as long as each other: Bolton (1975), "Biarc curves".
-    """
-    start, end = span.ends()
-    if abs(end - start) <= within and all(
-        abs(span.at(f) - start) <= within for f in _PROBES
-    ):
-        return [_segment(start, end)]
-    one, two = (_unit(t) for t in span.tangents())
-    chord = end - start
-    along = (chord * (one + two).conjugate()).real
-    turn = 1 - (one * two.conjugate()).real
-    if along <= 0 or turn > 0.5:  # bends by more than 60 degrees
-        return None
-    # the root of turn d^2 + along d = |chord|^2 / 2 that is right for turn = 0 too
-    square = abs(chord) ** 2
-    d = square / (along + math.sqrt(along**2 + 2 * turn * square))
-    joint = (start + end + d * (one - two)) / 2
-    edges = [_tangent(start, one, joint), _tangent(end, -two, joint, turned=True)]
-    middle = joint - start - d * one  # direction at the joint
-    for f in _PROBES:
-        z = span.at(f)
-        edge = edges[((z - joint) * middle.conjugate()).real > 0]
-        if _off(edge, z) > within:
-            return None
-    return edges
-
-
-def _tangent(
-    start: complex, along: complex, end: complex, *, turned: bool = False
-) -> Edge:
-    """Return the arc that leaves `start` along a unit vector and ends at `end`."""
-    chord = end - start
-    half = cmath.phase(chord / along)
-    if abs(half * chord) < 1e-9:  # a sagitta of a femtometre
-        return _segment(end, start) if turned else _segment(start, end)
-    radius = abs(chord) / (2 * math.sin(half))  # negative to the right
-    center = start + 1j * along * radius
-    from_rad = cmath.phase(start - center)
-    if turned:
-        from_rad, half = from_rad + 2 * half, -half
-    return Arc(
-        center=(center.real, center.imag),
-        radius_um=abs(radius),
-        start_rad=from_rad,
-        sweep_rad=2 * half,
-    )
-
-
-def _off(edge: Edge, z: complex) -> float:
-    """Return the distance of a point from the line or circle of an edge."""
-    if isinstance(edge, Arc):
-        return abs(abs(z - complex(*edge.center)) - edge.radius_um)
-    start, end = complex(*edge.start), complex(*edge.end)
-    return abs(((z - start) * _unit(end - start).conjugate()).imag)
-
-
 def _is_straight(points: Sequence[complex]) -> bool:
     """Return whether control points lie on one line in order."""
-    way = _unit(points[-1] - points[0])
+    way = unit(points[-1] - points[0])
     if not way:
         return False
     local = [(z - points[0]) * way.conjugate() for z in points]
@@ -401,10 +305,6 @@ def _first_step(points: Sequence[complex]) -> complex:
     return points[-1] - points[0]
 
 
-def _unit(z: complex) -> complex:
-    return z / abs(z) if z else 0j
-
-
 def _circular(center: complex, p: complex, start_rad: float, sweep_rad: float) -> Arc:
     """Return the points center + p exp(it) as an arc."""
     return Arc(
@@ -413,7 +313,3 @@ def _circular(center: complex, p: complex, start_rad: float, sweep_rad: float) -
         start_rad=cmath.phase(p) + start_rad,
         sweep_rad=sweep_rad,
     )
-
-
-def _segment(start: complex, end: complex) -> Segment:
-    return Segment(start=(start.real, start.imag), end=(end.real, end.imag))

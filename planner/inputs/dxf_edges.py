@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from optics.outline import JOIN_UM, Arc, Edge
+from planner.inputs.biarcs import TooManyError
 from planner.inputs.dxf_blocks import (
     EndlessError,
     Weights,
@@ -21,7 +22,7 @@ from planner.inputs.dxf_blocks import (
     wanted_weight,
     weigh,
 )
-from planner.inputs.dxf_curves import Affine, Line, Shape, TooManyError
+from planner.inputs.dxf_curves import Affine, Line, Shape
 from planner.inputs.dxf_entities import READERS, from_behind, read_entity
 from planner.inputs.dxf_file import Block, DamagedError, DxfFile, Entity
 from planner.inputs.dxf_paths import Path, UnreadableError

@@ -7,14 +7,17 @@ import os
 import re
 from collections.abc import Sequence
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from optics.outline import Arc, Outline
 from planner.diagnostics import Report, Span
+from planner.inputs.biarcs import CURVE_UM
 from planner.inputs.drawing import open_drawing, read_drawn
-from planner.inputs.dxf_curves import CURVE_UM
 from planner.inputs.nesting import CHORD_UM
 from tests.planner.inputs.dxf_text import (
     Point,
@@ -353,6 +356,26 @@ def test_a_file_cut_short_anywhere_is_refused(tmp_path: Path) -> None:
         found, report = read(whole[:length], tmp_path)
         assert found is None
         assert codes(report) == ["MP201"]
+
+
+ODD = ("nan", "1e308", "-1", "0", "", "A", "B", "LINE", "INSERT", "SEQEND", "99999999")
+
+
+@settings(max_examples=60, deadline=None)
+@given(data=st.data())
+def test_no_spoilt_drawing_of_any_kind_breaks_the_reader(data: st.DataObject) -> None:
+    cases = [*(text for text, *_ in EXACT.values()), *(t for t, _ in REFUSED.values())]
+    lines = data.draw(st.sampled_from(cases)).split("\n")
+    for _ in range(data.draw(st.integers(1, 4))):
+        i = data.draw(st.integers(0, len(lines) - 1))
+        other = data.draw(st.sampled_from(cases)).split("\n")
+        j = 2 * data.draw(st.integers(0, len(other) // 2))
+        swap = [[odd] for odd in ODD] + [[], other[j : j + 2], other[j : j + 20]]
+        lines[i : i + 1] = data.draw(st.sampled_from(swap))
+    with TemporaryDirectory() as folder:
+        found, report = read("\n".join(lines), Path(folder))
+    assert (found is None) == report.failed
+    assert found is None or math.isfinite(found[0].area_um2)
 
 
 def test_places_and_entities_are_named(tmp_path: Path) -> None:

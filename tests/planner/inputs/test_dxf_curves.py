@@ -12,14 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from optics.outline import Arc, Edge
-from planner.inputs.dxf_curves import (
-    CURVE_PART,
-    CURVE_UM,
-    Affine,
-    EllipticArc,
-    TooManyError,
-    spline,
-)
+from planner.inputs.biarcs import CURVE_PART, CURVE_UM, TooManyError
+from planner.inputs.dxf_curves import Affine, EllipticArc, spline
 
 PARTS = st.floats(-3, 3)
 MAPS = st.builds(
