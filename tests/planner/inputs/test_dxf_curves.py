@@ -33,6 +33,7 @@ def as_matrix(map_: Affine) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]
     )
 
 
+@settings(deadline=None)
 @given(first=MAPS, second=MAPS)
 def test_maps_compose_as_matrices_do(first: Affine, second: Affine) -> None:
     product = as_matrix(second) @ as_matrix(first)
