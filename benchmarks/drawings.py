@@ -21,7 +21,7 @@ from planner.diagnostics import Report, Span
 from planner.inputs.drawing import Drawing, open_drawing, read_outline
 from planner.inputs.dxf_blocks import layer_counts
 
-CHORD = 1e-6  # of the second road, drawing units
+CHORD = 1e-5  # of the second road, drawing units
 
 
 def main() -> None:
@@ -39,16 +39,17 @@ def main() -> None:
 
 def rows(path: Path) -> Iterator[tuple[str, ...]]:
     """Yield what a drawing gives: all layers, then those that are parts alone."""
-    at, report = Span(file=path.name), Report()
-    drawing = open_drawing(path, path.name, "um", at, at, report)
+    name = called(path)
+    at, report = Span(file=name), Report()
+    drawing = open_drawing(path, name, "um", at, at, report)
     if drawing is None:
-        yield path.name, "", *[""] * 5, said(report)
+        yield name, "", *[""] * 5, said(report)
         return
     names = list(layer_counts(drawing.document))
     yield row(path, drawing, names)
     if len(names) > 1:
-        for name in names:
-            alone = row(path, drawing, [name])
+        for layer in names:
+            alone = row(path, drawing, [layer])
             if alone[2]:
                 yield alone
 
@@ -59,14 +60,19 @@ def row(path: Path, drawing: Drawing, names: list[str]) -> tuple[str, ...]:
     outline = read_outline(drawing, names, report)
     layers = ", ".join(names)
     if outline is None:
-        return path.name, layers, *[""] * 5, said(report)
+        return called(path), layers, *[""] * 5, said(report)
     x0, y0, x1, y1 = outline.bounds_um
     area = outline.area_um2
     off = abs(other_area(path, names) / area - 1)
     return (
-        path.name, layers, f"{x1 - x0:.6g} x {y1 - y0:.6g}", f"{area:.7g}",
+        called(path), layers, f"{x1 - x0:.6g} x {y1 - y0:.6g}", f"{area:.7g}",
         f"{off:.0e}", f"{len(outline.rings) - 1}", circles(outline), said(report),
     )  # fmt: skip
+
+
+def called(path: Path) -> str:
+    """Return a file's name without its repository's owner, who stands before __."""
+    return path.name.rpartition("__")[2]
 
 
 def circles(outline: Outline) -> str:
@@ -81,7 +87,10 @@ def circles(outline: Outline) -> str:
 
 def said(report: Report) -> str:
     """Return the findings' codes and messages."""
-    return "; ".join(f"{d.code} {d.message.partition(': ')[2]}" for d in report.found)
+    return "; ".join(
+        f"{d.code} {d.message.removeprefix(d.where.file).lstrip(': ')}"
+        for d in report.found
+    )
 
 
 def other_area(path: Path, names: list[str]) -> float:
