@@ -8,7 +8,7 @@ from typing import Any
 from optics.outline import Outline, Point, place
 from planner.diagnostics import Report, Span
 from planner.inputs import features
-from planner.inputs.drawing import Drawing, open_drawing, read_outline
+from planner.inputs.drawing import Drawing, open_drawing, read_drawn, read_outline
 from planner.inputs.features import NotFoundError
 from planner.inputs.files import named_file
 from planner.inputs.schema import Checked, with_defaults
@@ -28,9 +28,9 @@ def read_parts(task: Checked, report: Report) -> dict[str, Part]:
         if drawing is None:
             continue
         layers = names[name]["drawing"]["layers"]
-        outline = read_outline(drawing, layers, report)
-        if outline is not None:
-            part = _part(task, name, drawing, outline, report)
+        drawn = read_drawn(drawing, layers, report)
+        if drawn is not None:
+            part = _part(task, name, drawing, drawn, report)
             if part is not None:
                 parts[name] = part
     return parts
@@ -49,9 +49,11 @@ def open_named(checked: Checked, *where: Key, report: Report) -> Drawing | None:
 
 
 def _part(
-    task: Checked, name: str, drawing: Drawing, outline: Outline, report: Report
-) -> Part | None:
+    task: Checked, name: str, drawing: Drawing, drawn: tuple[Outline, float],
+    report: Report,
+) -> Part | None:  # fmt: skip
     """Return the part in the frame of its origin, None after an error."""
+    outline, chord_um = drawn
     errors = report.failed
     found = _features(task, name, outline, report)
     center = _origin(task, name, outline, found)
@@ -75,7 +77,7 @@ def _part(
         taper_um_per_100um=float(raw["taper_um_per_100um"]),
         features=found,
         posts=posts,
-        chord_um=0.0,  # curves that would need a polygon are refused
+        chord_um=chord_um,
         where=task.source.key("parts", name),
     )
 
