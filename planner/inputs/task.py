@@ -67,7 +67,7 @@ class Part:
     taper_um_per_100um: float
     features: Mapping[str, Feature]
     posts: Mapping[str, Post]
-    chord_um: float  # of the finest polygon its drawing held, 0 if arcs stayed arcs
+    chord_um: float  # farthest that chords in its drawing miss a curve, 0 if none
     where: Span
 
 
