@@ -14,7 +14,7 @@ MAX_DEPTH = 32  # cells inside cells
 MAX_SHAPES = 20_000  # on the selected layers, arrays counted out
 MAX_POINTS = 200_000  # of those shapes
 ROUND_POINTS = 512  # at most of one round end of a path
-MAX_UNITS = 2.0**40  # farthest from the origin, database units; 53 bits are exact
+MAX_UNITS = 2.0**36  # farthest from the origin, database units: 69 m of nm
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,8 +119,10 @@ def _refuse(
 
 
 def counts(library: Library, order: Collection[str]) -> Counter[str]:
-    """Return how many shapes each layer has in the last cell of `order`, arrays
-    counted out."""
+    """Return how many shapes each layer has in the last cell of `order`.
+
+    Arrays are counted out.
+    """
     within: dict[str, Counter[str]] = {}
     found: Counter[str] = Counter()
     for cell in order:
@@ -175,8 +177,8 @@ def _weights(
             points[cell] += times * points[reference.name]
     if shapes[cell] > MAX_SHAPES or points[cell] > MAX_POINTS:
         message = (
-            f"cell '{cell}' holds {shapes[cell]} shapes of {points[cell]} points on the "
-            f"selected layers, allowed {MAX_SHAPES} and {MAX_POINTS}"
+            f"cell '{cell}' holds {shapes[cell]} shapes of {points[cell]} points on "
+            f"the selected layers, allowed {MAX_SHAPES} and {MAX_POINTS}"
         )
         hint = "draw a smaller array, or select the cell of one part"
         raise GdsError("MP215", library.structures[cell].offset, message, hint)

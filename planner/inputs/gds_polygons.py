@@ -53,7 +53,8 @@ def polygons(shape: Shape, mag: float = 1.0) -> list[shapely.Polygon]:
 def _gone_round_once(shape: Shape, points: FloatArray) -> list[shapely.Polygon]:
     """Return the faces that a boundary goes round once; all of them the same way."""
     edges = shapely.linestrings(np.stack([points[:-1], points[1:]], axis=1))
-    faces = list(shapely.polygonize([shapely.union_all(edges)]).geoms)
+    parts = shapely.get_parts(shapely.polygonize([shapely.union_all(edges)]))
+    faces = [face for face in parts if isinstance(face, shapely.Polygon)]
     if len(faces) * len(points) > MAX_WINDINGS:
         message = f"a {shape.kind} on layer '{shape.layer}' touches itself too often"
         raise GdsError("MP215", shape.offset, message)

@@ -135,10 +135,11 @@ def reals(record: Record) -> tuple[float, ...]:
 
 
 def real8(body: bytes) -> float:
-    """Return an excess-64 real: sign, seven bits of exponent to base 16, 56 of mantissa.
+    """Return an eight-byte real as a float.
 
-    Every pattern is a finite number, 7.2e75 at most; its mantissa is rounded to the
-    53 bits of a float.
+    One bit of sign, seven of an exponent to base 16 from 64, 56 of a mantissa below 1,
+    which is rounded to the 53 of a float. Every pattern is a finite number, 7.2e75 at
+    most.
     """
     (word,) = struct.unpack(">Q", body)
     sign = -1.0 if word >> 63 else 1.0

@@ -22,7 +22,10 @@ FloatArray = npt.NDArray[np.float64]
 
 # Corners are taken to multiples of this part of a database unit: copies turned by odd
 # angles then meet again, and what lies on the grid stays where it is.
-GRID = 2.0**-10
+GRID = 2.0**-14
+# What two edges that are one leave between them after that is narrower than this, in
+# database units: a whole step of the grid along x and along y at each end.
+SLIVER = 4 * GRID
 FEW_EDGES = 3000  # so many are united whatever they do
 MAX_MEETINGS = 2_000_000  # pairs of edges whose boxes meet: 3 s of uniting
 BATCH = 64  # edges asked about at once, which bounds the memory
@@ -72,6 +75,8 @@ def unite(placed: Sequence[Placed], unit_um: float) -> Regions:
     rings, rounded = [], []
     for body in shapely.get_parts(whole):
         for border in (body.exterior, *body.interiors):
+            if 2 * shapely.Polygon(border).area <= SLIVER * border.length:
+                continue
             corners = shapely.get_coordinates(border)[:-1] * unit_um
             found = as_circle(corners, unit_um)
             rounded += [found] if found else []
@@ -127,8 +132,13 @@ def fit_circle(corners: FloatArray) -> tuple[tuple[float, float], float]:
     rows = np.column_stack([2 * x, 2 * y, np.ones_like(x)])
     (cx, cy, rest), *_ = np.linalg.lstsq(rows, x * x + y * y, rcond=None)
     radius = math.sqrt(max(rest + cx * cx + cy * cy, 0.0))
-    x0, y0, radius = (round(float(v), 9) + 0.0 for v in (mean[0] + cx, mean[1] + cy, radius))
-    return (x0, y0), radius
+    center = (_rounded(mean[0] + cx), _rounded(mean[1] + cy))
+    return center, _rounded(radius)
+
+
+def _rounded(value: float) -> float:
+    """Return a length to 1e-9 um, so that a centre at 0 is at 0."""
+    return round(float(value), 9) + 0.0
 
 
 def _pieces(placed: Sequence[Placed]) -> list[shapely.Polygon]:
@@ -142,7 +152,7 @@ def _pieces(placed: Sequence[Placed]) -> list[shapely.Polygon]:
         if key not in own:
             own[key] = polygons(item.shape, mag)
         for polygon in own[key]:
-            moved = shapely.transform(polygon, lambda p, at=item.at: _moved(at, p))
+            moved = _moved(item.at, polygon)
             if not np.abs(moved.bounds).max() <= MAX_UNITS:
                 message = f"a {item.shape.kind} of cell '{item.cell}' is out of range"
                 raise GdsError("MP233", item.shape.offset, message)
@@ -150,10 +160,14 @@ def _pieces(placed: Sequence[Placed]) -> list[shapely.Polygon]:
     return found
 
 
-def _moved(at: Affine, points: FloatArray) -> FloatArray:
-    """Return (N, 2) points where a map brings them."""
-    x, y = points.T
-    return np.column_stack([at.a * x + at.b * y + at.x, at.c * x + at.d * y + at.y])
+def _moved(at: Affine, polygon: shapely.Polygon) -> shapely.Polygon:
+    """Return a polygon where a map brings it."""
+
+    def move(points: FloatArray) -> FloatArray:
+        x, y = points.T
+        return np.column_stack([at.a * x + at.b * y + at.x, at.c * x + at.d * y + at.y])
+
+    return shapely.transform(polygon, move)
 
 
 def _refuse_too_many_meetings(pieces: Sequence[shapely.Polygon]) -> None:
@@ -162,7 +176,7 @@ def _refuse_too_many_meetings(pieces: Sequence[shapely.Polygon]) -> None:
     edges = np.concatenate([np.stack([r[:-1], r[1:]], axis=1) for r in rings])
     if len(edges) <= FEW_EDGES:
         return
-    lines = shapely.linestrings(edges)
+    lines = np.asarray(shapely.linestrings(edges))
     tree, met = shapely.STRtree(lines), 0
     for k in range(0, len(lines), BATCH):
         met += tree.query(lines[k : k + BATCH]).shape[1]
