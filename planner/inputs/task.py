@@ -36,6 +36,7 @@ class Feature:
     width_um: float  # notch: its width; else 0
     depth_um: float = 0.0  # notch: how far it departs from the circle; else 0
     hole: bool  # circle: whether it bounds a hole
+    chord_um: float = 0.0  # circle: how far the edges drawn for it run inside
     avoid: bool
     where: Span
 
