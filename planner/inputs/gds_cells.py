@@ -12,7 +12,7 @@ from planner.inputs.gds_records import GdsError
 
 MAX_DEPTH = 32  # cells inside cells
 MAX_SHAPES = 20_000  # on the selected layers, arrays counted out
-MAX_POINTS = 200_000  # of those shapes
+MAX_POINTS = 100_000  # of those shapes
 ROUND_POINTS = 512  # at most of one round end of a path
 MAX_UNITS = 2.0**36  # farthest from the origin, database units: 69 m of nm
 

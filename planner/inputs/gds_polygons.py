@@ -12,7 +12,10 @@ from planner.inputs.gds_records import GdsError
 
 FloatArray = npt.NDArray[np.float64]
 
-MAX_WINDINGS = 20_000_000  # faces times corners of one boundary: 0.3 s
+MAX_WINDINGS = 20_000_000  # faces times corners of one boundary
+MAX_TOUCHES = 20_000  # pairs of edges of one boundary whose boxes meet, so counted, too
+FEW_EDGES = 400  # so many are united whatever they do
+BATCH = 64  # edges asked about at once, which bounds the memory
 # rounding of a slit's ends to the grid may leave faces narrower than this, in units
 SLIVER = 1.0
 
@@ -50,9 +53,35 @@ def polygons(shape: Shape, mag: float = 1.0) -> list[shapely.Polygon]:
     return [whole] if whole.is_valid else _gone_round_once(shape, points)
 
 
+def too_many_meetings(edges: FloatArray, limit: int) -> bool:
+    """Return whether so many edges may cross that uniting them has no sensible end.
+
+    Parameters
+    ----------
+    edges : (N, 2, 2) float array
+        Both ends of each.
+    limit : int
+        How many pairs may have boxes that meet, each counted both ways, beside every
+        edge's own and its two neighbours'.
+    """
+    if len(edges) <= FEW_EDGES:
+        return False
+    lines = np.asarray(shapely.linestrings(edges))
+    tree, met = shapely.STRtree(lines), -3 * len(lines)
+    for k in range(0, len(lines), BATCH):
+        met += tree.query(lines[k : k + BATCH]).shape[1]
+        if met > limit:
+            return True
+    return False
+
+
 def _gone_round_once(shape: Shape, points: FloatArray) -> list[shapely.Polygon]:
     """Return the faces that a boundary goes round once; all of them the same way."""
-    edges = shapely.linestrings(np.stack([points[:-1], points[1:]], axis=1))
+    ends = np.stack([points[:-1], points[1:]], axis=1)
+    if too_many_meetings(ends, MAX_TOUCHES):
+        message = f"a {shape.kind} on layer '{shape.layer}' crosses itself too often"
+        raise GdsError("MP215", shape.offset, message)
+    edges = shapely.linestrings(ends)
     parts = shapely.get_parts(shapely.polygonize([shapely.union_all(edges)]))
     faces = [face for face in parts if isinstance(face, shapely.Polygon)]
     if len(faces) * len(points) > MAX_WINDINGS:

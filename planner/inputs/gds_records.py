@@ -11,7 +11,7 @@ import struct
 from collections.abc import Iterator
 from typing import NamedTuple
 
-MAX_RECORDS = 500_000  # read in about 2 s
+MAX_RECORDS = 500_000  # a mask of 100 000 shapes
 
 # kind -> name, data type, bytes of its data: n exactly, -n a multiple of n, 0 none
 _KINDS = {

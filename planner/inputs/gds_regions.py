@@ -10,12 +10,13 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 import shapely
+from shapely.geometry.base import BaseGeometry
 
 from optics.outline import Arc, Ring, Segment
 from planner.inputs.circle_fit import fit_circle
 from planner.inputs.gds_cells import MAX_UNITS, Affine, Placed
 from planner.inputs.gds_paths import sagitta
-from planner.inputs.gds_polygons import polygons
+from planner.inputs.gds_polygons import polygons, too_many_meetings
 from planner.inputs.gds_records import GdsError
 from planner.inputs.rings import canonical
 
@@ -27,9 +28,8 @@ GRID = 2.0**-14
 # What two edges that are one leave between them after that is narrower than this, in
 # database units: a whole step of the grid along x and along y at each end.
 SLIVER = 4 * GRID
-FEW_EDGES = 3000  # so many are united whatever they do
-MAX_MEETINGS = 2_000_000  # pairs of edges whose boxes meet: 3 s of uniting
-BATCH = 64  # edges asked about at once, which bounds the memory
+MAX_RINGS = 2000  # around and inside the shapes of one layer
+MAX_MEETINGS = 200_000  # pairs of edges whose boxes meet, beside neighbours
 ROUND_CORNERS = 32  # fewer on a circle may be meant as corners
 
 
@@ -74,15 +74,12 @@ def unite(placed: Sequence[Placed], unit_um: float) -> Regions:
         raise GdsError("MP233", -1, f"the shapes cannot be united: {error}") from None
     layer = placed[0].shape.layer
     rings, rounded = [], []
-    for body in shapely.get_parts(whole):
-        for border in (body.exterior, *body.interiors):
-            if 2 * shapely.Polygon(border).area <= SLIVER * border.length:
-                continue
-            corners = shapely.get_coordinates(border)[:-1] * unit_um
-            found = as_circle(corners, unit_um)
-            rounded += [found] if found else []
-            edges = (found.circle,) if found else _segments(corners)
-            rings.append(canonical(Ring(edges=edges, layer=layer)))
+    for border in _borders(whole):
+        corners = shapely.get_coordinates(border)[:-1] * unit_um
+        found = as_circle(corners, unit_um)
+        rounded += [found] if found else []
+        edges = (found.circle,) if found else _segments(corners)
+        rings.append(canonical(Ring(edges=edges, layer=layer)))
     ends = max(_round_end(p) for p in placed) * unit_um
     chord_um = max([ends, *(found.chord_um for found in rounded)])
     return Regions(rings=tuple(rings), rounded=tuple(rounded), chord_um=chord_um)
@@ -155,15 +152,24 @@ def _refuse_too_many_meetings(pieces: Sequence[shapely.Polygon]) -> None:
     """Raise if so many edges may cross that uniting them has no sensible end."""
     rings = [shapely.get_coordinates(shapely.get_rings(p)) for p in pieces]
     edges = np.concatenate([np.stack([r[:-1], r[1:]], axis=1) for r in rings])
-    if len(edges) <= FEW_EDGES:
-        return
-    lines = np.asarray(shapely.linestrings(edges))
-    tree, met = shapely.STRtree(lines), 0
-    for k in range(0, len(lines), BATCH):
-        met += tree.query(lines[k : k + BATCH]).shape[1]
-        if met > MAX_MEETINGS:
-            message = f"{len(edges)} edges cross each other too often"
-            raise GdsError("MP215", -1, message, "draw fewer shapes over each other")
+    if too_many_meetings(edges, MAX_MEETINGS):
+        message = f"{len(edges)} edges cross each other too often"
+        raise GdsError("MP215", -1, message, "draw fewer shapes over each other")
+
+
+def _borders(whole: BaseGeometry) -> list[shapely.LinearRing]:
+    """Return the rings around and inside a region, slivers left out."""
+    found = [
+        border
+        for border in shapely.get_rings(whole)
+        if 2 * shapely.Polygon(border).area > SLIVER * border.length
+    ]
+    if len(found) > MAX_RINGS:
+        message = (
+            f"the shapes have {len(found)} outlines and holes, {MAX_RINGS} allowed"
+        )
+        raise GdsError("MP215", -1, message, "select the cell of one part")
+    return found
 
 
 def _segments(corners: FloatArray) -> tuple[Segment, ...]:

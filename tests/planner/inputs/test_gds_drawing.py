@@ -431,6 +431,17 @@ def test_shapes_that_cross_too_often_are_refused(tmp_path: Path) -> None:
     up = aref("BAR", (0, 0), (1, 4000), ((0, 0), (3, 0)), angle=90)
     code, _ = refusal(tmp_path, library(bars, cell("TOP", across, up)))
     assert code == "MP215"
+    tangle = [(k * 7919 % 30011, k * 104729 % 30013) for k in range(8000)]
+    assert refused(tmp_path, boundary(tangle)) == "MP215"
+
+
+def test_more_holes_than_any_part_has_are_refused(tmp_path: Path) -> None:
+    bars = cell("BAR", boundary([(0, 0), (30_000, 0), (30_000, 1), (0, 1)]))
+    across = aref("BAR", (0, 0), (1, 60), ((0, 0), (0, 3)))
+    up = aref("BAR", (0, 0), (1, 60), ((0, 0), (3, 0)), angle=90)
+    code, message = refusal(tmp_path, library(bars, cell("TOP", across, up)))
+    assert code == "MP215"
+    assert f"{59 * 59 + 1} outlines and holes" in message
 
 
 def test_a_file_that_is_cut_short_is_refused_at_every_byte(tmp_path: Path) -> None:
