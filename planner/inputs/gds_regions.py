@@ -161,9 +161,12 @@ def _borders(whole: BaseGeometry) -> list[shapely.LinearRing]:
     """Return the rings around and inside a region, slivers left out."""
     found = [
         border
-        for border in shapely.get_rings(whole)
+        for border in shapely.get_rings(shapely.get_parts(whole))
         if 2 * shapely.Polygon(border).area > SLIVER * border.length
     ]
+    if not found:
+        message = f"the shapes cover nothing that is {SLIVER:.3g} database units wide"
+        raise GdsError("MP233", -1, message)
     if len(found) > MAX_RINGS:
         message = (
             f"the shapes have {len(found)} outlines and holes, {MAX_RINGS} allowed"

@@ -333,6 +333,10 @@ def test_an_absurd_size_is_refused(tmp_path: Path) -> None:
     assert refusal(tmp_path, library(cell("TOP", boundary(tiny))))[0] == "MP216"
     large = cell("TOP", sref("IN", mag=1e4))
     assert refusal(tmp_path, library(cell("IN", boundary(SQUARE)), large))[0] == "MP216"
+    gone = cell("TOP", sref("IN", mag=1e-6), sref("IN", mag=1e-6))
+    inner = cell("IN", sref("LOW", mag=1e-5))
+    low = cell("LOW", boundary(SQUARE))
+    assert refusal(tmp_path, library(low, inner, gone))[0] == "MP233"
 
 
 @pytest.mark.parametrize(
