@@ -55,7 +55,8 @@ def test_the_parts_are_as_drawn(task: Task) -> None:
 
 
 def test_another_program_reads_the_same_mask(task: Task) -> None:
-    cells = {cell.name: cell for cell in gdstk.read_gds(MASK).cells}
+    found = gdstk.read_gds(MASK).cells
+    cells = {cell.name: cell for cell in found if isinstance(cell, gdstk.Cell)}
     for name, layers in (("DIE", (1, 2, 3)), ("SUBMOUNT", (10, 11, 12))):
         body, *holes = (cells[name].get_polygons(layer=k, datatype=0) for k in layers)
         left = gdstk.boolean(body, [hole for (hole,) in holes], "not", precision=1e-6)

@@ -179,7 +179,7 @@ def test_quarter_turns_are_exact(tmp_path: Path) -> None:
         )
         found, _, _ = read(tmp_path, data)
         assert found is not None
-        assert found.bounds_um == bounds
+        assert found.bounds_um == pytest.approx(bounds, rel=0, abs=0)
 
 
 def test_arrays_fill_columns_and_rows(tmp_path: Path) -> None:
@@ -502,6 +502,7 @@ def test_gdstk_covers_the_same_area(tmp_path: Path, seed: int) -> None:
     data = random_library(random.Random(seed))
     (tmp_path / "mask.gds").write_bytes(data)
     (top,) = gdstk.read_gds(tmp_path / "mask.gds").top_level()
+    assert isinstance(top, gdstk.Cell)
     covered = top.get_polygons(layer=1, datatype=0)
     united = gdstk.boolean(covered, [], "or", precision=1e-7)
     mask = read_library(data)
