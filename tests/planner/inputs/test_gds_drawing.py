@@ -188,7 +188,7 @@ def test_arrays_fill_columns_and_rows(tmp_path: Path) -> None:
     found, _, _ = read(tmp_path, library(unit, plate))
     assert found is not None
     assert len(found.rings) == 1
-    assert found.bounds_um == (0, 0, 50, 30)
+    assert found.bounds_um == pytest.approx((0, 0, 50, 30), rel=0, abs=0)
     skew = cell(
         "TOP", aref("U", (0, 0), (5, 3), ((9_000, 3000), (0, 10_000)), angle=90)
     )
