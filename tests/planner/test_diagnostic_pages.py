@@ -129,9 +129,12 @@ def _raw(text: str) -> bytes:
 
 
 @pytest.fixture
-def example(tmp_path: Path) -> Path:
-    """Return a copy of the example that may be spoilt."""
-    return Path(shutil.copytree(EXAMPLE, tmp_path / "example"))
+def example(tmp_path: Path, code: str) -> Path:
+    """Return a copy of the page's example that may be spoilt."""
+    page = (PAGES / f"{code}.md").read_text(encoding="utf-8")
+    laser = "In the laser-die example:" in page
+    source = EXAMPLE.with_name("laser_die") if laser else EXAMPLE
+    return Path(shutil.copytree(source, tmp_path / "example"))
 
 
 @pytest.mark.parametrize("code", [code for code in CODES if code not in CALLED])
