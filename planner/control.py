@@ -133,10 +133,12 @@ def _from_fit(
 ) -> float | None:
     """Return the tolerance that the insertion after the alignment asks for."""
     step = insertion_after(states, align)
-    fit = None if step is None else fit_of(task, step)
-    if step is None or fit is None or fit.capture_um <= 0:
+    if step is None:
         return None
     here = next(s for s in states if s.step is step)
+    fit = fit_of(task, here)
+    if fit is None or fit.capture_um <= 0:
+        return None
     rows = blind_rows(task.workcell, travel_of(here), seen, seen)
     return servo_tolerance_um(
         fit,

@@ -74,6 +74,8 @@ TITLES: Mapping[str, str] = {
     "MP602": "success below the goal",
     "MP603": "tolerance finer than the stage can meet",
     "MP605": "no round hole over a post",
+    "MP610": "how hole and shaft fit",
+    "MP611": "shaft may wedge",
     "MP701": "not a plan folder",
     "MP702": "output cannot be written",
 }

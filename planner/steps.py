@@ -34,11 +34,13 @@ from planner.diagnostics import Report
 from planner.inputs.task import Move, Step, Task
 from planner.looks import CompiledLook, Effects, compile_look
 from planner.model.assembly import Axis4, locate_place, owner_of, part_sigma_um
+from planner.model.mating import fit_verdict, mating_of
 from planner.model.requests import insertion_after, requests
 from planner.model.steps import StepState
 from planner.model.sweep import ROUNDING_UM
 from schemas import plan as p
 from schemas.codec import to_data
+from schemas.verdicts import FitVerdict
 
 IRREVERSIBLE = ("grasp", "insert", "release")
 PHYSICAL = (*IRREVERSIBLE, "move", "align")
@@ -170,7 +172,17 @@ def _step(
         control=control,
         conditions=_conditions(here),
         budget=_budget(task, states, here, memory),
+        fit=_fit(task, here),
     )
+
+
+def _fit(task: Task, here: StepState) -> FitVerdict | None:
+    """Return the fit of an insertion."""
+    if here.step.verb != "insert":
+        return None
+    mating = mating_of(task, here.step, here.after)
+    tilt_rad = task.workcell.stage.axis_tilt_sigma_rad
+    return None if mating is None else fit_verdict(mating, tilt_rad)
 
 
 def _action(task: Task, here: StepState, looks: Sequence[CompiledLook]) -> p.Action:
@@ -302,7 +314,7 @@ def _budget(
         return verify_budget(task.workcell, step, seen[0], seen[1])
     if step.verb != "insert":
         return empty_budget()
-    fit = fit_of(task, step)
+    fit = fit_of(task, here)
     if fit is None:
         return empty_budget()
     hole = memory.seen.get(owner_of(step.target or ""))

@@ -13,8 +13,9 @@ from typing import Any, Literal
 
 from schemas.codec import CodecError, from_data, to_data
 from schemas.pose import Pose
+from schemas.verdicts import FitVerdict
 
-FORMAT_VERSION = "2.0"
+FORMAT_VERSION = "2.1"
 
 AxesName = Literal["stage", "robot"]
 
@@ -440,6 +441,7 @@ class Step:
     control: Control | None
     conditions: Conditions
     budget: Budget
+    fit: FitVerdict | None = None  # of an insertion
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -11,9 +11,13 @@ from planner.inputs.task import Step, Task
 from planner.inputs.workcell import Workcell
 from planner.model.assembly import Carrier, State, locate_place
 from planner.model.holding import between_jaws
+from planner.model.mating import mating_of
+from planner.model.steps import StepState
 from schemas.plan import Budget, BudgetRow
 
-NOT_MODELLED = (("taper and side walls", "not modelled"),)
+NOT_MODELLED = (
+    ("tilt of the part in the jaws", "not modelled: no look and no drawing tells it"),
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,19 +42,19 @@ class Left:
     source: str
 
 
-def fit_of(task: Task, step: Step) -> Fit | None:
+def fit_of(task: Task, insert: StepState) -> Fit | None:
     """Return the fit of an insertion, None if its hole or shaft is not round."""
-    hole_part, _, hole = (step.target or "").partition(".")
-    shaft_part, _, shaft = (step.onto or "").partition(".")
-    feature = task.parts[hole_part].features.get(hole)
-    post = task.parts[shaft_part].posts.get(shaft)
-    if feature is None or feature.kind != "circle" or post is None:
+    mating = mating_of(task, insert.step, insert.after)
+    if mating is None:
         return None
+    hole, _, _ = (insert.step.target or "").partition(".")
+    part, _, shaft = (insert.step.onto or "").partition(".")
     return Fit(
-        hole_um=feature.radius_um,
-        shaft_um=post.radius_um,
-        hole_tolerance_um=task.parts[hole_part].profile_tolerance_um,
-        shaft_tolerance_um=post.profile_tolerance_um,
+        hole_um=mating.hole_um / 2,
+        shaft_um=mating.shaft_um / 2,
+        hole_tolerance_um=task.parts[hole].profile_tolerance_um,
+        shaft_tolerance_um=task.parts[part].posts[shaft].profile_tolerance_um,
+        taper_um=mating.taper_um / 2,
     )
 
 
