@@ -139,12 +139,22 @@ def _from_fit(
     fit = fit_of(task, here)
     if fit is None or fit.capture_um <= 0:
         return None
-    rows = blind_rows(task.workcell, travel_of(here), seen, seen)
+    rows = blind_rows(task.workcell, travel_of(here), seen, seen, insert_s(task, here))
     return servo_tolerance_um(
         fit,
         axes_of(task, moved_by(task, align)).repeatability_xy_um,
         combine([row.sigma_um or 0.0 for row in rows]),
         task.success_goal or 0.95,
+    )
+
+
+def insert_s(task: Task, insert: StepState) -> float:
+    """Return how long an insertion's own moves take in z, one after the other."""
+    travel = travel_of(insert)
+    stated = insert.step.speed_um_per_s
+    return sum(
+        way_um / (stated or axes_of(task, carrier).speed_z_um_per_s)
+        for carrier, way_um in travel.items()
     )
 
 

@@ -11,19 +11,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from planner.checks.budget import (
-    Left,
     Sighted,
     blind_rows,
     empty_budget,
     fit_of,
     grasp_budget,
-    insert_budget,
     release_budget,
     verify_budget,
 )
 from planner.checks.fit import Residual
+from planner.checks.insert_budget import Left, insert_budget, share_of_goal
 from planner.control import (
     control_of,
+    insert_s,
     moved_by,
     residual_of,
     single_residual,
@@ -131,7 +131,7 @@ def axis_move(move: Move, speed_um_per_s: float | None = None) -> p.AxisMove:
 
 def _remember(memory: Memory, look: CompiledLook) -> Memory:
     """Return the memory after a look."""
-    view = look.look.view
+    view, measure = look.look.view, look.look.measure
     seen = Sighted(
         name=look.look.target,
         sigma_um=look.look.sigma_xy_um,
@@ -140,6 +140,10 @@ def _remember(memory: Memory, look: CompiledLook) -> Memory:
         focus_um=view.focus_um,
         distortion_sigma_um=look.distortion_sigma_um,
         coherence_um=look.coherence_um,
+        place_um=(measure.reference.pose.x_um, measure.reference.pose.y_um),
+        usable_focus_um=measure.usable_focus_um,
+        usable_magnification=measure.usable_magnification,
+        capture_um=measure.capture_um,
     )
     return replace(
         memory,
@@ -323,8 +327,10 @@ def _budget(
         task,
         fit,
         _left(task, states, here, memory),
-        blind_rows(task.workcell, travel_of(here), hole, shaft),
+        blind_rows(task.workcell, travel_of(here), hole, shaft, insert_s(task, here)),
         bias_um=_off_um(task, here),
+        goal=share_of_goal(task),
+        seen=(hole, shaft),
     )
 
 

@@ -13,7 +13,7 @@ from typing import Any, Literal
 
 from schemas.codec import CodecError, from_data, to_data
 from schemas.pose import Pose
-from schemas.verdicts import FitVerdict
+from schemas.verdicts import BudgetAnalysis, FitVerdict
 
 FORMAT_VERSION = "2.1"
 
@@ -414,6 +414,7 @@ class BudgetRow:
     term: str
     sigma_um: float | None  # None: not modelled
     source: str
+    along_rad: float | None = None  # world; None: alike in every direction
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -424,6 +425,7 @@ class Budget:
     limit_um: float | None  # capture radius, or the step's tolerance
     success_probability: float
     advice: str  # the cheapest change that would pass; "" if it passes
+    analysis: BudgetAnalysis | None = None  # of an insertion
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

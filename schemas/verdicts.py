@@ -32,3 +32,62 @@ class FitVerdict:
     wedging_rad: float | None  # below this tilt it cannot wedge; None: no friction
     wedging_depth_um: float  # from here on geometry keeps the tilt below that
     may_wedge: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Offender:
+    """What one term of a budget costs; the worst comes first."""
+
+    term: str
+    size_um: float  # as in the budget's rows
+    slope_per_um: float  # dP/dsize, <= 0
+    halved_probability: float  # P if the term were half as large
+    largest_um: float | None  # that still gives the goal; None: not even 0 does
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Change:
+    """One change that would give the step's share of the goal; the cheapest first."""
+
+    what: str
+    halvings: float  # of a term, or doublings of the clearance; 0: another method
+    success_probability: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Allowed:
+    """The largest error of one setting that still gives the goal."""
+
+    error: str  # focus, zoom, light or pose
+    look: str  # target of the look
+    least: float
+    most: float
+    unit: str
+    source: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class YieldPoint:
+    """P(success) where one size or tolerance is another."""
+
+    value_um: float
+    success_probability: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class YieldCurve:
+    """P(success) over one size or tolerance, all else as it is."""
+
+    over: str
+    points: tuple[YieldPoint, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BudgetAnalysis:
+    """What a budget's probability hangs on."""
+
+    required_probability: float  # the step's share of the goal
+    offenders: tuple[Offender, ...]
+    changes: tuple[Change, ...]  # () if the share is met
+    allowed: tuple[Allowed, ...]
+    yields: tuple[YieldCurve, ...]

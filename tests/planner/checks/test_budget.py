@@ -9,13 +9,12 @@ from dataclasses import replace
 import pytest
 
 from planner.checks.budget import (
-    Left,
     Sighted,
     blind_rows,
     fit_of,
-    insert_budget,
 )
 from planner.checks.fit import Residual, combine, miss_probability
+from planner.checks.insert_budget import Left, insert_budget
 from planner.control import control_of, residual_of, tolerance_um
 from planner.diagnostics import Report
 from planner.inputs.task import Task
@@ -88,7 +87,7 @@ def test_the_budget_of_an_insertion_names_the_cheapest_change(
     residual = residual_of(task, 1.5, "stage")
     left = Left(residual=residual, term="left by the servo", source="workcell")
     blind = blind_rows(task.workcell, DOWN, replace(HOLE, sigma_um=1.4), SHAFT)
-    budget = insert_budget(task, fit, left, blind, bias_um=0.0)
+    budget = insert_budget(task, fit, left, blind, bias_um=0.0, goal=0.95)
     sigma_um = combine([row.sigma_um or 0.0 for row in blind])
     miss = miss_probability(fit, residual, sigma_um)
     assert budget.success_probability == pytest.approx(1 - miss)
@@ -96,7 +95,7 @@ def test_the_budget_of_an_insertion_names_the_cheapest_change(
     assert budget.limit_um == pytest.approx(2.9, abs=1e-6)
     assert "halving 'measurement of gear.bore' (1.4 um)" in budget.advice
     fine = blind_rows(task.workcell, DOWN, HOLE, SHAFT)
-    assert insert_budget(task, fit, left, fine, bias_um=0.0).advice == ""
+    assert insert_budget(task, fit, left, fine, 0.0, goal=0.95).advice == ""
 
 
 def test_the_servo_is_stable_and_gives_up_only_when_it_must(

@@ -1,0 +1,116 @@
+"""The chance of one insertion, all of its terms together, and with any one changed."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from planner.checks.ellipse import Spread, beyond_radii
+from planner.checks.fit import Fit, Residual, miss_probability
+from schemas.plan import BudgetRow
+
+SERVO, OFFSET, SIZE = "servo", "offset", "size"
+# Axes of a covariance closer than this are one: it moves chances by less than 1e-9.
+ROUND = 1e-9
+LEAST_NODES, MOST_NODES = 8, 256
+# How closely the mean over the wide axis is found; chances are quoted to 4 digits.
+CLOSE = 1e-5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Insertion:
+    """A fit and everything that keeps the parts apart sideways."""
+
+    fit: Fit
+    residual: Residual  # what the servo leaves
+    blind: tuple[BudgetRow, ...]  # what it cannot see
+    offset_um: float = 0.0  # that nobody corrects, along x
+
+    @property
+    def rest(self) -> Spread:
+        """Return the law of what the servo cannot see, offset included."""
+        law = Spread(middle_um=(self.offset_um, 0.0), xx_um2=0.0, yy_um2=0.0)
+        for row in self.blind:
+            law = law.plus(Spread.along(row.sigma_um or 0.0, row.along_rad))
+        return law
+
+    @property
+    def miss(self) -> float:
+        """Return the chance that the part does not go in; tails keep their digits.
+
+        What acts along one direction only widens the rest there: the wide axis is
+        averaged over, the narrow one is common to all directions.
+        """
+        rest, room = self.rest, self.fit.room
+        narrow, wide, angle = rest.principal
+        if wide - narrow <= ROUND * wide:
+            return miss_probability(self.fit, self.residual, wide, abs(self.offset_um))
+        if math.isinf(self.residual.within_um) or self.residual.sigma_um <= 0:
+            left = Spread.along(self.residual.sigma_um, None)
+            return beyond_radii(
+                room.radius_um, room.flat_um, room.reach_um, rest.plus(left)
+            )
+        extra = math.sqrt((wide - narrow) * (wide + narrow))
+        return self._averaged(narrow, extra, angle)
+
+    def _averaged(self, narrow_um: float, extra_um: float, angle_rad: float) -> float:
+        """Return the mean chance over a shift along the wide axis."""
+        before, count = math.inf, LEAST_NODES
+        while True:
+            nodes, weights = np.polynomial.hermite_e.hermegauss(count)
+            found = 0.0
+            for node, weight in zip(nodes, weights / weights.sum(), strict=True):
+                along = extra_um * float(node)
+                x = self.offset_um + along * math.cos(angle_rad)
+                off = math.hypot(x, along * math.sin(angle_rad))
+                found += weight * miss_probability(
+                    self.fit, self.residual, narrow_um, off
+                )
+            if abs(found - before) <= CLOSE * found or 2 * count > MOST_NODES:
+                return min(1.0, float(found))
+            before, count = found, 2 * count
+
+    def scaled(self, term: str, factor: float) -> Insertion:
+        """Return the same insertion with one term larger or smaller.
+
+        `term` is that of a row in `blind`, or SERVO, OFFSET, SIZE. A finer stage is
+        also asked to stop closer, in its own sigmas.
+        """
+        if term == SERVO:
+            left = Residual(
+                sigma_um=self.residual.sigma_um * factor,
+                within_um=_times(self.residual.within_um, factor),
+            )
+            return replace(self, residual=left)
+        if term == OFFSET:
+            return replace(self, offset_um=self.offset_um * factor)
+        if term == SIZE:
+            return replace(self, fit=_resized(self.fit, factor))
+        rows = tuple(
+            replace(row, sigma_um=factor * row.sigma_um)
+            if row.term == term and row.sigma_um is not None
+            else row
+            for row in self.blind
+        )
+        return replace(self, blind=rows)
+
+    def widened(self, wider_um: float) -> Insertion:
+        """Return the same insertion with more clearance on the diameter."""
+        fit = replace(self.fit, hole_um=self.fit.hole_um + wider_um / 2)
+        return replace(self, fit=fit)
+
+
+def _times(within_um: float, factor: float) -> float:
+    """Return a cut-off scaled; none stays none."""
+    return within_um if math.isinf(within_um) else within_um * factor
+
+
+def _resized(fit: Fit, factor: float) -> Fit:
+    """Return a fit with other tolerances."""
+    return replace(
+        fit,
+        hole_tolerance_um=fit.hole_tolerance_um * factor,
+        shaft_tolerance_um=fit.shaft_tolerance_um * factor,
+    )
