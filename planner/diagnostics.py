@@ -76,6 +76,7 @@ TITLES: Mapping[str, str] = {
     "MP605": "no round hole over a post",
     "MP610": "how hole and shaft fit",
     "MP611": "shaft may wedge",
+    "MP612": "how an alignment is run",
     "MP701": "not a plan folder",
     "MP702": "output cannot be written",
 }

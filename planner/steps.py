@@ -24,6 +24,7 @@ from planner.checks.insert_budget import Left, insert_budget, share_of_goal
 from planner.control import (
     control_of,
     insert_s,
+    method_of,
     moved_by,
     residual_of,
     single_residual,
@@ -40,7 +41,7 @@ from planner.model.steps import StepState
 from planner.model.sweep import ROUNDING_UM
 from schemas import plan as p
 from schemas.codec import to_data
-from schemas.verdicts import FitVerdict
+from schemas.verdicts import FitVerdict, MethodChoice
 
 IRREVERSIBLE = ("grasp", "insert", "release")
 PHYSICAL = (*IRREVERSIBLE, "move", "align")
@@ -70,6 +71,7 @@ class Memory:
     seen: Mapping[str, Sighted]  # owner -> its last look
     within_um: float  # of the last alignment
     key: str  # journal key of the step before
+    choice: MethodChoice | None = None  # of the last alignment
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -103,7 +105,8 @@ def compile_step(
         looks.append(look)
         memory = _remember(memory, look)
     if within is not None:
-        memory = replace(memory, within_um=within)
+        choice = method_of(task, states, here, within, memory.seen, report)
+        memory = replace(memory, within_um=within, choice=choice)
     step = _step(task, states, here, tuple(looks), memory)
     step = replace(step, key=journal_key(step, memory.key))
     return CompiledStep(
@@ -163,7 +166,7 @@ def _step(
     step = here.step
     control = None
     if step.verb == "align":
-        control = control_of(task, here, memory.within_um)
+        control = control_of(task, here, memory.within_um, memory.choice)
     return p.Step(
         id=step.id,
         verb=step.verb,
@@ -331,7 +334,20 @@ def _budget(
         bias_um=_off_um(task, here),
         goal=share_of_goal(task),
         seen=(hole, shaft),
+        methods=_other_methods(memory),
     )
+
+
+def _other_methods(memory: Memory) -> list[tuple[str, float]]:
+    """Return the ways to align that were not taken, with their chances."""
+    if memory.choice is None:
+        return []
+    return [
+        (option.method, option.success_probability)
+        for option in memory.choice.options
+        if option.method != memory.choice.method
+        and option.success_probability is not None
+    ]
 
 
 def _off_um(task: Task, insert: StepState) -> float:
@@ -364,7 +380,8 @@ def _left(
             source="no alignment since something last moved sideways",
         )
     carrier = moved_by(task, align)
-    if align.step.method == "look_then_move":
+    method = align.step.method if memory.choice is None else memory.choice.method
+    if method == "look_then_move":
         return Left(
             residual=single_residual(task, carrier),
             term=f"{carrier} repeatability left by two moves",

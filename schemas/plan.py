@@ -13,7 +13,7 @@ from typing import Any, Literal
 
 from schemas.codec import CodecError, from_data, to_data
 from schemas.pose import Pose
-from schemas.verdicts import BudgetAnalysis, FitVerdict
+from schemas.verdicts import BudgetAnalysis, FitVerdict, MethodChoice
 
 FORMAT_VERSION = "2.1"
 
@@ -385,7 +385,11 @@ class Control:
     max_step_um: float  # a larger correction after the first approach is a fault
     max_cycles: int
     expected_cycles: float
-    expected_s: float
+    expected_s: float  # looks and settling, after the first approach
+    approach_s: float = 0.0  # the first approach
+    floor_s: float | None = None  # moves, settling and exposures alone
+    ratio_to_floor: float | None = None  # of approach_s + expected_s
+    choice: MethodChoice | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -91,3 +91,26 @@ class BudgetAnalysis:
     changes: tuple[Change, ...]  # () if the share is met
     allowed: tuple[Allowed, ...]
     yields: tuple[YieldCurve, ...]
+
+
+MethodName = Literal["servo", "look_then_move"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MethodOption:
+    """What one way to run an alignment would give."""
+
+    method: MethodName
+    success_probability: float | None  # of the insertion; None: none follows
+    looks: float  # expected
+    expected_s: float  # looks and settling
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MethodChoice:
+    """Which way was taken, and why."""
+
+    asked: Literal["auto", "servo", "look_then_move"]
+    method: MethodName
+    reason: str
+    options: tuple[MethodOption, ...]

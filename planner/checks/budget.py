@@ -149,7 +149,11 @@ def _scale_row(
     """Return what an unknown magnification moves, along the line from the axis."""
     far_um = [math.hypot(*seen.place_um) for seen in (hole, shaft)]
     x_um, y_um = (hole if far_um[0] >= far_um[1] else shaft).place_um
-    apart_um = math.hypot(*far_um) if zoomed else abs(far_um[0] - far_um[1])
+    apart_um = math.hypot(*far_um)  # two zooms err by themselves
+    if not zoomed:
+        x_um = hole.place_um[0] - shaft.place_um[0]
+        y_um = hole.place_um[1] - shaft.place_um[1]
+        apart_um = math.hypot(x_um, y_um)
     said = "of both looks" if zoomed else "that the looks differ by, at one zoom"
     return BudgetRow(
         term="zoom scale over the distance from the axis",

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from planner.cli import main
-from planner.control import tolerance_um
+from planner.control import method_of, tolerance_um
 from planner.diagnostics import TITLES, Report
 from planner.inputs.read_task import load_task
 from planner.model.steps import unfold
@@ -57,12 +57,26 @@ def _tolerances(folder: Path) -> Report:
     return report
 
 
+def _methods(folder: Path) -> Report:
+    """Return what the compiler finds of the ways to align, without looks."""
+    report = Report()
+    task = load_task(folder / "task.yaml", report)
+    assert task is not None
+    states = unfold(task, report)
+    for state in states:
+        if state.step.verb == "align":
+            within = tolerance_um(task, states, state, None, report)
+            method_of(task, states, state, within, {}, report)
+    return report
+
+
 # first characters of a code -> what finds it in the example's folder
 RUNNERS: dict[str, Callable[[Path], Report]] = {
     "MP0": _load,
     "MP1": _load,
     "MP2": _load,
     "MP3": _unfold,
+    "MP612": _methods,  # so would this one's
     "MP603": _tolerances,  # the page's call would look for half a minute before
 }
 CODES = sorted(page.stem for page in PAGES.glob("MP[0-7]*.md"))
