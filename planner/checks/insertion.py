@@ -6,15 +6,23 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
 
 from planner.checks.ellipse import Spread, beyond_radii
 from planner.checks.fit import Fit, Residual, miss_probability
+from planner.checks.landing import BODY_SIGMAS, STEP_SIGMAS
+from planner.checks.pieces import cuts_between, nodes_between
 from schemas.plan import BudgetRow
+
+FloatArray = npt.NDArray[np.float64]
 
 SERVO, OFFSET, SIZE = "servo", "offset", "size"
 # Axes of a covariance closer than this are one: it moves chances by less than 1e-9.
 ROUND = 1e-9
-LEAST_NODES, MOST_NODES = 8, 256
+LEAST_NODES, MOST_NODES = 8, 128
+# Below this share of the wide axis the chance bends too sharply for Hermite nodes.
+SMOOTH = 0.5
+PIECE_NODES = 6
 # How closely the mean over the wide axis is found; chances are quoted to 4 digits.
 CLOSE = 1e-5
 
@@ -57,20 +65,54 @@ class Insertion:
 
     def _averaged(self, narrow_um: float, extra_um: float, angle_rad: float) -> float:
         """Return the mean chance over a shift along the wide axis."""
+        if narrow_um < SMOOTH * extra_um:
+            shifts, weights = self._pieces(extra_um, angle_rad)
+            return min(1.0, self._mean(shifts, weights, narrow_um, angle_rad))
         before, count = math.inf, LEAST_NODES
         while True:
             nodes, weights = np.polynomial.hermite_e.hermegauss(count)
-            found = 0.0
-            for node, weight in zip(nodes, weights / weights.sum(), strict=True):
-                along = extra_um * float(node)
-                x = self.offset_um + along * math.cos(angle_rad)
-                off = math.hypot(x, along * math.sin(angle_rad))
-                found += weight * miss_probability(
-                    self.fit, self.residual, narrow_um, off
-                )
+            weights = weights / weights.sum()
+            found = self._mean(extra_um * nodes, weights, narrow_um, angle_rad)
             if abs(found - before) <= CLOSE * found or 2 * count > MOST_NODES:
-                return min(1.0, float(found))
+                return min(1.0, found)
             before, count = found, 2 * count
+
+    def _mean(
+        self,
+        shifts_um: FloatArray,
+        weights: FloatArray,
+        narrow_um: float,
+        angle_rad: float,
+    ) -> float:
+        """Return the weighted chance over shifts, (N,) each."""
+        x = self.offset_um + shifts_um * math.cos(angle_rad)
+        off_um = np.hypot(x, shifts_um * math.sin(angle_rad))
+        chances: dict[float, float] = {}  # most come twice, on either side
+        for off in off_um.tolist():
+            if off not in chances:
+                chances[off] = miss_probability(self.fit, self.residual, narrow_um, off)
+        return float(weights @ np.array([chances[off] for off in off_um.tolist()]))
+
+    def _pieces(
+        self, extra_um: float, angle_rad: float
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return shifts and weights between the places where the chance bends.
+
+        It does where the disc that the servo leaves begins or ends to touch a circle.
+        """
+        room, within = self.fit.room, self.residual.within_um
+        sizes = room.radius_um + np.array([-1.0, 0.0, 1.0]) * room.reach_um
+        touch = np.abs(np.concatenate([sizes - within, sizes, sizes + within]))
+        middle = -self.offset_um * math.cos(angle_rad)
+        side = np.sqrt(
+            np.maximum(touch**2 - (self.offset_um * math.sin(angle_rad)) ** 2, 0.0)
+        )
+        body = np.arange(-BODY_SIGMAS, BODY_SIGMAS + 1, STEP_SIGMAS) * extra_um
+        reach = BODY_SIGMAS * extra_um
+        bends = np.concatenate([body, middle - side, middle + side])
+        shifts, weights = nodes_between(cuts_between(-reach, bends, reach), PIECE_NODES)
+        law = weights * np.exp(-((shifts / extra_um) ** 2) / 2)
+        return shifts, law / law.sum()
 
     def scaled(self, term: str, factor: float) -> Insertion:
         """Return the same insertion with one term larger or smaller.
