@@ -77,6 +77,8 @@ TITLES: Mapping[str, str] = {
     "MP610": "how hole and shaft fit",
     "MP611": "shaft may wedge",
     "MP612": "how an alignment is run",
+    "MP613": "whether a released part stays",
+    "MP614": "how firmly a part is held",
     "MP701": "not a plan folder",
     "MP702": "output cannot be written",
 }

@@ -20,7 +20,9 @@ from planner.checks.budget import (
     verify_budget,
 )
 from planner.checks.fit import Residual
+from planner.checks.handling import report_handling, verdicts_of
 from planner.checks.insert_budget import Left, insert_budget, share_of_goal
+from planner.checks.mechanics import mechanical_rows
 from planner.control import (
     control_of,
     insert_s,
@@ -35,13 +37,12 @@ from planner.diagnostics import Report
 from planner.inputs.task import Move, Step, Task
 from planner.looks import CompiledLook, Effects, compile_look
 from planner.model.assembly import Axis4, locate_place, owner_of, part_sigma_um
-from planner.model.mating import fit_verdict, mating_of
 from planner.model.requests import insertion_after, requests
 from planner.model.steps import StepState
 from planner.model.sweep import ROUNDING_UM
 from schemas import plan as p
 from schemas.codec import to_data
-from schemas.verdicts import FitVerdict, MethodChoice
+from schemas.verdicts import MethodChoice
 
 IRREVERSIBLE = ("grasp", "insert", "release")
 PHYSICAL = (*IRREVERSIBLE, "move", "align")
@@ -108,6 +109,7 @@ def compile_step(
         choice = method_of(task, states, here, within, memory.seen, report)
         memory = replace(memory, within_um=within, choice=choice)
     step = _step(task, states, here, tuple(looks), memory)
+    report_handling(here, step.grasp, step.release, report)
     step = replace(step, key=journal_key(step, memory.key))
     return CompiledStep(
         step=step, looks=tuple(looks), memory=replace(memory, key=step.key)
@@ -167,6 +169,8 @@ def _step(
     control = None
     if step.verb == "align":
         control = control_of(task, here, memory.within_um, memory.choice)
+    budget = _budget(task, states, here, memory)
+    verdicts = verdicts_of(task, states, here)
     return p.Step(
         id=step.id,
         verb=step.verb,
@@ -178,18 +182,14 @@ def _step(
         action=_action(task, here, looks),
         control=control,
         conditions=_conditions(here),
-        budget=_budget(task, states, here, memory),
-        fit=_fit(task, here),
+        budget=budget,
+        fit=verdicts.fit,
+        grasp=verdicts.grasp,
+        release=verdicts.release,
+        effects=mechanical_rows(
+            here, budget, verdicts.fit, verdicts.grasp, verdicts.release
+        ),
     )
-
-
-def _fit(task: Task, here: StepState) -> FitVerdict | None:
-    """Return the fit of an insertion."""
-    if here.step.verb != "insert":
-        return None
-    mating = mating_of(task, here.step, here.after)
-    tilt_rad = task.workcell.stage.axis_tilt_sigma_rad
-    return None if mating is None else fit_verdict(mating, tilt_rad)
 
 
 def _action(task: Task, here: StepState, looks: Sequence[CompiledLook]) -> p.Action:

@@ -13,7 +13,13 @@ from typing import Any, Literal
 
 from schemas.codec import CodecError, from_data, to_data
 from schemas.pose import Pose
-from schemas.verdicts import BudgetAnalysis, FitVerdict, MethodChoice
+from schemas.verdicts import (
+    BudgetAnalysis,
+    FitVerdict,
+    GraspVerdict,
+    MethodChoice,
+    ReleaseVerdict,
+)
 
 FORMAT_VERSION = "2.1"
 
@@ -448,6 +454,9 @@ class Step:
     conditions: Conditions
     budget: Budget
     fit: FitVerdict | None = None  # of an insertion
+    grasp: GraspVerdict | None = None  # of a grasp
+    release: ReleaseVerdict | None = None  # of a release
+    effects: tuple[EffectRow, ...] = ()  # mechanical; a look's are its own
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -114,3 +114,56 @@ class MethodChoice:
     method: MethodName
     reason: str
     options: tuple[MethodOption, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Force:
+    """One force as an interval: its size is known to a factor of ten at best."""
+
+    name: str
+    least_un: float
+    most_un: float
+    validity: str  # where the formula holds, and what was assumed
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rung:
+    """One action of a release, tried if those before it did not do."""
+
+    action: str
+    why: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReleaseVerdict:
+    """Whether a released part stays: what pulls it along, and what holds it."""
+
+    verdict: Literal["stays", "may stick", "will stick"]
+    reason: str
+    contact_um2: float  # of one finger
+    finger: tuple[Force, ...]  # between the part and one finger
+    holding: tuple[Force, ...]  # between the part and what it lies on
+    weight_un: tuple[float, float]
+    pull_un: tuple[float, float]
+    hold_un: tuple[float, float]
+    ladder: tuple[Rung, ...]  # planned; the executor opens and looks, no more
+    verified_by: str | None  # step that looks whether it worked; None: none does
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GraspVerdict:
+    """How a part stands between the jaws, and how firmly it is held."""
+
+    opening_um: float  # before they close
+    width_um: float  # of the part's hull at the angle in which it settles
+    width_range_um: tuple[float, float]  # over all angles
+    room_um: float  # on the narrower side
+    needed_um: float  # 3 sigma of the places of part and jaws
+    settles: int  # angles in half a turn at which it may lie flat; 0: it turns freely
+    theta_within_rad: float | None  # half the widest gap between them; None: any angle
+    theta_sigma_rad: float  # of the angle once held
+    squeeze_um: float  # by which each finger bends
+    force_un: tuple[float, float] | None  # None: the workcell tells no stiffness
+    lift_un: tuple[float, float]  # weight, and what it lies on holding it
+    verdict: Literal["holds", "may slip", "will slip", "unknown"]
+    reason: str

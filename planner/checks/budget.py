@@ -176,7 +176,6 @@ def grasp_budget(task: Task, state: State, step: Step) -> Budget:
         BudgetRow(
             term="place of the jaws", sigma_um=grip.sigma_xy_um, source="workcell"
         ),
-        BudgetRow(term="adhesion and hold force", sigma_um=None, source="not modelled"),
     )
     total = math.hypot(stands.sigma_um, grip.sigma_xy_um)
     return Budget(
@@ -193,7 +192,8 @@ def release_budget(task: Task, tool: str) -> Budget:
     row = BudgetRow(
         term="adhesion to the fingers",
         sigma_um=None,
-        source=f"not modelled; stick_probability {stick:g} as the workcell states",
+        source=f"an interval of forces gives no chance (the step's verdict has it); "
+        f"stick_probability {stick:g} as the workcell states",
     )
     return Budget(
         rows=(row,),

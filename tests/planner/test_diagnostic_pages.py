@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from planner.checks.handling import report_handling, verdicts_of
 from planner.cli import main
 from planner.control import method_of, tolerance_um
 from planner.diagnostics import TITLES, Report
@@ -70,6 +71,18 @@ def _methods(folder: Path) -> Report:
     return report
 
 
+def _handling(folder: Path) -> Report:
+    """Return what the compiler finds of grasps and releases, without looks."""
+    report = Report()
+    task = load_task(folder / "task.yaml", report)
+    assert task is not None
+    states = unfold(task, report)
+    for state in states:
+        found = verdicts_of(task, states, state)
+        report_handling(state, found.grasp, found.release, report)
+    return report
+
+
 # first characters of a code -> what finds it in the example's folder
 RUNNERS: dict[str, Callable[[Path], Report]] = {
     "MP0": _load,
@@ -77,6 +90,8 @@ RUNNERS: dict[str, Callable[[Path], Report]] = {
     "MP2": _load,
     "MP3": _unfold,
     "MP612": _methods,  # so would this one's
+    "MP613": _handling,
+    "MP614": _handling,
     "MP603": _tolerances,  # the page's call would look for half a minute before
 }
 CODES = sorted(page.stem for page in PAGES.glob("MP[0-7]*.md"))
