@@ -53,7 +53,7 @@ def mechanical_rows(
 def _insert_rows(budget: Budget, fit: FitVerdict | None) -> list[EffectRow]:
     """Return the terms of an insertion's budget, and what its fit takes."""
     rows = [
-        _row(row.term, "normal, in the budget", row.sigma_um, UM, row.source)
+        _row(row.term, "normal", None, UM, f"{row.sigma_um:.3g} um: {row.source}")
         if row.sigma_um is not None
         else _row(row.term, LEFT_OUT, None, UM, row.source)
         for row in budget.rows
