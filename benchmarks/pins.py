@@ -123,7 +123,7 @@ def sightings(plan: Plan) -> dict[str, Sighted]:
 def table(found: tuple[Verdict, ...]) -> str:
     """Return the verdicts as a table in Markdown."""
     lines = [
-        "| pin um | fit | least um | within | P servo | P one look | method | goal | is |",
+        "| pin um | fit | least um | within | servo | one look | method | goal | is |",
         "|---|---|---|---|---|---|---|---|---|",
     ]
     for v in found:

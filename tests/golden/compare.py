@@ -26,6 +26,8 @@ MEASURED = frozenset(
      "sigma_upper_um", "bias_x_um", "bias_y_um", "halved_probability", "slope_per_um",
      "largest_um", "size_um", "halvings", "floor_s", "ratio_to_floor"}
 )  # fmt: skip
+# Sentences in which only the numbers may differ.
+WORDS = frozenset({"reason", "message", "advice", "source", "what"})
 MEASURED_REL = 0.2  # of 24 trials; a routine that changed moves its sigma by more
 MEASURED_ABS = 2e-3  # um or rad: biases are averages about 0
 _NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?%?")
@@ -63,13 +65,7 @@ def _same(old: Any, new: Any, key: str) -> bool:
     """Return whether two plain values agree; numbers in texts are not looked at."""
     if type(old) is not type(new):
         return False
-    if isinstance(old, str) and key in (
-        "reason",
-        "message",
-        "advice",
-        "source",
-        "what",
-    ):
+    if isinstance(old, str) and key in WORDS:
         return bool(_NUMBER.sub("#", old) == _NUMBER.sub("#", new))
     if isinstance(old, int) and key in COUNTED:
         return bool(abs(old - new) <= COUNT_SLACK)
