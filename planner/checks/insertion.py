@@ -16,7 +16,7 @@ from schemas.plan import BudgetRow
 
 FloatArray = npt.NDArray[np.float64]
 
-SERVO, OFFSET, SIZE = "servo", "offset", "size"
+SERVO, OFFSET, SIZE, ALL = "servo", "offset", "size", "all"
 # Axes of a covariance closer than this are one: it moves chances by less than 1e-9.
 ROUND = 1e-9
 LEAST_NODES, MOST_NODES = 8, 128
@@ -117,9 +117,15 @@ class Insertion:
     def scaled(self, term: str, factor: float) -> Insertion:
         """Return the same insertion with one term larger or smaller.
 
-        `term` is that of a row in `blind`, or SERVO, OFFSET, SIZE. A finer stage is
+        `term` is that of a row in `blind`, or SERVO, OFFSET, SIZE, or ALL of them. A finer stage is
         also asked to stop closer, in its own sigmas.
         """
+        if term == ALL:
+            keys = (SERVO, OFFSET, SIZE, *dict.fromkeys(row.term for row in self.blind))
+            found = self
+            for key in keys:
+                found = found.scaled(key, factor)
+            return found
         if term == SERVO:
             left = Residual(
                 sigma_um=self.residual.sigma_um * factor,

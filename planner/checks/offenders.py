@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from planner.checks.insertion import OFFSET, SERVO, SIZE, Insertion
+from planner.checks.insertion import ALL, OFFSET, SERVO, SIZE, Insertion
 from schemas.verdicts import Change, Offender, YieldCurve, YieldPoint
 
 # Slopes are central differences over this share of a term: chances are right to 1e-12,
@@ -67,8 +67,8 @@ def changes(
 ) -> tuple[Change, ...]:
     """Return what would give the goal, the cheapest first; () if it is met.
 
-    A change costs as many halvings of a term, or doublings of the least clearance, as
-    it takes; another method costs none. `methods` are others with their chances.
+    A change costs as many halvings of a term, or doublings of the clearance, as it
+    takes; another method costs none. `methods` are others with their chances.
     """
     if 1 - job.miss >= goal:
         return ()
@@ -87,7 +87,7 @@ def changes(
                 f"{term.largest_um:.3g} um"
             )
             fits.append(Change(what=what, halvings=halvings, success_probability=goal))
-    fits += _wider(job, goal)
+    fits += _wider(job, goal) + _all_finer(job, goal)
     return tuple(sorted(fits, key=lambda change: (change.halvings, change.what)))
 
 
@@ -152,7 +152,6 @@ def _largest(job: Insertion, key: str, size_um: float, goal: float) -> float | N
 def _wider(job: Insertion, goal: float) -> list[Change]:
     """Return the least widening of the hole that gives the goal, if any does."""
     clearance = 2 * job.fit.capture_um
-    least = clearance - 2 * job.fit.room.reach_um
 
     def misses(wider: float) -> bool:
         return 1 - job.widened(wider).miss < goal
@@ -162,12 +161,32 @@ def _wider(job: Insertion, goal: float) -> list[Change]:
         return []
     wider = _edge(misses, 0.0, most)
     wider += SHARP * wider  # the edge is found from below
-    base = max(least, SHARP * wider)
+    base = max(clearance, SHARP * wider)
     return [
         Change(
             what=f"widen the hole by {wider:.3g} um",
             halvings=math.log2((base + wider) / base),
             success_probability=1 - job.widened(wider).miss,
+        )
+    ]
+
+
+def _all_finer(job: Insertion, goal: float) -> list[Change]:
+    """Return by how much all terms together must shrink, if that gives the goal."""
+
+    def meets(factor: float) -> bool:
+        return 1 - job.scaled(ALL, factor).miss >= goal
+
+    if not meets(0.0):
+        return []
+    factor = _edge(meets, 0.0, 1.0)
+    if factor <= 0:
+        return []
+    return [
+        Change(
+            what=f"bring every error and tolerance to {100 * factor:.3g} % of itself",
+            halvings=-math.log2(factor),
+            success_probability=1 - job.scaled(ALL, factor).miss,
         )
     ]
 

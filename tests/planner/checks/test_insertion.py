@@ -136,9 +136,12 @@ def test_what_no_change_of_one_term_mends_says_so() -> None:
     job = insertion(row("a", 2.0), row("b", 2.0))
     found = offenders(job, sizes_of(job, "servo", "offset", "size"), 0.95)
     assert [o.largest_um for o in found] == [None, None]
-    (way,) = changes(job, found, 0.95)
+    wide, finer = changes(job, found, 0.95)
     # 2 (sqrt(-2 * 8 ln .05) - 3) = 7.847 um, found to a thousandth
-    assert way.what in ("widen the hole by 7.85 um", "widen the hole by 7.86 um")
+    assert wide.what in ("widen the hole by 7.85 um", "widen the hole by 7.86 um")
+    # both axes of one factor: 3 / sqrt(-2 * 8 ln .05) = .4333
+    assert finer.what.startswith("bring every error and tolerance to 43.3 %")
+    assert wide.halvings == pytest.approx(finer.halvings, abs=3e-3)
 
 
 def test_every_term_can_be_scaled() -> None:
