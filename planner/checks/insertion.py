@@ -34,7 +34,7 @@ class Insertion:
     fit: Fit
     residual: Residual  # what the servo leaves
     blind: tuple[BudgetRow, ...]  # what it cannot see
-    offset_um: float = 0.0  # that nobody corrects, along x
+    offset_um: float = 0.0  # that nobody corrects; its direction is taken as x
 
     @property
     def rest(self) -> Spread:
@@ -117,8 +117,8 @@ class Insertion:
     def scaled(self, term: str, factor: float) -> Insertion:
         """Return the same insertion with one term larger or smaller.
 
-        `term` is that of a row in `blind`, or SERVO, OFFSET, SIZE, or ALL of them. A finer stage is
-        also asked to stop closer, in its own sigmas.
+        `term` is that of a row in `blind`, or SERVO, OFFSET, SIZE, or ALL of them. A
+        finer stage is also asked to stop closer, in its own sigmas.
         """
         if term == ALL:
             keys = (SERVO, OFFSET, SIZE, *dict.fromkeys(row.term for row in self.blind))
