@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from planner.checks.adhesion import (
@@ -76,6 +76,7 @@ def test_what_is_ruled_out_is_nothing() -> None:
     assert named(TIP, CELL)["charge"].most_un == 0.0  # grounded
 
 
+@settings(max_examples=60, deadline=None)
 @given(
     rough=st.floats(0.0, 1000.0), humid=st.floats(0, 1), area=st.floats(1e-6, 1e8),
     grounded=st.booleans(),

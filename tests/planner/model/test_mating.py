@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import optimize
 
@@ -67,6 +67,7 @@ def test_the_class_is_what_parts_drawn_at_random_do(
     assert ("interference" if not goes.any() else seen) == wanted
 
 
+@settings(max_examples=60, deadline=None)
 @given(st.floats(0.05, 8.0), st.floats(20.0, 400.0))
 def test_the_tilt_limit_is_where_a_tilted_shaft_touches_both_ends(
     clearance_um: float, engaged_um: float
