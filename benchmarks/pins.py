@@ -67,7 +67,9 @@ def verdict(task: Task, plan: Plan, pin_um: float) -> Verdict:
     mating = mating_of(changed, insert.step, insert.after)
     if fit is None or mating is None:
         raise ValueError("the example inserts no round hole over a post")
-    chances = {o.method: o.success_probability or 0.0 for o in choice.options}
+    chances: dict[str, float] = {
+        o.method: o.success_probability or 0.0 for o in choice.options
+    }
     budget = insert_budget(
         changed,
         fit,

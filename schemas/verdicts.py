@@ -40,7 +40,7 @@ class Offender:
 
     term: str
     size_um: float  # as in the budget's rows
-    slope_per_um: float  # dP/dsize, <= 0
+    slope_per_um: float  # dP/dsize; above 0 where spread helps what mostly fails
     halved_probability: float  # P if the term were half as large
     largest_um: float | None  # that still gives the goal; None: not even 0 does
 
