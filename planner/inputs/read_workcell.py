@@ -232,8 +232,14 @@ def _tool(
         grip_from_tip_um=float(raw["grip_from_tip_um"]),
         reflectance=float(raw["reflectance"]),
         stick_probability=float(raw["stick_probability"]),
+        free_length_um=_number(raw.get("free_length_um")),
+        youngs_modulus_gpa=_number(raw.get("youngs_modulus_gpa")),
         where=at,
     )
+
+
+def _number(value: float | None) -> float | None:
+    return None if value is None else float(value)
 
 
 def _pair(values: list[float]) -> Interval:

@@ -192,6 +192,16 @@ class Benchmark:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Environment:
+    """What surfaces stick and rub by; read where adhesion or friction matters."""
+
+    humidity: float = 0.4  # relative, 0..1
+    grounded: bool = True
+    roughness_um: float = 0.02  # of the surfaces that touch, rms
+    friction: float = 0.3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Task:
     """Everything a task file says, with the workcell it names."""
 
@@ -207,5 +217,6 @@ class Task:
     steps: tuple[Step, ...]
     optimise: Optimise
     benchmark: Benchmark
+    environment: Environment
     where: Mapping[str, Span]  # "start", "goal", "steps", ...
     normalised: Mapping[str, object]  # plain data, defaults filled in, for hashing
