@@ -70,7 +70,7 @@ def test_records_tell_where_they_begin() -> None:
         (struct.pack(">HBB", 6, 0x0D, 3) + bytes(2), "data type 3, 2 is right"),
         (struct.pack(">HBB", 6, 0x7F, 2) + bytes(2), "0x7f is unknown"),
         (struct.pack(">HBB", 10, 0x10, 3) + bytes(6), "multiples of 8"),
-        (struct.pack(">HBB", 60_000, 0x10, 3), "runs past the end"),
+        (struct.pack(">HBB", 60_004, 0x10, 3), "runs past the end"),
     ],
 )
 def test_a_broken_record_is_named_with_its_place(head: bytes, words: str) -> None:
