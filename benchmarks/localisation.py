@@ -24,7 +24,6 @@ for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
 from benchmarks import localisation_depth, localisation_trials  # noqa: E402 - see above
 from benchmarks.figures import Benchmark, Figure, Options  # noqa: E402
 from benchmarks.localisation_points import (  # noqa: E402
-    HEIGHTS_UM,
     PART,
     TRIALS,
     WAYS,
@@ -138,7 +137,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         if unit.way in (call.way or WAYS)
         and unit.scene in (call.scene or FITTED)
         and unit.condition in (call.condition or CONDITIONS)
-        and unit.z_um in (call.height or HEIGHTS_UM)
+        and (not call.height or unit.z_um in call.height)
     ]
     done = []
     for unit, part in measure_all(wanted, 0 if call.show else call.jobs, call.record):
