@@ -221,7 +221,8 @@ def _verdict(plan: Plan, cell: Cell) -> Verdict | None:
     checks = [s.action for s in plan.steps if isinstance(s.action, VerifyAction)]
     if not checks or checks[-1].target.partition(".")[0] not in cell.truth.bodies:
         return None
-    return cell.judge(checks[-1].target, checks[-1].on)
+    last = checks[-1]
+    return cell.judge(last.target, last.on, last.within_um)
 
 
 def _read_plan(path: Path) -> Plan:

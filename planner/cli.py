@@ -1,4 +1,4 @@
-"""The command microplan: check, compile and render a task."""
+"""The command microplan: one subcommand a job, findings in four forms."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Protocol, TextIO
 
-from planner.diagnostics import Report, render_text
-from planner.presets import PRESETS
+from planner.arguments import build_parser
+from planner.diagnostics import TITLES, Report, Span
 
 DONE, NO, BAD_INPUT, BUG = 0, 1, 2, 70
-# the keys of `optics.models.MODELS`, which --help cannot load: it loads scipy
-LAWS = "geometric, product, stokseth, hopkins, exact"
 
-EPILOG = (
-    "Exit status: 0 done, 1 understood but the answer is no, 2 the input or the call "
-    "is at fault, 70 a bug in microplan."
-)
+
+class Coded(Protocol):
+    """An exception with the code of its finding."""
+
+    code: str
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -27,7 +27,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
     try:
-        call = _parser().parse_args(argv)
+        call = build_parser(_RUNS).parse_args(argv)
     except SystemExit as leaving:  # argparse: 0 after --help, 2 for a wrong call
         return int(leaving.code or 0)
     try:
@@ -40,95 +40,40 @@ def main(argv: Sequence[str] | None = None) -> int:
     return status
 
 
-def _parser() -> argparse.ArgumentParser:
-    """Return the parser of all commands."""
-    parser = argparse.ArgumentParser(
-        prog="microplan",
-        description="Offline compiler for vision-guided microassembly.",
-        epilog=EPILOG,
-    )
-    commands = parser.add_subparsers(required=True, metavar="COMMAND")
-    _add_check(commands.add_parser("check", help="read, resolve and check a task"))
-    _add_compile(commands.add_parser("compile", help="compile a task into a plan"))
-    _add_render(commands.add_parser("render", help="render what a step will see"))
-    _add_tradeoff(
-        commands.add_parser("tradeoff", help="measure speed against accuracy")
-    )
-    return parser
-
-
-def _add_check(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of `microplan check`."""
-    parser.add_argument("task", help="task.yaml")
-    parser.set_defaults(run=_check)
-
-
-def _add_compile(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of `microplan compile`."""
-    parser.add_argument("task", help="task.yaml")
-    parser.add_argument("-o", "--out", type=Path, help="default: <name>.plan beside it")
-    parser.add_argument("--jobs", type=count, default=1, help="worker processes")
-    parser.add_argument("--preset", choices=sorted(PRESETS), help="how much to spend")
-    parser.add_argument(
-        "--max-image-error", type=share, help="of unit contrast, above 0 and below 1"
-    )
-    parser.set_defaults(run=_compile)
-
-
-def _add_render(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of `microplan render`."""
-    parser.add_argument("task", help="task.yaml")
-    parser.add_argument("--step", required=True, help="id of the step")
-    parser.add_argument("--magnification", type=float, help="default: as compiled")
-    parser.add_argument("--focus-um", type=float, help="world height in focus")
-    parser.add_argument("--model", help=f"defocus law: {LAWS}; default: exact")
-    parser.add_argument(
-        "--max-image-error",
-        type=share,
-        help="law and sampling that keep it at this focus, sampling alone with --model;"
-        " with --trial as for compile",
-    )
-    parser.add_argument("--noise", action="store_true", help="add the sensor's noise")
-    parser.add_argument("--trial", type=int, help="rebuild this trial of the benchmark")
-    parser.add_argument("-o", "--out", type=Path, required=True, help=".png or .npy")
-    parser.set_defaults(run=_render)
-
-
-def _add_tradeoff(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of `microplan tradeoff`."""
-    parser.add_argument("task", help="task.yaml")
-    parser.add_argument("--step", help="id of the step; default: all that look")
-    parser.add_argument(
-        "--max-image-error", type=share, help="what may be chosen; default: the task's"
-    )
-    parser.add_argument(
-        "-o", "--out", type=Path, help="folder; default: <name>.tradeoff beside it"
-    )
-    parser.set_defaults(run=_tradeoff)
-
-
 def _check(call: argparse.Namespace) -> int:
     """Read and check a task without rendering."""
     from planner.inputs.read_task import load_task
     from planner.model.check import check_task  # shapely, but no imaging and no scipy
+    from planner.outputs.parts import parts_summary
 
     report = Report()
     task = load_task(call.task, report)
-    summary = "" if task is None else check_task(task, report)
-    return _tell(report, summary)
+    if task is None:
+        return _tell(call, report, "")
+    said = [check_task(task, report), parts_summary(task.parts)]
+    if call.out:
+        from planner.outputs.drawn import write_drawings
+        from planner.outputs.errors import OutputError
+
+        try:
+            said.append(write_drawings(task.parts, call.out))
+        except OutputError as error:
+            return _refuse(call, report, error)
+    return _tell(call, report, "\n".join(said) if said[0] else "")
 
 
 def _compile(call: argparse.Namespace) -> int:
     """Compile a task into a plan folder."""
     from planner.compiler import Options, compile_task
     from planner.inputs.read_task import load_task
-    from planner.outputs.emit import OutputError, check_folder, write_folder
+    from planner.outputs.emit import check_folder, write_folder
+    from planner.outputs.errors import OutputError
     from planner.outputs.summary import plan_summary
 
     report = Report()
     task = load_task(call.task, report)
     if task is None:
-        return _tell(report, "")
+        return _tell(call, report, "")
     folder: Path = call.out or Path(call.task).parent / f"{task.name}.plan"
     try:
         check_folder(folder)
@@ -142,12 +87,11 @@ def _compile(call: argparse.Namespace) -> int:
             ),
         )
         if files is None:
-            return _tell(report, "")
+            return _tell(call, report, "")
         write_folder(files, folder)
     except OutputError as error:
-        print(f"error[{error.code}]: {error}", file=sys.stderr)
-        return BAD_INPUT
-    return _tell(report, f"{plan_summary(files.plan)}\nplan folder: {folder}")
+        return _refuse(call, report, error)
+    return _tell(call, report, f"{plan_summary(files.plan)}\nplan folder: {folder}")
 
 
 def _render(call: argparse.Namespace) -> int:
@@ -158,7 +102,7 @@ def _render(call: argparse.Namespace) -> int:
     report = Report()
     task = load_task(call.task, report)
     if task is None:
-        return _tell(report, "")
+        return _tell(call, report, "")
     try:
         said = render_step(
             task,
@@ -175,22 +119,21 @@ def _render(call: argparse.Namespace) -> int:
             report,
         )
     except RenderError as error:
-        print(f"error[{error.code}]: {error}", file=sys.stderr)
-        return BAD_INPUT
-    return _tell(report, said)
+        return _refuse(call, report, error)
+    return _tell(call, report, said)
 
 
 def _tradeoff(call: argparse.Namespace) -> int:
     """Measure time and error of every way to compute a task's images."""
     from planner.inputs.read_task import load_task
-    from planner.outputs.emit import OutputError
+    from planner.outputs.errors import OutputError
     from planner.preview import RenderError
     from planner.tradeoff import TradeoffCall, write_tradeoff
 
     report = Report()
     task = load_task(call.task, report)
     if task is None:
-        return _tell(report, "")
+        return _tell(call, report, "")
     try:
         found = write_tradeoff(
             task,
@@ -203,9 +146,8 @@ def _tradeoff(call: argparse.Namespace) -> int:
             _progress,
         )
     except (OutputError, RenderError) as error:
-        print(f"error[{error.code}]: {error}", file=sys.stderr)
-        return BAD_INPUT
-    return _tell(report, found)
+        return _refuse(call, report, error)
+    return _tell(call, report, found)
 
 
 def _progress(step: str) -> None:
@@ -214,32 +156,78 @@ def _progress(step: str) -> None:
         print(f"measuring {step} ...", file=sys.stderr)
 
 
-def _tell(report: Report, result: str) -> int:
+def _explain(call: argparse.Namespace) -> int:
+    """Print the page of a code, or all codes."""
+    from planner.outputs.shipped import page
+
+    if call.code is None:
+        listed = (f"{code}  {title}" for code, title in TITLES.items())
+        _say("\n".join(listed), sys.stdout)
+        return DONE
+    text = page(call.code)
+    if text is None:
+        _say(f"no code {call.code!r}; microplan explain lists all", sys.stderr)
+        return BAD_INPUT
+    _say(text.rstrip(), sys.stdout)
+    return DONE
+
+
+def _init(call: argparse.Namespace) -> int:
+    """Write a task that compiles into a folder."""
+    from planner.outputs.errors import OutputError
+    from planner.outputs.starter import write_starter
+
+    try:
+        _say(write_starter(call.folder), sys.stdout)
+    except OutputError as error:
+        _say(f"error[{error.code}]: {error}", sys.stderr)
+        return BAD_INPUT
+    return DONE
+
+
+def _schema(call: argparse.Namespace) -> int:
+    """Print a JSON Schema."""
+    import json
+
+    from schemas import load
+
+    _say(json.dumps(load(call.name), indent=2, ensure_ascii=False), sys.stdout)
+    return DONE
+
+
+def _refuse(call: argparse.Namespace, report: Report, error: Coded) -> int:
+    """Tell what could not be done with the call itself, beside the findings."""
+    report.error(error.code, Span(file=call.task), str(error))
+    return _tell(call, report, "")
+
+
+def _tell(call: argparse.Namespace, report: Report, result: str) -> int:
     """Print findings and result; return the exit status they amount to."""
-    for finding in report.in_order:
-        print(render_text(finding), file=sys.stderr)
-    if result:
-        print(result)
+    from planner.outputs.findings import render_findings
+
+    out, err = render_findings(report.in_order, result, call.format)
+    _say(err, sys.stderr)
+    _say(out, sys.stdout)
     if report.failed:
         return BAD_INPUT
     refused = any(d.severity == "infeasible" for d in report.found)
     return NO if refused else DONE
 
 
-def count(text: str) -> int:
-    """Return a whole number from 1 on."""
-    value = int(text)
-    if not 1 <= value <= 256:
-        raise ValueError(text)
-    return value
+def _say(text: str, stream: TextIO) -> None:
+    """Print text, if any; a reader that has left, as `head` does, is no fault."""
+    if not text:
+        return
+    try:
+        print(text, file=stream, flush=True)
+    except BrokenPipeError:  # what the interpreter flushes at its end goes nowhere
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
-def share(text: str) -> float:
-    """Return a number above 0 and below 1."""
-    value = float(text)
-    if not 0 < value < 1:
-        raise ValueError(text)
-    return value
+_RUNS = {
+    "init": _init, "check": _check, "compile": _compile, "render": _render,
+    "tradeoff": _tradeoff, "explain": _explain, "schema": _schema,
+}  # fmt: skip
 
 
 if __name__ == "__main__":

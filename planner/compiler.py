@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from importlib.metadata import version
 
 from featuresel.trials import Map
+from planner.checks.insert_budget import share_of_goal
 from planner.diagnostics import Report, Span
 from planner.inputs.task import Task
 from planner.looks import Effects
@@ -27,6 +28,8 @@ from planner.steps import CompiledStep, Memory, compile_step
 from schemas import plan as p
 from schemas.codec import to_data
 from schemas.pose import Pose
+
+UNLIKELY = "MP602"  # every step can be done, together they succeed too rarely
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -144,22 +147,31 @@ def _report_goal(
     goal = task.success_goal
     if goal is None or chance is None or chance >= goal:
         return
-    weakest = min(steps, key=lambda step: step.budget.success_probability)
+    needed = share_of_goal(task)
+    ranked = sorted(steps, key=lambda step: step.budget.success_probability)
+    short = [s for s in ranked if s.budget.success_probability < needed] or ranked[:1]
+    costs = ", ".join(
+        f"{step.id!r} with {step.budget.success_probability:.4g}" for step in short
+    )
     report.refuse(
-        "MP602",
+        UNLIKELY,
         task.where.get("goal.success_probability", task.where["goal"]),
-        f"P(success) is {chance:.4g}, the goal {goal:g}; the weakest step is "
-        f"{weakest.id!r} with {weakest.budget.success_probability:.4g}",
-        weakest.budget.advice,
+        f"P(success) is {chance:.4g}, the goal {goal:g}, a share of {needed:.4g} for "
+        f"every step that may miss; short of it, the worst first: {costs}",
+        short[0].budget.advice,
     )
 
 
 def _reasons(task: Task, report: Report) -> tuple[p.Reason, ...]:
-    """Return why the plan is infeasible; empty if it is not."""
+    """Return why the plan is infeasible, empty if it is not: the worst first.
+
+    What cannot be done at all comes before what is only too unlikely.
+    """
+    found = [d for d in report.in_order if d.severity == "infeasible"]
+    found.sort(key=lambda d: d.code == UNLIKELY)  # stable: else by place in the file
     return tuple(
         p.Reason(code=d.code, step=_step_at(task, d.where), message=d.message)
-        for d in report.in_order
-        if d.severity == "infeasible"
+        for d in found
     )
 
 

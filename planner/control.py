@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 
 from planner.checks.budget import Sighted, blind_rows, fit_of
 from planner.checks.fit import (
@@ -14,16 +15,21 @@ from planner.checks.fit import (
     gain_limit,
     servo_tolerance_um,
 )
+from planner.checks.insert_budget import share_of_goal
+from planner.checks.insertion import Insertion
+from planner.checks.methods import choose
 from planner.diagnostics import Report
 from planner.inputs.task import Task
-from planner.model.assembly import Carrier, axes_of, locate_place
+from planner.model.assembly import Carrier, axes_of, locate_place, owner_of
 from planner.model.requests import insertion_after
 from planner.model.steps import StepState
 from planner.model.views import SEARCH_SIGMAS
 from schemas.plan import Control
+from schemas.verdicts import MethodChoice, MethodName, MethodOption
 
 # The chance that a servo needs more looks than this is below 1e-6.
 GIVE_UP = 1e-6
+MS_PER_S = 1e3
 # Without a fit or a stated tolerance: what axes reach within two looks on average.
 DEFAULT_SIGMAS = 1.2
 
@@ -62,27 +68,138 @@ def moved_by(task: Task, align: StepState) -> Carrier:
     return locate_place(task, align.before, align.step.target or "").carrier
 
 
-def control_of(task: Task, align: StepState, within_um: float) -> Control:
-    """Return how the alignment is run."""
-    cell, step = task.workcell, align.step
-    carrier = moved_by(task, align)
-    axes = axes_of(task, carrier)
-    single = step.method == "look_then_move"
-    residual = residual_of(task, within_um, carrier)
-    looks = 1.0 if single else expected_looks(residual)
-    cycle_s = axes.settle_s + 1 / cell.camera.rate_hz * (1 + cell.camera.latency_frames)
+def control_of(
+    task: Task, align: StepState, within_um: float, choice: MethodChoice | None = None
+) -> Control:
+    """Return how the alignment is run; as it says itself without a `choice`."""
+    step, carrier = align.step, moved_by(task, align)
+    method: MethodName = "servo" if choice is None else choice.method
+    if choice is None and step.method == "look_then_move":
+        method = "look_then_move"
+    option = _option(task, carrier, within_um, method)
+    approach_s = _approach_s(task, align)
+    floor_s = approach_s + option.looks * _floor_s(task, carrier)
     return Control(
-        # `auto` means servo until look-then-move is compared with it
-        method="look_then_move" if single else "servo",
+        method=method,
         gain=gain_of(task),
         gain_limit=gain_limit(0),
         tolerance_xy_um=within_um,
         tolerance_theta_rad=step.tolerance_theta_rad,
         max_step_um=max_step_um(task, carrier),
-        max_cycles=_most_looks(residual),
-        expected_cycles=looks,
+        max_cycles=_most_looks(residual_of(task, within_um, carrier)),
+        expected_cycles=option.looks,
+        expected_s=option.expected_s,
+        approach_s=approach_s,
+        floor_s=floor_s,
+        ratio_to_floor=(approach_s + option.expected_s) / floor_s,
+        choice=choice,
+    )
+
+
+def method_of(
+    task: Task,
+    states: tuple[StepState, ...],
+    align: StepState,
+    within_um: float,
+    seen: Mapping[str, Sighted],
+    report: Report,
+) -> MethodChoice:
+    """Return how to run an alignment: as the task asks, else by what each way gives.
+
+    `seen` are the looks by owner. What was chosen is reported.
+    """
+    step, insert = align.step, insertion_after(states, align)
+    here = next((s for s in states if s.step is insert), None)
+    ways: tuple[MethodName, ...] = ("servo", "look_then_move")
+    options = tuple(
+        _with_chance(task, align, here, within_um, way, seen) for way in ways
+    )
+    found = choose(options, share_of_goal(task), "" if insert is None else insert.id)
+    if step.method != "auto":
+        return replace(
+            found, asked=step.method, method=step.method, reason="the task asks for it"
+        )
+    if insert is not None:
+        report.note(
+            "MP612",
+            step.spans.get("method", step.where),
+            f"step {step.id!r}: {found.method} {found.reason}",
+        )
+    return found
+
+
+def _with_chance(
+    task: Task,
+    align: StepState,
+    insert: StepState | None,
+    within_um: float,
+    method: MethodName,
+    seen: Mapping[str, Sighted],
+) -> MethodOption:
+    """Return one way to align, with the chance of the insertion if one follows."""
+    carrier = moved_by(task, align)
+    option = _option(task, carrier, within_um, method)
+    fit = None if insert is None else fit_of(task, insert)
+    if insert is None or fit is None:
+        return option
+    hole, shaft = (
+        seen.get(owner_of(name or ""))
+        for name in (insert.step.target, insert.step.onto)
+    )
+    job = Insertion(
+        fit=fit,
+        residual=_left_by(task, carrier, within_um, method),
+        blind=blind_rows(
+            task.workcell, travel_of(insert), hole, shaft, insert_s(task, insert)
+        ),
+    )
+    return replace(option, success_probability=1 - job.miss)
+
+
+def _left_by(
+    task: Task, carrier: Carrier, within_um: float, method: MethodName
+) -> Residual:
+    """Return what a way to align leaves."""
+    if method == "look_then_move":
+        return single_residual(task, carrier)
+    return residual_of(task, within_um, carrier)
+
+
+def _option(
+    task: Task, carrier: Carrier, within_um: float, method: MethodName
+) -> MethodOption:
+    """Return how many looks a way takes on average, and how long."""
+    cell, axes = task.workcell, axes_of(task, carrier)
+    looks = expected_looks(residual_of(task, within_um, carrier))
+    if method == "look_then_move":
+        looks = 1.0
+    cycle_s = axes.settle_s + 1 / cell.camera.rate_hz * (1 + cell.camera.latency_frames)
+    return MethodOption(
+        method=method,
+        success_probability=None,
+        looks=looks,
         expected_s=looks * cycle_s,
     )
+
+
+def _floor_s(task: Task, carrier: Carrier) -> float:
+    """Return what a look cannot do without: settling and the longest exposure."""
+    exposure_s = task.workcell.camera.exposure_ms[1] / MS_PER_S
+    return axes_of(task, carrier).settle_s + exposure_s
+
+
+def _approach_s(task: Task, align: StepState) -> float:
+    """Return how long the first approach moves, and settles between its legs."""
+    carrier = moved_by(task, align)
+    axes = axes_of(task, carrier)
+    here = locate_place(task, align.before, align.step.target or "").pose
+    goal = locate_place(task, align.at_look, align.step.target or "").pose
+    way = (abs(goal.x_um - here.x_um), abs(goal.y_um - here.y_um))
+    legs = [max(w for a, w in zip("xy", way, strict=True) if a in leg)
+            for leg in align.path]  # fmt: skip
+    moves = [leg for leg in legs if leg > 0]
+    pauses = max(len(moves) - 1, 0) * axes.settle_s
+    return sum(moves) / axes.speed_xy_um_per_s + pauses
 
 
 def residual_of(task: Task, within_um: float, carrier: Carrier) -> Residual:
@@ -133,16 +250,28 @@ def _from_fit(
 ) -> float | None:
     """Return the tolerance that the insertion after the alignment asks for."""
     step = insertion_after(states, align)
-    fit = None if step is None else fit_of(task, step)
-    if step is None or fit is None or fit.capture_um <= 0:
+    if step is None:
         return None
     here = next(s for s in states if s.step is step)
-    rows = blind_rows(task.workcell, travel_of(here), seen, seen)
+    fit = fit_of(task, here)
+    if fit is None or fit.capture_um <= 0:
+        return None
+    rows = blind_rows(task.workcell, travel_of(here), seen, seen, insert_s(task, here))
     return servo_tolerance_um(
         fit,
         axes_of(task, moved_by(task, align)).repeatability_xy_um,
         combine([row.sigma_um or 0.0 for row in rows]),
         task.success_goal or 0.95,
+    )
+
+
+def insert_s(task: Task, insert: StepState) -> float:
+    """Return how long an insertion's own moves take in z, one after the other."""
+    travel = travel_of(insert)
+    stated = insert.step.speed_um_per_s
+    return sum(
+        way_um / (stated or axes_of(task, carrier).speed_z_um_per_s)
+        for carrier, way_um in travel.items()
     )
 
 

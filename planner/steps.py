@@ -11,19 +11,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from planner.checks.budget import (
-    Left,
     Sighted,
     blind_rows,
     empty_budget,
     fit_of,
     grasp_budget,
-    insert_budget,
     release_budget,
     verify_budget,
 )
 from planner.checks.fit import Residual
+from planner.checks.handling import report_handling, verdicts_of
+from planner.checks.insert_budget import Left, insert_budget, share_of_goal
+from planner.checks.mechanics import mechanical_rows
 from planner.control import (
     control_of,
+    insert_s,
+    method_of,
     moved_by,
     residual_of,
     single_residual,
@@ -39,6 +42,7 @@ from planner.model.steps import StepState
 from planner.model.sweep import ROUNDING_UM
 from schemas import plan as p
 from schemas.codec import to_data
+from schemas.verdicts import MethodChoice
 
 IRREVERSIBLE = ("grasp", "insert", "release")
 PHYSICAL = (*IRREVERSIBLE, "move", "align")
@@ -68,6 +72,7 @@ class Memory:
     seen: Mapping[str, Sighted]  # owner -> its last look
     within_um: float  # of the last alignment
     key: str  # journal key of the step before
+    choice: MethodChoice | None = None  # of the last alignment
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -101,8 +106,10 @@ def compile_step(
         looks.append(look)
         memory = _remember(memory, look)
     if within is not None:
-        memory = replace(memory, within_um=within)
+        choice = method_of(task, states, here, within, memory.seen, report)
+        memory = replace(memory, within_um=within, choice=choice)
     step = _step(task, states, here, tuple(looks), memory)
+    report_handling(here, step.grasp, step.release, report)
     step = replace(step, key=journal_key(step, memory.key))
     return CompiledStep(
         step=step, looks=tuple(looks), memory=replace(memory, key=step.key)
@@ -129,7 +136,7 @@ def axis_move(move: Move, speed_um_per_s: float | None = None) -> p.AxisMove:
 
 def _remember(memory: Memory, look: CompiledLook) -> Memory:
     """Return the memory after a look."""
-    view = look.look.view
+    view, measure = look.look.view, look.look.measure
     seen = Sighted(
         name=look.look.target,
         sigma_um=look.look.sigma_xy_um,
@@ -138,6 +145,10 @@ def _remember(memory: Memory, look: CompiledLook) -> Memory:
         focus_um=view.focus_um,
         distortion_sigma_um=look.distortion_sigma_um,
         coherence_um=look.coherence_um,
+        place_um=(measure.reference.pose.x_um, measure.reference.pose.y_um),
+        usable_focus_um=measure.usable_focus_um,
+        usable_magnification=measure.usable_magnification,
+        capture_um=measure.capture_um,
     )
     return replace(
         memory,
@@ -157,7 +168,9 @@ def _step(
     step = here.step
     control = None
     if step.verb == "align":
-        control = control_of(task, here, memory.within_um)
+        control = control_of(task, here, memory.within_um, memory.choice)
+    budget = _budget(task, states, here, memory)
+    verdicts = verdicts_of(task, states, here)
     return p.Step(
         id=step.id,
         verb=step.verb,
@@ -169,7 +182,13 @@ def _step(
         action=_action(task, here, looks),
         control=control,
         conditions=_conditions(here),
-        budget=_budget(task, states, here, memory),
+        budget=budget,
+        fit=verdicts.fit,
+        grasp=verdicts.grasp,
+        release=verdicts.release,
+        effects=mechanical_rows(
+            here, budget, verdicts.fit, verdicts.grasp, verdicts.release
+        ),
     )
 
 
@@ -302,7 +321,7 @@ def _budget(
         return verify_budget(task.workcell, step, seen[0], seen[1])
     if step.verb != "insert":
         return empty_budget()
-    fit = fit_of(task, step)
+    fit = fit_of(task, here)
     if fit is None:
         return empty_budget()
     hole = memory.seen.get(owner_of(step.target or ""))
@@ -311,9 +330,24 @@ def _budget(
         task,
         fit,
         _left(task, states, here, memory),
-        blind_rows(task.workcell, travel_of(here), hole, shaft),
+        blind_rows(task.workcell, travel_of(here), hole, shaft, insert_s(task, here)),
         bias_um=_off_um(task, here),
+        goal=share_of_goal(task),
+        seen=(hole, shaft),
+        methods=_other_methods(memory),
     )
+
+
+def _other_methods(memory: Memory) -> list[tuple[str, float]]:
+    """Return the ways to align that were not taken, with their chances."""
+    if memory.choice is None:
+        return []
+    return [
+        (option.method, option.success_probability)
+        for option in memory.choice.options
+        if option.method != memory.choice.method
+        and option.success_probability is not None
+    ]
 
 
 def _off_um(task: Task, insert: StepState) -> float:
@@ -346,7 +380,8 @@ def _left(
             source="no alignment since something last moved sideways",
         )
     carrier = moved_by(task, align)
-    if align.step.method == "look_then_move":
+    method = align.step.method if memory.choice is None else memory.choice.method
+    if method == "look_then_move":
         return Left(
             residual=single_residual(task, carrier),
             term=f"{carrier} repeatability left by two moves",

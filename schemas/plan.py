@@ -13,8 +13,15 @@ from typing import Any, Literal
 
 from schemas.codec import CodecError, from_data, to_data
 from schemas.pose import Pose
+from schemas.verdicts import (
+    BudgetAnalysis,
+    FitVerdict,
+    GraspVerdict,
+    MethodChoice,
+    ReleaseVerdict,
+)
 
-FORMAT_VERSION = "2.0"
+FORMAT_VERSION = "2.1"
 
 AxesName = Literal["stage", "robot"]
 
@@ -384,7 +391,11 @@ class Control:
     max_step_um: float  # a larger correction after the first approach is a fault
     max_cycles: int
     expected_cycles: float
-    expected_s: float
+    expected_s: float  # looks and settling, after the first approach
+    approach_s: float = 0.0  # the first approach
+    floor_s: float | None = None  # moves, settling and exposures alone
+    ratio_to_floor: float | None = None  # of approach_s + expected_s
+    choice: MethodChoice | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -413,6 +424,7 @@ class BudgetRow:
     term: str
     sigma_um: float | None  # None: not modelled
     source: str
+    along_rad: float | None = None  # world; None: alike in every direction
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -423,6 +435,7 @@ class Budget:
     limit_um: float | None  # capture radius, or the step's tolerance
     success_probability: float
     advice: str  # the cheapest change that would pass; "" if it passes
+    analysis: BudgetAnalysis | None = None  # of an insertion
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -440,6 +453,10 @@ class Step:
     control: Control | None
     conditions: Conditions
     budget: Budget
+    fit: FitVerdict | None = None  # of an insertion
+    grasp: GraspVerdict | None = None  # of a grasp
+    release: ReleaseVerdict | None = None  # of a release
+    effects: tuple[EffectRow, ...] = ()  # mechanical; a look's are its own
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

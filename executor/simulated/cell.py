@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from executor.simulated.camera import SimCamera, SimLens, SimLight, drawn_errors
-from executor.simulated.contact import hole_error, posts
+from executor.simulated.contact import hole_error
 from executor.simulated.devices import SimAxes, SimClock, SimGripper
 from executor.simulated.shapes import (
     boundary,
@@ -38,10 +38,10 @@ SEATED_UM = 1.0  # a part lying this close to its seat lies on it
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Verdict:
-    """What truly became of a part that was to be put onto a post."""
+    """What truly became of a part that was to be put onto a post, or beside a mark."""
 
     success: bool
-    offset_um: float  # from the post's centre to the hole's
+    offset_um: float  # from the seat's centre to what belongs there
     height_um: float  # of the underside above the seat
     collided: str  # the first collision, "" if there was none
     held: bool  # the tool still carries it
@@ -55,18 +55,19 @@ class Cell:
     station: Station
     lens: SimLens
 
-    def judge(self, target: str, on: str) -> Verdict:
-        """Return whether the part of `target` truly sits on the post `on`.
+    def judge(self, target: str, on: str, within_um: float = 0.0) -> Verdict:
+        """Return whether the part of `target` truly sits on `on`.
 
-        By true pose and height: the hole is around the post, the underside on the
-        face the post stands on, and the tool has let go.
+        By true pose and height: the underside on the face of the seat's part, the tool
+        has let go, and the hole is around the post; where the seat is a round hole, the
+        target's own place is within `within_um` of its middle.
 
         Raises
         ------
         ValueError
-            If there is no such part or post.
+            If there is no such part, post or hole.
         """
-        return judge(self.truth, target, on)
+        return judge(self.truth, target, on, within_um)
 
     def shown_um(self, owner: str, x_um: float, y_um: float) -> tuple[float, float]:
         """Return where a point of a part, or of the tool's grip, is truly shown now.
@@ -131,20 +132,16 @@ def build_cell(world: World, seed: int, faults: frozenset[Fault] = frozenset()) 
     return Cell(truth=truth, station=station, lens=lens)
 
 
-def judge(truth: Truth, target: str, on: str) -> Verdict:
+def judge(truth: Truth, target: str, on: str, within_um: float = 0.0) -> Verdict:
     """Return what became of a part; see `Cell.judge`."""
     body = truth.bodies.get(target.partition(".")[0])
-    seats = [(host, post) for host, post in posts(truth) if post.name == on]
-    if body is None or not seats:
-        raise ValueError(f"the cell has no part {target!r} or no post {on!r}")
-    host, post = seats[0]
-    error = hole_error(truth, body, host, post)
-    if error is None:
-        raise ValueError(f"{target!r} has no hole")
-    offset_um = math.hypot(error[0], error[1])
+    host = truth.bodies.get(on.partition(".")[0])
+    if body is None or host is None:
+        raise ValueError(f"the cell has no part {target!r} or {on!r}")
+    offset_um, room_um = _off_seat(truth, target, body, on, host, within_um)
     height_um = truth.under_um(body) - truth.top_um(host)
     held = truth.held == body.part.name
-    seated = offset_um <= error[2] + 1e-6 and abs(height_um) <= SEATED_UM
+    seated = offset_um <= room_um + 1e-6 and abs(height_um) <= SEATED_UM
     return Verdict(
         success=bool(seated and not held and not truth.collided),
         offset_um=offset_um,
@@ -152,6 +149,31 @@ def judge(truth: Truth, target: str, on: str) -> Verdict:
         collided=truth.collided,
         held=held,
     )
+
+
+def _off_seat(
+    truth: Truth, target: str, body: Body, on: str, host: Body, within_um: float
+) -> tuple[float, float]:
+    """Return how far the target truly is off its seat, and how far it may be, um."""
+    for post in host.posts:
+        if post.name == on:
+            error = hole_error(truth, body, host, post)
+            if error is None:
+                raise ValueError(f"{target!r} has no hole")
+            return math.hypot(error[0], error[1]), error[2]
+    x, y = truth.pose(body).apply(*_point(body, target))
+    seat_x, seat_y = truth.pose(host).apply(*_point(host, on))
+    return math.hypot(x - seat_x, y - seat_y), within_um
+
+
+def _point(body: Body, name: str) -> tuple[float, float]:
+    """Return a hole's centre in its part's frame; a part's own place is its origin."""
+    if name == body.part.name:
+        return (0.0, 0.0)
+    for hole in body.part.holes:
+        if hole.name == name:
+            return hole.center_um
+    raise ValueError(f"the cell has no post and no hole {name!r}")
 
 
 def offer_of(world: World) -> Offer:

@@ -6,14 +6,19 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from planner.checks.fit import Fit, Residual, combine, miss_probability
+from planner.checks.fit import Fit
 from planner.inputs.task import Step, Task
 from planner.inputs.workcell import Workcell
 from planner.model.assembly import Carrier, State, locate_place
 from planner.model.holding import between_jaws
+from planner.model.mating import mating_of
+from planner.model.steps import StepState
 from schemas.plan import Budget, BudgetRow
 
-NOT_MODELLED = (("taper and side walls", "not modelled"),)
+SECONDS_PER_MIN = 60.0
+NOT_MODELLED = (
+    ("tilt of the part in the jaws", "not modelled: no look and no drawing tells it"),
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,30 +32,26 @@ class Sighted:
     focus_um: float
     distortion_sigma_um: float  # at the target's place
     coherence_um: float  # how far partly coherent light moves its middle
+    place_um: tuple[float, float] = (0.0, 0.0)  # from the optical axis
+    # errors of the settings that the look still bears, from its trials; None: unknown
+    usable_focus_um: tuple[float, float] | None = None
+    usable_magnification: tuple[float, float] | None = None
+    capture_um: float | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Left:
-    """What is left sideways before an insertion, with its name in the budget."""
-
-    residual: Residual
-    term: str
-    source: str
-
-
-def fit_of(task: Task, step: Step) -> Fit | None:
+def fit_of(task: Task, insert: StepState) -> Fit | None:
     """Return the fit of an insertion, None if its hole or shaft is not round."""
-    hole_part, _, hole = (step.target or "").partition(".")
-    shaft_part, _, shaft = (step.onto or "").partition(".")
-    feature = task.parts[hole_part].features.get(hole)
-    post = task.parts[shaft_part].posts.get(shaft)
-    if feature is None or feature.kind != "circle" or post is None:
+    mating = mating_of(task, insert.step, insert.after)
+    if mating is None:
         return None
+    hole, _, _ = (insert.step.target or "").partition(".")
+    part, _, shaft = (insert.step.onto or "").partition(".")
     return Fit(
-        hole_um=feature.radius_um,
-        shaft_um=post.radius_um,
-        hole_tolerance_um=task.parts[hole_part].profile_tolerance_um,
-        shaft_tolerance_um=post.profile_tolerance_um,
+        hole_um=mating.hole_um / 2,
+        shaft_um=mating.shaft_um / 2,
+        hole_tolerance_um=task.parts[hole].profile_tolerance_um,
+        shaft_tolerance_um=task.parts[part].posts[shaft].profile_tolerance_um,
+        taper_um=mating.taper_um / 2,
     )
 
 
@@ -59,10 +60,12 @@ def blind_rows(
     travel_um: Mapping[Carrier, float],
     hole: Sighted | None,
     shaft: Sighted | None,
+    takes_s: float = 0.0,
 ) -> tuple[BudgetRow, ...]:
     """Return the terms of an insertion that the servo cannot see.
 
-    `travel_um` is how far stage and robot go in z, each along an axis of its own tilt.
+    `travel_um` is how far stage and robot go in z, each along an axis of its own tilt;
+    `takes_s` how long that takes.
     """
     rows = []
     if travel_um["stage"] or not travel_um["robot"]:
@@ -82,6 +85,14 @@ def blind_rows(
                 f"goes {travel_um['robot']:g} um",
             )
         )
+    drift_um = cell.stage.drift_um_per_min * takes_s / SECONDS_PER_MIN
+    rows.append(
+        BudgetRow(
+            term="drift while inserting",
+            sigma_um=drift_um,
+            source=f"workcell drift_um_per_min x {takes_s:.3g} s",
+        )
+    )
     if hole is not None and shaft is not None:
         rows += _looking_rows(cell, hole, shaft)
     rows += [BudgetRow(term=t, sigma_um=None, source=s) for t, s in NOT_MODELLED]
@@ -128,43 +139,27 @@ def _looking_rows(cell: Workcell, hole: Sighted, shaft: Sighted) -> list[BudgetR
             else "no zoom change between the looks",
         )
     )
+    rows.append(_scale_row(cell, hole, shaft, zoomed=zoomed))
     return rows
 
 
-def insert_budget(
-    task: Task,
-    fit: Fit,
-    left: Left,
-    blind: tuple[BudgetRow, ...],
-    bias_um: float,
-) -> Budget:
-    """Return the budget of an insertion; nobody corrects an offset of `bias_um`."""
-    residual = left.residual
-    sigma = combine([row.sigma_um or 0.0 for row in blind])
-    miss = miss_probability(fit, residual, sigma, bias_um)
-    servo = BudgetRow(
-        term=left.term,
-        sigma_um=_truncated_sigma(residual),
-        source=left.source,
-    )
-    bias = BudgetRow(
-        term="offset that the moves leave" if bias_um else "measurement bias",
-        sigma_um=bias_um,
-        source="the task" if bias_um else "trials",
-    )
-    size = BudgetRow(
-        term="size of hole and shaft",
-        sigma_um=combine([fit.hole_tolerance_um, fit.shaft_tolerance_um])
-        / math.sqrt(3),
-        source="profile_tolerance_um, uniform within, on the capture radius",
-    )
-    rows = (servo, *blind, bias, size)
-    goal = task.success_goal or 0.0
-    return Budget(
-        rows=rows,
-        limit_um=fit.capture_um,
-        success_probability=1 - miss,
-        advice="" if 1 - miss >= goal else _advice(fit, residual, rows, bias_um),
+def _scale_row(
+    cell: Workcell, hole: Sighted, shaft: Sighted, *, zoomed: bool
+) -> BudgetRow:
+    """Return what an unknown magnification moves, along the line from the axis."""
+    far_um = [math.hypot(*seen.place_um) for seen in (hole, shaft)]
+    x_um, y_um = (hole if far_um[0] >= far_um[1] else shaft).place_um
+    apart_um = math.hypot(*far_um)  # two zooms err by themselves
+    if not zoomed:
+        x_um = hole.place_um[0] - shaft.place_um[0]
+        y_um = hole.place_um[1] - shaft.place_um[1]
+        apart_um = math.hypot(x_um, y_um)
+    said = "of both looks" if zoomed else "that the looks differ by, at one zoom"
+    return BudgetRow(
+        term="zoom scale over the distance from the axis",
+        sigma_um=cell.optics.zoom.scale_sigma * apart_um,
+        source=f"workcell scale_sigma x {apart_um:.4g} um {said}",
+        along_rad=math.atan2(y_um, x_um) if apart_um > 0 else None,
     )
 
 
@@ -181,7 +176,6 @@ def grasp_budget(task: Task, state: State, step: Step) -> Budget:
         BudgetRow(
             term="place of the jaws", sigma_um=grip.sigma_xy_um, source="workcell"
         ),
-        BudgetRow(term="adhesion and hold force", sigma_um=None, source="not modelled"),
     )
     total = math.hypot(stands.sigma_um, grip.sigma_xy_um)
     return Budget(
@@ -198,7 +192,8 @@ def release_budget(task: Task, tool: str) -> Budget:
     row = BudgetRow(
         term="adhesion to the fingers",
         sigma_um=None,
-        source=f"not modelled; stick_probability {stick:g} as the workcell states",
+        source=f"an interval of forces gives no chance (the step's verdict has it); "
+        f"stick_probability {stick:g} as the workcell states",
     )
     return Budget(
         rows=(row,),
@@ -234,24 +229,3 @@ def _inside(half_um: float, offset_um: float, sigma_um: float) -> float:
         return float(abs(offset_um) <= half_um)
     sides = (half_um - offset_um, half_um + offset_um)
     return sum(math.erf(side / sigma_um / math.sqrt(2)) for side in sides) / 2
-
-
-def _truncated_sigma(residual: Residual) -> float:
-    """Return the residual's standard deviation per axis."""
-    radii, weights = residual.radii()
-    return math.sqrt(float(weights @ radii**2) / 2)
-
-
-def _advice(
-    fit: Fit, residual: Residual, rows: tuple[BudgetRow, ...], bias_um: float
-) -> str:
-    """Return the largest term, and what halving it would give."""
-    named = [row for row in rows[1:-2] if row.sigma_um]
-    if not named:
-        return f"widen the clearance of {2 * fit.capture_um:.3g} um"
-    worst = max(named, key=lambda row: row.sigma_um or 0.0)
-    halved = [(row.sigma_um or 0.0) / (2 if row is worst else 1) for row in rows[1:-2]]
-    after = 1 - miss_probability(fit, residual, combine(halved), bias_um)
-    return (
-        f"halving '{worst.term}' ({worst.sigma_um:.3g} um) would give P = {after:.4g}"
-    )

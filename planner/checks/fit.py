@@ -39,11 +39,12 @@ class Fit:
     shaft_um: float  # radius
     hole_tolerance_um: float  # hard limit of the radius' error, uniform within
     shaft_tolerance_um: float
+    taper_um: float = 0.0  # what leaning walls take of the capture radius
 
     @property
     def capture_um(self) -> float:
         """Return the largest sideways error that still goes in, sizes as drawn."""
-        return self.hole_um - self.shaft_um
+        return self.hole_um - self.shaft_um - self.taper_um
 
     @property
     def room(self) -> Room:

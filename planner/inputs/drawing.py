@@ -2,42 +2,39 @@
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
-
-from ezdxf.filemanagement import readfile
-from ezdxf.lldxf.const import DXFError
 
 from optics.outline import Outline, Ring
 from planner.diagnostics import Report, Span
-from planner.inputs.dxf_edges import Piece, Trouble, layer_counts, pieces
+from planner.inputs.biarcs import CURVE_UM
+from planner.inputs.drawing_findings import (
+    MAX_LISTED,
+    MAX_UM,
+    MIN_UM,
+    UM_PER_UNIT,
+    handles_said,
+    header_unit,
+    places_said,
+    report_left_out,
+    report_size,
+    report_troubles,
+    warn_coarse,
+)
+from planner.inputs.dxf_blocks import layer_counts
+from planner.inputs.dxf_edges import Drawn, Trouble, draw
+from planner.inputs.dxf_entities import READERS
+from planner.inputs.dxf_file import DamagedError, DxfFile, read_dxf
 from planner.inputs.nesting import BadRingsError, nest
-from planner.inputs.rings import OpenEnd, chain
+from planner.inputs.overlaps import without_overlaps
+from planner.inputs.rings import Chained, chain
 
-UM_PER_UNIT = {"nm": 1e-3, "um": 1.0, "mm": 1e3, "inch": 25.4e3, "m": 1e6}
-_INSUNITS = {
-    1: "inch",
-    2: "foot",
-    4: "mm",
-    5: "cm",
-    6: "m",
-    9: "mil",
-    12: "nm",
-    13: "um",
-}
+__all__ = ["MAX_BYTES", "MAX_LISTED", "MAX_UM", "MIN_UM", "UM_PER_UNIT", "Drawing",
+           "open_drawing", "read_drawn", "read_outline"]  # fmt: skip
 
-MAX_BYTES = 64 << 20
-MIN_UM, MAX_UM = 0.5, 5e4  # extent of anything that is seen through a microscope
-MAX_LISTED = 8  # findings of one kind for one drawing
-
-# what ezdxf lets out on hostile files, beside its own exceptions
-_ESCAPES = (
-    DXFError, OSError, ValueError, TypeError, AttributeError, LookupError,
-    ArithmeticError, RecursionError, EOFError, StopIteration, struct.error,
-)  # fmt: skip
+MAX_BYTES = 16 << 20
+_UNCOUNTED = ("MP202", "MP215", "MP217")  # after these it is not known what there is
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,7 +42,7 @@ class Drawing:
     """An opened drawing and where the task asks for it."""
 
     file: str  # as the user knows it
-    document: Any
+    document: DxfFile
     units: str
     at: Span  # of the file's name in the task
     layers_at: Span
@@ -56,28 +53,28 @@ def open_drawing(
 ) -> Drawing | None:
     """Return the drawing at `path`, or None after reporting why it cannot be read.
 
-    Read strictly: a drawing from which the audit removes anything is refused.
+    Read strictly: nothing is repaired, a file without its end is refused.
     """
     try:
-        if path.stat().st_size > MAX_BYTES:
-            report.error("MP009", at, f"{file} is larger than {MAX_BYTES} bytes")
+        if path.exists() and not path.is_file() and not path.is_dir():
+            report.error("MP001", at, f"cannot read {file}: it is no regular file")
             return None
-        path.open("rb").close()
+        with path.open("rb") as stream:
+            data = stream.read(MAX_BYTES + 1)
     except OSError as error:
         report.error("MP001", at, f"cannot read {file}: {error.strerror}")
         return None
-    try:
-        document = readfile(path)
-        before = _alive(document)
-        audit = document.audit()
-        lost = before - _alive(document)
-    except _ESCAPES as error:
-        report.error("MP201", at, f"{file} is not a readable DXF file: {error}")
+    if len(data) > MAX_BYTES:
+        report.error("MP009", at, f"{file} is larger than {MAX_BYTES} bytes")
         return None
-    if audit.errors or lost:
-        says = [entry.message for entry in (*audit.errors, *audit.fixes)]
-        message = f"{file} is damaged: {'; '.join(says[:3])}"
-        report.error("MP202", at, message, "save it again from the CAD program")
+    try:
+        document = read_dxf(data)
+    except DamagedError as error:
+        hint = "save it again from the CAD program"
+        report.error("MP202", at, f"{file} is damaged: {error}", hint)
+        return None
+    except (ValueError, OverflowError) as error:
+        report.error("MP201", at, f"{file} is not a readable DXF file: {error}")
         return None
     drawing = Drawing(
         file=file, document=document, units=units, at=at, layers_at=layers_at
@@ -107,21 +104,37 @@ def read_outline(
     Outline or None
         One outer ring and its holes, circles and arcs kept.
     """
+    drawn = read_drawn(drawing, layers, report, at)
+    return None if drawn is None else drawn[0]
+
+
+def read_drawn(
+    drawing: Drawing, layers: Sequence[str], report: Report, at: Span | None = None
+) -> tuple[Outline, float] | None:
+    """Return the outline as `read_outline` does, and how far it may be off, um.
+
+    That is 0 where all edges are lines and arcs, CURVE_UM where ellipses or splines
+    became arcs.
+    """
     at = at or drawing.layers_at
-    found = _pieces(drawing, layers, at, report)
-    rings = _rings(drawing, found, at, report) if found else None
-    return _nested(drawing, rings, at, report) if rings else None
-
-
-def _alive(document: Any) -> int:
-    """Return the number of entities in all blocks, the model space among them."""
-    return sum(entity.is_alive for block in document.blocks for entity in block)
+    drawn = _drawn(drawing, layers, at, report)
+    if drawn is None:
+        return None
+    kept, again = without_overlaps(drawn.pieces)
+    chained = chain(kept)
+    if not _closed(drawing, chained, again, at, report):
+        return None
+    outline = _nested(drawing, chained, at, report)
+    if outline is None:
+        return None
+    warn_coarse(drawing.file, drawing.units, outline, drawn.pieces, at, report)
+    curved = any(piece.curved for piece in drawn.pieces)
+    return outline, CURVE_UM if curved else 0.0
 
 
 def _cross_check(drawing: Drawing, report: Report) -> None:
     """Warn if the header names another unit than the task."""
-    header = drawing.document.header.get("$INSUNITS", 0)
-    known = _INSUNITS.get(header)
+    known = header_unit(drawing.document.units)
     if known not in (None, drawing.units):
         report.warning(
             "MP210",
@@ -131,74 +144,73 @@ def _cross_check(drawing: Drawing, report: Report) -> None:
         )
 
 
-def _pieces(
+def _drawn(
     drawing: Drawing, layers: Sequence[str], at: Span, report: Report
-) -> list[Piece]:
-    """Return the edges on `layers`; empty after an error was reported."""
+) -> Drawn | None:
+    """Return what is on `layers`, None after an error was reported."""
     names = frozenset(name.lower() for name in layers)
-    scale = UM_PER_UNIT[drawing.units]
     try:
         counts = layer_counts(drawing.document)
-        found = list(pieces(drawing.document, names, scale))
-    except _ESCAPES as error:
+        drawn = draw(drawing.document, names, UM_PER_UNIT[drawing.units])
+    except (ValueError, OverflowError) as error:
         report.error("MP201", at, f"{drawing.file} is not a readable DXF file: {error}")
-        return []
-    troubles = [item for item in found if isinstance(item, Trouble)]
-    _report_troubles(drawing, troubles, at, report)
-    drawn = {name.lower() for name in counts}
+        return None
+    troubles = list(drawn.troubles)
+    report_troubles(drawing.file, troubles, at, report)
+    held = {name.lower() for name in counts}
+    paper = {
+        entity.layer.lower()
+        for entity in drawing.document.paper
+        if entity.kind in READERS or entity.kind == "INSERT"
+    }
+    has = ", ".join(f"'{k}' {n}" for k, n in counts.items()) or "nothing"
     for name in layers:
-        if name.lower() not in drawn:
-            has = ", ".join(f"'{k}' {n}" for k, n in counts.items()) or "nothing"
-            message = f"{drawing.file} has nothing on layer '{name}'"
-            report.error("MP204", at, message, f"entities by layer: {has}")
-            troubles.append(Trouble("MP204", message, ""))
-    if not found and not troubles:
-        message = f"{drawing.file} has only points on {', '.join(layers)}"
-        report.error("MP204", at, message)
-    return [] if troubles else [item for item in found if isinstance(item, Piece)]
+        if name.lower() in held or any(t.code in _UNCOUNTED for t in troubles):
+            continue
+        message = f"{drawing.file} has nothing on layer '{name}'"
+        code = "MP220" if name.lower() in paper else "MP204"
+        if code == "MP220":
+            message += " but in the paper space"
+        report.error(code, at, message, f"entities by layer: {has}")
+        troubles.append(Trouble(code, message, ""))
+    report_left_out(drawing.file, drawn, at, report)
+    if not drawn.pieces and not troubles:
+        left = ", ".join(sorted(drawn.skipped)) or "nothing"
+        message = f"{drawing.file} has no lines on {', '.join(layers)}, only {left}"
+        report.error("MP204", at, message, f"entities by layer: {has}")
+        return None
+    return None if troubles else drawn
 
 
-def _report_troubles(
-    drawing: Drawing, troubles: Sequence[Trouble], at: Span, report: Report
-) -> None:
-    """Report what cannot be taken, one finding for all that share a reason."""
-    alike: dict[tuple[str, str, str], list[str]] = {}
-    for t in troubles:
-        alike.setdefault((t.code, t.message, t.hint), []).append(t.handle)
-    for (code, message, hint), handles in alike.items():
-        which = f" ({_handles(handles)})" if any(handles) else ""
-        report.error(code, at, f"{drawing.file}: {message}{which}", hint)
-
-
-def _rings(
-    drawing: Drawing, found: Sequence[Piece], at: Span, report: Report
-) -> tuple[Ring, ...] | None:
-    """Return the closed rings, or None where ends are loose or branch."""
-    chained = chain(found)
-    if chained.doubled:
-        message = f"{drawing.file}: drawn twice: {_handles(chained.doubled)}"
+def _closed(
+    drawing: Drawing, chained: Chained, again: Sequence[str], at: Span, report: Report
+) -> bool:
+    """Return whether all rings close; report doubles, junctions, ends and gaps."""
+    doubled = tuple(dict.fromkeys((*chained.doubled, *again)))
+    if doubled:
+        message = f"{drawing.file}: drawn twice: {handles_said(doubled)}"
         report.warning("MP213", at, message, "each edge is taken once")
     if chained.branches:
         message = f"{drawing.file}: more than two edges meet at "
-        report.error("MP212", at, message + _places(chained.branches))
-        return None
+        report.error("MP212", at, message + places_said(chained.branches))
+        return False
     if chained.open:
-        message = f"{drawing.file}: the outline is open at {_places(chained.open)}"
+        message = f"{drawing.file}: the outline is open at {places_said(chained.open)}"
         report.error("MP205", at, message, "close it, or take the lines off the layer")
-        return None
+        return False
     if chained.gaps_um:
         n, worst = len(chained.gaps_um), max(chained.gaps_um)
         message = f"{drawing.file}: {n} gaps of up to {worst:.3g} um were closed"
         report.warning("MP211", at, message)
-    return chained.rings
+    return True
 
 
 def _nested(
-    drawing: Drawing, rings: Sequence[Ring], at: Span, report: Report
+    drawing: Drawing, chained: Chained, at: Span, report: Report
 ) -> Outline | None:
     """Return the rings as one body with holes."""
     try:
-        outline, doubled, bodies = nest(rings)
+        outline, doubled, bodies = nest(chained.rings, chained.handles)
     except BadRingsError as error:
         report.error("MP208", at, f"{drawing.file}: {error}")
         return None
@@ -206,44 +218,21 @@ def _nested(
         message = f"{drawing.file}: {doubled} rings are drawn twice"
         report.warning("MP213", at, message, "each ring is taken once")
     if bodies > 1:
-        count = ", ".join(f"'{k}' {n}" for k, n in _ring_counts(outline).items())
+        count = ", ".join(
+            f"'{k}' {n} ({outer} outer)"
+            for k, (n, outer) in _ring_counts(outline.rings).items()
+        )
         message = f"{drawing.file}: {bodies} separate outlines, a part is one"
         report.error("MP209", at, message, f"select layers; rings by layer: {count}")
         return None
-    return outline if _sensible(drawing, outline, at, report) else None
+    fits = report_size(drawing.file, drawing.units, outline, at, report)
+    return outline if fits else None
 
 
-def _sensible(drawing: Drawing, outline: Outline, at: Span, report: Report) -> bool:
-    """Report an extent that no microscope job has, with the unit that would fit."""
-    x0, y0, x1, y1 = outline.bounds_um
-    extent = max(x1 - x0, y1 - y0)
-    if MIN_UM <= extent <= MAX_UM:
-        return True
-    raw = extent / UM_PER_UNIT[drawing.units]
-    fits = [unit for unit, um in UM_PER_UNIT.items() if MIN_UM <= raw * um <= MAX_UM]
-    message = (
-        f"{drawing.file} is {extent:.6g} um large when read in {drawing.units}, "
-        f"allowed {MIN_UM:g} to {MAX_UM:g}"
-    )
-    hint = f"is it drawn in {' or '.join(fits)}?" if fits else ""
-    report.error("MP216", at, message, hint)
-    return False
-
-
-def _ring_counts(outline: Outline) -> dict[str, int]:
-    """Return how many rings came from each layer."""
-    names = sorted(ring.layer for ring in outline.rings)
-    return {name: names.count(name) for name in names}
-
-
-def _places(ends: Sequence[OpenEnd]) -> str:
-    """Return coordinates and handles of loose ends, the first few."""
-    said = [f"({e.x_um:.6g}, {e.y_um:.6g}) um (#{e.handle})" for e in ends[:MAX_LISTED]]
-    more = len(ends) - len(said)
-    return ", ".join(said) + (f" and {more} more" if more else "")
-
-
-def _handles(handles: Sequence[str]) -> str:
-    """Return the handles of entities, the first few."""
-    more = ", ..." if len(handles) > MAX_LISTED else ""
-    return ", ".join(f"#{h}" for h in handles[:MAX_LISTED]) + more
+def _ring_counts(rings: Sequence[Ring]) -> dict[str, tuple[int, int]]:
+    """Return how many rings came from each layer, and how many of them are outer."""
+    counts: dict[str, tuple[int, int]] = {}
+    for ring in sorted(rings, key=lambda ring: ring.layer):
+        n, outer = counts.get(ring.layer, (0, 0))
+        counts[ring.layer] = n + 1, outer + (ring.signed_area_um2 > 0)
+    return counts

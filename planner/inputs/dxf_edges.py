@@ -1,32 +1,57 @@
-"""DXF entities as edges in um: lines, arcs, circles, polylines with bulges, blocks.
+"""DXF entities as edges in um: what the selected layers of a model space draw.
 
-Block definitions are walked with an own frame, a similarity of the plane, so that
-circles stay circles. `ezdxf` is asked for raw attributes only: its paths turn arcs
-into cubics, 2.7e-4 of the radius off.
+Block definitions are walked with affine maps of our own, nothing is exploded before it
+is needed, and the whole is weighed before any of it is expanded.
 """
 
 from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
-from typing import Any
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, field
 
-from optics.outline import JOIN_UM, Arc, Edge, Segment
+from optics.outline import JOIN_UM, Arc, Edge
+from planner.inputs.biarcs import TooManyError
+from planner.inputs.dxf_blocks import (
+    EndlessError,
+    Weights,
+    copies,
+    inherited,
+    wanted_weight,
+    weigh,
+)
+from planner.inputs.dxf_curves import Affine, Line, Shape
+from planner.inputs.dxf_entities import READERS, from_behind, read_entity
+from planner.inputs.dxf_file import Block, DamagedError, DxfFile, Entity
+from planner.inputs.dxf_paths import Path, UnreadableError
 
 FAR_UM = 1e9  # a kilometre: beyond it doubles no longer resolve JOIN_UM well
-MAX_ENTITIES = 100_000  # blocks expanded; a file of 5 kB can ask for 1e9
+MAX_ENTITIES = 20_000  # with vertices, blocks expanded; 5 kB can ask for 1e9
+MAX_ARCS = 30_000  # of curves: 3 s of work
+
+# written on drawings, no part of what is drawn
+ANNOTATION = frozenset(
+    (
+        "TEXT", "MTEXT", "ATTRIB", "ATTDEF", "RTEXT", "ARCALIGNEDTEXT", "DIMENSION",
+        "ARC_DIMENSION", "LARGE_RADIAL_DIMENSION", "LEADER", "MULTILEADER", "MLEADER",
+        "TOLERANCE", "ACAD_TABLE", "POINT", "VIEWPORT", "IMAGE", "WIPEOUT", "OLEFRAME",
+        "OLE2FRAME", "PDFUNDERLAY", "DWFUNDERLAY", "DGNUNDERLAY", "XLINE", "RAY",
+        "LIGHT", "SUN", "SECTION",
+    )
+)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """Edges of one entity; a closed piece is a ring by itself."""
+    """Edges of one shape in a row; a closed piece is a ring by itself."""
 
     edges: tuple[Edge, ...]
     closed: bool
     layer: str
-    handle: str
+    handle: str  # or the line of a file without handles
+    curved: bool = False  # its edges are near a curve, not on it
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,190 +64,212 @@ class Trouble:
     handle: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class Frame:
-    """A similarity of the plane, z -> a z + t, or a conj(z) + t if mirrored."""
+@dataclass(slots=True)
+class Drawn:
+    """What the selected layers draw, and what of them was left out."""
 
-    a: complex
-    mirrored: bool = False
-    t: complex = 0j
-
-    def point(self, z: complex) -> complex:
-        """Return the image of `z`."""
-        return self.a * (z.conjugate() if self.mirrored else z) + self.t
-
-    def of(self, inner: Frame) -> Frame:
-        """Return the frame that applies `inner` first."""
-        a = self.a * (inner.a.conjugate() if self.mirrored else inner.a)
-        return Frame(a, self.mirrored != inner.mirrored, self.point(inner.t))
-
-    def arc(self, center: complex, radius: float, start: float, sweep: float) -> Arc:
-        """Return the image of an arc; angles in radians."""
-        turn = cmath.phase(self.a)
-        c = self.point(center)
-        return Arc(
-            center=(c.real, c.imag),
-            radius_um=radius * abs(self.a),
-            start_rad=turn - start if self.mirrored else turn + start,
-            sweep_rad=-sweep if self.mirrored else sweep,
-        )
+    pieces: list[Piece] = field(default_factory=list)
+    hatched: list[Piece] = field(default_factory=list)  # borders of hatches
+    troubles: list[Trouble] = field(default_factory=list)
+    skipped: Counter[str] = field(default_factory=Counter)  # what -> how many
+    strokes: list[str] = field(default_factory=list)  # handles of lines with a width
+    arc_count: int = 0  # of curves
 
 
-def pieces(
-    document: Any, layers: frozenset[str], scale_um: float
-) -> Iterator[Piece | Trouble]:
-    """Yield what `layers` of the model space hold, blocks expanded one level.
+def draw(file: DxfFile, layers: frozenset[str], scale_um: float) -> Drawn:
+    """Return what `layers` of the model space hold, blocks expanded.
 
     Parameters
     ----------
-    document : ezdxf document
-        Audited.
+    file : DxfFile
+        As it was read.
     layers : frozenset of str
         Layer names, lower case as DXF compares them.
     scale_um : float
         um per drawing unit.
+
+    Returns
+    -------
+    Drawn
+        With troubles instead of pieces where something cannot be taken.
     """
-    space = document.modelspace()
-    if (count := _count(document, space)) > MAX_ENTITIES:
-        message = f"{count} entities with blocks expanded, at most {MAX_ENTITIES}"
-        yield Trouble("MP215", message, "draw fewer or smaller arrays")
-        return
-    world = Frame(complex(scale_um))
-    for entity in space:
-        layer = entity.dxf.layer
-        if entity.dxftype() == "INSERT":
-            yield from _insert(document, entity, layers, world)
-        elif layer.lower() in layers:
-            yield from _entity(entity, layer, world)
-
-
-def layer_counts(document: Any) -> dict[str, int]:
-    """Return how many drawn entities each layer holds, blocks expanded one level."""
-    counts: dict[str, int] = {}
-    for entity in document.modelspace():
-        inner: Iterable[Any] = [entity]
-        if entity.dxftype() == "INSERT":
-            inner = document.blocks.get(entity.dxf.name) or ()
-        for part in inner:
-            layer = part.dxf.layer
-            layer = entity.dxf.layer if layer == "0" else layer
-            counts[layer] = counts.get(layer, 0) + 1
-    return dict(sorted(counts.items()))
-
-
-def _count(document: Any, space: Any) -> int:
-    """Return the number of entities with one level of blocks expanded."""
-    total = 0
-    for entity in space:
-        block = None
-        if entity.dxftype() == "INSERT":
-            block = document.blocks.get(entity.dxf.name)
-        copies = 1 if block is None else len(block) * _copies(entity)
-        total += max(copies, 1)
-    return total
-
-
-def _copies(insert: Any) -> int:
-    """Return how many copies an INSERT makes."""
-    rows = int(insert.dxf.get("row_count", 1))
-    return max(rows, 1) * max(int(insert.dxf.get("column_count", 1)), 1)
-
-
-def _insert(
-    document: Any, insert: Any, layers: frozenset[str], world: Frame
-) -> Iterator[Piece | Trouble]:
-    """Yield the pieces of every copy of a block."""
-    block = document.blocks.get(insert.dxf.name)
-    inner = list(block) if block is not None else []
-    own = insert.dxf.layer
-    wanted = []
-    for entity in inner:
-        if entity.dxftype() == "INSERT":
-            if _reaches(document, entity, own, layers, set()):
-                message = f"block '{insert.dxf.name}' holds a block in turn"
-                hint = "explode the inner block"
-                yield Trouble("MP206", message, hint, _handle(entity))
-            continue
-        layer = own if entity.dxf.layer == "0" else entity.dxf.layer
-        if layer.lower() in layers:
-            wanted.append((entity, layer))
-    if not wanted:
-        return
-    sx, sy = insert.dxf.get("xscale", 1.0), insert.dxf.get("yscale", 1.0)
-    if not math.isclose(abs(sx), abs(sy), rel_tol=1e-9) or not sx:
-        message = f"block '{insert.dxf.name}' is inserted scaled {sx} x {sy}"
-        hint = "scale it evenly, or explode it"
-        yield Trouble("MP207", message, hint, _handle(insert))
-        return
-    flat = _plane(insert, world)
-    if isinstance(flat, Trouble):
-        yield flat
-        return
-    base = _xy(block.block.dxf.base_point)
-    for shift in _shifts(insert):
-        frame = Frame(complex(sx), mirrored=sx * sy < 0)
-        turn = cmath.rect(1.0, math.radians(insert.dxf.get("rotation", 0.0)))
-        placed = Frame(turn, t=_xy(insert.dxf.insert) + turn * shift)
-        whole = flat.of(placed.of(frame.of(Frame(1 + 0j, t=-base))))
-        for entity, layer in wanted:
-            yield from _entity(entity, layer, whole)
-
-
-def _shifts(insert: Any) -> Iterator[complex]:
-    """Yield the offset of each copy in an INSERT's grid, drawing units."""
-    dx, dy = insert.dxf.get("column_spacing", 0.0), insert.dxf.get("row_spacing", 0.0)
-    for row in range(max(int(insert.dxf.get("row_count", 1)), 1)):
-        for column in range(max(int(insert.dxf.get("column_count", 1)), 1)):
-            yield complex(column * dx, row * dy)
-
-
-def _reaches(
-    document: Any, insert: Any, outer: str, layers: frozenset[str], seen: set[str]
-) -> bool:
-    """Return whether a nested block holds anything on a selected layer."""
-    own = outer if insert.dxf.layer == "0" else insert.dxf.layer
-    name = insert.dxf.name.lower()
-    block = document.blocks.get(name)
-    if block is None or f"{name}/{own}" in seen:
-        return False
-    seen.add(f"{name}/{own}")
-    for entity in block:
-        layer = own if entity.dxf.layer == "0" else entity.dxf.layer
-        if entity.dxftype() == "INSERT":
-            if _reaches(document, entity, own, layers, seen):
-                return True
-        elif layer.lower() in layers:
-            return True
-    return False
-
-
-def _entity(entity: Any, layer: str, frame: Frame) -> Iterator[Piece | Trouble]:
-    """Yield the pieces of one entity, or why it cannot be taken."""
-    read = _READERS.get(entity.dxftype())
-    if read is None:
-        message = f"{entity.dxftype()} on layer '{layer}' cannot be read"
-        hint = "redraw it as " + ", ".join(sorted(_READERS)) + ", or leave it out"
-        yield Trouble("MP203", message, hint, _handle(entity))
-        return
-    flat = frame if entity.dxftype() == "LINE" else _plane(entity, frame)
-    if isinstance(flat, Trouble):
-        yield flat
-        return
+    drawn = Drawn()
     try:
-        edges, closed = read(entity, flat)
+        weights = weigh(file, layers)
+    except EndlessError as error:
+        drawn.troubles.append(Trouble("MP217", str(error), "redraw the block"))
+        return drawn
+    except DamagedError as error:
+        drawn.troubles.append(Trouble("MP202", str(error), "save the drawing again"))
+        return drawn
+    if weights.model > MAX_ENTITIES:
+        message = (
+            f"{weights.model} entities and vertices with blocks expanded, "
+            f"at most {MAX_ENTITIES}"
+        )
+        hint = "draw fewer or smaller arrays"
+        drawn.troubles.append(Trouble("MP215", message, hint))
+        return drawn
+    walk = _Walk(file, layers, weights, drawn)
+    for entity in file.model:
+        walk.visit(entity, "0", Affine(complex(scale_um)))
+    for entity in file.paper:
+        if entity.layer.lower() in layers and entity.kind in READERS:
+            drawn.skipped[f"{entity.kind} in paper space"] += 1
+    if drawn.pieces and drawn.hatched:
+        drawn.skipped["HATCH beside linework"] += len(
+            {piece.handle for piece in drawn.hatched}
+        )
+    elif not drawn.pieces:
+        drawn.pieces, drawn.hatched = drawn.hatched, []
+    return drawn
+
+
+@dataclass(frozen=True, slots=True)
+class _Walk:
+    """Goes through blocks and writes down what it finds."""
+
+    file: DxfFile
+    layers: frozenset[str]
+    weights: Weights
+    drawn: Drawn
+    # entities of a block that matter, by its name and whether layer "0" is selected
+    matter: dict[tuple[str, bool], tuple[Entity, ...]] = field(default_factory=dict)
+
+    def visit(self, entity: Entity, own: str, frame: Affine) -> None:
+        """Take an entity in a block that was inserted on layer `own`."""
+        layer = inherited(entity, own)
+        if entity.kind == "INSERT":
+            self._insert(entity, layer, frame)
+        elif layer.lower() in self.layers:
+            why = self._hidden(entity, layer)
+            if why or entity.kind in ANNOTATION:
+                self.drawn.skipped[f"{entity.kind}{why}"] += 1
+            else:
+                self._take(entity, layer, frame)
+
+    def _hidden(self, entity: Entity, layer: str) -> str:
+        """Return why an entity is not seen, "" if it is."""
+        if layer.lower() in self.file.frozen:
+            return " on a frozen layer"
+        if entity.kind != "INSERT" and layer.lower() in self.file.off:
+            return " on a layer that is off"
+        return " made invisible" if entity.invisible else ""
+
+    def _insert(self, insert: Entity, own: str, frame: Affine) -> None:
+        """Take every copy of a block."""
+        for part in insert.parts:
+            if inherited(part, own).lower() in self.layers:
+                self.drawn.skipped[part.kind] += 1
+        block = self.file.blocks[insert.text(2).lower()]
+        if not wanted_weight(self.weights, block, own, self.layers):
+            return
+        if why := self._hidden(insert, own):
+            self.drawn.skipped[f"INSERT{why}"] += 1
+            return
+        try:
+            frames = list(_frames(insert, block, frame))
+        except (ValueError, OverflowError) as error:
+            message = f"block '{block.name}' cannot be placed: {error}"
+            trouble = Trouble("MP214", message, "redraw or explode it", insert.label)
+            self.drawn.troubles.append(trouble)
+            return
+        for whole in frames:
+            for entity in self._mattering(block, own):
+                self.visit(entity, own, whole)
+
+    def _mattering(self, block: Block, own: str) -> tuple[Entity, ...]:
+        """Return what of a block is on selected layers or leads to them."""
+        key = block.name.lower(), own.lower() in self.layers
+        if key not in self.matter:
+            self.matter[key] = tuple(
+                entity for entity in block.entities if self._matters(entity, own)
+            )
+        return self.matter[key]
+
+    def _matters(self, entity: Entity, own: str) -> bool:
+        layer = inherited(entity, own)
+        if entity.kind != "INSERT" or entity.parts:
+            return entity.kind == "INSERT" or layer.lower() in self.layers
+        block = self.file.blocks[entity.text(2).lower()]
+        return wanted_weight(self.weights, block, layer, self.layers) > 0
+
+    def _take(self, entity: Entity, layer: str, frame: Affine) -> None:
+        """Write down the pieces of one entity, or why it cannot be taken."""
+        drawn = self.drawn
+        if entity.kind not in READERS:
+            message = f"{entity.kind} on layer '{layer}' cannot be read"
+            hint = "redraw it as " + ", ".join(sorted(READERS)) + ", or leave it out"
+            drawn.troubles.append(Trouble("MP203", message, hint, entity.label))
+            return
+        try:
+            found = list(self._pieces(entity, layer, frame))
+        except (ValueError, OverflowError, ZeroDivisionError) as error:
+            drawn.troubles.append(_trouble(entity, layer, error))
+            return
+        if not found:
+            drawn.skipped[f"{entity.kind} without length"] += 1
+        (drawn.hatched if entity.kind == "HATCH" else drawn.pieces).extend(found)
+
+    def _pieces(self, entity: Entity, layer: str, frame: Affine) -> Iterator[Piece]:
+        """Yield the pieces of one entity."""
+        if from_behind(entity):
+            frame = frame.of(_BEHIND)
+        for path in read_entity(entity):
+            _refuse_rise(path, frame)
+            if path.stroke and entity.label not in self.drawn.strokes:
+                self.drawn.strokes.append(entity.label)
+            rows = [self._edges(shape.under(frame)) for shape in path.shapes]
+            curved = any(near for _, near in rows)
+            kept = [(tuple(e for e in row if e.length_um > JOIN_UM), near)
+                    for row, near in rows]  # fmt: skip
+            if path.closed:
+                ring = tuple(edge for row, _ in kept for edge in row)
+                if ring:
+                    yield Piece(ring, True, layer, entity.label, curved)  # noqa: FBT003
+                continue
+            for row, near in kept:
+                if row:
+                    yield Piece(row, False, layer, entity.label, near)  # noqa: FBT003
+
+    def _edges(self, shape: Shape) -> tuple[list[Edge], bool]:
+        """Return a shape's edges, and whether they are only near it."""
+        edges = shape.edges(MAX_ARCS - self.drawn.arc_count)
+        if len(edges) > 1:
+            self.drawn.arc_count += len(edges)
         for edge in edges:
             _refuse_far(edge)
-    except (ValueError, OverflowError) as error:
-        message = f"{entity.dxftype()} on layer '{layer}' is no outline: {error}"
-        yield Trouble("MP214", message, "redraw or delete it", _handle(entity))
-        return
-    handle = _handle(entity)
-    kept = tuple(edge for edge in edges if edge.length_um > JOIN_UM)
-    if closed and kept:
-        yield Piece(kept, closed=True, layer=layer, handle=handle)
-    else:
-        for edge in kept:
-            yield Piece((edge,), closed=False, layer=layer, handle=handle)
+        near = not isinstance(shape, Line) and len(edges) > 1
+        return edges, near and any(isinstance(edge, Arc) for edge in edges)
+
+
+_BEHIND = Affine(0j, -1 + 0j)  # x runs the other way
+
+
+def _frames(insert: Entity, block: Block, frame: Affine) -> Iterator[Affine]:
+    """Yield the map from a block's coordinates for every copy of it."""
+    if block.external:
+        raise ValueError("it is a reference to another file")
+    sx, sy = insert.number(41, 1.0), insert.number(42, 1.0)
+    if not sx or not sy:
+        raise ValueError(f"it is scaled {sx:g} x {sy:g}")
+    if from_behind(insert):
+        frame = frame.of(_BEHIND)
+    turn = cmath.rect(1.0, math.radians(insert.number(50, 0.0)))
+    inner = Affine(turn).of(Affine.scale(sx, sy)).of(Affine(t=-block.base))
+    at = insert.point(10)
+    dx, dy = insert.number(44, 0.0), insert.number(45, 0.0)
+    columns, rows = copies(insert)
+    for row in range(rows):
+        for column in range(columns):
+            shift = at + turn * complex(column * dx, row * dy)
+            yield frame.of(Affine(t=shift)).of(inner)
+
+
+def _refuse_rise(path: Path, frame: Affine) -> None:
+    """Raise ValueError for a path that leaves the drawing's plane."""
+    if path.rise * frame.stretch > JOIN_UM:
+        raise ValueError(f"it runs from one height to another {path.rise:g} above")
 
 
 def _refuse_far(edge: Edge) -> None:
@@ -235,71 +282,16 @@ def _refuse_far(edge: Edge) -> None:
         raise ValueError(f"it reaches to {far:.3g} um, at most {FAR_UM:g}")
 
 
-def _plane(entity: Any, frame: Frame) -> Frame | Trouble:
-    """Return the frame of an entity's own plane, which may be seen from behind."""
-    x, y, z = entity.dxf.get("extrusion", (0.0, 0.0, 1.0))
-    if abs(x) > 1e-9 or abs(y) > 1e-9 or not z:
-        message = f"{entity.dxftype()} is tilted out of the drawing plane"
-        return Trouble("MP214", message, "flatten the drawing", _handle(entity))
-    return frame if z > 0 else frame.of(Frame(-1 + 0j, mirrored=True))
-
-
-def _line(entity: Any, frame: Frame) -> tuple[list[Edge], bool]:
-    start, end = entity.dxf.start, entity.dxf.end
-    if abs(start[2] - end[2]) * abs(frame.a) > JOIN_UM:
-        raise ValueError(f"it runs from z = {start[2]} to z = {end[2]}")
-    return [_segment(frame.point(_xy(start)), frame.point(_xy(end)))], False
-
-
-def _arc(entity: Any, frame: Frame) -> tuple[list[Edge], bool]:
-    start, end = entity.dxf.start_angle, entity.dxf.end_angle
-    sweep = math.radians((end - start) % 360 or 360.0)
-    arc = frame.arc(
-        _xy(entity.dxf.center), entity.dxf.radius, math.radians(start), sweep
-    )
-    return [arc], arc.is_circle
-
-
-def _circle(entity: Any, frame: Frame) -> tuple[list[Edge], bool]:
-    center = _xy(entity.dxf.center)
-    return [frame.arc(center, entity.dxf.radius, 0.0, math.tau)], True
-
-
-def _polyline(entity: Any, frame: Frame) -> tuple[list[Edge], bool]:
-    points = [(complex(x, y), float(b)) for x, y, b in entity.get_points("xyb")]
-    if len(points) < 2:
-        raise ValueError("it has fewer than two points")
-    ends = points[1:] + (points[:1] if entity.closed else [])
-    edges = [
-        _bulged(start, end, bulge, frame)
-        for (start, bulge), (end, _) in zip(points, ends, strict=False)
-    ]
-    return edges, bool(entity.closed)
-
-
-def _bulged(start: complex, end: complex, bulge: float, frame: Frame) -> Edge:
-    """Return the edge from `start` to `end`; bulge = tan(sweep / 4)."""
-    chord = end - start
-    # below 1e-7 um of sagitta an arc is a line to far less than a drawing resolves
-    if abs(bulge * chord / 2) * abs(frame.a) < 1e-7:
-        return _segment(frame.point(start), frame.point(end))
-    center = (start + end) / 2 + 1j * chord * (1 - bulge**2) / (4 * bulge)
-    radius = abs(chord) * (1 + bulge**2) / (4 * abs(bulge))
-    return frame.arc(center, radius, cmath.phase(start - center), 4 * math.atan(bulge))
-
-
-def _segment(start: complex, end: complex) -> Segment:
-    return Segment(start=(start.real, start.imag), end=(end.real, end.imag))
-
-
-def _xy(vector: Any) -> complex:
-    """Return the x and y of a point in the drawing."""
-    return complex(vector[0], vector[1])
-
-
-def _handle(entity: Any) -> str:
-    """Return the handle by which a CAD program finds the entity."""
-    return str(entity.dxf.handle)
-
-
-_READERS = {"LINE": _line, "ARC": _arc, "CIRCLE": _circle, "LWPOLYLINE": _polyline}
+def _trouble(entity: Entity, layer: str, error: Exception) -> Trouble:
+    """Return why an entity cannot be taken."""
+    what = f"{entity.kind} on layer '{layer}'"
+    if isinstance(error, UnreadableError):
+        hint = "redraw it as lines and arcs, or leave it out"
+        return Trouble("MP203", f"{what} cannot be read: {error}", hint, entity.label)
+    if isinstance(error, DamagedError):
+        hint = "save it again from the CAD program"
+        return Trouble("MP202", f"{what} is damaged: {error}", hint, entity.label)
+    if isinstance(error, TooManyError):
+        return Trouble("MP215", f"{what}: {error}", "draw less", entity.label)
+    hint = "redraw or delete it"
+    return Trouble("MP214", f"{what} is no outline: {error}", hint, entity.label)

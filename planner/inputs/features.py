@@ -8,8 +8,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
+import numpy as np
+
 from optics.outline import Arc, Edge, Outline, Point, Ring
+from planner.inputs.circle_fit import fit_circle
 from planner.inputs.rings import SAME_UM, same_circle
+
+LEAST_CORNERS = 8  # of a polygon that may stand for a circle
 
 
 class NotFoundError(ValueError):
@@ -25,6 +30,7 @@ class Circle:
     hole: bool
     ring: Ring
     on: tuple[bool, ...]  # per edge of the ring, whether it lies on the circle
+    chord_um: float = 0.0  # how far the edges of a polygon run inside it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,9 +64,10 @@ def circle(rings: Sequence[Ring]) -> Circle:
     """Return the dominant circle of the only ring that has one.
 
     A ring is round if more than half its length lies on one circle: a notch or a flat
-    does not hide a bore.
+    does not hide a bore. A polygon is round if its corners lie as near to one circle as
+    its edges do.
     """
-    found = [c for ring in rings if (c := _dominant(ring)) is not None]
+    found = [c for ring in rings if (c := dominant_circle(ring)) is not None]
     if len(found) == 1:
         return found[0]
     if not found:
@@ -115,9 +122,11 @@ def extent(outline: Outline, center: Point | None = None) -> tuple[Point, float]
     return center, max(_reach(edge, center) for edge in edges)
 
 
-def _dominant(ring: Ring) -> Circle | None:
+def dominant_circle(ring: Ring) -> Circle | None:
     """Return the circle that holds more than half of the ring's length."""
     arcs = [edge for edge in ring.edges if isinstance(edge, Arc)]
+    if not arcs:
+        return _around(ring)
     half = sum(edge.length_um for edge in ring.edges) / 2
     for arc in arcs:
         on = tuple(
@@ -132,6 +141,29 @@ def _dominant(ring: Ring) -> Circle | None:
                 hole=ring.signed_area_um2 < 0, ring=ring, on=on,
             )  # fmt: skip
     return None
+
+
+def _around(ring: Ring) -> Circle | None:
+    """Return the circle that a polygon's corners lie on, in least squares."""
+    if len(ring.edges) < LEAST_CORNERS:
+        return None
+    corners = np.array([edge.start for edge in ring.edges])
+    center, radius_um = fit_circle(corners)
+    rays = corners - center
+    (x, y), (x1, y1) = rays.T, np.roll(rays, -1, axis=0).T
+    steps = np.arctan2(x * y1 - y * x1, x * x1 + y * y1)
+    widest = math.tau / LEAST_CORNERS
+    once = abs(abs(steps.sum()) - math.tau) < 1e-6  # else it goes round elsewhere
+    if not (once and (np.abs(steps) <= widest * (1 + 1e-6)).all()):
+        return None
+    chord_um = radius_um * (1 - math.cos(np.abs(steps).max() / 2))
+    off_um = np.abs(np.hypot(*rays.T) - radius_um).max()
+    if not off_um <= chord_um:
+        return None
+    return Circle(
+        center_um=center, radius_um=radius_um, hole=ring.signed_area_um2 < 0,
+        ring=ring, on=(True,) * len(ring.edges), chord_um=chord_um,
+    )  # fmt: skip
 
 
 def _teeth(ring: Ring) -> Teeth | None:

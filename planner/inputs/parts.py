@@ -8,11 +8,9 @@ from typing import Any
 from optics.outline import Outline, Point, place
 from planner.diagnostics import Report, Span
 from planner.inputs import features
-from planner.inputs.drawing import Drawing, open_drawing, read_outline
+from planner.inputs.drawings import AnyDrawing, open_named, read_drawn
 from planner.inputs.features import NotFoundError
-from planner.inputs.files import named_file
 from planner.inputs.schema import Checked, with_defaults
-from planner.inputs.source import Key
 from planner.inputs.task import Feature, Part, Post
 
 
@@ -28,30 +26,20 @@ def read_parts(task: Checked, report: Report) -> dict[str, Part]:
         if drawing is None:
             continue
         layers = names[name]["drawing"]["layers"]
-        outline = read_outline(drawing, layers, report)
-        if outline is not None:
-            part = _part(task, name, drawing, outline, report)
+        drawn = read_drawn(drawing, layers, report)
+        if drawn is not None:
+            part = _part(task, name, drawing, drawn, report)
             if part is not None:
                 parts[name] = part
     return parts
 
 
-def open_named(checked: Checked, *where: Key, report: Report) -> Drawing | None:
-    """Return the opened drawing of the `drawing` mapping at `where`."""
-    source = checked.source
-    found = named_file(source, *where, "file", report=report)
-    if found is None:
-        return None
-    return open_drawing(
-        found[0], found[1], source.get(*where, "units"),
-        source.value(*where, "file"), source.value(*where, "layers"), report,
-    )  # fmt: skip
-
-
 def _part(
-    task: Checked, name: str, drawing: Drawing, outline: Outline, report: Report
-) -> Part | None:
+    task: Checked, name: str, drawing: AnyDrawing, drawn: tuple[Outline, float],
+    report: Report,
+) -> Part | None:  # fmt: skip
     """Return the part in the frame of its origin, None after an error."""
+    outline, chord_um = drawn
     errors = report.failed
     found = _features(task, name, outline, report)
     center = _origin(task, name, outline, found)
@@ -75,7 +63,7 @@ def _part(
         taper_um_per_100um=float(raw["taper_um_per_100um"]),
         features=found,
         posts=posts,
-        chord_um=0.0,  # curves that would need a polygon are refused
+        chord_um=max([chord_um, *(feature.chord_um for feature in found.values())]),
         where=task.source.key("parts", name),
     )
 
@@ -109,7 +97,7 @@ def _features(
 
 
 def _posts(
-    task: Checked, name: str, drawing: Drawing, origin: Point, report: Report
+    task: Checked, name: str, drawing: AnyDrawing, origin: Point, report: Report
 ) -> dict[str, Post]:
     """Return the posts that can be read, by name, in the part's frame."""
     posts: dict[str, Post] = {}
@@ -117,9 +105,9 @@ def _posts(
         where = ("parts", name, "posts", key)
         if task.good(*where):
             layer = task.source.value(*where, "layer")
-            shape = read_outline(drawing, [raw["layer"]], report, layer)
-            if shape is not None:
-                shape = place(shape, -origin[0], -origin[1])
+            drawn = read_drawn(drawing, [raw["layer"]], report, layer)
+            if drawn is not None:
+                shape = place(drawn[0], -origin[0], -origin[1])
                 posts[key] = _post(key, raw, shape, task.source.key(*where))
     return posts
 
@@ -133,7 +121,7 @@ def _feature(
     try:
         if not rings:
             raise NotFoundError("the part's outline has no ring there")
-        return _READERS[raw["kind"]](name, raw, Outline(rings=rings), at)
+        feature = _READERS[raw["kind"]](name, raw, Outline(rings=rings), at)
     except NotFoundError as error:
         message = f"no {raw['kind']} on layer '{layer}' for {name}: {error}"
         report.error("MP221", at, message, "name another layer, or mend the drawing")
@@ -141,6 +129,11 @@ def _feature(
     except _CountError as error:
         report.error("MP222", at, f"{name}: {error}", "mend the count or the drawing")
         return None
+    if feature.chord_um:
+        message = f"{name} is a polygon, taken for R {feature.radius_um:.6g} um"
+        hint = f"its edges run up to {feature.chord_um:.3g} um inside the circle"
+        report.note("MP235", at, message, hint)
+    return feature
 
 
 class _CountError(ValueError):
@@ -150,8 +143,9 @@ class _CountError(ValueError):
 def _circle(name: str, raw: Mapping[str, Any], shape: Outline, at: Span) -> Feature:
     found = features.circle(shape.rings)
     return _make(
-        name, raw, at, found.center_um, radius_um=found.radius_um, hole=found.hole
-    )
+        name, raw, at, found.center_um, radius_um=found.radius_um, hole=found.hole,
+        chord_um=found.chord_um,
+    )  # fmt: skip
 
 
 def _teeth(name: str, raw: Mapping[str, Any], shape: Outline, at: Span) -> Feature:
@@ -192,12 +186,13 @@ def _make(
     name: str, raw: Mapping[str, Any], at: Span, center_um: Point, *,
     radius_um: float, count: int = 1, root_um: float = 0.0, phase_rad: float = 0.0,
     width_um: float = 0.0, depth_um: float = 0.0, hole: bool = False,
+    chord_um: float = 0.0,
 ) -> Feature:  # fmt: skip
     """Return the feature with the values its kind does not have at their neutral."""
     return Feature(
         name=name, kind=raw["kind"], layer=raw.get("layer", ""), center_um=center_um,
         radius_um=radius_um, count=count, root_um=root_um, phase_rad=phase_rad,
-        width_um=width_um, depth_um=depth_um, hole=hole,
+        width_um=width_um, depth_um=depth_um, hole=hole, chord_um=chord_um,
         avoid=raw.get("avoid", False), where=at,
     )  # fmt: skip
 

@@ -20,6 +20,7 @@ from planner.inputs.source import Source, read_source
 from planner.inputs.task import (
     Benchmark,
     Blocked,
+    Environment,
     Mate,
     Move,
     Optimise,
@@ -32,6 +33,7 @@ from planner.inputs.task import (
 )
 from planner.inputs.workcell import Workcell
 
+NM_PER_UM = 1e3
 ANY_SIGMA_RAD = math.pi / math.sqrt(3)  # standard deviation of a uniform angle
 
 
@@ -125,6 +127,7 @@ def _task(source: Source, workcell: Workcell, parts: Mapping[str, Part]) -> Task
             may_change=tuple(sorted(data["optimise"]["may_change"])),
         ),
         benchmark=_benchmark(data["benchmark"]),
+        environment=_environment(data["environment"]),
         where=places(source),
         normalised=_normalised(data, parts),
     )
@@ -233,6 +236,15 @@ def _benchmark(raw: Mapping[str, Any]) -> Benchmark:
         light_gradient=(float(gradient[0]), float(gradient[1])),
         pose_sigma_xy_um=float(raw["pose_sigma_xy_um"]),
         pose_sigma_theta_rad=math.radians(raw["pose_sigma_theta_deg"]),
+    )
+
+
+def _environment(raw: Mapping[str, Any]) -> Environment:
+    return Environment(
+        humidity=float(raw["humidity"]),
+        grounded=raw["grounded"],
+        roughness_um=float(raw["roughness_nm"]) / NM_PER_UM,
+        friction=float(raw["friction"]),
     )
 
 

@@ -10,9 +10,8 @@ from optics.lens import LensErrors
 from optics.outline import Outline
 from planner.diagnostics import Report, Span
 from planner.inputs.check_workcell import check_fingers
-from planner.inputs.drawing import read_outline
+from planner.inputs.drawings import open_named, read_drawn
 from planner.inputs.normalise import plain, plain_outline
-from planner.inputs.parts import open_named
 from planner.inputs.schema import Checked, with_defaults
 from planner.inputs.source import Source
 from planner.inputs.workcell import (
@@ -58,8 +57,8 @@ def read_fingers(cell: Checked, report: Report) -> dict[str, tuple[Outline, Outl
         drawing = open_named(cell, "tools", name, "drawing", report=report)
         if drawing is None:
             continue
-        left = read_outline(drawing, layers[:1], report)
-        right = read_outline(drawing, layers[1:], report)
+        drawn = [read_drawn(drawing, [layer], report) for layer in layers]
+        left, right = (None if finger is None else finger[0] for finger in drawn)
         if left is None or right is None:
             continue
         found[name] = (left, right)
@@ -233,8 +232,14 @@ def _tool(
         grip_from_tip_um=float(raw["grip_from_tip_um"]),
         reflectance=float(raw["reflectance"]),
         stick_probability=float(raw["stick_probability"]),
+        free_length_um=_number(raw.get("free_length_um")),
+        youngs_modulus_gpa=_number(raw.get("youngs_modulus_gpa")),
         where=at,
     )
+
+
+def _number(value: float | None) -> float | None:
+    return None if value is None else float(value)
 
 
 def _pair(values: list[float]) -> Interval:

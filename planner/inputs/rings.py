@@ -10,6 +10,7 @@ from optics.outline import JOIN_UM, Arc, Edge, Point, Ring, Segment
 from planner.inputs.dxf_edges import Piece
 
 GAP_UM = 0.01  # wider gaps are not closed; real drawings' gaps are below 10 nm
+_CROWD = 16  # ends within 10 nm of each other
 SAME_UM = 1e-5  # centres and radii closer than this belong to one circle
 
 
@@ -27,6 +28,7 @@ class Chained:
     """What chaining found; rings are usable if `open` and `branches` are empty."""
 
     rings: tuple[Ring, ...]
+    handles: tuple[tuple[str, ...], ...]  # of the entities of each ring, in order
     open: tuple[OpenEnd, ...]
     branches: tuple[OpenEnd, ...]  # ends at points where more than two edges meet
     gaps_um: tuple[float, ...]  # those bridged by a straight edge
@@ -45,18 +47,18 @@ def chain(pieces: Sequence[Piece]) -> Chained:
     kept, doubled = _without_doubles(pieces)
     loose = [piece for piece in kept if not piece.closed]
     mates, branches, lonely = _pair(_ends(loose))
+    paths = [[piece] for piece in kept if piece.closed]
+    if not (branches or lonely):
+        paths += _walk(loose, mates)
     rings: list[Ring] = []
     gaps: list[float] = []
-    for piece in (p for p in kept if p.closed):
-        edges = _bridged(piece.edges, gaps)
-        rings.append(canonical(Ring(edges=edges, layer=piece.layer)))
-    if not (branches or lonely):
-        for path in _walk(loose, mates):
-            edges = _bridged([edge for edge, _ in path], gaps)
-            layer = max(sorted({n for _, n in path}), key=lambda n: _share(path, n))
-            rings.append(canonical(Ring(edges=edges, layer=layer)))
+    for path in paths:
+        edges = _bridged([edge for piece in path for edge in piece.edges], gaps)
+        layer = max(sorted({p.layer for p in path}), key=lambda n: _share(path, n))
+        rings.append(canonical(Ring(edges=edges, layer=layer)))
     return Chained(
         rings=tuple(rings),
+        handles=tuple(tuple(dict.fromkeys(p.handle for p in path)) for path in paths),
         open=tuple(_open(loose, end) for end in lonely),
         branches=tuple(_open(loose, end) for end in branches),
         gaps_um=tuple(gaps),
@@ -76,7 +78,7 @@ def canonical(ring: Ring) -> Ring:
     if len(edges) == 1 and isinstance(arc := edges[0], Arc):
         edges = [replace(arc, start_rad=0.0, sweep_rad=math.tau)]
     edges = [_one_turn(edge) for edge in edges]
-    first = min(range(len(edges)), key=lambda i: _rounded(edges[i].start))
+    first = min(range(len(edges)), key=lambda i: rounded(edges[i].start))
     return Ring(edges=tuple(edges[first:] + edges[:first]), layer=ring.layer)
 
 
@@ -100,7 +102,22 @@ def same_circle(a: Arc, b: Arc, within_um: float = SAME_UM) -> bool:
 
 def edges_key(edges: Sequence[Edge]) -> frozenset[object]:
     """Return what two drawings of the same edges have in common, to 1 nm."""
-    return frozenset(_edge_key(edge) for edge in edges)
+    return frozenset(edge_key(edge) for edge in edges)
+
+
+def rounded(point: Point) -> Point:
+    """Return a point to 1 nm."""
+    return (round(point[0], 3) + 0.0, round(point[1], 3) + 0.0)  # no -0.0
+
+
+def edge_key(edge: Edge) -> object:
+    """Return what two drawings of one edge have in common."""
+    ends = frozenset((rounded(edge.start), rounded(edge.end)))
+    if isinstance(edge, Segment):
+        return ends
+    middle = edge.center if edge.is_circle else edge.at(0.5)
+    return (ends if not edge.is_circle else edge.is_circle, rounded(middle),
+            round(edge.radius_um, 3))  # fmt: skip
 
 
 def _without_doubles(
@@ -116,20 +133,6 @@ def _without_doubles(
         else:
             kept[key] = piece
     return list(kept.values()), tuple(doubled)
-
-
-def _edge_key(edge: Edge) -> object:
-    """Return what two drawings of one edge have in common."""
-    ends = frozenset((_rounded(edge.start), _rounded(edge.end)))
-    if isinstance(edge, Segment):
-        return ends
-    middle = edge.center if edge.is_circle else edge.at(0.5)
-    return (ends if not edge.is_circle else edge.is_circle, _rounded(middle),
-            round(edge.radius_um, 3))  # fmt: skip
-
-
-def _rounded(point: Point) -> Point:
-    return (round(point[0], 3) + 0.0, round(point[1], 3) + 0.0)  # 1 nm, no -0.0
 
 
 def _ends(loose: Sequence[Piece]) -> list[_End]:
@@ -162,7 +165,10 @@ def _pair(ends: list[_End]) -> tuple[dict[_End, _End], list[_End], list[_End]]:
 
 
 def _near(ends: Sequence[_End]) -> Iterable[tuple[float, int, int]]:
-    """Yield (distance, i, j) of all ends within GAP_UM, by a grid of that size."""
+    """Yield (distance, i, j) of ends within GAP_UM, by a grid of that size.
+
+    Of a crowd only the first are compared with: it is refused in any case.
+    """
     cells: dict[tuple[int, int], list[int]] = {}
     for j, end in enumerate(ends):
         column = math.floor(end.point[0] / GAP_UM)
@@ -172,29 +178,33 @@ def _near(ends: Sequence[_End]) -> Iterable[tuple[float, int, int]]:
                 gap = math.dist(ends[i].point, end.point)
                 if gap <= GAP_UM:
                     yield gap, i, j
-        cells.setdefault((column, row), []).append(j)
+        here = cells.setdefault((column, row), [])
+        if len(here) < _CROWD:
+            here.append(j)
 
 
-def _walk(
-    loose: Sequence[Piece], mates: dict[_End, _End]
-) -> list[list[tuple[Edge, str]]]:
-    """Return closed paths of (edge, layer); every end has a mate."""
+def _walk(loose: Sequence[Piece], mates: dict[_End, _End]) -> list[list[Piece]]:
+    """Return closed paths of pieces, turned to run one way; every end has a mate."""
     starts = {(end.piece, end.last): end for end in mates}
     paths, seen = [], set()
     for first in range(len(loose)):
         if first in seen:
             continue
-        path: list[tuple[Edge, str]] = []
+        path: list[Piece] = []
         index, forward = first, True
         while index not in seen:
             seen.add(index)
             piece = loose[index]
-            edge = piece.edges[0]
-            path.append((edge if forward else _turned(edge), piece.layer))
+            path.append(piece if forward else _backwards(piece))
             mate = mates[starts[index, forward]]
             index, forward = mate.piece, not mate.last
         paths.append(path)
     return paths
+
+
+def _backwards(piece: Piece) -> Piece:
+    """Return a piece run from its end to its start."""
+    return replace(piece, edges=tuple(_turned(edge) for edge in piece.edges[::-1]))
 
 
 def _turned(edge: Edge) -> Edge:
@@ -217,9 +227,9 @@ def _bridged(edges: Sequence[Edge], gaps: list[float]) -> tuple[Edge, ...]:
     return tuple(out)
 
 
-def _share(path: Sequence[tuple[Edge, str]], layer: str) -> float:
+def _share(path: Sequence[Piece], layer: str) -> float:
     """Return the length of a path's edges on `layer`."""
-    return sum(edge.length_um for edge, name in path if name == layer)
+    return sum(e.length_um for p in path if p.layer == layer for e in p.edges)
 
 
 def _open(loose: Sequence[Piece], end: _End) -> OpenEnd:

@@ -36,6 +36,7 @@ class Feature:
     width_um: float  # notch: its width; else 0
     depth_um: float = 0.0  # notch: how far it departs from the circle; else 0
     hole: bool  # circle: whether it bounds a hole
+    chord_um: float = 0.0  # circle: how far the edges drawn for it run inside
     avoid: bool
     where: Span
 
@@ -67,7 +68,7 @@ class Part:
     taper_um_per_100um: float
     features: Mapping[str, Feature]
     posts: Mapping[str, Post]
-    chord_um: float  # of the finest polygon its drawing held, 0 if arcs stayed arcs
+    chord_um: float  # farthest that chords in its drawing miss a curve, 0 if none
     where: Span
 
 
@@ -191,6 +192,16 @@ class Benchmark:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Environment:
+    """What surfaces stick and rub by; read where adhesion or friction matters."""
+
+    humidity: float = 0.4  # relative, 0..1
+    grounded: bool = True
+    roughness_um: float = 0.02  # of the surfaces that touch, rms
+    friction: float = 0.3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Task:
     """Everything a task file says, with the workcell it names."""
 
@@ -206,5 +217,6 @@ class Task:
     steps: tuple[Step, ...]
     optimise: Optimise
     benchmark: Benchmark
+    environment: Environment
     where: Mapping[str, Span]  # "start", "goal", "steps", ...
     normalised: Mapping[str, object]  # plain data, defaults filled in, for hashing

@@ -138,6 +138,8 @@ class Tool:
     grip_from_tip_um: float
     reflectance: float
     stick_probability: float  # that a released part follows a finger
+    free_length_um: float | None  # of a finger, from where it bends; None: not stated
+    youngs_modulus_gpa: float | None
     where: Span
 
 

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from planner.diagnostics import Report
-from planner.inputs.task import Task
+from planner.inputs.task import Step, Task
+from planner.model.mating import fit_verdict, fit_words, mating_of
 from planner.model.requests import requests
 from planner.model.sightings import views
 from planner.model.steps import StepState, unfold
+from schemas.verdicts import FitVerdict
 
 
 def check_task(task: Task, report: Report) -> str:
@@ -24,16 +26,13 @@ def check_task(task: Task, report: Report) -> str:
 
 
 def check_fits(task: Task, states: tuple[StepState, ...], report: Report) -> None:
-    """Report insertions whose shaft does not go into the hole, sizes as drawn."""
+    """Report how the shafts of all insertions go into their holes."""
     for state in states:
         step = state.step
         if step.verb != "insert":
             continue
-        hole_part, _, hole = (step.target or "").partition(".")
-        shaft_part, _, shaft = (step.onto or "").partition(".")
-        feature = task.parts[hole_part].features.get(hole)
-        post = task.parts[shaft_part].posts.get(shaft)
-        if feature is None or post is None or feature.kind != "circle":
+        mating = mating_of(task, step, state.after)
+        if mating is None:
             report.error(
                 "MP605",
                 step.where,
@@ -41,11 +40,33 @@ def check_fits(task: Task, states: tuple[StepState, ...], report: Report) -> Non
                 "over a post; other fits are not modelled",
                 "name a feature of kind circle and a post",
             )
-        elif feature.radius_um <= post.radius_um:
+        elif mating.hole_um <= mating.shaft_um:
             report.refuse(
                 "MP601",
                 step.where,
-                f"step {step.id!r}: {step.onto} is {2 * post.radius_um:.4g} um thick, "
-                f"{step.target} is {2 * feature.radius_um:.4g} um wide",
+                f"step {step.id!r}: {step.onto} is {mating.shaft_um:.4g} um thick, "
+                f"{step.target} is {mating.hole_um:.4g} um wide",
                 "widen the hole or thin the shaft",
             )
+        else:
+            found = fit_verdict(mating, task.workcell.stage.axis_tilt_sigma_rad)
+            _report_fit(step, found, report)
+
+
+def _report_fit(step: Step, found: FitVerdict, report: Report) -> None:
+    """Report a fit with its numbers, louder where some parts will not go."""
+    words = fit_words(step.id, found)
+    if found.fit == "clearance":
+        report.note("MP610", step.where, words)
+    else:
+        hint = "widen the hole or thin the shaft, or make both closer to their drawings"
+        report.warning("MP610", step.where, words, hint)
+    if found.may_wedge and found.wedging_rad is not None:
+        report.warning(
+            "MP611",
+            step.where,
+            f"step {step.id!r}: axes that lean {1e3 * found.tilt_rad:.3g} mrad at 3 "
+            f"sigma may wedge the shaft, which needs {1e3 * found.wedging_rad:.3g} mrad"
+            f" while it is less than {found.wedging_depth_um:.3g} um deep",
+            "square the axes, widen the hole, or lower the friction",
+        )

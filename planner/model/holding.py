@@ -19,6 +19,7 @@ from planner.model.assembly import (
     stage_pose,
     with_part,
 )
+from planner.model.closing import report_jaws
 from planner.model.shapes import squeeze_minima_rad, squeeze_width_um
 from planner.model.sweep import SIGMAS
 from schemas.pose import Pose
@@ -64,6 +65,7 @@ def grasp(task: Task, state: State, step: Step, report: Report) -> State:
     name = owner_of(step.target or "")
     stands = between_jaws(task, state, step)
     _check_grasp(task, state, step, report, stands)
+    report_jaws(task, state, step, step.opening_um or 0.0, report)
     held = PartState(
         carrier="robot",
         pose=Pose(x_um=0.0, y_um=stands.local.y_um, theta_rad=stands.turn_rad),
@@ -179,11 +181,12 @@ def _check_grasp(
         )
 
 
-def release(task: Task, state: State, step: Step, report: Report) -> State:  # noqa: ARG001
+def release(task: Task, state: State, step: Step, report: Report) -> State:
     """Return the state with the part left where it is, on the stage."""
     name = owner_of(step.target or "")
     part = state.parts[name]
     opening = step.opening_um or state.opening_um
+    report_jaws(task, state, step, opening, report)
     world = carrier_pose(task, state, "robot").compose(part.pose)
     left = replace(
         part,

@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from planner.outputs.errors import OutputError
 from planner.pictures import Picture
 from schemas.codec import to_data
 from schemas.plan import Plan, dump_plan
@@ -20,14 +21,6 @@ from schemas.world import World
 
 # Enough that rings written as numbers still close when they are read again.
 WORLD_DIGITS = 15
-
-
-class OutputError(Exception):
-    """The folder cannot be written; the message says why, `code` is MP7xx."""
-
-    def __init__(self, code: str, message: str) -> None:
-        super().__init__(message)
-        self.code = code
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -48,7 +48,7 @@ def _step_line(step: Step) -> str:
     parts += [_look_line(look) for look in step.looks]
     if step.control is not None:
         parts.append(
-            f"servo to {step.control.tolerance_xy_um:.3g} um, "
+            f"{step.control.method} to {step.control.tolerance_xy_um:.3g} um, "
             f"{step.control.expected_cycles:.1f} looks"
         )
     if step.budget.success_probability < 1 and step.budget.rows:

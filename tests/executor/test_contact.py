@@ -63,6 +63,25 @@ def test_a_nominal_assembly_seats_the_gear() -> None:
     assert verdict.height_um == pytest.approx(0.0, abs=1e-6)
 
 
+def test_a_part_beside_a_mark_is_judged_by_its_own_place() -> None:
+    """The seat is a hole of another part; here the post's place beside the bore."""
+    found = cell()
+    gear(found).pose = Pose(x_um=600.0, y_um=0.0, theta_rad=0.3)
+    plate = found.truth.bodies["shaft_plate"]
+    plate.pose = Pose(x_um=597.0, y_um=4.0)
+    plate.z_um = 100.0  # on the gear's face
+    far = found.judge("shaft_plate", "gear.bore", 4.9)
+    near = found.judge("shaft_plate", "gear.bore", 5.1)
+    assert far.offset_um == near.offset_um == pytest.approx(5.0)
+    assert near.height_um == pytest.approx(0.0, abs=1e-9)
+    assert near.success
+    assert not far.success
+    plate.z_um = 110.0
+    assert not found.judge("shaft_plate", "gear.bore", 5.1).success
+    with pytest.raises(ValueError, match="no post and no hole"):
+        found.judge("shaft_plate", "gear.teeth", 5.1)
+
+
 def test_a_grasped_part_is_centred_and_turned_to_a_minimum_of_its_width() -> None:
     found = cell()
     hold(found)

@@ -23,8 +23,11 @@ MEASURED = frozenset(
     {"sigma_um", "sigma_xy_um", "sigma_theta_rad", "bias_um", "worst_um", "min_score",
      "success_lower", "silent_upper", "success_probability", "tolerance_xy_um",
      "expected_cycles", "expected_s", "max_spread_um", "robustness", "resolution_um",
-     "sigma_upper_um", "bias_x_um", "bias_y_um"}
+     "sigma_upper_um", "bias_x_um", "bias_y_um", "halved_probability", "slope_per_um",
+     "largest_um", "size_um", "halvings", "floor_s", "ratio_to_floor"}
 )  # fmt: skip
+# Sentences in which only the numbers may differ.
+WORDS = frozenset({"reason", "message", "advice", "source", "what"})
 MEASURED_REL = 0.2  # of 24 trials; a routine that changed moves its sigma by more
 MEASURED_ABS = 2e-3  # um or rad: biases are averages about 0
 _NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?%?")
@@ -62,7 +65,7 @@ def _same(old: Any, new: Any, key: str) -> bool:
     """Return whether two plain values agree; numbers in texts are not looked at."""
     if type(old) is not type(new):
         return False
-    if isinstance(old, str) and key in ("reason", "message", "advice", "source"):
+    if isinstance(old, str) and key in WORDS:
         return bool(_NUMBER.sub("#", old) == _NUMBER.sub("#", new))
     if isinstance(old, int) and key in COUNTED:
         return bool(abs(old - new) <= COUNT_SLACK)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 from pathlib import Path
@@ -9,6 +10,8 @@ from pathlib import Path
 import pytest
 
 from planner.cli import main
+from planner.diagnostics import TITLES
+from schemas import NAMES, load
 from tests.planner.examples import EXAMPLE, ONE_LOOK, change, copy_example, cut
 
 TASK = str(EXAMPLE / "task.yaml")
@@ -51,8 +54,8 @@ def test_help_ends_with_zero(
 def test_check_says_what_the_task_is(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["check", TASK]) == 0
     captured = capsys.readouterr()
-    assert captured.out == (
-        "gear-on-shaft: 12 steps, 8 looks, parts gear, shaft_plate\n"
+    assert captured.out.startswith(
+        "gear-on-shaft: 12 steps, 8 looks, parts gear, shaft_plate\ngear: 100 x"
     )
     assert "error" not in captured.err
     assert "infeasible" not in captured.err
@@ -101,3 +104,76 @@ def test_a_bug_ends_with_seventy_and_says_so(
     monkeypatch.setattr(Path, "open", broken)
     assert main(["check", TASK]) == 70
     assert "bug in microplan: RuntimeError: the disc melted" in capsys.readouterr().err
+
+
+def test_check_draws_the_parts(tmp_path: Path) -> None:
+    assert main(["check", TASK, "-o", str(tmp_path)]) == 0
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["gear.svg", "shaft_plate.svg"]
+
+
+@pytest.mark.parametrize("form", ["json", "github", "sarif"])
+def test_a_form_for_machines_is_all_on_standard_output(
+    form: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = copy_example(tmp_path / "task")
+    change(file, "seed: 1998", "sead: 1998")
+    assert main(["check", str(file), "--format", form]) == 2
+    captured = capsys.readouterr()
+    assert "MP104" in captured.out
+    assert "did you mean 'seed'?" in captured.out
+    assert captured.err == ""
+
+
+def test_a_call_that_cannot_be_met_is_a_finding_too(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = str(tmp_path / "look.gif")
+    words = ["render", TASK, "--step", "find_gear", "-o", out, "--format", "json"]
+    assert main(words) == 2
+    found = json.loads(capsys.readouterr().out)["findings"]
+    assert [f["code"] for f in found if f["severity"] == "error"] == ["MP702"]
+
+
+def test_explain_shows_a_page_or_all_codes(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["explain", "mp404"]) == 0
+    assert capsys.readouterr().out.startswith("# MP404: nothing to render\n")
+    assert main(["explain"]) == 0
+    assert len(capsys.readouterr().out.splitlines()) == len(TITLES)
+    for wrong in ("MP999", "../README", "", "MP404.md"):
+        assert main(["explain", wrong]) == 2
+        assert "microplan explain lists all" in capsys.readouterr().err
+
+
+def test_init_writes_a_task_that_checks_and_overwrites_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "new" / "job"
+    assert main(["init", str(folder)]) == 0
+    assert f"microplan check {folder / 'task.yaml'}" in capsys.readouterr().out
+    assert main(["check", str(folder / "task.yaml")]) == 0
+    change(folder / "task.yaml", "seed: 1998", "seed: 2")
+    before = (folder / "task.yaml").read_bytes()
+    assert main(["init", str(folder)]) == 2
+    assert "error[MP703]" in capsys.readouterr().err
+    assert (folder / "task.yaml").read_bytes() == before
+    (tmp_path / "file").write_text("x")
+    assert main(["init", str(tmp_path / "file")]) == 2
+    assert "error[MP702]" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_schema_prints_a_format(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["schema", name]) == 0
+    assert json.loads(capsys.readouterr().out) == load(name)
+
+
+def test_a_reader_that_leaves_is_no_bug() -> None:
+    script = "import sys; from planner.cli import main; sys.exit(main(['explain']))"
+    with subprocess.Popen(
+        [sys.executable, "-c", script], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    ) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        process.stdout.close()
+        assert process.stderr.read() == b""
+    assert process.returncode == 0

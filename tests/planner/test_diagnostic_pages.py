@@ -10,8 +10,9 @@ from pathlib import Path
 
 import pytest
 
+from planner.checks.handling import report_handling, verdicts_of
 from planner.cli import main
-from planner.control import tolerance_um
+from planner.control import method_of, tolerance_um
 from planner.diagnostics import TITLES, Report
 from planner.inputs.read_task import load_task
 from planner.model.steps import unfold
@@ -57,12 +58,40 @@ def _tolerances(folder: Path) -> Report:
     return report
 
 
+def _methods(folder: Path) -> Report:
+    """Return what the compiler finds of the ways to align, without looks."""
+    report = Report()
+    task = load_task(folder / "task.yaml", report)
+    assert task is not None
+    states = unfold(task, report)
+    for state in states:
+        if state.step.verb == "align":
+            within = tolerance_um(task, states, state, None, report)
+            method_of(task, states, state, within, {}, report)
+    return report
+
+
+def _handling(folder: Path) -> Report:
+    """Return what the compiler finds of grasps and releases, without looks."""
+    report = Report()
+    task = load_task(folder / "task.yaml", report)
+    assert task is not None
+    states = unfold(task, report)
+    for state in states:
+        found = verdicts_of(task, states, state)
+        report_handling(state, found.grasp, found.release, report)
+    return report
+
+
 # first characters of a code -> what finds it in the example's folder
 RUNNERS: dict[str, Callable[[Path], Report]] = {
     "MP0": _load,
     "MP1": _load,
     "MP2": _load,
     "MP3": _unfold,
+    "MP612": _methods,  # so would this one's
+    "MP613": _handling,
+    "MP614": _handling,
     "MP603": _tolerances,  # the page's call would look for half a minute before
 }
 CODES = sorted(page.stem for page in PAGES.glob("MP[0-7]*.md"))
@@ -129,9 +158,12 @@ def _raw(text: str) -> bytes:
 
 
 @pytest.fixture
-def example(tmp_path: Path) -> Path:
-    """Return a copy of the example that may be spoilt."""
-    return Path(shutil.copytree(EXAMPLE, tmp_path / "example"))
+def example(tmp_path: Path, code: str) -> Path:
+    """Return a copy of the page's example that may be spoilt."""
+    page = (PAGES / f"{code}.md").read_text(encoding="utf-8")
+    laser = "In the laser-die example:" in page
+    source = EXAMPLE.with_name("laser_die") if laser else EXAMPLE
+    return Path(shutil.copytree(source, tmp_path / "example"))
 
 
 @pytest.mark.parametrize("code", [code for code in CODES if code not in CALLED])

@@ -17,8 +17,9 @@ from featuresel.case import LookCase
 from featuresel.perturb import Trial, image
 from optics.models import MODELS
 from optics.sampling import BAND_ERROR
+from planner.arguments import LAWS
 from planner.cases import build_case
-from planner.cli import LAWS, main
+from planner.cli import main
 from planner.diagnostics import Report
 from planner.looks import Effects, compile_look, reference_image
 from planner.model.requests import requests

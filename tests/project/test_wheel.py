@@ -134,3 +134,15 @@ def test_the_installed_compiler_says_where_a_mistake_is(installed: Installed) ->
     done = installed.run("microplan", "check", task)
     assert done.returncode == 2
     assert "broken.yaml:2:1" in done.stderr
+
+
+def test_the_installed_compiler_brings_its_pages_and_a_task(
+    installed: Installed,
+) -> None:
+    shown = installed.run("microplan", "explain", "MP104")
+    page = ROOT / "docs" / "diagnostics" / "MP104.md"
+    assert shown.stdout == page.read_text(encoding="utf-8")
+    done = installed.run("microplan", "init", "mine")
+    assert done.returncode == 0, done.stderr
+    checked = installed.run("microplan", "check", Path("mine", "task.yaml"))
+    assert checked.returncode == 0, checked.stderr

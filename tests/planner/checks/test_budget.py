@@ -9,13 +9,12 @@ from dataclasses import replace
 import pytest
 
 from planner.checks.budget import (
-    Left,
     Sighted,
     blind_rows,
     fit_of,
-    insert_budget,
 )
 from planner.checks.fit import Residual, combine, miss_probability
+from planner.checks.insert_budget import Left, insert_budget
 from planner.control import control_of, residual_of, tolerance_um
 from planner.diagnostics import Report
 from planner.inputs.task import Task
@@ -55,10 +54,11 @@ def test_the_fit_is_that_of_the_drawings(
     job: tuple[Task, tuple[StepState, ...]],
 ) -> None:
     task, states = job
-    fit = fit_of(task, step_of(states, "insert").step)
+    fit = fit_of(task, step_of(states, "insert"))
     assert fit is not None
     assert (fit.hole_um, fit.shaft_um) == pytest.approx((25.0, 22.0), abs=1e-6)
     assert (fit.hole_tolerance_um, fit.shaft_tolerance_um) == (0.3, 0.3)
+    assert fit.taper_um == pytest.approx(0.1)  # the gear's 100 um of wall
 
 
 def test_what_the_servo_cannot_see_is_listed_with_its_source(
@@ -82,20 +82,20 @@ def test_the_budget_of_an_insertion_names_the_cheapest_change(
     job: tuple[Task, tuple[StepState, ...]],
 ) -> None:
     task, states = job
-    fit = fit_of(task, step_of(states, "insert").step)
+    fit = fit_of(task, step_of(states, "insert"))
     assert fit is not None
     residual = residual_of(task, 1.5, "stage")
     left = Left(residual=residual, term="left by the servo", source="workcell")
     blind = blind_rows(task.workcell, DOWN, replace(HOLE, sigma_um=1.4), SHAFT)
-    budget = insert_budget(task, fit, left, blind, bias_um=0.0)
+    budget = insert_budget(task, fit, left, blind, bias_um=0.0, goal=0.95)
     sigma_um = combine([row.sigma_um or 0.0 for row in blind])
     miss = miss_probability(fit, residual, sigma_um)
     assert budget.success_probability == pytest.approx(1 - miss)
     assert budget.success_probability < 0.95
-    assert budget.limit_um == pytest.approx(3.0, abs=1e-6)
+    assert budget.limit_um == pytest.approx(2.9, abs=1e-6)
     assert "halving 'measurement of gear.bore' (1.4 um)" in budget.advice
     fine = blind_rows(task.workcell, DOWN, HOLE, SHAFT)
-    assert insert_budget(task, fit, left, fine, bias_um=0.0).advice == ""
+    assert insert_budget(task, fit, left, fine, 0.0, goal=0.95).advice == ""
 
 
 def test_the_servo_is_stable_and_gives_up_only_when_it_must(

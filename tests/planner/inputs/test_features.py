@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType
 
@@ -231,3 +232,54 @@ def test_the_outline_can_be_the_origin(tmp_path: Path) -> None:
     x0, y0, x1, y1 = task.parts["gear"].outline.bounds_um
     assert (x0 + x1, y0 + y1) == pytest.approx((0, 0), abs=1e-9)
     assert task.parts["gear"].features["outline"].center_um == (0, 0)
+
+
+def polygon(points: Sequence[tuple[float, float]]) -> Ring:
+    """Return a ring of straight edges."""
+    ends = [*points[1:], points[0]]
+    edges = tuple(Segment(start=a, end=b) for a, b in zip(points, ends, strict=True))
+    return Ring(edges=edges, layer="1/0")
+
+
+def corners(count: int, radius: float = 10.0) -> list[tuple[float, float]]:
+    """Return even corners on a circle about (3, -2)."""
+    angles = [math.tau * (k + 0.3) / count for k in range(count)]
+    return [(3 + radius * math.cos(a), -2 + radius * math.sin(a)) for a in angles]
+
+
+@pytest.mark.parametrize("count", [8, 24, 100])
+def test_a_polygon_of_even_corners_is_round(count: int) -> None:
+    found = features.circle([polygon(corners(count))])
+    assert found.center_um == pytest.approx((3, -2), abs=2e-9)  # rounded to 1e-9 um
+    assert found.radius_um == pytest.approx(10, abs=2e-9)
+    assert found.chord_um == pytest.approx(10 * (1 - math.cos(math.pi / count)))
+    assert not found.hole
+    assert features.circle([polygon(corners(count)).reversed()]).hole
+
+
+def test_a_polygon_is_as_round_as_its_chords() -> None:
+    points = corners(24)
+    sagitta = 10 * (1 - math.cos(math.pi / 24))
+    x, y = points[0]
+
+    def pushed(by: float) -> Ring:
+        far = ((x - 3) * (1 + by / 10) + 3, (y + 2) * (1 + by / 10) - 2)
+        return polygon([far, *points[1:]])
+
+    assert features.circle([pushed(0.9 * sagitta)]).radius_um == pytest.approx(10, 1e-2)
+    with pytest.raises(NotFoundError):
+        features.circle([pushed(2 * sagitta)])
+
+
+@pytest.mark.parametrize(
+    "points",
+    [
+        corners(7),
+        corners(64)[10:],  # a flat wider than an eighth of a turn
+        [(x, 1.5 * y) for x, y in corners(64)],
+        [*corners(16), *corners(16, 9.9)],  # twice round
+    ],
+)
+def test_other_polygons_are_no_circles(points: list[tuple[float, float]]) -> None:
+    with pytest.raises(NotFoundError):
+        features.circle([polygon(points)])

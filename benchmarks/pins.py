@@ -1,0 +1,188 @@
+"""Verdicts of the gear-on-shaft example for thinner and thicker pins.
+
+`python -m benchmarks.pins` prints the table of docs/verdicts.md. Looks are those of the
+golden plan at preset `fast`: a pin's own diameter moves their sigmas by less than the
+other terms. Tolerances, methods and chances are worked out anew for every pin.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from planner.checks.budget import Sighted, blind_rows, fit_of
+from planner.checks.insert_budget import Left, insert_budget, share_of_goal
+from planner.control import (
+    insert_s,
+    method_of,
+    moved_by,
+    residual_of,
+    single_residual,
+    tolerance_um,
+    travel_of,
+)
+from planner.diagnostics import Report
+from planner.inputs.read_task import load_task
+from planner.inputs.task import Task
+from planner.model.assembly import owner_of
+from planner.model.mating import mating_of
+from planner.model.steps import StepState, unfold
+from schemas.plan import Budget, Plan, parse_plan
+
+ROOT = Path(__file__).parents[1]
+TASK = ROOT / "examples" / "gear_on_shaft" / "task.yaml"
+GOLDEN = ROOT / "tests" / "golden" / "gear_on_shaft.fast.json"
+PINS_UM = (35.0, 40.0, 44.0, 47.0, 49.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Verdict:
+    """What comes of one pin."""
+
+    pin_um: float
+    fit: str
+    least_um: float  # clearance
+    within_um: float  # of the alignment
+    chances: Mapping[str, float]  # by method
+    method: str
+    goal: float
+    budget: Budget
+
+
+def verdict(task: Task, plan: Plan, pin_um: float) -> Verdict:
+    """Return the verdict of the example with a pin of another diameter."""
+    changed = with_pin(task, pin_um)
+    states = unfold(changed, Report())
+    align = next(s for s in states if s.step.id == "over_shaft")
+    insert = next(s for s in states if s.step.verb == "insert")
+    seen, goal = sightings(plan), share_of_goal(changed)
+    hole, shaft = (
+        seen.get(owner_of(name or ""))
+        for name in (insert.step.target, insert.step.onto)
+    )
+    within = tolerance_um(changed, states, align, hole, Report())
+    choice = method_of(changed, states, align, within, seen, Report())
+    fit = fit_of(changed, insert)
+    mating = mating_of(changed, insert.step, insert.after)
+    if fit is None or mating is None:
+        raise ValueError("the example inserts no round hole over a post")
+    chances: dict[str, float] = {
+        o.method: o.success_probability or 0.0 for o in choice.options
+    }
+    budget = insert_budget(
+        changed,
+        fit,
+        _left(changed, align, within, choice.method),
+        blind_rows(
+            changed.workcell, travel_of(insert), hole, shaft, insert_s(changed, insert)
+        ),
+        0.0,
+        goal=goal,
+        methods=[(m, p) for m, p in chances.items() if m != choice.method],
+    )
+    return Verdict(
+        pin_um=pin_um,
+        fit=mating.fit_class,
+        least_um=mating.clearance_um[0],
+        within_um=within,
+        chances=chances,
+        method=choice.method,
+        goal=goal,
+        budget=budget,
+    )
+
+
+def with_pin(task: Task, pin_um: float) -> Task:
+    """Return the task with another diameter of the post; its outline stays."""
+    plate = task.parts["shaft_plate"]
+    post = replace(plate.posts["post"], radius_um=pin_um / 2)
+    parts = {**task.parts, "shaft_plate": replace(plate, posts={"post": post})}
+    return replace(task, parts=parts)
+
+
+def sightings(plan: Plan) -> dict[str, Sighted]:
+    """Return the last look at every owner before the insertion."""
+    found = {}
+    for step in plan.steps:
+        if step.verb == "insert":
+            break
+        for look in step.looks:
+            pose = look.measure.reference.pose
+            found[owner_of(look.target)] = Sighted(
+                name=look.target,
+                sigma_um=look.sigma_xy_um,
+                bias_um=0.0,
+                magnification=look.view.magnification,
+                focus_um=look.view.focus_um,
+                distortion_sigma_um=0.0,  # of circles at the middle of the field
+                coherence_um=0.0,
+                place_um=(pose.x_um, pose.y_um),
+            )
+    return found
+
+
+def table(found: tuple[Verdict, ...]) -> str:
+    """Return the verdicts as a table in Markdown."""
+    lines = [
+        "| pin um | fit | least um | within | servo | one look | method | goal | is |",
+        "|---|---|---|---|---|---|---|---|---|",
+    ]
+    for v in found:
+        chance = v.budget.success_probability
+        says = "feasible" if chance >= v.goal else "infeasible"
+        lines.append(
+            f"| {v.pin_um:g} | {v.fit} | {v.least_um:.2f} | {v.within_um:.2f} | "
+            f"{v.chances['servo']:.4f} | {v.chances['look_then_move']:.4f} | "
+            f"{v.method} | {v.goal:.4f} | {says} |"
+        )
+    return "\n".join(lines)
+
+
+def mending(found: Verdict) -> str:
+    """Return what would make a pin feasible, and what each term costs."""
+    analysis = found.budget.analysis
+    if analysis is None:
+        raise ValueError("an insertion's budget is analysed")
+    lines = [f"A pin of {found.pin_um:g} um, by what would do, the cheapest first:", ""]
+    lines += [
+        f"- {c.what} ({c.halvings:.1f} halvings): P {c.success_probability:.4f}"
+        for c in analysis.changes
+    ] or ["- nothing: it is feasible, or no single change would do"]
+    lines += ["", "| term | um | dP/d(term) per um | P if halved | largest um |"]
+    lines.append("|---|---|---|---|---|")
+    for o in analysis.offenders:
+        most = "none" if o.largest_um is None else f"{o.largest_um:.3g}"
+        lines.append(
+            f"| {o.term} | {o.size_um:.3g} | {o.slope_per_um:.3g} | "
+            f"{o.halved_probability:.4f} | {most} |"
+        )
+    return "\n".join(lines)
+
+
+def _left(task: Task, align: StepState, within_um: float, method: str) -> Left:
+    carrier = moved_by(task, align)
+    single = method == "look_then_move"
+    residual = (
+        single_residual(task, carrier)
+        if single
+        else residual_of(task, within_um, carrier)
+    )
+    return Left(residual=residual, term=f"{carrier} repeatability", source="workcell")
+
+
+def main() -> None:
+    """Print the table, and what would mend the thickest pin."""
+    report = Report()
+    task = load_task(str(TASK), report)
+    if task is None:
+        raise SystemExit([d.message for d in report.found])
+    plan = parse_plan(GOLDEN.read_text(encoding="utf-8"))
+    found = tuple(verdict(task, plan, pin_um) for pin_um in PINS_UM)
+    print(table(found))
+    print()
+    print(mending(found[-1]))
+
+
+if __name__ == "__main__":
+    main()

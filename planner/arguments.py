@@ -1,0 +1,134 @@
+"""The arguments of every command; nothing is loaded that --help does not need."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from planner.presets import PRESETS
+
+Run = Callable[[argparse.Namespace], int]
+
+# the keys of `optics.models.MODELS`, which --help cannot load: it loads scipy
+LAWS = "geometric, product, stokseth, hopkins, exact"
+
+EPILOG = (
+    "Exit status: 0 done, 1 understood but the answer is no, 2 the input or the call "
+    "is at fault, 70 a bug in microplan."
+)
+
+
+def build_parser(runs: Mapping[str, Run]) -> argparse.ArgumentParser:
+    """Return the parser of all commands; `run` of what it returns does the job."""
+    parser = argparse.ArgumentParser(
+        prog="microplan",
+        description="Offline compiler for vision-guided microassembly.",
+        epilog=EPILOG,
+    )
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+    for name, (add, says) in _COMMANDS.items():
+        command = commands.add_parser(name, help=says)
+        add(command)
+        command.set_defaults(run=runs[name])
+    return parser
+
+
+def _add_task(parser: argparse.ArgumentParser) -> None:
+    """Add what all commands share that read a task."""
+    parser.add_argument("task", help="task.yaml")
+    parser.add_argument(
+        "--format",
+        choices=("text", "json", "github", "sarif"),
+        default="text",
+        help="of the findings; default: text",
+    )
+
+
+def _add_check(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `microplan check`."""
+    parser.add_argument("-o", "--out", type=Path, help="folder for a drawing a part")
+    _add_task(parser)
+
+
+def _add_compile(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `microplan compile`."""
+    parser.add_argument("-o", "--out", type=Path, help="default: <name>.plan beside it")
+    parser.add_argument("--jobs", type=count, default=1, help="worker processes")
+    parser.add_argument("--preset", choices=sorted(PRESETS), help="how much to spend")
+    parser.add_argument(
+        "--max-image-error", type=share, help="of unit contrast, above 0 and below 1"
+    )
+    _add_task(parser)
+
+
+def _add_render(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `microplan render`."""
+    parser.add_argument("--step", required=True, help="id of the step")
+    parser.add_argument("--magnification", type=float, help="default: as compiled")
+    parser.add_argument("--focus-um", type=float, help="world height in focus")
+    parser.add_argument("--model", help=f"defocus law: {LAWS}; default: exact")
+    parser.add_argument(
+        "--max-image-error",
+        type=share,
+        help="law and sampling that keep it at this focus, sampling alone with --model;"
+        " with --trial as for compile",
+    )
+    parser.add_argument("--noise", action="store_true", help="add the sensor's noise")
+    parser.add_argument("--trial", type=int, help="rebuild this trial of the benchmark")
+    parser.add_argument("-o", "--out", type=Path, required=True, help=".png or .npy")
+    _add_task(parser)
+
+
+def _add_tradeoff(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `microplan tradeoff`."""
+    parser.add_argument("--step", help="id of the step; default: all that look")
+    parser.add_argument(
+        "--max-image-error", type=share, help="what may be chosen; default: the task's"
+    )
+    parser.add_argument(
+        "-o", "--out", type=Path, help="folder; default: <name>.tradeoff beside it"
+    )
+    _add_task(parser)
+
+
+def _add_explain(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `microplan explain`."""
+    parser.add_argument("code", nargs="?", help="as MP104; default: list all")
+
+
+def _add_init(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `microplan init`."""
+    parser.add_argument("folder", type=Path, help="new, or without these files")
+
+
+def _add_schema(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `microplan schema`."""
+    parser.add_argument("name", choices=("task", "workcell", "plan"))
+
+
+def count(text: str) -> int:
+    """Return a whole number from 1 on."""
+    value = int(text)
+    if not 1 <= value <= 256:
+        raise ValueError(text)
+    return value
+
+
+def share(text: str) -> float:
+    """Return a number above 0 and below 1."""
+    value = float(text)
+    if not 0 < value < 1:
+        raise ValueError(text)
+    return value
+
+
+_COMMANDS: Mapping[str, tuple[Callable[[argparse.ArgumentParser], None], str]] = {
+    "init": (_add_init, "write a task to begin with"),
+    "check": (_add_check, "read, resolve and check a task"),
+    "compile": (_add_compile, "compile a task into a plan"),
+    "render": (_add_render, "render what a step will see"),
+    "tradeoff": (_add_tradeoff, "measure speed against accuracy"),
+    "explain": (_add_explain, "tell more about a finding"),
+    "schema": (_add_schema, "print the schema of a format"),
+}

@@ -1,0 +1,63 @@
+"""The verdicts of one step: fit, grasp and release, and what is said of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from planner.checks.gripping import grasp_verdict
+from planner.checks.releasing import release_verdict
+from planner.diagnostics import Report
+from planner.inputs.task import Task
+from planner.model.mating import fit_verdict, mating_of
+from planner.model.steps import StepState
+from schemas.verdicts import FitVerdict, GraspVerdict, ReleaseVerdict
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Verdicts:
+    """What is known of a step's mechanics; None where it has none of the kind."""
+
+    fit: FitVerdict | None = None
+    grasp: GraspVerdict | None = None
+    release: ReleaseVerdict | None = None
+
+
+def verdicts_of(task: Task, states: tuple[StepState, ...], here: StepState) -> Verdicts:
+    """Return the verdicts of a step; only steps that need one have it worked out."""
+    if here.step.verb == "insert":
+        mating = mating_of(task, here.step, here.after)
+        tilt_rad = task.workcell.stage.axis_tilt_sigma_rad
+        return Verdicts(fit=None if mating is None else fit_verdict(mating, tilt_rad))
+    if here.step.verb == "grasp":
+        return Verdicts(grasp=grasp_verdict(task, here))
+    if here.step.verb == "release":
+        return Verdicts(release=release_verdict(task, states, here))
+    return Verdicts()
+
+
+def report_handling(
+    here: StepState,
+    grasp: GraspVerdict | None,
+    release: ReleaseVerdict | None,
+    report: Report,
+) -> None:
+    """Report how a part is held and whether it stays, with the numbers."""
+    step = here.step
+    if grasp is not None:
+        words = f"step {step.id!r}: {grasp.verdict}: {grasp.reason}"
+        if grasp.theta_within_rad is not None:
+            words += f"; angle within {grasp.theta_within_rad * 1e3:.3g} mrad"
+        if grasp.verdict == "will slip":
+            report.warning("MP614", step.where, words, "close the jaws further")
+        else:
+            report.note("MP614", step.where, words)
+    if release is None:
+        return
+    words = f"step {step.id!r}: {release.verdict}: {release.reason}"
+    if release.verdict == "will stick":
+        report.refuse("MP613", step.where, words, "lower humidity, ground, roughen")
+    elif release.verified_by is None:
+        hint = "add a step 'do: verify' after it"
+        report.note("MP613", step.where, words + "; no later step looks", hint)
+    else:
+        report.note("MP613", step.where, f"{words}; {release.verified_by!r} looks")

@@ -1,0 +1,152 @@
+"""The budget of an insertion: its rows, its chance, and what they hang on."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from planner.checks.budget import Sighted
+from planner.checks.fit import Fit, Residual
+from planner.checks.insertion import Insertion
+from planner.checks.offenders import (
+    changes,
+    offenders,
+    sizes_of,
+    yield_over_shaft,
+    yield_over_tolerance,
+)
+from planner.inputs.task import Task
+from schemas.plan import Budget, BudgetRow
+from schemas.verdicts import Allowed, BudgetAnalysis
+
+SIZE_TERM = "size of hole and shaft"
+TRIALS = "trials, at the look's own tolerance"
+BENCHMARK = "the benchmark's range, which all trials covered"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Left:
+    """What is left sideways before an insertion, with its name in the budget."""
+
+    residual: Residual
+    term: str
+    source: str
+
+
+def insert_budget(
+    task: Task,
+    fit: Fit,
+    left: Left,
+    blind: tuple[BudgetRow, ...],
+    bias_um: float,
+    *,
+    goal: float = 0.0,
+    seen: Sequence[Sighted | None] = (),
+    methods: Sequence[tuple[str, float]] = (),
+) -> Budget:
+    """Return the budget of an insertion; nobody corrects an offset of `bias_um`.
+
+    `goal` is the step's share of the task's, `seen` are the looks at hole and shaft,
+    `methods` other ways to align with the chances they would give.
+    """
+    job = Insertion(fit=fit, residual=left.residual, blind=blind, offset_um=bias_um)
+    offset = "offset that the moves leave" if bias_um else "measurement bias"
+    sizes = sizes_of(job, left.term, offset, SIZE_TERM)
+    values = {name: size for name, _, size in sizes}
+    rows = (
+        BudgetRow(term=left.term, sigma_um=values[left.term], source=left.source),
+        *blind,
+        BudgetRow(
+            term=offset,
+            sigma_um=bias_um,
+            source="the task" if bias_um else "trials",
+        ),
+        BudgetRow(
+            term=SIZE_TERM,
+            sigma_um=values[SIZE_TERM],
+            source="profile_tolerance_um, uniform within, on the capture radius",
+        ),
+    )
+    chance = 1 - job.miss
+    worst = offenders(job, sizes, goal)
+    cheap = changes(job, worst, goal, methods)
+    analysis = BudgetAnalysis(
+        required_probability=goal,
+        offenders=worst,
+        changes=cheap,
+        allowed=_allowed(task, seen),
+        yields=(yield_over_shaft(job), yield_over_tolerance(job)),
+    )
+    advice = "" if chance >= goal else _advice(analysis)
+    return Budget(
+        rows=rows,
+        limit_um=fit.capture_um,
+        success_probability=chance,
+        advice=advice,
+        analysis=analysis,
+    )
+
+
+def _allowed(task: Task, seen: Sequence[Sighted | None]) -> tuple[Allowed, ...]:
+    """Return the largest errors of focus, zoom, light and pose that looks bear."""
+    rows = [row for look in seen if look is not None for row in _borne(look)]
+    low, high = task.benchmark.light_gain
+    rows += [
+        Allowed(
+            error="light", look=look.name, least=low, most=high, unit="1",
+            source=BENCHMARK,
+        )
+        for look in seen
+        if look is not None
+    ]  # fmt: skip
+    return tuple(rows)
+
+
+def _borne(look: Sighted) -> list[Allowed]:
+    """Return what the trials of one look found."""
+    capture = look.capture_um
+    ranges = [
+        ("focus", look.usable_focus_um, "um"),
+        ("zoom", look.usable_magnification, "1"),
+        ("pose", None if capture is None else (-capture, capture), "um"),
+    ]
+    return [
+        Allowed(
+            error=error,
+            look=look.name,
+            least=found[0],
+            most=found[1],
+            unit=unit,
+            source=TRIALS,
+        )
+        for error, found, unit in ranges
+        if found is not None
+    ]
+
+
+def _advice(found: BudgetAnalysis) -> str:
+    """Return the cheapest change, or what the worst term would give halved."""
+    words = []
+    if found.changes:
+        words.append(found.changes[0].what)
+    if found.offenders:
+        worst = found.offenders[0]
+        words.append(
+            f"halving '{worst.term}' ({worst.size_um:.3g} um) would give P = "
+            f"{worst.halved_probability:.4g}"
+        )
+    return "; ".join(words) or "no single change would do"
+
+
+def share_of_goal(task: Task) -> float:
+    """Return the chance that every step which may miss must reach.
+
+    The goal's root: each of n grasps, insertions and releases gets the same share of
+    the failures, so that together they meet the goal. 0 without a goal.
+    """
+    goal = task.success_goal
+    if goal is None:
+        return 0.0
+    count = sum(step.verb in ("grasp", "insert", "release") for step in task.steps)
+    return math.pow(goal, 1 / max(count, 1))

@@ -1,0 +1,120 @@
+"""A part's outline as an SVG picture: arcs as arcs, um as units, y up.
+
+References
+----------
+W3C (2018), Scalable Vector Graphics 2, 9.3: path data.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from xml.sax.saxutils import escape
+
+from optics.outline import Arc, Edge, Outline, Point, Ring
+from planner.inputs.features import dominant_circle
+from planner.inputs.task import Part
+from planner.outputs.errors import OutputError
+
+_SVG = "http://www.w3.org/2000/svg"
+SIDE_PX = 720.0  # of the longer side of the drawing
+_MARGIN = 0.08  # of the longer side
+_BAR = 0.3  # of the width, that the scale bar takes at most
+_STYLE = (
+    "text{font-family:sans-serif;fill:#222}"
+    ".part{fill:#d8e2ee;stroke:#1f3a5f}.post{fill:#f3d9a4;stroke:#7a5200}"
+    ".mark{stroke:#a11;fill:none}.bar{stroke:#222}rect{fill:#fff}"
+)
+
+
+def write_drawings(parts: Mapping[str, Part], folder: Path) -> str:
+    """Write a picture of every part, and return where they are.
+
+    Raises
+    ------
+    OutputError
+        MP702 if one cannot be written.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, part in parts.items():
+            (folder / f"{name}.svg").write_text(svg(part), encoding="utf-8")
+    except OSError as error:
+        raise OutputError("MP702", f"{folder} cannot be written: {error}") from error
+    return f"drawings: {', '.join(str(folder / f'{n}.svg') for n in sorted(parts))}"
+
+
+def svg(part: Part) -> str:
+    """Return a picture of a part and its posts, circles marked with their diameters."""
+    x0, y0, x1, y1 = part.outline.bounds_um
+    longer = max(x1 - x0, y1 - y0)
+    margin, line = _MARGIN * longer, longer / 500
+    left, top = x0 - margin, -y1 - margin
+    width, height = x1 - x0 + 2 * margin, y1 - y0 + 2.5 * margin
+    scale = SIDE_PX / max(width, height)
+    box = f"{left:.6g} {top:.6g} {width:.6g} {height:.6g}"
+    size = f'width="{width * scale:.0f}" height="{height * scale:.0f}"'
+    title = escape(f"{part.name}: {x1 - x0:.6g} x {y1 - y0:.6g} um")
+    bar = _bar((x0, y0), width, margin)
+    return "\n".join(
+        [
+            f'<svg xmlns="{_SVG}" viewBox="{box}" {size} role="img">',
+            f"<title>{title}</title><style>{_STYLE}</style>",
+            f'<rect x="{left:.6g}" y="{top:.6g}" width="100%" height="100%"/>',
+            f'<g stroke-width="{line:.4g}" font-size="{margin / 2.2:.4g}">',
+            _path(part.outline, "part"),
+            *(_path(post.outline, "post") for _, post in sorted(part.posts.items())),
+            *_marks(part, margin / 4),
+            bar,
+            "</g></svg>\n",
+        ]
+    )
+
+
+def _path(outline: Outline, name: str) -> str:
+    """Return an outline as one filled path."""
+    data = " ".join(_ring(ring) for ring in outline.rings)
+    return f'<path class="{name}" fill-rule="evenodd" d="{data}"/>'
+
+
+def _ring(ring: Ring) -> str:
+    """Return a closed ring as path data."""
+    x, y = ring.edges[0].start
+    return " ".join([f"M{x:.8g} {-y:.8g}", *map(_edge, ring.edges), "Z"])
+
+
+def _edge(edge: Edge) -> str:
+    """Return an edge as path data; more than half a turn in two arcs."""
+    if not isinstance(edge, Arc):
+        return f"L{edge.end[0]:.8g} {-edge.end[1]:.8g}"
+    turns = max(1, math.ceil(abs(edge.sweep_rad) / math.pi - 1e-9))
+    side = int(edge.sweep_rad < 0)  # y points down in SVG
+    ends = (edge.at((k + 1) / turns) for k in range(turns))
+    radius = f"{edge.radius_um:.8g}"
+    return " ".join(f"A{radius} {radius} 0 0 {side} {x:.8g} {-y:.8g}" for x, y in ends)
+
+
+def _marks(part: Part, size: float) -> Iterator[str]:
+    """Yield a cross at every circle's middle, with its diameter."""
+    for ring in part.outline.rings:
+        circle = dominant_circle(ring)
+        if circle is None:
+            continue
+        x, y = circle.center_um[0], -circle.center_um[1]
+        across = f"M{x - size:.6g} {y:.6g}h{2 * size:.6g}"
+        down = f"M{x:.6g} {y - size:.6g}v{2 * size:.6g}"
+        yield f'<path class="mark" d="{across}{down}"/>'
+        said = f"{2 * circle.radius_um:.6g} um"
+        yield f'<text x="{x + size:.6g}" y="{y - size / 2:.6g}">{said}</text>'
+
+
+def _bar(corner: Point, width: float, margin: float) -> str:
+    """Return a scale bar of 1, 2 or 5 times a power of ten um below the part."""
+    power = 10.0 ** math.floor(math.log10(_BAR * width))
+    length = max(k * power for k in (1, 2, 5) if k * power <= _BAR * width)
+    x, y = corner[0], -corner[1] + margin
+    return (
+        f'<path class="bar" d="M{x:.6g} {y:.6g}h{length:.6g}"/>'
+        f'<text x="{x + length + margin / 4:.6g}" y="{y:.6g}">{length:g} um</text>'
+    )

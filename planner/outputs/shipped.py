@@ -1,0 +1,37 @@
+"""Files that come with the package: pages on findings, and a task to begin with."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+_PACKAGE = Path(__file__).parents[1]
+# in a wheel, and where they are kept in the source tree
+_PLACES = {
+    "pages": (_PACKAGE / "pages", _PACKAGE.parent / "docs" / "diagnostics"),
+    "starter": (_PACKAGE / "starter", _PACKAGE.parent / "examples" / "gear_on_shaft"),
+}
+_STARTER = ("task.yaml", "workcell.yaml", "parts")
+
+
+def page(code: str) -> str | None:
+    """Return the page of a code such as MP104, None if there is no such code."""
+    name = code.strip().upper()
+    file = _folder("pages") / f"{name}.md"
+    known = name.isalnum() and file.is_file()
+    return file.read_text(encoding="utf-8") if known else None
+
+
+def starter() -> Iterator[tuple[str, bytes]]:
+    """Yield path and content of every file of a task that compiles."""
+    folder = _folder("starter")
+    for name in _STARTER:
+        top = folder / name
+        files = sorted(top.iterdir()) if top.is_dir() else [top]
+        for file in files:
+            yield file.relative_to(folder).as_posix(), file.read_bytes()
+
+
+def _folder(name: str) -> Path:
+    """Return where files of one kind lie."""
+    return next(place for place in _PLACES[name] if place.is_dir())

@@ -1,0 +1,169 @@
+"""What the plan says of fit, budget, grasp, release and method: frozen types.
+
+Added after format 2.0: a plan without them is read as one whose verdicts are unknown.
+Lengths are um, angles rad, forces uN. A pair of numbers is an interval.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+FitClass = Literal["clearance", "transition", "interference"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FitVerdict:
+    """How a round hole and a round shaft go together over their tolerances.
+
+    Triples are least, drawn, greatest; the least counts taper against the fit.
+    """
+
+    hole_um: float  # diameter as drawn
+    shaft_um: float
+    fit: FitClass
+    clearance_um: tuple[float, float, float]  # difference of the diameters
+    capture_um: tuple[float, float, float]  # sideways error that still goes in
+    taper_um: float  # what leaning walls may take of the clearance
+    engaged_um: float  # overlap in height once inserted
+    tilt_limit_rad: float | None  # least clearance over that; None: nothing engaged
+    tilt_rad: float  # of the axes, 3 sigma; how the part sits in the jaws is unknown
+    tilt_takes_um: float  # of the clearance, over the engaged length
+    wedging_rad: float | None  # below this tilt it cannot wedge; None: no friction
+    wedging_depth_um: float  # from here on geometry keeps the tilt below that
+    may_wedge: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Offender:
+    """What one term of a budget costs; the worst comes first."""
+
+    term: str
+    size_um: float  # as in the budget's rows
+    slope_per_um: float  # dP/dsize; above 0 where spread helps what mostly fails
+    halved_probability: float  # P if the term were half as large
+    largest_um: float | None  # that still gives the goal; None: not even 0 does
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Change:
+    """One change that would give the step's share of the goal; the cheapest first."""
+
+    what: str
+    halvings: float  # of a term, or doublings of the clearance; 0: another method
+    success_probability: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Allowed:
+    """The largest error of one setting that still gives the goal."""
+
+    error: str  # focus, zoom, light or pose
+    look: str  # target of the look
+    least: float
+    most: float
+    unit: str
+    source: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class YieldPoint:
+    """P(success) where one size or tolerance is another."""
+
+    value_um: float
+    success_probability: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class YieldCurve:
+    """P(success) over one size or tolerance, all else as it is."""
+
+    over: str
+    points: tuple[YieldPoint, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BudgetAnalysis:
+    """What a budget's probability hangs on."""
+
+    required_probability: float  # the step's share of the goal
+    offenders: tuple[Offender, ...]
+    changes: tuple[Change, ...]  # () if the share is met
+    allowed: tuple[Allowed, ...]
+    yields: tuple[YieldCurve, ...]
+
+
+MethodName = Literal["servo", "look_then_move"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MethodOption:
+    """What one way to run an alignment would give."""
+
+    method: MethodName
+    success_probability: float | None  # of the insertion; None: none follows
+    looks: float  # expected
+    expected_s: float  # looks and settling
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MethodChoice:
+    """Which way was taken, and why."""
+
+    asked: Literal["auto", "servo", "look_then_move"]
+    method: MethodName
+    reason: str
+    options: tuple[MethodOption, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Force:
+    """One force as an interval: its size is known to a factor of ten at best."""
+
+    name: str
+    least_un: float
+    most_un: float
+    validity: str  # where the formula holds, and what was assumed
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rung:
+    """One action of a release, tried if those before it did not do."""
+
+    action: str
+    why: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReleaseVerdict:
+    """Whether a released part stays: what pulls it along, and what holds it."""
+
+    verdict: Literal["stays", "may stick", "will stick"]
+    reason: str
+    contact_um2: float  # of one finger
+    finger: tuple[Force, ...]  # between the part and one finger
+    holding: tuple[Force, ...]  # between the part and what it lies on
+    weight_un: tuple[float, float]
+    pull_un: tuple[float, float]
+    hold_un: tuple[float, float]
+    ladder: tuple[Rung, ...]  # planned; the executor opens and looks, no more
+    verified_by: str | None  # step that looks whether it worked; None: none does
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GraspVerdict:
+    """How a part stands between the jaws, and how firmly it is held."""
+
+    opening_um: float  # before they close
+    width_um: float  # of the part's hull at the angle in which it settles
+    width_range_um: tuple[float, float]  # over all angles
+    room_um: float  # on the narrower side
+    needed_um: float  # 3 sigma of the places of part and jaws
+    settles: int  # angles in half a turn at which it may lie flat; 0: it turns freely
+    theta_within_rad: float | None  # half the widest gap between them; None: any angle
+    theta_sigma_rad: float  # of the angle once held
+    squeeze_um: float  # by which each finger bends
+    force_un: tuple[float, float] | None  # None: the workcell tells no stiffness
+    lift_un: tuple[float, float]  # weight, and what it lies on holding it
+    verdict: Literal["holds", "may slip", "will slip", "unknown"]
+    reason: str

@@ -1,0 +1,116 @@
+"""How hole and shaft mate: against worst cases drawn and geometry solved apart."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import optimize
+
+from planner.diagnostics import Report
+from planner.model.check import check_fits
+from planner.model.mating import Mating, fit_verdict, mating_of
+from planner.model.steps import unfold
+from tests.planner.examples import EXAMPLE, change, copy_example, read
+
+
+def mating(shaft_um: float, engaged_um: float = 100.0, friction: float = 0.3) -> Mating:
+    return Mating(
+        hole_um=50.0, shaft_um=shaft_um, tolerance_um=1.2, taper_um=0.2,
+        engaged_um=engaged_um, friction=friction,
+    )  # fmt: skip
+
+
+def test_the_example_mates_as_its_drawings_say() -> None:
+    task = read(EXAMPLE / "task.yaml")
+    insert = next(s for s in unfold(task, Report()) if s.step.verb == "insert")
+    found = mating_of(task, insert.step, insert.after)
+    assert found is not None
+    # the gear rests on the plate, 100 um of the post's 250 um inside it; both edges of
+    # both parts are off by 0.3 um at most, and the gear's walls lean 0.1 um a side
+    assert found.engaged_um == pytest.approx(100.0)
+    assert found.clearance_um == pytest.approx((6 - 1.2 - 0.2, 6.0, 7.2), abs=1e-6)
+    verdict = fit_verdict(found, 0.002)
+    assert verdict.fit == "clearance"
+    assert verdict.capture_um == pytest.approx((2.3, 3.0, 3.6), abs=1e-6)
+    assert verdict.tilt_takes_um == pytest.approx(0.6, abs=1e-4)
+    assert not verdict.may_wedge
+
+
+def test_the_numbers_of_a_wide_bore() -> None:
+    """400 mrad for 6 um in 50 um at a friction of .3; geometry caps tilt at 60."""
+    found = mating(44.0)
+    assert found.wedging_rad(6.0) == pytest.approx(0.4)
+    assert found.tilt_limit_rad(6.0) == pytest.approx(0.06)
+    assert found.wedging_depth_um == pytest.approx(15.0)
+
+
+@pytest.mark.parametrize(
+    ("shaft_um", "wanted"),
+    [(44.0, "clearance"), (48.5, "clearance"), (49.0, "transition"),
+     (50.5, "transition"), (51.3, "interference")],
+)  # fmt: skip
+def test_the_class_is_what_parts_drawn_at_random_do(
+    shaft_um: float, wanted: str
+) -> None:
+    found = mating(shaft_um)
+    rng = np.random.default_rng(5)
+    edges = rng.uniform(-0.3, 0.3, (100_000, 2)).sum(axis=1) * 2  # both diameters
+    lean = rng.uniform(0.0, 0.2, 100_000)
+    goes = 50.0 - shaft_um + edges - lean > 0
+    seen = {True: "clearance", False: "transition"}[bool(goes.all())]
+    assert found.fit_class == wanted
+    assert ("interference" if not goes.any() else seen) == wanted
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.floats(0.05, 8.0), st.floats(20.0, 400.0))
+def test_the_tilt_limit_is_where_a_tilted_shaft_touches_both_ends(
+    clearance_um: float, engaged_um: float
+) -> None:
+    """A shaft of width d leaning by t spans d / cos t + L tan t of the hole's width."""
+    shaft_um = 50.0 - clearance_um
+
+    def spare(tilt: float) -> float:
+        return 50.0 - shaft_um / math.cos(tilt) - engaged_um * math.tan(tilt)
+
+    exact = optimize.brentq(spare, 0.0, 0.9)
+    found = mating(shaft_um, engaged_um).tilt_limit_rad(clearance_um)
+    assert found is not None
+    # c / L leaves out d t**2 / 2 + L t**3 / 3 <= 25 t**2 + L t**3 / 3 of the width
+    left_out = (25 * found**2 + engaged_um * found**3 / 3) / engaged_um
+    assert 0 <= found - exact <= left_out * (1 + found) + 1e-9
+
+
+def test_without_friction_or_overlap_there_is_no_limit() -> None:
+    assert mating(44.0, friction=0.0).wedging_rad(6.0) is None
+    assert mating(44.0, engaged_um=0.0).tilt_limit_rad(6.0) is None
+    verdict = fit_verdict(mating(44.0, engaged_um=0.0, friction=0.0), 0.002)
+    assert verdict.tilt_takes_um == 0.0
+    assert not verdict.may_wedge
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new", "codes"),
+    [
+        ("task.yaml", "friction: 0.3", "friction: 0.3 ", [("MP610", "note")]),
+        ("parts/shaft_plate.dxf", "22.0", "24.8", [("MP610", "warning"),
+                                                   ("MP611", "warning")]),
+        ("parts/shaft_plate.dxf", "22.0", "25.5", [("MP601", "infeasible")]),
+        ("workcell.yaml", "tilt_sigma_mrad: 2", "tilt_sigma_mrad: 200",
+         [("MP610", "note"), ("MP611", "warning")]),
+    ],
+)  # fmt: skip
+def test_fits_are_reported_with_their_numbers(
+    tmp_path: Path, file: str, old: str, new: str, codes: list[tuple[str, str]]
+) -> None:
+    task_file = copy_example(tmp_path / "task")
+    change(task_file.parent / file, old, new)
+    task, report = read(task_file), Report()
+    check_fits(task, unfold(task, Report()), report)
+    assert [(d.code, d.severity) for d in report.in_order] == codes
+    assert all(" um" in d.message and d.where.line for d in report.found)
