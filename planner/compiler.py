@@ -16,6 +16,7 @@ from planner.checks.insert_budget import share_of_goal
 from planner.diagnostics import Report, Span
 from planner.inputs.task import Task
 from planner.looks import Effects
+from planner.memory import Memory
 from planner.model.assembly import State, initial
 from planner.model.check import check_fits
 from planner.model.steps import StepState, unfold
@@ -24,7 +25,7 @@ from planner.outputs.emit import PlanFiles
 from planner.outputs.world import build_world
 from planner.presets import PRESETS, Preset
 from planner.requirements import requirements
-from planner.steps import CompiledStep, Memory, compile_step
+from planner.steps import CompiledStep, compile_step
 from schemas import plan as p
 from schemas.codec import to_data
 from schemas.pose import Pose

@@ -11,10 +11,11 @@ from planner.control import control_of, moved_by, residual_of, tolerance_um
 from planner.diagnostics import Report
 from planner.inputs.task import Task
 from planner.looks import Effects
+from planner.memory import Memory
 from planner.model.assembly import part_sigma_um
 from planner.model.steps import StepState, unfold
 from planner.presets import PRESETS
-from planner.steps import CompiledStep, Memory, compile_step
+from planner.steps import CompiledStep, compile_step
 from schemas.plan import AxisMove
 from tests.planner.examples import change, copy_example, read
 

@@ -1,0 +1,45 @@
+"""What earlier steps leave for later ones."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+from planner.checks.budget import Sighted
+from planner.looks import CompiledLook
+from planner.model.assembly import owner_of
+from schemas.verdicts import MethodChoice
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Memory:
+    """What earlier steps leave for later ones."""
+
+    magnification: float  # the microscope is at
+    seen: Mapping[str, Sighted]  # owner -> its last look
+    within_um: float  # of the last alignment
+    key: str  # journal key of the step before
+    choice: MethodChoice | None = None  # of the last alignment
+
+
+def remember(memory: Memory, look: CompiledLook) -> Memory:
+    """Return the memory after a look."""
+    view, measure = look.look.view, look.look.measure
+    seen = Sighted(
+        name=look.look.target,
+        sigma_um=look.look.sigma_xy_um,
+        bias_um=0.0,  # the executor takes the mean error off
+        magnification=view.magnification,
+        focus_um=view.focus_um,
+        distortion_sigma_um=look.distortion_sigma_um,
+        coherence_um=look.coherence_um,
+        place_um=(measure.reference.pose.x_um, measure.reference.pose.y_um),
+        usable_focus_um=measure.usable_focus_um,
+        usable_magnification=measure.usable_magnification,
+        capture_um=measure.capture_um,
+    )
+    return replace(
+        memory,
+        magnification=view.magnification,
+        seen={**memory.seen, owner_of(look.look.target): seen},
+    )
