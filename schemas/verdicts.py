@@ -56,11 +56,11 @@ class Change:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Allowed:
-    """The largest error of one setting that still gives the goal."""
+    """The largest errors of one setting of a look that still give the goal."""
 
-    error: str  # focus, zoom, light or pose
+    error: str  # focus, zoom, light, gradient or pose
     look: str  # target of the look
-    least: float
+    least: float  # zoom and light: ratio to what was planned
     most: float
     unit: str
     source: str

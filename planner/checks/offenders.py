@@ -83,7 +83,7 @@ def changes(
     for term in found:
         if term.largest_um is None or term.largest_um <= 0:
             continue
-        halvings = math.log2(term.size_um / term.largest_um)
+        halvings = _halvings(term.size_um / term.largest_um)
         if 0 < halvings <= MOST_HALVINGS:
             what = (
                 f"bring {term.term!r} from {term.size_um:.3g} to "
@@ -91,8 +91,8 @@ def changes(
             )
             fits.append(Change(what=what, halvings=halvings, success_probability=goal))
     fits += _wider(job, goal) + _all_finer(job, goal)
-    # sizes are found to SHARP; of what costs the same the fewest things come first
-    return tuple(sorted(fits, key=lambda change: round(change.halvings, 2)))
+    # of what costs the same the fewest things come first
+    return tuple(sorted(fits, key=lambda change: change.halvings))
 
 
 def yield_over_shaft(job: Insertion) -> YieldCurve:
@@ -169,7 +169,7 @@ def _wider(job: Insertion, goal: float) -> list[Change]:
     return [
         Change(
             what=f"widen the hole by {wider:.3g} um",
-            halvings=math.log2((base + wider) / base),
+            halvings=_halvings((base + wider) / base),
             success_probability=1 - job.widened(wider).miss,
         )
     ]
@@ -189,10 +189,15 @@ def _all_finer(job: Insertion, goal: float) -> list[Change]:
     return [
         Change(
             what=f"bring every error and tolerance to {100 * factor:.3g} % of itself",
-            halvings=-math.log2(factor),
+            halvings=_halvings(1 / factor),
             success_probability=1 - job.scaled(ALL, factor).miss,
         )
     ]
+
+
+def _halvings(ratio: float) -> float:
+    """Return how many halvings a ratio is; sizes are found to SHARP only."""
+    return round(math.log2(ratio), 2)
 
 
 def _spare(job: Insertion, goal: float) -> float:
