@@ -91,6 +91,10 @@ class BudgetAnalysis:
     changes: tuple[Change, ...]  # () if the share is met
     allowed: tuple[Allowed, ...]
     yields: tuple[YieldCurve, ...]
+    # Added after 2.1; None: unknown.
+    miss_probability: float | None = None  # digits of what is too rare for 1 - P
+    # xx, xy, yy of what the servo cannot see, about the offset; sizes not among it
+    covariance_um2: tuple[float, float, float] | None = None
 
 
 MethodName = Literal["servo", "look_then_move"]

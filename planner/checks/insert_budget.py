@@ -61,7 +61,7 @@ def insert_budget(
             source="profile_tolerance_um, uniform within, on the capture radius",
         ),
     )
-    chance = 1 - job.miss
+    chance, rest = 1 - job.miss, job.rest
     worst = offenders(job, sizes, goal)
     cheap = changes(job, worst, goal, methods)
     analysis = BudgetAnalysis(
@@ -70,6 +70,8 @@ def insert_budget(
         changes=cheap,
         allowed=(),
         yields=(yield_over_shaft(job), yield_over_tolerance(job)),
+        miss_probability=job.miss,
+        covariance_um2=(rest.xx_um2, rest.xy_um2, rest.yy_um2),
     )
     advice = "" if chance >= goal else _advice(analysis)
     return Budget(
