@@ -9,9 +9,9 @@ tell where real parts lie.
 
 References
 ----------
-Fearing (1995), Survey of sticking effects for micro parts handling: these forces exceed
-weight for parts below a millimetre. Every formula is derived where it stands, and again
-in the tests; constants that are not derived are from:
+Fearing (1995), Survey of sticking effects for micro parts handling: below a millimetre
+these forces count beside weight. Every formula is derived where it stands, and again in
+the tests; constants that are not derived are from:
 Yang et al. (2020), Capillary condensation under atomic-scale confinement, Nature, eq.
 (1): the humidity that fills a slit.
 Peschot et al. (2014), Deviations from the Paschen's law at short gap distances from 100
@@ -39,6 +39,7 @@ CONTACT_UM = 0.165e-3
 # over frequency is 0.5 for an insulator of index 1.42 that absorbs at 3e15 Hz, 3.3 for
 # free electrons with the plasma energy of aluminium, 15.3 eV.
 HAMAKER_UN_UM = (0.5e-7, 4e-7)
+ZJ = 1e9  # in a uN um
 TENSION_UN_PER_UM = 0.0728  # of water at 20 C
 # A slit of this width over ln(1 / humidity) fills: 2 gamma V / (R T), V = 18.07 ml/mol.
 SLIT_UM = 1.08e-3
@@ -95,7 +96,7 @@ def forces(face: Face, environment: Environment) -> tuple[Force, ...]:
             "van der Waals",
             _waals(face, environment.roughness_um),
             f"{rough}, rms slope of asperities {SLOPE:g}..0.84, rigid faces, Hamaker "
-            f"constant {1e12 * HAMAKER_UN_UM[0]:g}..{1e12 * HAMAKER_UN_UM[1]:g} zJ"
+            f"constant {ZJ * HAMAKER_UN_UM[0]:g}..{ZJ * HAMAKER_UN_UM[1]:g} zJ"
             + (", any in a liquid" if face.liquid else ""),
         ),
         _force(

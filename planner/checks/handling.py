@@ -48,6 +48,9 @@ def report_handling(
         words = f"step {step.id!r}: {grasp.verdict}: {grasp.reason}; {_stands(grasp)}"
         if grasp.verdict == "will slip":
             report.warning("MP614", step.where, words, "close the jaws further")
+        elif grasp.room_um < grasp.needed_um:
+            hint = "open the jaws further before, or align more finely"
+            report.warning("MP614", step.where, words, hint)
         else:
             report.note("MP614", step.where, words)
     if release is None:

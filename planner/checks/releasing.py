@@ -116,6 +116,8 @@ def _on_shaft(
         return "may stick", f"{said}; how far fingers bend is not stated"
     most = total(grip.finger)[1]
     said += f", the finger bends {most / per_um:.3g} um by {most:.2g} uN"
+    if in_liquid(task.workcell.optics.medium_index):
+        return "may stick", f"{said} and by double layers, which are not modelled"
     if away_um > play_um + most / per_um:
         return "stays", f"the shaft holds it: {said}; what is left is the retreat"
     return "may stick", f"the shaft does not strip it: {said}"
@@ -141,7 +143,7 @@ def _lying(task: Task, grip: _Grip, drop_um: float) -> tuple[Sticks, str]:
             f"one finger carries {pull}"
         )
     if in_liquid(task.workcell.optics.medium_index):
-        return "may stick", f"{said}; double layers in a liquid are not modelled"
+        return "may stick", f"{said}; double layers are not modelled"
     return found, said
 
 

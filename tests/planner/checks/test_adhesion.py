@@ -68,6 +68,7 @@ def test_forces_are_those_of_the_textbook() -> None:
     blunt = 3 * 4e-19 * 1.4142e-6 / (6 * 0.165e-9**2) * 1e6
     behind = 4e-19 / (6 * math.pi * 20e-9**3) * 870e-12 * 1e6
     assert found["van der Waals"].most_un == pytest.approx(blunt + behind, rel=1e-3)
+    assert "50..400 zJ" in found["van der Waals"].validity
     # a body as wide as the face: 4 pi gamma R = 0.915 uN a um
     assert found["capillary"].most_un == pytest.approx(0.9148 * TIP.radius_um, rel=1e-3)
     # two plates 20 nm apart at 1 V: 11.07 kN/m2
@@ -300,6 +301,7 @@ def test_a_shaft_strips_the_part_and_a_look_verifies() -> None:
     assert "shaft" in found.reason
     assert found.verified_by == "check_seated"
     assert found.weight_un[0] == pytest.approx(44.6e-3, rel=0.02)
+    assert found.pull_un == pytest.approx((0.0184, 34.4), rel=5e-3)  # docs/verdicts.md
     assert found.ladder[0].action == "open to 130 um"
     assert found.ladder[1].action == "look"
     assert found.ladder[-1].action.startswith("stop")
@@ -366,6 +368,10 @@ def test_a_part_off_its_shaft_hangs_by_its_weight() -> None:
 def test_in_a_liquid_no_release_is_judged(tmp_path: Path) -> None:
     file = copy_example(tmp_path / "task")
     change(file.parent / "workcell.yaml", "medium_index: 1.0 ", "medium_index: 1.33 ")
+    task = read(file)
+    found = release_verdict(task, *released(task))
+    assert found.verdict == "may stick"
+    assert "double layers" in found.reason
     text = file.read_text(encoding="utf-8")
     start, end = text.index("  - {id: lift,"), text.index("  - {id: release,")
     file.write_text(text[:start] + text[end:], encoding="utf-8")

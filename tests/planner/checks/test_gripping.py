@@ -81,6 +81,10 @@ def test_the_finding_tells_room_width_and_angle(job: tuple[Task, StepState]) -> 
     found, report = grasp_verdict(task, here), Report()
     report_handling(here, found, None, report)
     (said,) = (d.message for d in report.found)
+    assert report.found[0].severity == "note"
+    tight, warned = replace(found, needed_um=found.room_um + 0.1), Report()
+    report_handling(here, tight, None, warned)
+    assert [(d.code, d.severity) for d in warned.found] == [("MP614", "warning")]
     assert f"{found.room_um:.3g} um beside it" in said
     assert f"{found.needed_um:.3g} um needed at 3 sigma" in said
     assert f"{found.width_range_um[0]:.4g}..{found.width_range_um[1]:.4g} um" in said
