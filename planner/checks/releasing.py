@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from planner.checks.adhesion import Face, Sticks, forces, total, verdict
 from planner.checks.gripping import stiffness_un_per_um
 from planner.checks.materials import Bounds, conducts, in_liquid, volume_um3, weight_un
-from planner.inputs.task import Environment, Part, Step, Task
+from planner.inputs.task import Part, Step, Task
 from planner.model.assembly import bodies, height_sigma_um, owner_of, part_z_um
 from planner.model.closing import jaw_hits
 from planner.model.contact import contact_um2
@@ -58,8 +58,8 @@ def release_verdict(
     """
     name = owner_of(here.step.target or "")
     contact = contact_um2(task, here.at_look, name)
-    drop_um = _drop_um(task, here, name)
-    grip = _grip(task, task.parts[name], contact, hangs=drop_um > 0)
+    drop_um, support = _support(task, here, name)
+    grip = _grip(task, task.parts[name], contact, support)
     play_um = _play_um(task, states, here)
     found, reason = _on_shaft(task, here, grip, play_um)
     if found != "stays":
@@ -79,20 +79,29 @@ def release_verdict(
     )
 
 
-def _grip(task: Task, part: Part, contact_um2: float, *, hangs: bool) -> _Grip:
-    """Return the forces on a part between a finger and what it lies on."""
-    index, area_um2 = task.workcell.optics.medium_index, part.outline.area_um2
-    environment: Environment = task.environment
+def _grip(
+    task: Task, part: Part, contact_um2: float, support: frozenset[str] | None
+) -> _Grip:
+    """Return the forces on a part between a finger and what it lies on.
 
-    def face(area: float) -> Face:
-        charge_flows, liquid = conducts(part.material), in_liquid(index)
-        return Face(area_um2=area, conducts=charge_flows, liquid=liquid)
+    Fingers and stage are taken to conduct; `support` names the parts below, None where
+    nothing is.
+    """
+    index = task.workcell.optics.medium_index
 
+    def pulls(area_um2: float, parts: frozenset[str]) -> tuple[Force, ...]:
+        flows = all(conducts(task.parts[name].material) for name in parts)
+        face = Face(area_um2=area_um2, conducts=flows, liquid=in_liquid(index))
+        return forces(face, task.environment)
+
+    below: tuple[Force, ...] = ()
+    if support is not None:
+        below = pulls(part.outline.area_um2, support | {part.name})
     return _Grip(
-        finger=forces(face(contact_um2), environment),
-        below=() if hangs else forces(face(area_um2), environment),
+        finger=pulls(contact_um2, frozenset((part.name,))),
+        below=below,
         weight_un=weight_un(part.material, volume_um3(part), medium_index=index),
-        friction=environment.friction,
+        friction=task.environment.friction,
     )
 
 
@@ -147,8 +156,13 @@ def _lying(task: Task, grip: _Grip, drop_um: float) -> tuple[Sticks, str]:
     return found, said
 
 
-def _drop_um(task: Task, here: StepState, name: str) -> float:
-    """Return how far a part is above what lies below it, 0 if it may rest on it."""
+def _support(
+    task: Task, here: StepState, name: str
+) -> tuple[float, frozenset[str] | None]:
+    """Return how far a part is above what lies below it, and what parts that is.
+
+    (0, parts) where it may rest, no parts on the bare stage; (gap, None) where not.
+    """
     state, stage = here.at_look, task.workcell.stage
     low_um = part_z_um(task, state, name)
     everything = bodies(task, state)
@@ -157,15 +171,19 @@ def _drop_um(task: Task, here: StepState, name: str) -> float:
         height_sigma_um(task, state, name), stage.axes.repeatability_z_um
     )
     within_um = SIGMAS * spread_um + ROUNDING_UM
-    tops = [stage.datum_z_um + state.stage.z_um] + [
-        body.z_high_um
+    below = [
+        body
         for body in everything
         if body.carrier == "stage"
         and body.z_high_um <= low_um + within_um
         and shape.intersects(polygon(body.outline))
     ]
+    tops = [stage.datum_z_um + state.stage.z_um, *(body.z_high_um for body in below)]
     gap_um = low_um - max(tops)
-    return gap_um if gap_um > within_um else 0.0
+    if gap_um > within_um:
+        return gap_um, None
+    near = (body for body in below if low_um - body.z_high_um <= within_um)
+    return 0.0, frozenset(body.owner for body in near)
 
 
 def _play_um(

@@ -349,6 +349,19 @@ def lifted(task: Task, up_um: float) -> tuple[tuple[StepState, ...], StepState]:
     return tuple(high if state is here else state for state in states), high
 
 
+def test_what_may_not_conduct_below_may_hold_a_charge() -> None:
+    """The fingers and the nickel gear are earthed; what the plate is, nobody says."""
+    task = read(EXAMPLE / "task.yaml")
+    plate = task.parts["shaft_plate"]
+    for material, charged in ((plate.material, True), ("steel", False)):
+        parts = {**task.parts, "shaft_plate": replace(plate, material=material)}
+        found = release_verdict(replace(task, parts=parts), *released(task))
+        sides = (found.finger, found.holding)
+        most = [f.most_un for side in sides for f in side if f.name == "charge"]
+        assert most[0] == 0.0
+        assert (most[1] > 0) is charged
+
+
 def test_a_part_off_its_shaft_hangs_by_its_weight() -> None:
     task = read(EXAMPLE / "task.yaml")
     states, high = lifted(task, 400.0)
