@@ -26,6 +26,7 @@ from planner.inputs.dxf_blocks import layer_counts
 from planner.inputs.dxf_edges import Drawn, Trouble, draw
 from planner.inputs.dxf_entities import READERS
 from planner.inputs.dxf_file import DamagedError, DxfFile, read_dxf
+from planner.inputs.files import read_bytes
 from planner.inputs.nesting import BadRingsError, nest
 from planner.inputs.overlaps import without_overlaps
 from planner.inputs.rings import Chained, chain
@@ -55,18 +56,16 @@ def open_drawing(
 
     Read strictly: nothing is repaired, a file without its end is refused.
     """
-    try:
-        if path.exists() and not path.is_file() and not path.is_dir():
-            report.error("MP001", at, f"cannot read {file}: it is no regular file")
-            return None
-        with path.open("rb") as stream:
-            data = stream.read(MAX_BYTES + 1)
-    except OSError as error:
-        report.error("MP001", at, f"cannot read {file}: {error.strerror}")
+    data = read_bytes(path, file, at, report, most=MAX_BYTES)
+    if data is None:
         return None
-    if len(data) > MAX_BYTES:
-        report.error("MP009", at, f"{file} is larger than {MAX_BYTES} bytes")
-        return None
+    return load_drawing(data, file, units, at, layers_at, report)
+
+
+def load_drawing(
+    data: bytes, file: str, units: str, at: Span, layers_at: Span, report: Report
+) -> Drawing | None:
+    """Return the drawing that a file's bytes hold, as `open_drawing` does."""
     try:
         document = read_dxf(data)
     except DamagedError as error:

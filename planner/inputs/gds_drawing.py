@@ -10,7 +10,8 @@ from pathlib import Path
 
 from optics.outline import Outline, Ring
 from planner.diagnostics import Report, Span
-from planner.inputs.drawing import MAX_LISTED, MAX_UM, MIN_UM
+from planner.inputs.drawing import MAX_BYTES, MAX_LISTED, MAX_UM, MIN_UM
+from planner.inputs.files import read_bytes
 from planner.inputs.gds_cells import counts, expand, reached
 from planner.inputs.gds_library import Library, read_library
 from planner.inputs.gds_records import GdsError
@@ -18,7 +19,6 @@ from planner.inputs.gds_regions import Rounded, by_layer, unite
 from planner.inputs.nesting import BadRingsError, nest
 from planner.inputs.schema import did_you_mean
 
-MAX_BYTES = 16 << 20
 SAME_UNIT = 1e-6  # relative: two ways to write one unit, none of them another
 UNIT_M = {"nm": 1e-9, "um": 1e-6, "mm": 1e-3, "inch": 0.0254, "m": 1.0}
 
@@ -60,15 +60,17 @@ def open_gds(
     report : Report
         Receives the findings.
     """
-    try:
-        with path.open("rb") as stream:
-            data = stream.read(MAX_BYTES + 1)
-    except OSError as error:
-        report.error("MP001", at, f"cannot read {file}: {error.strerror}")
+    data = read_bytes(path, file, at, report, most=MAX_BYTES)
+    if data is None:
         return None
-    if len(data) > MAX_BYTES:
-        report.error("MP009", at, f"{file} is larger than {MAX_BYTES} bytes")
-        return None
+    return load_gds(data, file, units, cell, at, layers_at, cell_at, report)
+
+
+def load_gds(
+    data: bytes, file: str, units: str, cell: str | None,
+    at: Span, layers_at: Span, cell_at: Span, report: Report,
+) -> GdsDrawing | None:  # fmt: skip
+    """Return the drawing that a file's bytes hold, as `open_gds` does."""
     try:
         library = read_library(data)
         if not _same_units(library, units, file, at, report):

@@ -75,10 +75,11 @@ def _workcell(task: Checked, report: Report) -> Checked | None:
     """Return the workcell file that the task names."""
     if not task.good("workcell"):
         return None
-    found = named_file(task.source, "workcell", report=report)
+    at = task.source.value("workcell")
+    name = task.source.get("workcell")
+    found = named_file(name, at, task.source.path.parent, report)
     if found is None:
         return None
-    at = task.source.value("workcell")
     source = read_source(found[0], found[1], report, at)
     if source is None:
         return None
