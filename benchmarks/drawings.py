@@ -19,7 +19,7 @@ import shapely
 from optics.outline import Arc, Outline
 from planner.diagnostics import Report, Span
 from planner.inputs.drawing import Drawing, open_drawing, read_outline
-from planner.inputs.dxf_blocks import layer_counts
+from planner.inputs.dxf_census import by_layer, held
 
 CHORD = 1e-5  # of the second road, drawing units
 
@@ -45,7 +45,7 @@ def rows(path: Path) -> Iterator[tuple[str, ...]]:
     if drawing is None:
         yield name, "", *[""] * 5, said(report)
         return
-    names = list(layer_counts(drawing.document))
+    names = list(by_layer(held(drawing.document)[0]))
     yield row(path, drawing, names)
     if len(names) > 1:
         for layer in names:

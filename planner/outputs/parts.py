@@ -1,15 +1,18 @@
-"""What `microplan check` says of each part: size, area, holes, circles, layers."""
+"""What `microplan check` says of each part: its shape, and its drawing by layer."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 
 from optics.outline import Outline
+from planner.inputs.drawings import form, rows
 from planner.inputs.features import Circle, dominant_circle
 from planner.inputs.task import Part
 
 MOST_CIRCLES = 12  # that are listed for one part
+MOST_LAYERS = 12  # of those that are not selected
+MOST_KINDS = 8  # of entities, for one layer
 SAME_UM = 1e-6  # centres and radii closer than this are one feature's
 
 
@@ -19,10 +22,9 @@ def parts_summary(parts: Mapping[str, Part]) -> str:
 
 
 def part_lines(part: Part) -> Iterator[str]:
-    """Yield a part's size, what it consists of, and the circles found in it."""
+    """Yield a part's size, what became of its drawing, and the circles found in it."""
     yield f"{part.name}: {_shape(part.outline)}, {part.thickness_um:g} um thick"
-    for name, count in _layers(part.outline):
-        yield f"  layer {name or '(none)'}: {count}"
+    yield from (f"  {line}" for line in _drawing(part))
     found = [c for ring in part.outline.rings if (c := dominant_circle(ring))]
     for circle in found[:MOST_CIRCLES]:
         yield f"  {_circle(part, circle)}"
@@ -32,22 +34,54 @@ def part_lines(part: Part) -> Iterator[str]:
         yield f"  post {name}: {_shape(post.outline)}, {post.height_um:g} um high"
 
 
+def _drawing(part: Part) -> Iterator[str]:
+    """Yield the file, and for each layer what was taken and what was ignored."""
+    drawing = part.sheet.drawing
+    yield f"from {drawing.file}, {form(drawing)}"
+    table, whole = rows(part.sheet)
+    rings = _rings(part)
+    for row in (row for row in table if row.selected):
+        became = rings.get(row.layer.lower(), "no ring of its own")
+        left = f"; ignored: {_counts(row.ignored)}" if row.ignored else ""
+        yield f"layer {row.layer}: {_counts(row.taken)} -> {became}{left}"
+    others = [row for row in table if not row.selected]
+    for row in others[:MOST_LAYERS]:
+        yield f"layer {row.layer}: not selected, ignored: {_counts(row.ignored)}"
+    if len(others) > MOST_LAYERS:
+        yield f"and {_plural(len(others) - MOST_LAYERS, 'layer')} more, not selected"
+    if not whole:
+        yield "and more blocks on more layers than are counted"
+
+
+def _rings(part: Part) -> dict[str, str]:
+    """Return how many rings and edges came from each layer, its name in lower case."""
+    found = [
+        *part.outline.rings,
+        *(r for p in part.posts.values() for r in p.outline.rings),
+    ]
+    count = Counter(ring.layer.lower() for ring in found)
+    edges: Counter[str] = Counter()
+    for ring in found:
+        edges[ring.layer.lower()] += len(ring.edges)
+    return {
+        name: f"{_plural(count[name], 'ring')} of {_plural(edges[name], 'edge')}"
+        for name in count
+    }
+
+
+def _counts(counts: Sequence[tuple[str, int]]) -> str:
+    """Return what there is with its numbers, the first few."""
+    said = [f"{n} {what}" for what, n in counts[:MOST_KINDS]]
+    more = len(counts) - len(said)
+    return ", ".join(said) + (f" and {more} kinds more" if more else "") or "nothing"
+
+
 def _shape(outline: Outline) -> str:
     """Return the size, the area and the number of holes."""
     x0, y0, x1, y1 = outline.bounds_um
     holes = len(outline.rings) - 1
     with_holes = f", {holes} hole{'s' if holes > 1 else ''}" if holes else ""
     return f"{x1 - x0:.6g} x {y1 - y0:.6g} um, {outline.area_um2:.6g} um2{with_holes}"
-
-
-def _layers(outline: Outline) -> Iterator[tuple[str, str]]:
-    """Yield each layer with its rings and edges."""
-    rings = Counter(ring.layer for ring in outline.rings)
-    edges: Counter[str] = Counter()
-    for ring in outline.rings:
-        edges[ring.layer] += len(ring.edges)
-    for name in sorted(rings):
-        yield name, f"{_plural(rings[name], 'ring')} of {_plural(edges[name], 'edge')}"
 
 
 def _circle(part: Part, circle: Circle) -> str:
