@@ -36,7 +36,7 @@ def held(file: DxfFile) -> tuple[Held, bool]:
     times: defaultdict[str, Counter[tuple[str, str]]] = defaultdict(Counter)
     times[""]["0", ""] = 1
     work = 0
-    for name in _outer_first(file):
+    for name in reached(file):
         rows = _rows(file.model if not name else file.blocks[name].entities)
         for (own, outer), n in times[name].items():
             work += len(rows.entities) + len(rows.inserts)
@@ -62,7 +62,7 @@ def by_layer(found: Held) -> dict[str, int]:
     return {name: counts[name] for name in sorted(counts)}
 
 
-def _outer_first(file: DxfFile) -> list[str]:
+def reached(file: DxfFile) -> list[str]:
     """Return the blocks that the model space reaches, "" for itself, holders first."""
     done: dict[str, None] = {}
     path: dict[str, Iterator[str]] = {"": _inner(file, file.model)}

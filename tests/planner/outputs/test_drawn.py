@@ -105,7 +105,7 @@ def test_the_summary_names_sizes_layers_and_circles(parts: dict[str, Part]) -> N
     gear = list(part_lines(parts["gear"]))
     assert gear[0].startswith("gear: 100 x 99.4522 um, ")
     assert gear[0].endswith(" um2, 1 hole, 100 um thick")
-    assert "  layer BORE: 1 ring of 4 edges" in gear
+    assert "  layer BORE: 1 ARC, 3 LINE -> 1 ring of 4 edges" in gear
     assert "  hole 50 um wide at (0, 0), interrupted (bore)" in gear
     whole = parts_summary(parts)
     assert "  post post: 44 x 44 um, 1520.53 um2, 250 um high" in whole
