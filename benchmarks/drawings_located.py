@@ -42,7 +42,7 @@ start:
   part: {{on: stage, x_um: 0, y_um: 0, theta_deg: 0, sigma_xy_um: {sigma:g}, sigma_theta_deg: 1}}
   tweezers: {{on: robot, x_um: 0, y_um: 9000, z_um: 4000, opening_um: 130}}
 goal: {{}}
-benchmark: {{pose_sigma_theta_deg: 1}}
+benchmark: {{focus_sigma_um: 1, magnification_sigma: 0.001, pose_sigma_theta_deg: 1}}
 steps:
   - {{id: find, do: locate, target: part, view_um: [0, 0]}}
 """  # noqa: E501 - lines of the file
@@ -76,14 +76,17 @@ def located(job: Job) -> tuple[str, ...]:
             ["compile", str(folder / "task.yaml"), "--preset", "fast",
              "-o", str(folder / "plan")],
         )  # fmt: skip
-        head = (job.called, ", ".join(job.layers) + job.cell, job.units)
+        layers = ", ".join(job.layers)
+        head = (job.called, f"{job.cell}: {layers}" if job.cell else layers, job.units)
+        size = f"{job.extent_um:.4g}"
         if status:
             if status != 1:
                 raise RuntimeError(f"{job.called}: status {status}\n{said}")
-            return (*head, "", "", "", "", "", plan_of(folder).reasons[0].message)
+            why = plan_of(folder).reasons[0].message.split(": ")
+            return (*head, size, "", "", "", "", ": ".join(why[1:2]))
         errors = [_run(folder, seed) for seed in SEEDS]
         plan = plan_of(folder)
-    return (*head, f"{job.extent_um:.4g}", *_promise(plan), _errors(errors))
+    return (*head, size, *_promise(plan), _errors(errors))
 
 
 def write(job: Job, folder: Path) -> None:

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from optics.outline import Outline
 from planner.inputs.drawings import form, rows
 from planner.inputs.features import Circle, dominant_circle
 from planner.inputs.task import Part
 
-MOST_CIRCLES = 12  # that are listed for one part
+MOST_CIRCLES = 12  # diameters that are listed for one part
+MOST_PLACES = 4  # of circles of one diameter
 MOST_LAYERS = 12  # of those that are not selected
 MOST_KINDS = 8  # of entities, for one layer
 SAME_UM = 1e-6  # centres and radii closer than this are one feature's
@@ -26,10 +27,10 @@ def part_lines(part: Part) -> Iterator[str]:
     yield f"{part.name}: {_shape(part.outline)}, {part.thickness_um:g} um thick"
     yield from (f"  {line}" for line in _drawing(part))
     found = [c for ring in part.outline.rings if (c := dominant_circle(ring))]
-    for circle in found[:MOST_CIRCLES]:
-        yield f"  {_circle(part, circle)}"
-    if len(found) > MOST_CIRCLES:
-        yield f"  and {len(found) - MOST_CIRCLES} circles more"
+    lines = list(_circles(part, found))
+    yield from (f"  {line}" for line in lines[:MOST_CIRCLES])
+    if len(lines) > MOST_CIRCLES:
+        yield f"  and circles of {_plural(len(lines) - MOST_CIRCLES, 'diameter')} more"
     for name, post in sorted(part.posts.items()):
         yield f"  post {name}: {_shape(post.outline)}, {post.height_um:g} um high"
 
@@ -84,9 +85,29 @@ def _shape(outline: Outline) -> str:
     return f"{x1 - x0:.6g} x {y1 - y0:.6g} um, {outline.area_um2:.6g} um2{with_holes}"
 
 
-def _circle(part: Part, circle: Circle) -> str:
-    """Return a circle with the features that it is."""
-    names = [
+def _circles(part: Part, circles: Iterable[Circle]) -> Iterator[str]:
+    """Yield circles with the features that they are, alike ones together."""
+    alike: dict[tuple[str, str, str], list[str]] = {}
+    for circle in circles:
+        x, y = (round(c, 6) + 0.0 for c in circle.center_um)  # no -0
+        kind = "hole" if circle.hole else "rim"
+        broken = "" if all(circle.on) else ", interrupted"
+        names = _names(part, circle)
+        ends = f"{broken} ({', '.join(names)})" if names else broken
+        key = kind, f"{2 * circle.radius_um:.6g} um wide", ends
+        alike.setdefault(key, []).append(f"({x:g}, {y:g})")
+    for (kind, width, ends), places in alike.items():
+        more = len(places) - MOST_PLACES
+        at = f" at {', '.join(places[:MOST_PLACES])}" + (
+            f" and {more} more" if more > 0 else ""
+        )
+        count = f"{len(places)} {kind}s" if len(places) > 1 else kind
+        yield f"{count} {width}{at}{ends}"
+
+
+def _names(part: Part, circle: Circle) -> list[str]:
+    """Return the features that a circle is."""
+    return [
         name
         for name, feature in sorted(part.features.items())
         if feature.kind == "circle"
@@ -94,11 +115,6 @@ def _circle(part: Part, circle: Circle) -> str:
         and abs(feature.center_um[0] - circle.center_um[0]) <= SAME_UM
         and abs(feature.center_um[1] - circle.center_um[1]) <= SAME_UM
     ]
-    x, y = (round(c, 6) + 0.0 for c in circle.center_um)  # no -0
-    kind = "hole" if circle.hole else "rim"
-    broken = "" if all(circle.on) else ", interrupted"
-    said = f" ({', '.join(names)})" if names else ""
-    return f"{kind} {2 * circle.radius_um:.6g} um wide at ({x:g}, {y:g}){broken}{said}"
 
 
 def _plural(count: int, noun: str) -> str:

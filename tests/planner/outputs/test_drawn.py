@@ -108,5 +108,7 @@ def test_the_summary_names_sizes_layers_and_circles(parts: dict[str, Part]) -> N
     assert "  layer BORE: 1 ARC, 3 LINE -> 1 ring of 4 edges" in gear
     assert "  hole 50 um wide at (0, 0), interrupted (bore)" in gear
     whole = parts_summary(parts)
+    assert "  layer PLATE: 4 CIRCLE, 8 LINE -> 5 rings of 12 edges" in whole
+    assert "  4 holes 80 um wide at (-270, -270), (-270, 270), (270, -270)," in whole
     assert "  post post: 44 x 44 um, 1520.53 um2, 250 um high" in whole
     assert math.isclose(22**2 * math.pi, 1520.53, rel_tol=1e-6)
