@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from planner.diagnostics import Report, Span
+from planner.inputs.check_sizes import check_sizes
 from planner.inputs.check_workcell import check_workcell, report_backwards
 from planner.inputs.files import named_file
 from planner.inputs.limits import check_limits
@@ -68,7 +69,9 @@ def load_task(path: str | Path, report: Report) -> Task | None:
     check_limits(task, cell, report)
     if report.failed or cell is None:
         return None
-    return _task(source, build_workcell(cell, fingers), parts)
+    workcell = build_workcell(cell, fingers)
+    check_sizes(parts, workcell, report)
+    return None if report.failed else _task(source, workcell, parts)
 
 
 def _workcell(task: Checked, report: Report) -> Checked | None:

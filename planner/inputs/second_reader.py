@@ -25,7 +25,7 @@ if TYPE_CHECKING:  # it loads ezdxf, which has a process of its own
     from planner.inputs.ezdxf_reading import Answer, Question, Row
 
 MAX_BYTES = 4 << 20
-MAX_ITEMS = 50_000  # 3 s where all are entities of unknown kinds, 1 s as lines
+MAX_ITEMS = 50_000  # a few seconds; planner.second_reader_most_s measures them
 MAX_S = 20.0
 MEMORY = 1 << 30  # bytes, addresses without content included
 FINE = 1e-4  # of the extent: by what ezdxf_reading may fall short in a curve
