@@ -100,7 +100,7 @@ def _rows(document: Drawing) -> list[Row]:
         (name, layer, kind, count)
         for name, place in places.items()
         for (layer, kind), count in Counter(
-            (entity.dxf.layer.lower() or "0", entity.dxftype()) for entity in place
+            (_layer(entity), entity.dxftype()) for entity in place
         ).items()
     ]
 
@@ -147,9 +147,9 @@ class _Walk:
         fine = self.fine / max(x.magnitude + y.magnitude, 1e-9)
         for entity in entities:
             self._count()
-            name = entity.dxf.layer
-            layer = (own if name == "0" else name).lower()
-            if layer in self.frozen or entity.dxf.get("invisible", 0):
+            layer = _layer(entity)
+            layer = own if layer == "0" else layer
+            if layer in self.frozen or _is_invisible(entity):
                 continue
             if entity.dxftype() == "INSERT":
                 yield from self._block(entity, layer, frame)
@@ -169,6 +169,17 @@ class _Walk:
         self.visits += 1
         if self.visits > MAX_VISITS:
             raise _NoExtentError
+
+
+def _layer(entity: Any) -> str:
+    """Return an entity's layer; "0" for kinds that the library keeps as raw tags."""
+    known = entity.dxf.is_supported("layer")
+    return (entity.dxf.layer.lower() if known else "") or "0"
+
+
+def _is_invisible(entity: Any) -> bool:
+    known = entity.dxf.is_supported("invisible")
+    return bool(known and entity.dxf.get("invisible", 0))
 
 
 def _corners(entity: Any, fine: float) -> Iterator[list[Any]]:

@@ -26,7 +26,7 @@ if TYPE_CHECKING:  # it loads ezdxf, which has a process of its own
 
 MAX_BYTES = 4 << 20
 MAX_ITEMS = 50_000  # a few seconds; planner.second_reader_most_s measures them
-MAX_S = 20.0
+MAX_S = 60.0  # ten times what the largest take, on a machine that is not busy
 MEMORY = 1 << 30  # bytes, addresses without content included
 FINE = 1e-4  # of the extent: by what ezdxf_reading may fall short in a curve
 

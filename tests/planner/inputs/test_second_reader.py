@@ -139,6 +139,20 @@ def test_what_both_leave_out_is_no_difference() -> None:
     assert findings(drawing, taken) == []
 
 
+def test_kinds_that_ezdxf_does_not_know_are_no_difference() -> None:
+    odd = [entity("ODD"), entity("WIRE", layer="0"), [(0, "PLAIN")]]
+    blocks = [("B", (0.0, 0.0), [circle((5, 5), 1, layer="0"), *odd])]
+    report = Report()
+    text = dxf(SQUARE, insert("B"), *odd[1:], blocks=blocks).encode()
+    drawing = load_drawing(text, "part.dxf", "um", AT, AT, report)
+    assert drawing is not None
+    answer = answer_to(text, {"memory": 0, "layers": [["a"]], "fine": [1e-3]})
+    assert answer["bounds"] == [(0.0, 0.0, 10.0, 10.0)]
+    answer["bounds"] = []
+    compare_with(answer, drawing, [], report)
+    assert report.found == []
+
+
 def second(text: str) -> str:
     """Return why there is no second reading, by a process of its own."""
     report = Report()
