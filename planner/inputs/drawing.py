@@ -31,7 +31,7 @@ from planner.inputs.dxf_file import DamagedError, DxfFile, read_dxf
 from planner.inputs.files import read_bytes
 from planner.inputs.nesting import BadRingsError, nest
 from planner.inputs.overlaps import without_overlaps
-from planner.inputs.rings import Chained, chain
+from planner.inputs.rings import GAP_UM, Chained, chain
 
 __all__ = ["MAX_BYTES", "MAX_LISTED", "MAX_UM", "MIN_UM", "UM_PER_UNIT", "Drawing",
            "load_drawing", "open_drawing", "read_drawn", "read_outline",
@@ -225,12 +225,16 @@ def _closed(
         return False
     if chained.open:
         message = f"{drawing.file}: the outline is open at {places_said(chained.open)}"
-        report.error("MP205", at, message, "close it, or take the lines off the layer")
+        hint = f"close it, to {GAP_UM:g} um at least, or take the lines off the layer"
+        report.error("MP205", at, message, hint)
         return False
     if chained.gaps_um:
         n, worst = len(chained.gaps_um), max(chained.gaps_um)
-        message = f"{drawing.file}: {n} gaps of up to {worst:.3g} um were closed"
-        report.warning("MP211", at, message)
+        gaps = "1 gap" if n == 1 else f"{n} gaps"
+        message = f"{drawing.file}: {gaps} of up to {worst:.3g} um closed"
+        report.warning(
+            "MP211", at, message, f"wider ones than {GAP_UM:g} um are refused"
+        )
     return True
 
 

@@ -25,7 +25,9 @@ def parts_summary(parts: Mapping[str, Part]) -> str:
 def part_lines(part: Part) -> Iterator[str]:
     """Yield a part's size, what became of its drawing, and the circles found in it."""
     yield f"{part.name}: {_shape(part.outline)}, {part.thickness_um:g} um thick"
-    yield from (f"  {line}" for line in _drawing(part))
+    for line in _drawing(part):
+        # layers may be called anything, also what a terminal obeys
+        yield "  " + "".join(c if c.isprintable() else "?" for c in line)
     found = [c for ring in part.outline.rings if (c := dominant_circle(ring))]
     lines = list(_circles(part, found))
     yield from (f"  {line}" for line in lines[:MOST_CIRCLES])

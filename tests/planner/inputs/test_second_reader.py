@@ -140,8 +140,9 @@ def test_what_both_leave_out_is_no_difference() -> None:
 
 
 def test_kinds_that_ezdxf_does_not_know_are_no_difference() -> None:
-    odd = [entity("ODD"), entity("WIRE", layer="0"), [(0, "PLAIN")]]
-    blocks = [("B", (0.0, 0.0), [circle((5, 5), 1, layer="0"), *odd])]
+    odd: list[Tags] = [entity("ODD"), entity("WIRE", layer="0"), [(0, "PLAIN")]]
+    inner: list[Tags] = [circle((5, 5), 1, layer="0"), *odd]
+    blocks = [("B", (0.0, 0.0), inner)]
     report = Report()
     text = dxf(SQUARE, insert("B"), *odd[1:], blocks=blocks).encode()
     drawing = load_drawing(text, "part.dxf", "um", AT, AT, report)
