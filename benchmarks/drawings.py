@@ -1,73 +1,195 @@
 """What each drawing of a folder gives: `python -m benchmarks.drawings FOLDER`.
 
 Every DXF file is read as if drawn in um, all layers together and, if there are several,
-each by itself. Areas are compared with a second road: ezdxf's own entities, cut into
-chords and put together by shapely.
+each by itself; of every GDSII file each cell. Areas are compared with a second road:
+ezdxf's own entities cut into chords and put together by shapely, or gdstk's polygons.
+With `--compile`, those that are one part are looked for under a microscope.
 """
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import ezdxf
+import gdstk
 import numpy as np
 import shapely
+from shapely.geometry.base import BaseGeometry
 
+from benchmarks.drawings_located import HEAD, Job, located
 from optics.outline import Arc, Outline
 from planner.diagnostics import Report, Span
-from planner.inputs.drawing import Drawing, open_drawing, read_outline
-from planner.inputs.dxf_blocks import layer_counts
+from planner.inputs.census import Taken
+from planner.inputs.drawing import Drawing, open_drawing, take
+from planner.inputs.dxf_census import by_layer, held
+from planner.inputs.gds_drawing import GdsDrawing, held_gds, open_gds, take_gds
+from planner.inputs.second_reader import compare
 
 CHORD = 1e-5  # of the second road, drawing units
+UNITS = ("um", "mm")  # that a part is tried in, until it is MIN_UM large
+MIN_UM = 10.0  # below, a light microscope shows a blot
+COLUMNS = ("file", "layers", "size um", "area um2", "off by", "holes", "circles, um",
+           "second reader", "why")  # fmt: skip
+Opened = Drawing | GdsDrawing
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Found:
+    """What some layers of a drawing gave."""
+
+    path: Path
+    drawing: Opened
+    names: list[str]
+    taken: Taken | None
+    report: Report
 
 
 def main() -> None:
     """Print a table of what the drawings of a folder give."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
-    folder = parser.parse_args().folder
-    print("| file | layers | size um | area um2 | off by | holes | circles, um | why |")
-    print("|---|---|---|---|---|---|---|---|")
-    for path in sorted(folder.iterdir()):
-        if path.suffix.lower() == ".dxf":
-            for row in rows(path):
-                print("| " + " | ".join(row) + " |", flush=True)
+    parser.add_argument("--compile", action="store_true", help="look for the parts")
+    call = parser.parse_args()
+    _print(HEAD if call.compile else COLUMNS)
+    print("|" + "---|" * len(HEAD if call.compile else COLUMNS))
+    for path in sorted(call.folder.iterdir()):
+        for row in _located(path) if call.compile else rows(path):
+            _print(row)
+
+
+def _print(cells: tuple[str, ...] | list[str]) -> None:
+    print("| " + " | ".join(cells) + " |", flush=True)
 
 
 def rows(path: Path) -> Iterator[tuple[str, ...]]:
     """Yield what a drawing gives: all layers, then those that are parts alone."""
-    name = called(path)
-    at, report = Span(file=name), Report()
-    drawing = open_drawing(path, name, "um", at, at, report)
-    if drawing is None:
-        yield name, "", *[""] * 5, said(report)
-        return
-    names = list(layer_counts(drawing.document))
-    yield row(path, drawing, names)
-    if len(names) > 1:
-        for layer in names:
-            alone = row(path, drawing, [layer])
-            if alone[2]:
-                yield alone
-
-
-def row(path: Path, drawing: Drawing, names: list[str]) -> tuple[str, ...]:
-    """Return what some layers of a drawing give."""
     report = Report()
-    outline = read_outline(drawing, names, report)
-    layers = ", ".join(names)
-    if outline is None:
-        return called(path), layers, *[""] * 5, said(report)
+    first = True
+    for found in readings(path, "um", report):
+        if first or found.taken is not None:
+            yield row(found)
+        first = False
+    if first and report.found:
+        yield called(path), *[""] * (len(COLUMNS) - 2), said(report)
+
+
+def readings(path: Path, units: str, report: Report) -> Iterator[Found]:
+    """Yield what all layers of a drawing or cell give, then each by itself."""
+    for drawing in _opened(path, units, report):
+        names = _names(drawing)
+        yield _found(path, drawing, names)
+        if len(names) > 1:
+            for name in names:
+                yield _found(path, drawing, [name])
+
+
+def _opened(path: Path, units: str, report: Report) -> Iterator[Opened]:
+    """Yield a DXF drawing, or each cell of a GDSII file; whatever else, nothing."""
+    name = called(path)
+    at = Span(file=name)
+    if path.suffix.lower() == ".dxf":
+        drawing = open_drawing(path, name, units, at, at, report)
+        if drawing is not None:
+            yield drawing
+    elif path.suffix.lower() == ".gds":
+        for cell in sorted(c.name for c in gdstk.read_gds(path).cells):
+            mask = open_gds(path, name, "um", cell, at, at, at, report)
+            if mask is not None:
+                yield mask
+
+
+def _names(drawing: Opened) -> list[str]:
+    """Return the layers of a drawing."""
+    if isinstance(drawing, Drawing):
+        return list(by_layer(held(drawing.document)[0]))
+    return sorted({layer for layer, _ in held_gds(drawing)})
+
+
+def _found(path: Path, drawing: Opened, names: list[str]) -> Found:
+    """Return what some layers give."""
+    report = Report()
+    if isinstance(drawing, Drawing):
+        taken = take(drawing, names, report)
+    else:
+        taken = take_gds(drawing, names, report)
+    return Found(path=path, drawing=drawing, names=names, taken=taken, report=report)
+
+
+def row(found: Found) -> tuple[str, ...]:
+    """Return what some layers of a drawing give."""
+    names, drawing = found.names, found.drawing
+    head = called(found.path), _layers(found)
+    if found.taken is None:
+        return *head, *[""] * (len(COLUMNS) - 3), said(found.report)
+    outline = found.taken.outline
     x0, y0, x1, y1 = outline.bounds_um
     area = outline.area_um2
-    off = abs(other_area(path, names) / area - 1)
+    if isinstance(drawing, Drawing):
+        other = other_area(found.path, names)
+    else:
+        other = mask_area(found.path, drawing.cell, names)
     return (
-        called(path), layers, f"{x1 - x0:.6g} x {y1 - y0:.6g}", f"{area:.7g}",
-        f"{off:.0e}", f"{len(outline.rings) - 1}", circles(outline), said(report),
+        *head, f"{x1 - x0:.6g} x {y1 - y0:.6g}", f"{area:.7g}",
+        f"{abs(other / area - 1):.0e}", f"{len(outline.rings) - 1}", circles(outline),
+        _second(found), said(found.report),
     )  # fmt: skip
+
+
+def _layers(found: Found) -> str:
+    layers = ", ".join(found.names)
+    if isinstance(found.drawing, Drawing):
+        return layers
+    return f"{found.drawing.cell}: {layers}"
+
+
+def _second(found: Found) -> str:
+    """Return what the compiler's second reader says."""
+    if not isinstance(found.drawing, Drawing) or found.taken is None:
+        return ""
+    report, drawing, taken = Report(), found.drawing, found.taken
+    compare(drawing, [taken], report)
+    return said(report) or "agrees"
+
+
+def _located(path: Path) -> Iterator[tuple[str, ...]]:
+    """Yield how each part of a drawing is found by a microscope."""
+    done: set[str] = set()  # one row a cell, and one a DXF file
+    for units in UNITS if path.suffix.lower() == ".dxf" else UNITS[:1]:
+        for found in readings(path, units, Report()):
+            name = "" if isinstance(found.drawing, Drawing) else found.drawing.cell
+            if name in done or found.taken is None:
+                continue
+            x0, y0, x1, y1 = found.taken.outline.bounds_um
+            if max(x1 - x0, y1 - y0) < MIN_UM:
+                continue
+            done.add(name)
+            yield located(
+                Job(
+                    path=path, called=called(path), units=units, layers=found.names,
+                    cell=name, extent_um=max(x1 - x0, y1 - y0),
+                )
+            )  # fmt: skip
+
+
+def mask_area(path: Path, cell: str, names: list[str]) -> float:
+    """Return the area of a cell's layers by gdstk, each inside the ones around it."""
+    library = gdstk.read_gds(path)
+    cells = [c for c in library.cells if isinstance(c, gdstk.Cell)]
+    (drawn,) = (c for c in cells if c.name == cell)
+    layers = [tuple(map(int, name.split("/"))) for name in names]
+    area: BaseGeometry = shapely.Polygon()
+    for layer in layers:
+        polygons = [
+            shapely.Polygon(polygon.points)
+            for polygon in drawn.get_polygons()
+            if (polygon.layer, polygon.datatype) == layer
+        ]
+        area = area.symmetric_difference(shapely.union_all(polygons))
+    return float(area.area) * (library.unit / 1e-6) ** 2
 
 
 def called(path: Path) -> str:

@@ -14,6 +14,7 @@ from importlib.metadata import version
 from featuresel.trials import Map
 from planner.checks.insert_budget import share_of_goal
 from planner.diagnostics import Report, Span
+from planner.inputs.second_reader import read_twice
 from planner.inputs.task import Task
 from planner.looks import Effects
 from planner.memory import Memory
@@ -49,6 +50,7 @@ def compile_task(task: Task, report: Report, options: Options) -> PlanFiles | No
     `infeasible`, with the reasons and the steps up to the first that failed.
     """
     started = time.perf_counter()
+    read_twice(task, report)
     states = unfold(task, report)
     check_fits(task, states, report)
     if report.failed:

@@ -61,6 +61,8 @@ TITLES: Mapping[str, str] = {
     "MP223": "tool drawing does not fit the tool",
     "MP224": "lines with a width",
     "MP225": "curves became arcs",
+    "MP226": "second reader disagrees",
+    "MP227": "no second reading",
     "MP230": "not a readable GDSII file",
     "MP231": "not clear which cell",
     "MP232": "cells do not make a drawing",

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from optics.outline import Outline, Ring
 from planner.diagnostics import Report, Span
 from planner.inputs.biarcs import CURVE_UM
+from planner.inputs.census import Taken
 from planner.inputs.drawing_findings import (
     MAX_LISTED,
     MAX_UM,
     MIN_UM,
     UM_PER_UNIT,
+    counts_said,
     handles_said,
     header_unit,
     places_said,
@@ -22,16 +24,18 @@ from planner.inputs.drawing_findings import (
     report_troubles,
     warn_coarse,
 )
-from planner.inputs.dxf_blocks import layer_counts
-from planner.inputs.dxf_edges import Drawn, Trouble, draw
+from planner.inputs.dxf_census import by_layer, held
+from planner.inputs.dxf_edges import Drawn, draw
 from planner.inputs.dxf_entities import READERS
 from planner.inputs.dxf_file import DamagedError, DxfFile, read_dxf
+from planner.inputs.files import read_bytes
 from planner.inputs.nesting import BadRingsError, nest
 from planner.inputs.overlaps import without_overlaps
-from planner.inputs.rings import Chained, chain
+from planner.inputs.rings import GAP_UM, Chained, chain
 
 __all__ = ["MAX_BYTES", "MAX_LISTED", "MAX_UM", "MIN_UM", "UM_PER_UNIT", "Drawing",
-           "open_drawing", "read_drawn", "read_outline"]  # fmt: skip
+           "load_drawing", "open_drawing", "read_drawn", "read_outline",
+           "take"]  # fmt: skip
 
 MAX_BYTES = 16 << 20
 _UNCOUNTED = ("MP202", "MP215", "MP217")  # after these it is not known what there is
@@ -42,6 +46,7 @@ class Drawing:
     """An opened drawing and where the task asks for it."""
 
     file: str  # as the user knows it
+    data: bytes  # of the whole file
     document: DxfFile
     units: str
     at: Span  # of the file's name in the task
@@ -55,18 +60,16 @@ def open_drawing(
 
     Read strictly: nothing is repaired, a file without its end is refused.
     """
-    try:
-        if path.exists() and not path.is_file() and not path.is_dir():
-            report.error("MP001", at, f"cannot read {file}: it is no regular file")
-            return None
-        with path.open("rb") as stream:
-            data = stream.read(MAX_BYTES + 1)
-    except OSError as error:
-        report.error("MP001", at, f"cannot read {file}: {error.strerror}")
+    data = read_bytes(path, file, at, report, most=MAX_BYTES)
+    if data is None:
         return None
-    if len(data) > MAX_BYTES:
-        report.error("MP009", at, f"{file} is larger than {MAX_BYTES} bytes")
-        return None
+    return load_drawing(data, file, units, at, layers_at, report)
+
+
+def load_drawing(
+    data: bytes, file: str, units: str, at: Span, layers_at: Span, report: Report
+) -> Drawing | None:
+    """Return the drawing that a file's bytes hold, as `open_drawing` does."""
     try:
         document = read_dxf(data)
     except DamagedError as error:
@@ -77,8 +80,9 @@ def open_drawing(
         report.error("MP201", at, f"{file} is not a readable DXF file: {error}")
         return None
     drawing = Drawing(
-        file=file, document=document, units=units, at=at, layers_at=layers_at
-    )
+        file=file, data=data, document=document, units=units,
+        at=at, layers_at=layers_at,
+    )  # fmt: skip
     _cross_check(drawing, report)
     return drawing
 
@@ -116,6 +120,14 @@ def read_drawn(
     That is 0 where all edges are lines and arcs, CURVE_UM where ellipses or splines
     became arcs.
     """
+    found = take(drawing, layers, report, at)
+    return None if found is None else (found.outline, found.chord_um)
+
+
+def take(
+    drawing: Drawing, layers: Sequence[str], report: Report, at: Span | None = None
+) -> Taken | None:
+    """Return the outline as `read_outline` does, and what it was taken from."""
     at = at or drawing.layers_at
     drawn = _drawn(drawing, layers, at, report)
     if drawn is None:
@@ -129,7 +141,15 @@ def read_drawn(
         return None
     warn_coarse(drawing.file, drawing.units, outline, drawn.pieces, at, report)
     curved = any(piece.curved for piece in drawn.pieces)
-    return outline, CURVE_UM if curved else 0.0
+    return Taken(
+        outline=outline,
+        chord_um=CURVE_UM if curved else 0.0,
+        layers=tuple(layers),
+        at=at,
+        taken=drawn.taken,
+        skipped=drawn.skipped,
+        plain=not (drawn.strokes or any(kind == "HATCH" for _, kind in drawn.taken)),
+    )
 
 
 def _cross_check(drawing: Drawing, report: Report) -> None:
@@ -150,36 +170,45 @@ def _drawn(
     """Return what is on `layers`, None after an error was reported."""
     names = frozenset(name.lower() for name in layers)
     try:
-        counts = layer_counts(drawing.document)
         drawn = draw(drawing.document, names, UM_PER_UNIT[drawing.units])
+        counted = not any(t.code in _UNCOUNTED for t in drawn.troubles)
+        counts = by_layer(held(drawing.document)[0]) if counted else {}
     except (ValueError, OverflowError) as error:
         report.error("MP201", at, f"{drawing.file} is not a readable DXF file: {error}")
         return None
-    troubles = list(drawn.troubles)
-    report_troubles(drawing.file, troubles, at, report)
-    held = {name.lower() for name in counts}
+    report_troubles(drawing.file, drawn.troubles, at, report)
+    has = f"entities by layer: {counts_said(counts)}"
+    missing = _missing(drawing, layers, counts) if counted else {}
+    for name, code in missing.items():
+        message = f"{drawing.file} has nothing on layer '{name}'"
+        message += " but in the paper space" if code == "MP220" else ""
+        report.error(code, at, message, has)
+    report_left_out(drawing.file, drawn, at, report)
+    if missing or drawn.troubles:
+        return None
+    if not drawn.pieces:
+        left = ", ".join(sorted({what for _, what in drawn.skipped})) or "nothing"
+        message = f"{drawing.file} has no lines on {', '.join(layers)}, only {left}"
+        report.error("MP204", at, message, has)
+        return None
+    return drawn
+
+
+def _missing(
+    drawing: Drawing, layers: Sequence[str], counts: Mapping[str, int]
+) -> dict[str, str]:
+    """Return the layers that hold nothing in the model space, with the code."""
+    there = {name.lower() for name in counts}
     paper = {
         entity.layer.lower()
         for entity in drawing.document.paper
         if entity.kind in READERS or entity.kind == "INSERT"
     }
-    has = ", ".join(f"'{k}' {n}" for k, n in counts.items()) or "nothing"
-    for name in layers:
-        if name.lower() in held or any(t.code in _UNCOUNTED for t in troubles):
-            continue
-        message = f"{drawing.file} has nothing on layer '{name}'"
-        code = "MP220" if name.lower() in paper else "MP204"
-        if code == "MP220":
-            message += " but in the paper space"
-        report.error(code, at, message, f"entities by layer: {has}")
-        troubles.append(Trouble(code, message, ""))
-    report_left_out(drawing.file, drawn, at, report)
-    if not drawn.pieces and not troubles:
-        left = ", ".join(sorted(drawn.skipped)) or "nothing"
-        message = f"{drawing.file} has no lines on {', '.join(layers)}, only {left}"
-        report.error("MP204", at, message, f"entities by layer: {has}")
-        return None
-    return None if troubles else drawn
+    return {
+        name: "MP220" if name.lower() in paper else "MP204"
+        for name in layers
+        if name.lower() not in there
+    }
 
 
 def _closed(
@@ -196,12 +225,16 @@ def _closed(
         return False
     if chained.open:
         message = f"{drawing.file}: the outline is open at {places_said(chained.open)}"
-        report.error("MP205", at, message, "close it, or take the lines off the layer")
+        hint = f"close it, to {GAP_UM:g} um at least, or take the lines off the layer"
+        report.error("MP205", at, message, hint)
         return False
     if chained.gaps_um:
         n, worst = len(chained.gaps_um), max(chained.gaps_um)
-        message = f"{drawing.file}: {n} gaps of up to {worst:.3g} um were closed"
-        report.warning("MP211", at, message)
+        gaps = "1 gap" if n == 1 else f"{n} gaps"
+        message = f"{drawing.file}: {gaps} of up to {worst:.3g} um closed"
+        report.warning(
+            "MP211", at, message, f"wider ones than {GAP_UM:g} um are refused"
+        )
     return True
 
 

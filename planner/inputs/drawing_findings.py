@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
 
 from optics.outline import Arc, Outline, Segment
 from planner.diagnostics import Report, Span
@@ -50,7 +51,10 @@ def report_troubles(
 def report_left_out(file: str, drawn: Drawn, at: Span, report: Report) -> None:
     """Note what of the selected layers was left out, or read by a rule."""
     if drawn.skipped:
-        said = ", ".join(f"{n} {what}" for what, n in sorted(drawn.skipped.items()))
+        left: Counter[str] = Counter()
+        for (_, what), n in drawn.skipped.items():
+            left[what] += n
+        said = ", ".join(f"{n} {what}" for what, n in sorted(left.items()))
         report.note("MP219", at, f"{file}: left out: {said}")
     if drawn.strokes:
         message = f"{file}: lines with a width: {handles_said(drawn.strokes)}"
@@ -103,6 +107,13 @@ def handles_said(handles: Sequence[str]) -> str:
     """Return the handles of entities, the first few."""
     more = ", ..." if len(handles) > MAX_LISTED else ""
     return ", ".join(handles[:MAX_LISTED]) + more
+
+
+def counts_said(counts: Mapping[str, int]) -> str:
+    """Return names with their numbers, the first few."""
+    said = [f"'{name}' {n}" for name, n in list(counts.items())[:MAX_LISTED]]
+    more = len(counts) - len(said)
+    return ", ".join(said) + (f" and {more} more" if more else "") or "nothing"
 
 
 def places_said(ends: Sequence[OpenEnd]) -> str:

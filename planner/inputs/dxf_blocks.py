@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
@@ -57,9 +56,8 @@ def wanted_weight(
     return weight.named + (own.lower() in layers) * weight.open
 
 
-def inherited(entity: Entity, own: str) -> str:
-    """Return the layer of an entity in a block inserted on layer `own`."""
-    layer = entity.layer
+def inherited(layer: str, own: str) -> str:
+    """Return the layer of what a block inserted on `own` has on `layer`."""
     return own if layer == "0" else layer
 
 
@@ -68,27 +66,16 @@ def copies(insert: Entity) -> tuple[int, int]:
     return max(insert.integer(70, 1), 1), max(insert.integer(71, 1), 1)
 
 
-def layer_counts(file: DxfFile) -> dict[str, int]:
-    """Return how many entities each layer holds, each block counted once per INSERT.
+def hidden(file: DxfFile, layer: str, *, invisible: bool, insert: bool = False) -> str:
+    """Return why an entity on `layer` is not seen, "" if it is.
 
-    Blocks within blocks count once each: the table is to show which layers there are.
+    A block that stands on a layer that is off shows what it has on other layers.
     """
-    counts: Counter[str] = Counter()
-    free: dict[str, int] = {}  # entities of a block that take the layer of an INSERT
-    waiting = list(file.model)
-    while waiting:
-        entity = waiting.pop()
-        name = entity.text(2).lower() if entity.kind == "INSERT" else ""
-        if not name:
-            counts[entity.layer] += 1
-        elif name in file.blocks:
-            if name not in free:
-                inner = file.blocks[name].entities
-                taking = [e for e in inner if e.layer == "0" and e.kind != "INSERT"]
-                free[name] = len(taking)
-                waiting += [e for e in inner if e.layer != "0" or e.kind == "INSERT"]
-            counts[entity.layer] += free[name]
-    return {name: counts[name] for name in sorted(counts) if counts[name]}
+    if layer.lower() in file.frozen:
+        return " on a frozen layer"
+    if not insert and layer.lower() in file.off:
+        return " on a layer that is off"
+    return " made invisible" if invisible else ""
 
 
 @dataclass(frozen=True, slots=True)

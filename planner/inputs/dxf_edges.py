@@ -18,6 +18,7 @@ from planner.inputs.dxf_blocks import (
     EndlessError,
     Weights,
     copies,
+    hidden,
     inherited,
     wanted_weight,
     weigh,
@@ -71,7 +72,9 @@ class Drawn:
     pieces: list[Piece] = field(default_factory=list)
     hatched: list[Piece] = field(default_factory=list)  # borders of hatches
     troubles: list[Trouble] = field(default_factory=list)
-    skipped: Counter[str] = field(default_factory=Counter)  # what -> how many
+    # how many entities, by layer and kind; of what was left out also why
+    taken: Counter[tuple[str, str]] = field(default_factory=Counter)
+    skipped: Counter[tuple[str, str]] = field(default_factory=Counter)
     strokes: list[str] = field(default_factory=list)  # handles of lines with a width
     arc_count: int = 0  # of curves
 
@@ -115,11 +118,11 @@ def draw(file: DxfFile, layers: frozenset[str], scale_um: float) -> Drawn:
         walk.visit(entity, "0", Affine(complex(scale_um)))
     for entity in file.paper:
         if entity.layer.lower() in layers and entity.kind in READERS:
-            drawn.skipped[f"{entity.kind} in paper space"] += 1
+            drawn.skipped[entity.layer, f"{entity.kind} in paper space"] += 1
     if drawn.pieces and drawn.hatched:
-        drawn.skipped["HATCH beside linework"] += len(
-            {piece.handle for piece in drawn.hatched}
-        )
+        for layer, kind in [key for key in drawn.taken if key[1] == "HATCH"]:
+            beside = drawn.taken.pop((layer, kind))
+            drawn.skipped[layer, "HATCH beside linework"] += beside
     elif not drawn.pieces:
         drawn.pieces, drawn.hatched = drawn.hatched, []
     return drawn
@@ -138,34 +141,32 @@ class _Walk:
 
     def visit(self, entity: Entity, own: str, frame: Affine) -> None:
         """Take an entity in a block that was inserted on layer `own`."""
-        layer = inherited(entity, own)
+        layer = inherited(entity.layer, own)
         if entity.kind == "INSERT":
             self._insert(entity, layer, frame)
         elif layer.lower() in self.layers:
             why = self._hidden(entity, layer)
             if why or entity.kind in ANNOTATION:
-                self.drawn.skipped[f"{entity.kind}{why}"] += 1
+                self.drawn.skipped[layer, f"{entity.kind}{why}"] += 1
             else:
                 self._take(entity, layer, frame)
 
     def _hidden(self, entity: Entity, layer: str) -> str:
         """Return why an entity is not seen, "" if it is."""
-        if layer.lower() in self.file.frozen:
-            return " on a frozen layer"
-        if entity.kind != "INSERT" and layer.lower() in self.file.off:
-            return " on a layer that is off"
-        return " made invisible" if entity.invisible else ""
+        insert = entity.kind == "INSERT"
+        return hidden(self.file, layer, invisible=entity.invisible, insert=insert)
 
     def _insert(self, insert: Entity, own: str, frame: Affine) -> None:
         """Take every copy of a block."""
         for part in insert.parts:
-            if inherited(part, own).lower() in self.layers:
-                self.drawn.skipped[part.kind] += 1
+            layer = inherited(part.layer, own)
+            if layer.lower() in self.layers:
+                self.drawn.skipped[layer, part.kind] += 1
         block = self.file.blocks[insert.text(2).lower()]
         if not wanted_weight(self.weights, block, own, self.layers):
             return
         if why := self._hidden(insert, own):
-            self.drawn.skipped[f"INSERT{why}"] += 1
+            self.drawn.skipped[own, f"INSERT{why}"] += 1
             return
         try:
             frames = list(_frames(insert, block, frame))
@@ -188,7 +189,7 @@ class _Walk:
         return self.matter[key]
 
     def _matters(self, entity: Entity, own: str) -> bool:
-        layer = inherited(entity, own)
+        layer = inherited(entity.layer, own)
         if entity.kind != "INSERT" or entity.parts:
             return entity.kind == "INSERT" or layer.lower() in self.layers
         block = self.file.blocks[entity.text(2).lower()]
@@ -207,8 +208,10 @@ class _Walk:
         except (ValueError, OverflowError, ZeroDivisionError) as error:
             drawn.troubles.append(_trouble(entity, layer, error))
             return
-        if not found:
-            drawn.skipped[f"{entity.kind} without length"] += 1
+        if found:
+            drawn.taken[layer, entity.kind] += 1
+        else:
+            drawn.skipped[layer, f"{entity.kind} without length"] += 1
         (drawn.hatched if entity.kind == "HATCH" else drawn.pieces).extend(found)
 
     def _pieces(self, entity: Entity, layer: str, frame: Affine) -> Iterator[Piece]:

@@ -125,6 +125,7 @@ class DxfFile:
 
     version: str  # "AC1009" is R12
     units: int  # $INSUNITS, 0 if it has none
+    items: int  # groups 0: entities of all sections, and what holds them
     off: frozenset[str]  # layers
     frozen: frozenset[str]
     blocks: Mapping[str, Block]
@@ -161,7 +162,8 @@ def read_dxf(data: bytes) -> DxfFile:
     ValueError
         If a number that is needed is none.
     """
-    sections = _sections(read_tags(data))
+    tags = read_tags(data)
+    sections = _sections(tags)
     if not {"ENTITIES", "BLOCKS"} & sections.keys():
         raise DxfError("it has no section of entities")
     header = _header(sections.get("HEADER", []))
@@ -178,6 +180,7 @@ def read_dxf(data: bytes) -> DxfFile:
     return DxfFile(
         version=header.get("$ACADVER", ""),
         units=int(float(header.get("$INSUNITS", "0"))),
+        items=tags.codes.count(0),
         off=_names(layer for layer in layers if layer.number(62, 7) < 0),
         frozen=_names(layer for layer in layers if layer.integer(70, 0) & _FROZEN),
         blocks=blocks,

@@ -65,7 +65,7 @@ def read_tags(data: bytes) -> Tags:
     DxfError
         If the file ends without its end mark or a tag is malformed.
     """
-    if data.startswith(_SENTINEL):
+    if is_binary(data):
         tags = _binary(data)
     elif b"\x00" in data[:4096]:
         raise DxfError("it holds bytes that no text has; DWG must be saved as DXF")
@@ -84,6 +84,16 @@ def read_tags(data: bytes) -> Tags:
         at += 1
 
 
+def is_binary(data: bytes) -> bool:
+    """Return whether a file is a binary DXF file."""
+    return data.startswith(_SENTINEL)
+
+
+def text_of(data: bytes) -> str:
+    """Return the text of a text file, in the code page that it names if not UTF-8."""
+    return _decoded(data.removeprefix(codecs.BOM_UTF8), _code_page(data))
+
+
 def unescaped(name: str) -> str:
     r"""Return `name` with \U+XXXX replaced by the character it stands for."""
     return _ESCAPED.sub(lambda match: chr(int(match[1], 16)), name)
@@ -99,7 +109,7 @@ class _Codes(dict[str, int]):
 
 def _text(data: bytes) -> Tags:
     """Return the tags of a text file; one line holds the code, the next the value."""
-    text = _decoded(data.removeprefix(codecs.BOM_UTF8), _code_page(data))
+    text = text_of(data)
     lines = text.split("\n" if "\n" in text else "\r")
     values: list[Value] = list(lines[1::2])
     wanted = lines[: 2 * len(values) : 2]

@@ -1,22 +1,61 @@
-"""Find the files that a file names: relative to it, never outside its folder."""
+"""Files that a task names: found inside its folder, and read once, up to a size."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from planner.diagnostics import Report
-from planner.inputs.source import Key, Source
+from planner.diagnostics import Report, Span
 
 
-def named_file(source: Source, *where: Key, report: Report) -> tuple[Path, str] | None:
-    """Return the path named at `where` and how to call it, or None if it is outside.
+def read_bytes(
+    path: Path, file: str, at: Span, report: Report, *, most: int
+) -> bytes | None:
+    """Return what the file at `path` holds, or None after reporting why not.
 
-    Links count by where they lead. The name is `source`'s own folder, as the user
-    wrote it, with the reference added.
+    Parameters
+    ----------
+    path, file : Path, str
+        The file, and its name as the user knows it.
+    at : Span
+        Where the file is asked for.
+    report : Report
+        Receives MP001 for what is no file that can be read, MP009 for too large ones.
+    most : int
+        Bytes that it may have; no more are read.
     """
-    at = source.value(*where)
-    text: str = source.get(*where)
-    folder = source.path.parent
+    try:
+        if path.exists() and not path.is_file() and not path.is_dir():
+            report.error("MP001", at, f"cannot read {file}: it is no regular file")
+            return None  # a pipe would keep us waiting
+        with path.open("rb") as stream:
+            data = stream.read(most + 1)
+    except (OSError, ValueError) as error:
+        why = error.strerror if isinstance(error, OSError) else str(error)
+        report.error("MP001", at, f"cannot read {file}: {why}")
+        return None
+    if len(data) > most:
+        report.error("MP009", at, f"{file} is larger than {most} bytes")
+        return None
+    return data
+
+
+def named_file(
+    text: str, at: Span, folder: Path, report: Report
+) -> tuple[Path, str] | None:
+    """Return the path that a file names and how to call it, or None if it is outside.
+
+    Links count by where they lead. The name is that of the naming file's own folder,
+    as the user wrote it, with the reference added.
+
+    Parameters
+    ----------
+    text, at : str, Span
+        The reference, and where it stands.
+    folder : Path
+        The folder of the file that it stands in.
+    report : Report
+        Receives MP010.
+    """
     inside = False
     try:
         # a path with a root or a drive leaves the folder here
@@ -25,8 +64,8 @@ def named_file(source: Source, *where: Key, report: Report) -> tuple[Path, str] 
         report.error("MP010", at, f"'{text}' is no usable path: {error}")
         return None
     if not inside or Path(text).is_absolute() or "\\" in text:
-        message = f"'{text}' leads out of the folder of {source.file}"
+        message = f"'{text}' leads out of the folder of {at.file}"
         hint = "keep the file in that folder, name it with / and without .."
         report.error("MP010", at, message, hint)
         return None
-    return folder / text, (Path(source.file).parent / text).as_posix()
+    return folder / text, (Path(at.file).parent / text).as_posix()

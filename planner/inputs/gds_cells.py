@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from planner.inputs.gds_library import Library, Reference, Shape, Structure
@@ -118,21 +118,21 @@ def _refuse(
         raise GdsError("MP232", reference.offset, message, "flatten it")
 
 
-def counts(library: Library, order: Collection[str]) -> Counter[str]:
-    """Return how many shapes each layer has in the last cell of `order`.
+def held(library: Library, order: Sequence[str]) -> Counter[tuple[str, str]]:
+    """Return how many elements of each layer and kind the last cell of `order` has.
 
-    Arrays are counted out.
+    Arrays are counted out; copies are multiplied, not walked.
     """
-    within: dict[str, Counter[str]] = {}
-    found: Counter[str] = Counter()
-    for cell in order:
-        structure = library.structures[cell]
-        found = Counter(shape.layer for shape in structure.shapes)
+    times: Counter[str] = Counter({order[-1]: 1})
+    found: Counter[tuple[str, str]] = Counter()
+    for cell in reversed(order):
+        structure, n = library.structures[cell], times[cell]
+        for shape in structure.shapes:
+            found[shape.layer, shape.kind] += n
+        for key, count in structure.skipped.items():
+            found[key] += n * count
         for reference in structure.references:
-            times = reference.columns * reference.rows
-            for layer, number in within[reference.name].items():
-                found[layer] += times * number
-        within[cell] = found
+            times[reference.name] += n * reference.columns * reference.rows
     return found
 
 

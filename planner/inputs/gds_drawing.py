@@ -10,17 +10,21 @@ from pathlib import Path
 
 from optics.outline import Outline, Ring
 from planner.diagnostics import Report, Span
-from planner.inputs.drawing import MAX_LISTED, MAX_UM, MIN_UM
-from planner.inputs.gds_cells import counts, expand, reached
+from planner.inputs.census import Taken
+from planner.inputs.drawing import MAX_BYTES, MAX_LISTED, MAX_UM, MIN_UM
+from planner.inputs.drawing_findings import counts_said
+from planner.inputs.files import read_bytes
+from planner.inputs.gds_cells import expand, held, reached
 from planner.inputs.gds_library import Library, read_library
 from planner.inputs.gds_records import GdsError
 from planner.inputs.gds_regions import Rounded, by_layer, unite
 from planner.inputs.nesting import BadRingsError, nest
 from planner.inputs.schema import did_you_mean
 
-MAX_BYTES = 16 << 20
 SAME_UNIT = 1e-6  # relative: two ways to write one unit, none of them another
 UNIT_M = {"nm": 1e-9, "um": 1e-6, "mm": 1e-3, "inch": 0.0254, "m": 1.0}
+
+LABELS = frozenset(("TEXT", "NODE"))  # cover no area
 
 _LAYER = re.compile(r"[0-9]{1,5}/[0-9]{1,5}")
 
@@ -60,15 +64,17 @@ def open_gds(
     report : Report
         Receives the findings.
     """
-    try:
-        with path.open("rb") as stream:
-            data = stream.read(MAX_BYTES + 1)
-    except OSError as error:
-        report.error("MP001", at, f"cannot read {file}: {error.strerror}")
+    data = read_bytes(path, file, at, report, most=MAX_BYTES)
+    if data is None:
         return None
-    if len(data) > MAX_BYTES:
-        report.error("MP009", at, f"{file} is larger than {MAX_BYTES} bytes")
-        return None
+    return load_gds(data, file, units, cell, at, layers_at, cell_at, report)
+
+
+def load_gds(
+    data: bytes, file: str, units: str, cell: str | None,
+    at: Span, layers_at: Span, cell_at: Span, report: Report,
+) -> GdsDrawing | None:  # fmt: skip
+    """Return the drawing that a file's bytes hold, as `open_gds` does."""
     try:
         library = read_library(data)
         if not _same_units(library, units, file, at, report):
@@ -109,6 +115,14 @@ def read_gds_outline(
         One outer ring and its holes, um, and the largest distance in um between a
         curve that the drawing samples and its chords.
     """
+    found = take_gds(drawing, layers, report, at)
+    return None if found is None else (found.outline, found.chord_um)
+
+
+def take_gds(
+    drawing: GdsDrawing, layers: Sequence[str], report: Report, at: Span | None = None
+) -> Taken | None:
+    """Return the outline as `read_gds_outline` does, and what it was taken from."""
     at = at or drawing.layers_at
     if not _all_there(drawing, layers, at, report):
         return None
@@ -127,7 +141,22 @@ def read_gds_outline(
         return None
     _say_rounded(drawing, rounded, at, report)
     outline = _nested(drawing, rings, at, report)
-    return None if outline is None else (outline, chord_um)
+    if outline is None:
+        return None
+    taken = {
+        (layer, kind): n
+        for (layer, kind), n in held_gds(drawing).items()
+        if layer in layers and kind not in LABELS
+    }
+    return Taken(
+        outline=outline, chord_um=chord_um, layers=tuple(layers), at=at,
+        taken=taken, skipped={},
+    )  # fmt: skip
+
+
+def held_gds(drawing: GdsDrawing) -> Counter[tuple[str, str]]:
+    """Return how many elements of each layer and kind the drawn cell has."""
+    return held(drawing.library, drawing.cells)
 
 
 def _same_units(
@@ -158,14 +187,14 @@ def _top(
         if cell in library.structures:
             return cell
         known = sorted(library.structures)
-        hint = did_you_mean(cell, known) or f"it has {_list(known)}"
+        hint = did_you_mean(cell, known) or f"it has {listed(known)}"
         report.error("MP231", at, f"{file} has no cell '{cell}'", hint)
         return None
     tops = library.tops
     if len(tops) == 1:
         return tops[0]
     if tops:
-        message = f"{file} has {len(tops)} top cells: {_list(tops)}"
+        message = f"{file} has {len(tops)} top cells: {listed(tops)}"
         report.error("MP231", at, message, f"say which one, cell: {tops[0]}")
     else:
         report.error("MP231", at, f"{file} has no cell that no other one places")
@@ -176,17 +205,20 @@ def _all_there(
     drawing: GdsDrawing, layers: Sequence[str], at: Span, report: Report
 ) -> bool:
     """Report layers that are no layers, or hold nothing."""
-    held = counts(drawing.library, drawing.cells)
+    there: Counter[str] = Counter()
+    for (layer, kind), n in held_gds(drawing).items():
+        if kind not in LABELS:
+            there[layer] += n
     good = True
     for name in layers:
         if not _LAYER.fullmatch(name):
             message = f"'{name}' is no layer of a GDSII file"
             report.error("MP107", at, message, "write layer/datatype, such as 1/0")
             good = False
-        elif not held[name]:
-            has = ", ".join(f"'{k}' {n}" for k, n in sorted(held.items())[:MAX_LISTED])
+        elif not there[name]:
             message = f"{_name(drawing)} has nothing on layer '{name}'"
-            report.error("MP204", at, message, f"shapes by layer: {has or 'none'}")
+            has = f"shapes by layer: {counts_said(dict(sorted(there.items())))}"
+            report.error("MP204", at, message, has)
             good = False
     return good
 
@@ -225,7 +257,8 @@ def _say_skipped(drawing: GdsDrawing, report: Report) -> None:
     """Say what the cells hold beside shapes."""
     skipped: Counter[str] = Counter()
     for cell in drawing.cells:
-        skipped.update(drawing.library.structures[cell].skipped)
+        for (_, kind), n in drawing.library.structures[cell].skipped.items():
+            skipped[kind] += n
     if skipped:
         says = ", ".join(f"{n} {kind}" for kind, n in sorted(skipped.items()))
         message = f"{_name(drawing)}: passed over: {says}"
@@ -262,7 +295,7 @@ def _name(drawing: GdsDrawing) -> str:
     return f"{drawing.file}, cell '{drawing.cell}'"
 
 
-def _list(names: Sequence[str]) -> str:
+def listed(names: Sequence[str]) -> str:
     """Return names, the first few."""
     more = f" and {len(names) - MAX_LISTED} more" if len(names) > MAX_LISTED else ""
     return ", ".join(f"'{name}'" for name in names[:MAX_LISTED]) + more

@@ -91,7 +91,7 @@ class Structure:
     offset: int
     shapes: tuple[Shape, ...]
     references: tuple[Reference, ...]
-    skipped: Mapping[str, int]  # "TEXT", "NODE" -> how many
+    skipped: Mapping[tuple[str, str], int]  # layer, "TEXT" or "NODE" -> how many
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -169,7 +169,7 @@ def _structure(first: Record, stream: Iterator[Record]) -> Structure:
     name = text(_expect(next(stream), "STRNAME"))
     shapes: list[Shape] = []
     references: list[Reference] = []
-    skipped: Counter[str] = Counter()
+    skipped: Counter[tuple[str, str]] = Counter()
     for record in stream:
         if record.name == "ENDSTR":
             break
@@ -182,7 +182,7 @@ def _structure(first: Record, stream: Iterator[Record]) -> Structure:
         if record.name in ("SREF", "AREF"):
             references.append(_reference(record, parts, name))
         elif record.name in ("TEXT", "NODE"):
-            skipped[record.name] += 1
+            skipped[_layer(parts, f"{record.name}TYPE"), record.name] += 1
         else:
             shapes.append(_shape(record, parts))
     return Structure(
@@ -218,10 +218,9 @@ def _shape(first: Record, parts: Mapping[str, Record]) -> Shape:
     kind: ShapeKind = "BOUNDARY"
     if first.name != "BOUNDARY":
         kind = "PATH" if first.name == "PATH" else "BOX"
-    datatype = parts["BOXTYPE" if kind == "BOX" else "DATATYPE"]
     return Shape(
         kind=kind,
-        layer=f"{bits(parts['LAYER'])}/{bits(datatype)}",
+        layer=_layer(parts, "BOXTYPE" if kind == "BOX" else "DATATYPE"),
         xy=parts["XY"].body,
         offset=first.offset,
         path_type=_integer(parts, "PATHTYPE"),
@@ -229,6 +228,11 @@ def _shape(first: Record, parts: Mapping[str, Record]) -> Shape:
         begin=_integer(parts, "BGNEXTN"),
         end=_integer(parts, "ENDEXTN"),
     )
+
+
+def _layer(parts: Mapping[str, Record], datatype: str) -> str:
+    """Return an element's layer and datatype, or what stands for it."""
+    return f"{bits(parts['LAYER'])}/{bits(parts[datatype])}"
 
 
 def _integer(parts: Mapping[str, Record], name: str) -> int:

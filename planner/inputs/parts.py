@@ -8,7 +8,8 @@ from typing import Any
 from optics.outline import Outline, Point, place
 from planner.diagnostics import Report, Span
 from planner.inputs import features
-from planner.inputs.drawings import AnyDrawing, open_named, read_drawn
+from planner.inputs.census import Taken
+from planner.inputs.drawings import AnyDrawing, Sheet, open_named, take
 from planner.inputs.features import NotFoundError
 from planner.inputs.schema import Checked, with_defaults
 from planner.inputs.task import Feature, Part, Post
@@ -26,25 +27,24 @@ def read_parts(task: Checked, report: Report) -> dict[str, Part]:
         if drawing is None:
             continue
         layers = names[name]["drawing"]["layers"]
-        drawn = read_drawn(drawing, layers, report)
-        if drawn is not None:
-            part = _part(task, name, drawing, drawn, report)
+        taken = take(drawing, layers, report)
+        if taken is not None:
+            part = _part(task, name, drawing, taken, report)
             if part is not None:
                 parts[name] = part
     return parts
 
 
 def _part(
-    task: Checked, name: str, drawing: AnyDrawing, drawn: tuple[Outline, float],
-    report: Report,
-) -> Part | None:  # fmt: skip
+    task: Checked, name: str, drawing: AnyDrawing, taken: Taken, report: Report
+) -> Part | None:
     """Return the part in the frame of its origin, None after an error."""
-    outline, chord_um = drawn
+    outline = taken.outline
     errors = report.failed
     found = _features(task, name, outline, report)
     center = _origin(task, name, outline, found)
     outline = place(outline, -center[0], -center[1])
-    posts = _posts(task, name, drawing, center, report)
+    posts, standing = _posts(task, name, drawing, center, report)
     if errors or report.failed or not task.good("parts", name):
         return None
     found = _features(task, name, outline, Report())  # again, in the part's frame
@@ -63,7 +63,10 @@ def _part(
         taper_um_per_100um=float(raw["taper_um_per_100um"]),
         features=found,
         posts=posts,
-        chord_um=max([chord_um, *(feature.chord_um for feature in found.values())]),
+        chord_um=max(
+            [taken.chord_um, *(feature.chord_um for feature in found.values())]
+        ),
+        sheet=Sheet(drawing=drawing, takes=(taken, *standing)),
         where=task.source.key("parts", name),
     )
 
@@ -98,18 +101,20 @@ def _features(
 
 def _posts(
     task: Checked, name: str, drawing: AnyDrawing, origin: Point, report: Report
-) -> dict[str, Post]:
-    """Return the posts that can be read, by name, in the part's frame."""
+) -> tuple[dict[str, Post], list[Taken]]:
+    """Return the posts that can be read, in the part's frame, and as drawn."""
     posts: dict[str, Post] = {}
+    found: list[Taken] = []
     for key, raw in sorted(task.source.mapping("parts", name, "posts").items()):
         where = ("parts", name, "posts", key)
         if task.good(*where):
             layer = task.source.value(*where, "layer")
-            drawn = read_drawn(drawing, [raw["layer"]], report, layer)
-            if drawn is not None:
-                shape = place(drawn[0], -origin[0], -origin[1])
+            taken = take(drawing, [raw["layer"]], report, layer)
+            if taken is not None:
+                found.append(taken)
+                shape = place(taken.outline, -origin[0], -origin[1])
                 posts[key] = _post(key, raw, shape, task.source.key(*where))
-    return posts
+    return posts, found
 
 
 def _feature(

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from planner.diagnostics import Report, Span
+from planner.inputs.check_sizes import check_sizes
 from planner.inputs.check_workcell import check_workcell, report_backwards
 from planner.inputs.files import named_file
 from planner.inputs.limits import check_limits
@@ -68,17 +69,20 @@ def load_task(path: str | Path, report: Report) -> Task | None:
     check_limits(task, cell, report)
     if report.failed or cell is None:
         return None
-    return _task(source, build_workcell(cell, fingers), parts)
+    workcell = build_workcell(cell, fingers)
+    check_sizes(parts, workcell, report)
+    return None if report.failed else _task(source, workcell, parts)
 
 
 def _workcell(task: Checked, report: Report) -> Checked | None:
     """Return the workcell file that the task names."""
     if not task.good("workcell"):
         return None
-    found = named_file(task.source, "workcell", report=report)
+    at = task.source.value("workcell")
+    name = task.source.get("workcell")
+    found = named_file(name, at, task.source.path.parent, report)
     if found is None:
         return None
-    at = task.source.value("workcell")
     source = read_source(found[0], found[1], report, at)
     if source is None:
         return None

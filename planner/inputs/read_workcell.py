@@ -7,10 +7,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from optics.lens import LensErrors
-from optics.outline import Outline
 from planner.diagnostics import Report, Span
 from planner.inputs.check_workcell import check_fingers
-from planner.inputs.drawings import open_named, read_drawn
+from planner.inputs.drawings import Sheet, open_named, take
 from planner.inputs.normalise import plain, plain_outline
 from planner.inputs.schema import Checked, with_defaults
 from planner.inputs.source import Source
@@ -35,14 +34,14 @@ COVERAGE = {"1sigma": 1.0, "3sigma": 3.0, "range": math.sqrt(3.0)}
 
 RAD_PER_ARCSEC = math.pi / 180 / 3600
 UM_PER_MM = 1000.0
-Fingers = Mapping[str, tuple[Outline, Outline]]
+Fingers = Mapping[str, Sheet]  # by tool; of a left and a right one
 Rows = tuple[tuple[float, float], ...]
 
 
-def read_fingers(cell: Checked, report: Report) -> dict[str, tuple[Outline, Outline]]:
-    """Return (left, right) of every tool whose drawing can be read."""
+def read_fingers(cell: Checked, report: Report) -> dict[str, Sheet]:
+    """Return the fingers, left and right, of every tool that can be read."""
     tools = cell.source.mapping("tools")
-    found: dict[str, tuple[Outline, Outline]] = {}
+    found: dict[str, Sheet] = {}
     for name in sorted(tools):
         if not cell.good("tools", name, "drawing"):
             continue
@@ -57,13 +56,13 @@ def read_fingers(cell: Checked, report: Report) -> dict[str, tuple[Outline, Outl
         drawing = open_named(cell, "tools", name, "drawing", report=report)
         if drawing is None:
             continue
-        drawn = [read_drawn(drawing, [layer], report) for layer in layers]
-        left, right = (None if finger is None else finger[0] for finger in drawn)
+        left, right = (take(drawing, [layer], report) for layer in layers)
         if left is None or right is None:
             continue
-        found[name] = (left, right)
+        found[name] = Sheet(drawing=drawing, takes=(left, right))
         if cell.good("tools", name):
-            check_fingers(name, tools[name], left, right, at, report)
+            outlines = left.outline, right.outline
+            check_fingers(name, tools[name], *outlines, at, report)
     return found
 
 
@@ -75,8 +74,8 @@ def build_workcell(cell: Checked, fingers: Fingers) -> Workcell:
     del normalised["microplan_workcell"]
     tools = {}
     for name, raw in data["tools"].items():
-        left, right = fingers[name]
-        tools[name] = _tool(name, raw, left, right, source.key("tools", name))
+        tools[name] = _tool(name, raw, fingers[name], source.key("tools", name))
+        left, right = (taken.outline for taken in fingers[name].takes)
         del normalised["tools"][name]["drawing"]
         normalised["tools"][name]["left"] = plain_outline(left)
         normalised["tools"][name]["right"] = plain_outline(right)
@@ -218,9 +217,8 @@ def _axes(raw: Mapping[str, Any]) -> Axes:
     )
 
 
-def _tool(
-    name: str, raw: Mapping[str, Any], left: Outline, right: Outline, at: Span
-) -> Tool:
+def _tool(name: str, raw: Mapping[str, Any], fingers: Sheet, at: Span) -> Tool:
+    left, right = (taken.outline for taken in fingers.takes)
     return Tool(
         name=name,
         left=left,
@@ -234,6 +232,7 @@ def _tool(
         stick_probability=float(raw["stick_probability"]),
         free_length_um=_number(raw.get("free_length_um")),
         youngs_modulus_gpa=_number(raw.get("youngs_modulus_gpa")),
+        sheet=fingers,
         where=at,
     )
 

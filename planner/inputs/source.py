@@ -18,6 +18,7 @@ import yaml
 from yaml import events
 
 from planner.diagnostics import Report, Span
+from planner.inputs.files import read_bytes
 
 Key = str | int
 Where = tuple[Key, ...]  # keys and indices from the root to a node
@@ -145,15 +146,8 @@ def parse(text: str, path: Path, file: str, report: Report) -> Source | None:
 
 def _read_text(path: Path, file: str, report: Report, at: Span) -> str | None:
     """Return the file's text without a byte order mark."""
-    try:
-        with path.open("rb") as stream:
-            raw = stream.read(MAX_BYTES + 1)
-    except (OSError, ValueError) as error:
-        why = error.strerror if isinstance(error, OSError) else str(error)
-        report.error("MP001", at, f"cannot read {file}: {why}")
-        return None
-    if len(raw) > MAX_BYTES:
-        report.error("MP009", at, f"{file} is larger than {MAX_BYTES} bytes")
+    raw = read_bytes(path, file, at, report, most=MAX_BYTES)
+    if raw is None:
         return None
     try:
         return raw.decode("utf-8-sig")

@@ -12,6 +12,7 @@ from typing import Literal
 
 from optics.outline import Outline
 from planner.diagnostics import Span
+from planner.inputs.drawings import Sheet
 from planner.inputs.workcell import Interval, Workcell
 from planner.presets import PRESETS, Preset
 
@@ -69,6 +70,7 @@ class Part:
     features: Mapping[str, Feature]
     posts: Mapping[str, Post]
     chord_um: float  # farthest that chords in its drawing miss a curve, 0 if none
+    sheet: Sheet
     where: Span
 
 

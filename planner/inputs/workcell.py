@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from optics.lens import LensErrors
 from optics.outline import Outline
 from planner.diagnostics import Span
+from planner.inputs.drawings import Sheet
 
 Interval = tuple[float, float]
 
@@ -140,6 +141,7 @@ class Tool:
     stick_probability: float  # that a released part follows a finger
     free_length_um: float | None  # of a finger, from where it bends; None: not stated
     youngs_modulus_gpa: float | None
+    sheet: Sheet
     where: Span
 
 

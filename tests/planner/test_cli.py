@@ -79,7 +79,8 @@ def test_check_tells_a_fault_from_a_no(
 def test_check_loads_no_imaging_library_and_no_scipy() -> None:
     script = (
         "import sys; from planner.cli import main; status = main(sys.argv[1:])\n"
-        "heavy = ('cv2', 'scipy', 'skimage', 'featuresel.trials', 'optics.render')\n"
+        "heavy = ('cv2', 'scipy', 'skimage', 'ezdxf', 'featuresel.trials',\n"
+        "         'optics.render')\n"
         "print([name for name in heavy if name in sys.modules]); sys.exit(status)"
     )
     for words in (["check", TASK], ["--help"]):

@@ -15,6 +15,7 @@ from planner.cli import main
 from planner.control import method_of, tolerance_um
 from planner.diagnostics import TITLES, Report
 from planner.inputs.read_task import load_task
+from planner.inputs.second_reader import read_twice
 from planner.inputs.task import Task
 from planner.model.steps import StepState, unfold
 from tests.planner.examples import (
@@ -36,6 +37,15 @@ _BLOCK = re.compile(r"^```(diff|write) (\S+)\n(.*?)^```$", re.MULTILINE | re.DOT
 def _load(folder: Path) -> Report:
     report = Report()
     load_task(folder / "task.yaml", report)
+    return report
+
+
+def _second(folder: Path) -> Report:
+    """Return what ezdxf finds otherwise in the drawings, as `compile` does first."""
+    report = Report()
+    task = load_task(folder / "task.yaml", report)
+    assert task is not None
+    read_twice(task, report)
     return report
 
 
@@ -84,6 +94,8 @@ RUNNERS: dict[str, Callable[[Path], Report]] = {
     "MP0": _load,
     "MP1": _load,
     "MP2": _load,
+    "MP226": _second,
+    "MP227": _second,
     "MP3": _unfold,
     "MP612": _methods,  # so would this one's
     "MP613": _handling,

@@ -9,6 +9,15 @@ from collections.abc import Iterable, Sequence
 Tags = list[tuple[int, object]]
 Point = tuple[float, float]
 
+# the markers that files from R13 on put before the tags of an entity
+_MARKS = {
+    "LINE": "AcDbLine", "CIRCLE": "AcDbCircle", "ARC": "AcDbCircle",
+    "ELLIPSE": "AcDbEllipse", "LWPOLYLINE": "AcDbPolyline", "SPLINE": "AcDbSpline",
+    "POLYLINE": "AcDb2dPolyline", "SOLID": "AcDbTrace", "TRACE": "AcDbTrace",
+    "HATCH": "AcDbHatch", "INSERT": "AcDbBlockReference", "3DFACE": "AcDbFace",
+    "TEXT": "AcDbText", "VERTEX": "AcDbVertex", "SEQEND": "",
+}  # fmt: skip
+
 
 def dxf(
     *entities: Tags,
@@ -31,7 +40,37 @@ def dxf(
     for entity in entities:
         tags += entity
     tags += [(0, "ENDSEC"), (0, "EOF")]
+    return tags_text(tags)
+
+
+def tags_text(tags: Tags) -> str:
+    """Return tags as the lines of a file."""
     return "".join(f"{code:>3}\n{value}\n" for code, value in tags)
+
+
+def dressed(text: str) -> str:
+    """Return a file as R2000, with the handles and markers of entities."""
+    lines = text.splitlines()
+    out: list[tuple[object, str]] = []
+    pairs = [
+        (int(code), value) for code, value in zip(lines[::2], lines[1::2], strict=True)
+    ]
+    kind = ""
+    for at, (code, value) in enumerate(pairs):
+        out.append((code, value))
+        if code == 2 and value == "HEADER":
+            out += [(9, "$ACADVER"), (1, "AC1015")]
+        elif code == 0 and (value in _MARKS or value in ("BLOCK", "ENDBLK")):
+            kind = value
+            out += [(5, f"{0x100 + at:X}"), (100, "AcDbEntity")]
+            if kind in ("BLOCK", "ENDBLK"):
+                begin = "AcDbBlockBegin" if kind == "BLOCK" else "AcDbBlockEnd"
+                out += [(8, "0"), (100, begin)]
+        elif code == 8 and _MARKS.get(kind):
+            out.append((100, _MARKS[kind]))
+        elif code == 40 and kind == "ARC":
+            out.append((100, "AcDbArc"))
+    return "".join(f"{code:>3}\n{value}\n" for code, value in out)
 
 
 def binary(text: str, *, short: bool) -> bytes:

@@ -13,8 +13,9 @@ import pytest
 
 from optics.outline import Arc, Outline
 from planner.diagnostics import Report, Span
+from planner.inputs.drawing import MAX_BYTES
 from planner.inputs.gds_cells import expand, reached
-from planner.inputs.gds_drawing import MAX_BYTES, open_gds, read_gds_outline
+from planner.inputs.gds_drawing import open_gds, read_gds_outline
 from planner.inputs.gds_library import read_library
 from planner.inputs.gds_regions import unite
 from planner.inputs.nesting import nest

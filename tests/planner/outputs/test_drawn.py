@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -105,8 +106,17 @@ def test_the_summary_names_sizes_layers_and_circles(parts: dict[str, Part]) -> N
     gear = list(part_lines(parts["gear"]))
     assert gear[0].startswith("gear: 100 x 99.4522 um, ")
     assert gear[0].endswith(" um2, 1 hole, 100 um thick")
-    assert "  layer BORE: 1 ring of 4 edges" in gear
+    assert "  layer BORE: 1 ARC, 3 LINE -> 1 ring of 4 edges" in gear
     assert "  hole 50 um wide at (0, 0), interrupted (bore)" in gear
     whole = parts_summary(parts)
+    assert "  layer PLATE: 4 CIRCLE, 8 LINE -> 5 rings of 12 edges" in whole
+    assert "  4 holes 80 um wide at (-270, -270), (-270, 270), (270, -270)," in whole
     assert "  post post: 44 x 44 um, 1520.53 um2, 250 um high" in whole
     assert math.isclose(22**2 * math.pi, 1520.53, rel_tol=1e-6)
+
+
+def test_what_a_terminal_obeys_is_not_printed(parts: dict[str, Part]) -> None:
+    gear = parts["gear"]
+    drawing = replace(gear.sheet.drawing, file="\x1b[2Jgear\r.dxf")
+    odd = replace(gear, sheet=replace(gear.sheet, drawing=drawing))
+    assert list(part_lines(odd))[1] == "  from ?[2Jgear?.dxf, DXF R12"

@@ -1,0 +1,60 @@
+"""Files are read once, whole or not at all."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from planner.diagnostics import Report, Span
+from planner.inputs.files import read_bytes
+from planner.inputs.read_task import load_task
+from tests.planner.examples import EXAMPLE
+
+AT = Span(file="task.yaml", line=3)
+
+
+def read(path: Path, most: int = 8) -> tuple[bytes | None, list[tuple[str, str]]]:
+    """Return what is read, and codes with messages."""
+    report = Report()
+    data = read_bytes(path, "part", AT, report, most=most)
+    assert all(finding.where == AT for finding in report.found)
+    return data, [(finding.code, finding.message) for finding in report.found]
+
+
+def test_a_file_is_read_up_to_its_limit(tmp_path: Path) -> None:
+    (tmp_path / "part").write_bytes(bytes(8))
+    assert read(tmp_path / "part") == (bytes(8), [])
+    assert read(tmp_path / "part", 7) == (
+        None, [("MP009", "part is larger than 7 bytes")]
+    )  # fmt: skip
+
+
+def test_what_is_no_file_is_refused(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")  # nobody writes to it: reading would wait for ever
+    said = {
+        "pipe": "it is no regular file",
+        "none": "No such file or directory",
+        ".": "Is a directory",
+        "a\0b": "embedded null byte",
+    }
+    for name, why in said.items():
+        assert read(tmp_path / name) == (None, [("MP001", f"cannot read part: {why}")])
+
+
+def test_a_task_opens_every_file_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing can change between a first look at a file and its reading."""
+    opened: list[str] = []
+    plain = Path.open
+
+    def spy(self: Path, *args: Any, **kwargs: Any) -> Any:
+        opened.append(self.name)
+        return plain(self, *args, **kwargs)
+
+    monkeypatch.setattr(Path, "open", spy)
+    assert load_task(EXAMPLE / "task.yaml", Report()) is not None
+    mine = [name for name in opened if not name.endswith(".json")]  # schemas
+    assert sorted(mine) == ["gear18.dxf", "shaft_plate.dxf", "task.yaml",
+                            "tweezer_fingers.dxf", "workcell.yaml"]  # fmt: skip
