@@ -88,7 +88,9 @@ def check(case: Case) -> Spent:
         folder = Path(name) / "job"
         lay_out(folder)
         case.put(folder)
-        return spent([sys.executable, "-m", "planner.cli", "check", "task.yaml"], folder)
+        return spent(
+            [sys.executable, "-m", "planner.cli", "check", "task.yaml"], folder
+        )
 
 
 def spent(call: Sequence[str], folder: Path) -> Spent:
@@ -127,15 +129,15 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--group", choices=sorted(GROUPS))
     call = parser.parse_args(argv)
     wrong = 0
-    print("| file | says | s | MB |")
-    print("|---|---|---|---|")
+    print("| file | says | s | CPU s | MB |")
+    print("|---|---|---|---|---|")
     for case in GROUPS[call.group].cases() if call.group else cases():
         if call.words and not any(word in case.name for word in call.words):
             continue
         found = check(case)
         bad = failed(case, found)
         wrong += bad
-        if bad or found.wall_s >= call.slower:
+        if bad or found.cpu_s >= call.slower:
             print(row(case, found, bad=bad), flush=True)
     print(f"\n{wrong} wrong")
     return int(wrong > 0)
@@ -147,7 +149,8 @@ def row(case: Case, found: Spent, *, bad: bool) -> str:
     said = f"{found.status} {said}" if found.status else "0"
     mark = "**wrong** " if bad else ""
     text = said.replace("|", "\\|").replace("\n", " ")
-    return f"| {case.name} | {mark}{text} | {found.wall_s:.2f} | {found.peak_mb:.0f} |"
+    costs = f"{found.wall_s:.2f} | {found.cpu_s:.2f} | {found.peak_mb:.0f}"
+    return f"| {case.name} | {mark}{text} | {costs} |"
 
 
 def _measure(_options: Options) -> Iterator[Figure]:

@@ -333,7 +333,9 @@ def _wild(count: int, degree: int) -> str:
     points = [_on(k * 0.381966, 500) for k in range(count)]
     points.append(points[0])
     inner = count + 1 - degree
-    knots = [0.0] * degree + [float(k) for k in range(inner + 1)] + [float(inner)] * degree
+    knots = (
+        [0.0] * degree + [float(k) for k in range(inner + 1)] + [float(inner)] * degree
+    )
     return dxf(spline(degree, knots, points))
 
 

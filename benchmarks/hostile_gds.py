@@ -207,9 +207,7 @@ def _slits(holes: int) -> Points:
 
 def _boustrophedon(count: int) -> Points:
     """Return a path that goes to and fro, 150 units apart, 200 wide."""
-    return [
-        (((k + 1) // 2 % 2) * 400_000, k // 2 * 150 * 2) for k in range(count)
-    ]
+    return [(((k + 1) // 2 % 2) * 400_000, k // 2 * 150 * 2) for k in range(count)]
 
 
 def _shifted(points: Points, dx: int, dy: int) -> Points:

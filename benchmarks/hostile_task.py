@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from benchmarks.example import TASK
+from tests.planner.inputs.dxf_text import circle, dxf
 
 DRAWING = "parts/part.dxf"
 ALLOWED = frozenset((2,))  # exit statuses where nothing else is said
@@ -46,12 +47,13 @@ def task_text(file: str = DRAWING, layer: str = "A") -> str:
 
 
 def lay_out(folder: Path) -> Path:
-    """Return the task file of a new folder in which all but the part is in order."""
+    """Return the task file of a new folder in which all is in order."""
     example = TASK.parent
     parts = folder / "parts"
     parts.mkdir(parents=True)
     shutil.copy(example / "workcell.yaml", folder)
     shutil.copy(example / "parts" / "tweezer_fingers.dxf", parts)
+    (folder / DRAWING).write_text(dxf(circle((0, 0), 50)), encoding="utf-8")
     file = folder / "task.yaml"
     file.write_text(task_text(), encoding="utf-8")
     return file
@@ -76,7 +78,7 @@ def task(
     name: str, content: str | bytes | Callable[[], str | bytes], *,
     statuses: frozenset[int] = ALLOWED,
 ) -> Case:  # fmt: skip
-    """Return the case of a task file with this content; its part is not drawn."""
+    """Return the case of a task file with this content."""
 
     def put(folder: Path) -> None:
         made = content() if callable(content) else content

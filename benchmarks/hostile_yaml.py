@@ -59,7 +59,9 @@ def _text() -> Iterator[Case]:
     yield task("YAML, a control character", good.replace("hostile", "hos\x1btile"))
     yield task("YAML, a lone surrogate", good.replace("hostile", "hos\ud800tile"))
     yield task("YAML, escaped", good.replace("hostile", r'"\ud800\x1b[2J\0"'))
-    yield task("YAML, escaped in a path", good.replace("parts/part.dxf", r'"a\ud800\0"'))
+    yield task(
+        "YAML, escaped in a path", good.replace("parts/part.dxf", r'"a\ud800\0"')
+    )
     yield task("YAML, a line separator", good.replace("hostile", "hos\u2028tile"))
     yield task("YAML, right to left", good.replace("hostile", "\u202egnp.exe"))
     yield task("a PNG as a task", b"\x89PNG\r\n\x1a\n" + bytes(range(256)) * 16)
@@ -111,9 +113,7 @@ def _parts(count: int) -> str:
 
 def _features(count: int) -> str:
     """Return a task whose part has many features."""
-    many = "".join(
-        f"      f{k}: {{kind: circle, layer: L{k}}}\n" for k in range(count)
-    )
+    many = "".join(f"      f{k}: {{kind: circle, layer: L{k}}}\n" for k in range(count))
     good = task_text()
     at = good.index("start:\n")
     return good[:at] + "    features:\n" + many + good[at:]
@@ -132,7 +132,9 @@ def _values() -> Iterator[Case]:
     yield task("YAML, a key of 1 MiB", good + f"{large}: 1\n")
     yield task("YAML, a quoted key of 1 MiB", good + f'"{large}": 1\n')
     yield task("YAML, a name of 1 MiB", good.replace("hostile", large))
-    yield task("YAML, a target of 1 MiB", good.replace("target: part", f"target: {large}"))
+    yield task(
+        "YAML, a target of 1 MiB", good.replace("target: part", f"target: {large}")
+    )
     yield task("YAML, a verb of 1 MiB", good.replace("do: locate", f"do: {large}"))
     yield task("YAML, a unit of 1 MiB", good.replace("units: um", f"units: {large}"))
     yield task("YAML, a file name of 1 MiB", good.replace("parts/part.dxf", large))
