@@ -97,7 +97,9 @@ TITLES: Mapping[str, str] = {
 
 # infeasible: understood, but the answer is no (exit status 1)
 MOST_ALIKE = 100  # findings of one code that are listed; the rest is counted
-MOST_WORDS = 1000  # characters of a message or hint: names in files may be of any length
+MOST_WORDS = (
+    1000  # characters of a message or hint: names in files may be of any length
+)
 EXCERPT = 120  # characters of a source line that are shown around the caret
 
 Severity = Literal["error", "infeasible", "warning", "note"]

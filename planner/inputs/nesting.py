@@ -16,6 +16,7 @@ from planner.inputs.rings import edges_key
 CHORD_UM = 0.005  # of the polygons that containment is judged by
 _CHORD_PART = 1e-7  # and of a ring's length, where that is more
 MAX_CORNERS = 1_500_000  # of all these polygons
+MAX_RINGS = 10_000  # of a part: reading so many holes takes 2 s
 _CHUNK = 64  # rings whose neighbours are sought at a time
 # Corners of the lesser ring of each pair whose boxes meet: a second of work. A body
 # with holes apart from each other has fewer than MAX_CORNERS of them.
@@ -43,6 +44,8 @@ def nest(
     BadRingsError
         If a ring crosses itself or another one; the message says where.
     """
+    if len(rings) > MAX_RINGS:
+        raise BadRingsError(f"{len(rings)} rings are too many, at most {MAX_RINGS}")
     once = _without_doubles(rings, handles)
     shapes = np.array(_polygons(once))
     near = _near(once, shapes)
