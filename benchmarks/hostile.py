@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import os
 import re
+import resource
 import subprocess
 import sys
 import threading
@@ -25,6 +26,7 @@ from benchmarks.hostile_task import Case, lay_out
 
 GIVE_UP_S = 20.0
 KIB_PER_MB = 1024.0
+MOST_BYTES = 4 << 30  # of memory
 MOST_SAID = 1 << 20  # bytes of output: more is no message
 FLOORS = 5  # runs of the gear example, of which the fastest counts
 NAMES = (
@@ -100,13 +102,15 @@ def spent(call: Sequence[str], folder: Path) -> Spent:
     started = time.perf_counter()
     with subprocess.Popen(
         call, cwd=folder, env=env, stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, preexec_fn=_limited,
     ) as process:  # fmt: skip
         stop = threading.Timer(GIVE_UP_S, process.kill)
         stop.start()
         if process.stdout is None:
             raise RuntimeError("its output is not ours to read")
-        said = process.stdout.read()
+        said = process.stdout.read(2 * MOST_SAID)
+        if len(said) == 2 * MOST_SAID:
+            process.kill()  # it may go on for gigabytes
         _, status, usage = os.wait4(process.pid, 0)
         wall_s = time.perf_counter() - started
         stop.cancel()
@@ -119,6 +123,11 @@ def spent(call: Sequence[str], folder: Path) -> Spent:
         said=said.decode("utf-8", "replace"),
         said_bytes=len(said),
     )
+
+
+def _limited() -> None:
+    """Let the command have no more memory than a machine can spare."""
+    resource.setrlimit(resource.RLIMIT_AS, (MOST_BYTES, MOST_BYTES))
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -138,7 +138,8 @@ def _numbers() -> Iterator[Case]:
                       dxf(box(100, 60)).replace(" 10\n", f"{value}\n", 1),
                       statuses=FINE)  # fmt: skip
         yield drawing(
-            f"units of {short!r}", dxf(circle((0, 0), 50)).replace("13\n", f"{value}\n"),
+            f"units of {short!r}",
+            dxf(circle((0, 0), 50)).replace("13\n", f"{value}\n"),
             statuses=FINE,
         )  # fmt: skip
     yield drawing("hatch of 1e9 paths", dxf(entity(

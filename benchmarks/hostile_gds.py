@@ -1,4 +1,4 @@
-"""Hostile GDSII files: cut short, bombs, odd numbers, and much that is hard to judge."""
+"""Hostile GDSII files: cut short, bombs, odd numbers, much that is hard to judge."""
 
 from __future__ import annotations
 

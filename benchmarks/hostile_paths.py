@@ -19,7 +19,8 @@ _KINDS: dict[str, str | bytes] = {
     "one zero": b"\0", "4096 zeros": bytes(4096), "a line end": b"\n",
     "a zip": b"PK\x03\x04" + bytes(100), "gzip": b"\x1f\x8b\x08" + bytes(100),
     "OASIS": b"%SEMI-OASIS\r\n\x01", "a STEP file": "ISO-10303-21;\nHEADER;\n",
-    "an SVG": "<svg xmlns='http://www.w3.org/2000/svg'/>", "UTF-16": "0\n".encode("utf-16"),
+    "an SVG": "<svg xmlns='http://www.w3.org/2000/svg'/>",
+    "UTF-16": "0\n".encode("utf-16"),
     "a task": task_text(), "random bytes": bytes(k * k % 251 for k in range(9999)),
 }  # fmt: skip
 
@@ -92,7 +93,7 @@ _ODD: dict[str, Callable[[Path], None]] = {
     "a pipe": os.mkfifo,
     "a socket": _socket,
     "a folder": Path.mkdir,
-    "nothing": lambda path: None,
+    "nothing": lambda _path: None,
     "a link to itself": lambda path: path.symlink_to(path.name),
     "a link to nothing": lambda path: path.symlink_to("nowhere"),
     "a link to /dev/zero": lambda path: path.symlink_to("/dev/zero"),

@@ -165,5 +165,6 @@ def _values() -> Iterator[Case]:
         yield task(f"YAML, spread {short}",
                    good.replace("sigma_xy_um: 2", f"sigma_xy_um: {value}"),
                    statuses=allowed)  # fmt: skip
-        yield task(f"YAML, name {short}", good.replace("name: hostile", f"name: {value}"),
+        yield task(f"YAML, name {short}",
+                   good.replace("name: hostile", f"name: {value}"),
                    statuses=allowed)  # fmt: skip

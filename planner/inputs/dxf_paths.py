@@ -8,7 +8,6 @@ from itertools import pairwise
 
 from planner.inputs.dxf_curves import Shape
 
-
 MOST_WORK = 200_000  # degree squared times control points: 2 s
 
 

@@ -11,7 +11,7 @@ import numpy.typing as npt
 import shapely
 
 from optics.outline import Arc, Outline, Ring, flatten
-from planner.inputs.rings import edges_key
+from planner.inputs.rings import cell, edges_key
 
 CHORD_UM = 0.005  # of the polygons that containment is judged by
 _CHORD_PART = 1e-7  # and of a ring's length, where that is more
@@ -178,6 +178,6 @@ def _near(
     return near
 
 
-def _box(ring: Ring) -> tuple[float, ...]:
+def _box(ring: Ring) -> tuple[int, ...]:
     """Return a ring's box to 1 nm: the order of rings that are equally deep."""
-    return tuple(round(value, 3) for value in Outline(rings=(ring,)).bounds_um)
+    return tuple(cell(value) for value in Outline(rings=(ring,)).bounds_um)

@@ -33,11 +33,11 @@ GDS_FILES = [
     gds.library(
         gds.cell("A", gds.sref("B", (5, 5), mag=2.0, angle=30.0, mirrored=True),
                  gds.box(gds.SQUARE)),
-        gds.cell("B", gds.path([(0, 0), (9000, 0), (9000, 9000)], 1000, 4, ends=(5, 9))),
+        gds.cell("B", gds.path([(0, 0), (9000, 0), (9000, 9000)], 999, 4, ends=(5, 9))),
     ),
     gds.library(
         gds.cell("A", gds.aref("B", (0, 0), (3, 2), ((9000, 0), (0, 9000)))),
-        gds.cell("B", gds.boundary(gds.ring(5000, 40)), gds.path([(0, 0), (1, 9)], 8, 1)),
+        gds.cell("B", gds.boundary(gds.ring(5000, 40)), gds.path([(0, 0), (1, 9)], 8)),
     ),
 ]  # fmt: skip
 YAML_FILES = {
@@ -45,8 +45,8 @@ YAML_FILES = {
     for name in ("task.yaml", "workcell.yaml")
 }
 ODD_WORDS = (
-    "nan", "inf", "1e308", "-1e308", "1e-308", "-1", "0", "", "A", "B", "LINE", "INSERT",
-    "SEQEND", "VERTEX", "HATCH", "99999999", "0.5", "1_0", "\\U+D800", "*Model_Space",
+    "nan", "inf", "1e308", "-1e308", "1e-308", "-1", "0", "", "A", "B", "LINE",
+    "INSERT", "SEQEND", "VERTEX", "HATCH", "99999999", "0.5", "1_0", "\\U+D800", "*Model_Space",
     "360", "65535", "2147483648", "-0.0", "1e5000",
 )  # fmt: skip
 ODD_TOKENS = (
@@ -226,12 +226,15 @@ def _entities() -> SearchStrategy[dxf.Tags]:
         st.builds(lambda k, c: dxf.quad(k, c), st.sampled_from(("SOLID", "TRACE")),
                   st.lists(points, min_size=3, max_size=4)),
         st.builds(
-            lambda d, z, k, w: dxf.spline(d, sorted(k[: len(z) + d + 1]), z, w[: len(z)]),
+            lambda d, z, k, w: dxf.spline(
+                d, sorted(k[: len(z) + d + 1]), z, w[: len(z)]
+            ),
             st.integers(0, 4), st.lists(points, max_size=8),
             st.lists(NUMBERS, min_size=13, max_size=13), st.lists(NUMBERS, max_size=8),
         ),
         st.builds(lambda n, z, t: dxf.insert(n, z, *t),
-                  st.sampled_from(("B0", "B1", "B2")), points, st.lists(placed, max_size=3)),
+                  st.sampled_from(("B0", "B1", "B2")), points,
+                  st.lists(placed, max_size=3)),
         st.builds(lambda w, h: dxf.box(w, h), NUMBERS, NUMBERS),
         st.builds(
             lambda r: dxf.hatch([(92, 3), (72, 1), (73, 1), (93, len(r)), *(
