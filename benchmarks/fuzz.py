@@ -11,6 +11,7 @@ import sys
 import time
 import traceback
 from collections.abc import Callable, Sequence
+from typing import Any
 
 from hypothesis import HealthCheck, given, seed, settings
 from hypothesis import strategies as st
@@ -21,9 +22,13 @@ from tests.planner.inputs.dxf_text import binary
 
 _DXF = [
     *(text.encode() for text in fuzzing.DXF_TEXTS),
-    *(binary(text, short=short) for text in fuzzing.DXF_TEXTS[:3] for short in (0, 1)),
+    *(
+        binary(text, short=short)
+        for text in fuzzing.DXF_TEXTS[:3]
+        for short in (True, False)
+    ),
 ]
-TARGETS: dict[str, tuple[SearchStrategy[object], Callable[[object], None]]] = {
+TARGETS: dict[str, tuple[SearchStrategy[Any], Callable[[Any], None]]] = {
     "dxf-bytes": (fuzzing.spoilt_bytes(st.sampled_from(_DXF)), fuzzing.judge_dxf),
     "dxf-tags": (fuzzing.spoilt_dxf(), fuzzing.judge_dxf),
     "dxf-random": (fuzzing.random_dxf(), fuzzing.judge_dxf),

@@ -24,7 +24,8 @@ from benchmarks.example import TASK
 from benchmarks.figures import Benchmark, Figure, Options
 from benchmarks.hostile_task import Case, lay_out
 
-GIVE_UP_S = 20.0
+GIVE_UP_S = 300.0  # of waiting, as for a pipe
+MOST_CPU_S = 20
 KIB_PER_MB = 1024.0
 MOST_BYTES = 4 << 30  # of memory
 MOST_SAID = 1 << 20  # bytes of output: more is no message
@@ -102,7 +103,8 @@ def spent(call: Sequence[str], folder: Path) -> Spent:
     started = time.perf_counter()
     with subprocess.Popen(
         call, cwd=folder, env=env, stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, preexec_fn=_limited,
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+        preexec_fn=_limited,  # noqa: PLW1509 - no other thread is at work
     ) as process:  # fmt: skip
         stop = threading.Timer(GIVE_UP_S, process.kill)
         stop.start()
@@ -126,7 +128,8 @@ def spent(call: Sequence[str], folder: Path) -> Spent:
 
 
 def _limited() -> None:
-    """Let the command have no more memory than a machine can spare."""
+    """Let the command have no more memory and time than a machine can spare."""
+    resource.setrlimit(resource.RLIMIT_CPU, (MOST_CPU_S, MOST_CPU_S))
     resource.setrlimit(resource.RLIMIT_AS, (MOST_BYTES, MOST_BYTES))
 
 

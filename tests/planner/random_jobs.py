@@ -229,7 +229,8 @@ def turned(x: float, y: float, quarters: int) -> tuple[float, float]:
 
 
 def _task(job: Job, form: Form) -> dict[str, Any]:
-    parts, start = {}, {"stage": {"x_um": 0, "y_um": 0, "z_um": 0, "theta_deg": 0}}
+    parts: dict[str, Any] = {}
+    start: dict[str, Any] = {"stage": {"x_um": 0, "y_um": 0, "z_um": 0, "theta_deg": 0}}
     steps: list[dict[str, Any]] = []
     for part, view in zip(job.parts, job.views_um, strict=True):
         name = form.called(part.name)
@@ -244,7 +245,7 @@ def _task(job: Job, form: Form) -> dict[str, Any]:
             "on": "stage", "x_um": x, "y_um": y,
             "theta_deg": part.start[2] + 90 * form.quarters,
             "sigma_xy_um": part.sigma_xy_um, "sigma_theta_deg": part.sigma_theta_deg,
-        }  # type: ignore[dict-item]  # fmt: skip
+        }  # fmt: skip
         steps.append({
             "id": f"see_{part.name}", "do": "locate", "target": name,
             "view_um": list(turned(*view, form.quarters)),

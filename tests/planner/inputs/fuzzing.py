@@ -46,7 +46,8 @@ YAML_FILES = {
 }
 ODD_WORDS = (
     "nan", "inf", "1e308", "-1e308", "1e-308", "-1", "0", "", "A", "B", "LINE",
-    "INSERT", "SEQEND", "VERTEX", "HATCH", "99999999", "0.5", "1_0", "\\U+D800", "*Model_Space",
+    "INSERT", "SEQEND", "VERTEX", "HATCH", "99999999", "0.5", "1_0", "\\U+D800",
+    "*Model_Space",
     "360", "65535", "2147483648", "-0.0", "1e5000",
 )  # fmt: skip
 ODD_TOKENS = (
