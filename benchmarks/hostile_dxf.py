@@ -210,9 +210,8 @@ def _tangles() -> Iterator[Case]:
         yield drawing(f"a spiral ring of {count} corners", _spiral(count),
                       statuses=FINE)  # fmt: skip
         yield drawing(f"a comb of {count} corners", _comb(count), statuses=FINE)
-        yield drawing(f"a round ring of {count} corners", lambda count=count: dxf(
-            lwpolyline([(*_on(k / count, 500), 0) for k in range(count)])
-        ), statuses=FINE)  # fmt: skip
+        round_ = dxf(lwpolyline([(*_on(k / count, 500), 0) for k in range(count)]))
+        yield drawing(f"a round ring of {count} corners", round_, statuses=FINE)
         yield drawing(f"a gear of {count} corners", _toothed(count), statuses=FINE)
         yield drawing(f"a star of {count} corners of lines", _loose_star(count))
     yield drawing("two combs of 5000 corners that overlap", lambda: dxf(

@@ -166,7 +166,8 @@ def _groups(pieces: Sequence[shapely.Polygon]) -> list[list[shapely.Polygon]]:
     Uniting many that lie apart takes the most time of all, and does nothing.
     """
     shapes = np.array(pieces)
-    near = shapely.box(*(shapely.bounds(shapes) + [-SLIVER, -SLIVER, SLIVER, SLIVER]).T)
+    bounds = shapely.bounds(shapes) + [-SLIVER, -SLIVER, SLIVER, SLIVER]
+    near = np.asarray(shapely.box(*bounds.T))
     tree = shapely.STRtree(near)
     group = list(range(len(pieces)))
 

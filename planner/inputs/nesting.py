@@ -123,7 +123,7 @@ def _refuse_crossings(
     near: npt.NDArray[np.int64],
 ) -> None:
     """Raise BadRingsError if a ring is not simple or meets another one."""
-    for k in np.flatnonzero(~shapely.is_valid(shapes)):
+    for k in np.flatnonzero(~shapely.is_valid(shapes)).tolist():
         why = shapely.is_valid_reason(shapes[k])
         place = why[why.find("[") + 1 : -1].split() if "[" in why else []
         at = f" near ({', '.join(place)}) um" if place else ""
