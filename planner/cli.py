@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,6 +14,10 @@ from planner.arguments import build_parser
 from planner.diagnostics import TITLES, Report, Span
 
 DONE, NO, BAD_INPUT, BUG = 0, 1, 2, 70
+# all control characters but tabs and line ends, and those that turn text round
+_CONTROL = re.compile(
+    r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069\ud800-\udfff]"
+)
 
 
 class Coded(Protocol):
@@ -215,9 +220,15 @@ def _tell(call: argparse.Namespace, report: Report, result: str) -> int:
 
 
 def _say(text: str, stream: TextIO) -> None:
-    """Print text, if any; a reader that has left, as `head` does, is no fault."""
+    """Print text, if any; a reader that has left, as `head` does, is no fault.
+
+    Names in files may hold what a terminal obeys, or what its encoding does not have.
+    """
     if not text:
         return
+    text = _CONTROL.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
+    encoding = stream.encoding or "utf-8"
+    text = text.encode(encoding, "backslashreplace").decode(encoding)
     try:
         print(text, file=stream, flush=True)
     except BrokenPipeError:  # what the interpreter flushes at its end goes nowhere

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 # every code and what it says in a few words; each has a page in docs/diagnostics/,
@@ -98,6 +98,12 @@ TITLES: Mapping[str, str] = {
 }
 
 # infeasible: understood, but the answer is no (exit status 1)
+MOST_ALIKE = 100  # findings of one code that are listed; the rest is counted
+MOST_WORDS = (
+    1000  # characters of a message or hint: names in files may be of any length
+)
+EXCERPT = 120  # characters of a source line that are shown around the caret
+
 Severity = Literal["error", "infeasible", "warning", "note"]
 
 
@@ -147,8 +153,16 @@ class Report:
 
     @property
     def in_order(self) -> list[Diagnostic]:
-        """Return each finding once, by file, line, column and code."""
-        return sorted(dict.fromkeys(self.found), key=_place)
+        """Return each finding once, by file, line, column and code.
+
+        Of a code that a file breaks more than MOST_ALIKE times the first are listed,
+        and the next one says how many there are beyond them.
+        """
+        alike: dict[tuple[Severity, str], list[Diagnostic]] = {}
+        for finding in sorted(dict.fromkeys(self.found), key=_place):
+            alike.setdefault((finding.severity, finding.code), []).append(finding)
+        listed = [d for found in alike.values() for d in _first(found)]
+        return sorted(listed, key=_place)
 
     @property
     def failed(self) -> bool:
@@ -160,7 +174,11 @@ class Report:
     ) -> None:
         self.found.append(
             Diagnostic(
-                code=code, severity=severity, where=where, message=message, hint=hint
+                code=code,
+                severity=severity,
+                where=where,
+                message=_shortened(message),
+                hint=_shortened(hint),
             )
         )
 
@@ -176,14 +194,42 @@ def render_text(diagnostic: Diagnostic) -> str:
     pad = " " * len(number)
     lines.append(f"{pad}--> {where.file}:{where.line}:{where.column}")
     if where.text:
-        before = where.text[: where.column - 1]
-        # a tab stays a tab, so that the caret stands where the terminal puts the text
-        indent = "".join("\t" if char == "\t" else " " for char in before)
-        caret = indent + "^" * max(where.length, 1)
-        lines += [f"{pad} |", f"{number} | {where.text}", f"{pad} | {caret} {d.hint}"]
+        shown, caret = _excerpt(where)
+        lines += [f"{pad} |", f"{number} | {shown}", f"{pad} | {caret} {d.hint}"]
     elif d.hint:
         lines.append(f"{pad} = {d.hint}")
     return "\n".join(line.rstrip() for line in lines)
+
+
+def _excerpt(where: Span) -> tuple[str, str]:
+    """Return a source line, of a long one what is near the caret, and the caret."""
+    at = where.column - 1
+    first = max(at - EXCERPT // 2, 0) if len(where.text) > EXCERPT else 0
+    shown = where.text[first : first + EXCERPT]
+    length = min(max(where.length, 1), max(len(shown) - (at - first), 1))
+    # a tab stays a tab, so that the caret stands where the terminal puts the text
+    before = shown[: at - first]
+    indent = "".join("\t" if char == "\t" else " " for char in before)
+    head = "... " if first else ""
+    tail = " ..." if first + EXCERPT < len(where.text) else ""
+    return f"{head}{shown}{tail}", " " * len(head) + indent + "^" * length
+
+
+def _first(found: Sequence[Diagnostic]) -> Sequence[Diagnostic]:
+    """Return the first findings of one code, and one that counts the others."""
+    more = len(found) - MOST_ALIKE
+    if more <= 0:
+        return found
+    here = found[MOST_ALIKE]
+    message = f"{here.message}; and {more - 1} more of {here.code}, not listed"
+    return [*found[:MOST_ALIKE], replace(here, message=message)]
+
+
+def _shortened(text: str) -> str:
+    """Return a text without what is beyond MOST_WORDS characters."""
+    if len(text) <= MOST_WORDS:
+        return text
+    return f"{text[:MOST_WORDS]} ... ({len(text) - MOST_WORDS} characters more)"
 
 
 def _place(diagnostic: Diagnostic) -> tuple[str, int, int, str, str]:

@@ -27,7 +27,7 @@ from planner.inputs.drawing_findings import (
 from planner.inputs.dxf_census import by_layer, held
 from planner.inputs.dxf_edges import Drawn, draw
 from planner.inputs.dxf_entities import READERS
-from planner.inputs.dxf_file import DamagedError, DxfFile, read_dxf
+from planner.inputs.dxf_file import CrowdedError, DamagedError, DxfFile, read_dxf
 from planner.inputs.files import read_bytes
 from planner.inputs.nesting import BadRingsError, nest
 from planner.inputs.overlaps import without_overlaps
@@ -75,6 +75,10 @@ def load_drawing(
     except DamagedError as error:
         hint = "save it again from the CAD program"
         report.error("MP202", at, f"{file} is damaged: {error}", hint)
+        return None
+    except CrowdedError as error:
+        hint = "save the part alone, without the sheet around it"
+        report.error("MP215", at, f"{file} is too large: {error}", hint)
         return None
     except (ValueError, OverflowError) as error:
         report.error("MP201", at, f"{file} is not a readable DXF file: {error}")

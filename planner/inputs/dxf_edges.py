@@ -218,10 +218,11 @@ class _Walk:
         """Yield the pieces of one entity."""
         if from_behind(entity):
             frame = frame.of(_BEHIND)
+        label = entity.label
         for path in read_entity(entity):
             _refuse_rise(path, frame)
-            if path.stroke and entity.label not in self.drawn.strokes:
-                self.drawn.strokes.append(entity.label)
+            if path.stroke and label not in self.drawn.strokes:
+                self.drawn.strokes.append(label)
             rows = [self._edges(shape.under(frame)) for shape in path.shapes]
             curved = any(near for _, near in rows)
             kept = [(tuple(e for e in row if e.length_um > JOIN_UM), near)
@@ -229,11 +230,11 @@ class _Walk:
             if path.closed:
                 ring = tuple(edge for row, _ in kept for edge in row)
                 if ring:
-                    yield Piece(ring, True, layer, entity.label, curved)  # noqa: FBT003
+                    yield Piece(ring, True, layer, label, curved)  # noqa: FBT003
                 continue
             for row, near in kept:
                 if row:
-                    yield Piece(row, False, layer, entity.label, near)  # noqa: FBT003
+                    yield Piece(row, False, layer, label, near)  # noqa: FBT003
 
     def _edges(self, shape: Shape) -> tuple[list[Edge], bool]:
         """Return a shape's edges, and whether they are only near it."""

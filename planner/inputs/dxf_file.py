@@ -13,6 +13,9 @@ from itertools import pairwise
 
 from planner.inputs.dxf_tags import DxfError, Tags, read_tags, unescaped
 
+# on all layers together, with vertices and table entries: looked through in 2 s
+MAX_ITEMS = 150_000
+
 _COMMENT = 999  # group code
 _FROZEN = 1  # bit of a layer's flags
 _XREF = 4 | 8 | 32  # bits of a block's flags: its content is in another file
@@ -146,6 +149,10 @@ def finite(tags: Tags, index: int) -> float:
     return number
 
 
+class CrowdedError(ValueError):
+    """The file holds more entities than are looked through."""
+
+
 class DamagedError(ValueError):
     """The file can be read, and something in it leads nowhere."""
 
@@ -157,6 +164,8 @@ def read_dxf(data: bytes) -> DxfFile:
     ------
     DxfError
         If it is not a whole DXF file.
+    CrowdedError
+        If it has more than MAX_ITEMS entities, on whatever layers.
     DamagedError
         If vertices or attributes stand where none can be, or blocks do not end.
     ValueError
@@ -193,6 +202,9 @@ def _sections(tags: Tags) -> dict[str, list[Entity]]:
     """Return the items of the sections that are read; what has no type is one item."""
     found: dict[str, list[Entity]] = {}
     items: list[Entity] | None = None
+    count = tags.codes.count(0)
+    if count > MAX_ITEMS:
+        raise CrowdedError(f"it holds {count} entities, at most {MAX_ITEMS}")
     marks = [*_marks(tags), len(tags.codes)]
     if any(code != _COMMENT for code in tags.codes[: marks[0]]):
         raise DxfError(f"group {tags.codes[0]} at {tags.place(0)} is in no section")

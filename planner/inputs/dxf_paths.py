@@ -8,6 +8,8 @@ from itertools import pairwise
 
 from planner.inputs.dxf_curves import Shape
 
+MOST_WORK = 200_000  # degree squared times control points: 2 s
+
 
 class UnreadableError(ValueError):
     """An entity has no exact reading, though its numbers are in order."""
@@ -33,6 +35,8 @@ def knots_fit(
 
     Raises
     ------
+    UnreadableError
+        If they are more than MOST_WORK.
     ValueError
         If counts do not fit each other, knots fall or weights are not positive.
     """
@@ -40,6 +44,11 @@ def knots_fit(
         raise ValueError(
             f"degree {degree}, {len(points)} control points and {len(knots)} knots "
             "do not fit together"
+        )
+    if degree**2 * len(points) > MOST_WORK:
+        raise UnreadableError(
+            f"degree {degree} with {len(points)} control points is too much, at most "
+            f"{MOST_WORK // degree**2}"
         )
     if any(b < a for a, b in pairwise(knots)):
         raise ValueError("its knots fall")

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 
@@ -128,7 +128,7 @@ def dominant_circle(ring: Ring) -> Circle | None:
     if not arcs:
         return _around(ring)
     half = sum(edge.length_um for edge in ring.edges) / 2
-    for arc in arcs:
+    for arc in _frequent(arcs, half):
         on = tuple(
             isinstance(edge, Arc) and same_circle(edge, arc) for edge in ring.edges
         )
@@ -141,6 +141,24 @@ def dominant_circle(ring: Ring) -> Circle | None:
                 hole=ring.signed_area_um2 < 0, ring=ring, on=on,
             )  # fmt: skip
     return None
+
+
+def _frequent(arcs: Sequence[Arc], least_um: float) -> Iterator[Arc]:
+    """Yield the arcs beside which, on about their circle, there is enough length.
+
+    Each is compared with those in the cells around its own, not with all.
+    """
+    cells = [
+        tuple(math.floor(v / SAME_UM) for v in (*a.center, a.radius_um)) for a in arcs
+    ]
+    lengths: dict[tuple[int, ...], float] = {}
+    for arc, cell in zip(arcs, cells, strict=True):
+        lengths[cell] = lengths.get(cell, 0.0) + arc.length_um
+    steps = list(product((-1, 0, 1), repeat=3))
+    for arc, (x, y, r) in zip(arcs, cells, strict=True):
+        near = sum(lengths.get((x + i, y + j, r + k), 0.0) for i, j, k in steps)
+        if near > least_um * (1 - 1e-9):  # sums in another order
+            yield arc
 
 
 def _around(ring: Ring) -> Circle | None:

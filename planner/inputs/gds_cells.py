@@ -11,7 +11,9 @@ from planner.inputs.gds_library import Library, Reference, Shape, Structure
 from planner.inputs.gds_records import GdsError
 
 MAX_DEPTH = 32  # cells inside cells
-MAX_SHAPES = 20_000  # on the selected layers, arrays counted out
+# on the selected layers, arrays counted out, a path as its pieces: long strips side by
+# side, the slowest that are known, are united in 2 s
+MAX_SHAPES = 6000
 MAX_POINTS = 100_000  # of those shapes
 ROUND_POINTS = 512  # at most of one round end of a path
 MAX_UNITS = 2.0**36  # farthest from the origin, database units: 69 m of nm
@@ -188,15 +190,17 @@ def _weights(
 def _own(structure: Structure, layers: Collection[str]) -> tuple[int, int]:
     """Return how many shapes on `layers` a cell itself has, and with how many points.
 
-    A path counts as the pieces that it becomes.
+    A path counts as the pieces that it becomes: a stroke and a bend for each point.
     """
-    chosen = [shape for shape in structure.shapes if shape.layer in layers]
-    points = 0
-    for shape in chosen:
+    shapes, points = 0, 0
+    for shape in structure.shapes:
+        if shape.layer not in layers:
+            continue
         is_path = shape.kind == "PATH"
+        shapes += 2 * shape.points if is_path else 1
         points += shape.points * (8 if is_path else 1)
         points += 2 * ROUND_POINTS if is_path and shape.path_type == 1 else 0
-    return len(chosen), points
+    return shapes, points
 
 
 def _copies(reference: Reference, at: Affine, cell: str) -> Iterator[Affine]:

@@ -16,7 +16,7 @@ from optics.outline import Arc, Ring, Segment
 from planner.inputs.circle_fit import fit_circle
 from planner.inputs.gds_cells import MAX_UNITS, Affine, Placed
 from planner.inputs.gds_paths import sagitta
-from planner.inputs.gds_polygons import polygons, too_many_meetings
+from planner.inputs.gds_polygons import BATCH, polygons, too_many_meetings
 from planner.inputs.gds_records import GdsError
 from planner.inputs.rings import canonical
 
@@ -68,13 +68,16 @@ def unite(placed: Sequence[Placed], unit_um: float) -> Regions:
     """
     pieces = _pieces(placed)
     _refuse_too_many_meetings(pieces)
+    groups = _groups(pieces)
+    if len(groups) > MAX_RINGS:
+        raise _too_many_rings(len(groups))
     try:
-        whole = shapely.union_all(pieces, grid_size=GRID)
+        united = [shapely.union_all(group, grid_size=GRID) for group in groups]
     except shapely.errors.GEOSException as error:
         raise GdsError("MP233", -1, f"the shapes cannot be united: {error}") from None
     layer = placed[0].shape.layer
     rings, rounded = [], []
-    for border in _borders(whole):
+    for border in _borders(united):
         corners = shapely.get_coordinates(border)[:-1] * unit_um
         found = as_circle(corners, unit_um)
         rounded += [found] if found else []
@@ -157,22 +160,51 @@ def _refuse_too_many_meetings(pieces: Sequence[shapely.Polygon]) -> None:
         raise GdsError("MP215", -1, message, "draw fewer shapes over each other")
 
 
-def _borders(whole: BaseGeometry) -> list[shapely.LinearRing]:
-    """Return the rings around and inside a region, slivers left out."""
+def _groups(pieces: Sequence[shapely.Polygon]) -> list[list[shapely.Polygon]]:
+    """Return the pieces in groups that do not meet, by their boxes.
+
+    Uniting many that lie apart takes the most time of all, and does nothing.
+    """
+    shapes = np.array(pieces)
+    bounds = shapely.bounds(shapes) + [-SLIVER, -SLIVER, SLIVER, SLIVER]
+    near = np.asarray(shapely.box(*bounds.T))
+    tree = shapely.STRtree(near)
+    group = list(range(len(pieces)))
+
+    def root(k: int) -> int:
+        while group[k] != k:
+            group[k] = group[group[k]]
+            k = group[k]
+        return k
+
+    for first in range(0, len(pieces), BATCH):
+        for row, j in tree.query(near[first : first + BATCH]).T.tolist():
+            one, other = sorted((root(first + row), root(j)))
+            group[other] = one
+    found: dict[int, list[shapely.Polygon]] = {}
+    for k, piece in enumerate(pieces):
+        found.setdefault(root(k), []).append(piece)
+    return list(found.values())
+
+
+def _borders(united: Sequence[BaseGeometry]) -> list[shapely.LinearRing]:
+    """Return the rings around and inside regions, slivers left out."""
     found = [
         border
-        for border in shapely.get_rings(shapely.get_parts(whole))
+        for border in shapely.get_rings(shapely.get_parts(united))
         if 2 * shapely.Polygon(border).area > SLIVER * border.length
     ]
     if not found:
         message = f"the shapes cover nothing that is {SLIVER:.3g} database units wide"
         raise GdsError("MP233", -1, message)
     if len(found) > MAX_RINGS:
-        message = (
-            f"the shapes have {len(found)} outlines and holes, {MAX_RINGS} allowed"
-        )
-        raise GdsError("MP215", -1, message, "select the cell of one part")
+        raise _too_many_rings(len(found))
     return found
+
+
+def _too_many_rings(count: int) -> GdsError:
+    message = f"the shapes have {count} outlines and holes, {MAX_RINGS} allowed"
+    return GdsError("MP215", -1, message, "select the cell of one part")
 
 
 def _segments(corners: FloatArray) -> tuple[Segment, ...]:

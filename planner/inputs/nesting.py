@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 import shapely
 
 from optics.outline import Arc, Outline, Ring, flatten
-from planner.inputs.rings import edges_key
+from planner.inputs.rings import cell, edges_key
 
 CHORD_UM = 0.005  # of the polygons that containment is judged by
 _CHORD_PART = 1e-7  # and of a ring's length, where that is more
 MAX_CORNERS = 1_500_000  # of all these polygons
-_CHUNK = 64  # rings compared with all others at a time
-_MOST_PAIRS = 1_000_000  # of rings within each other
+MAX_RINGS = 10_000  # of a part: reading so many holes takes 2 s
+_CHUNK = 64  # rings whose neighbours are sought at a time
+# Corners of the lesser ring of each pair whose boxes meet: a second of work. A body
+# with holes apart from each other has fewer than MAX_CORNERS of them.
+MAX_COMPARED = 3_000_000
 
 
 class BadRingsError(ValueError):
@@ -42,10 +44,13 @@ def nest(
     BadRingsError
         If a ring crosses itself or another one; the message says where.
     """
+    if len(rings) > MAX_RINGS:
+        raise BadRingsError(f"{len(rings)} rings are too many, at most {MAX_RINGS}")
     once = _without_doubles(rings, handles)
-    shapes = _polygons(once)
-    _refuse_crossings(once, shapes)
-    depth = _depths(once, shapes)
+    shapes = np.array(_polygons(once))
+    near = _near(once, shapes)
+    _refuse_crossings(once, shapes, near)
+    depth = _depths(once, shapes, near)
     order = sorted(range(len(once)), key=lambda i: (depth[i], _box(once[i].ring)))
     nested = [
         once[i].ring if depth[i] % 2 == 0 else once[i].ring.reversed() for i in order
@@ -113,51 +118,66 @@ def _polygon(named: _Named, chord_um: float) -> shapely.Polygon:
 
 
 def _refuse_crossings(
-    rings: Sequence[_Named], shapes: Sequence[shapely.Polygon]
+    rings: Sequence[_Named],
+    shapes: npt.NDArray[np.object_],
+    near: npt.NDArray[np.int64],
 ) -> None:
     """Raise BadRingsError if a ring is not simple or meets another one."""
-    for named, shape in zip(rings, shapes, strict=True):
-        if not shape.is_valid:
-            why = shapely.is_valid_reason(shape)
-            place = why[why.find("[") + 1 : -1].split() if "[" in why else []
-            at = f" near ({', '.join(place)}) um" if place else ""
-            raise BadRingsError(f"a ring {named.name} crosses itself{at}")
-    borders = np.array([shape.exterior for shape in shapes])
-    for i, j in _pairs(borders, borders, "intersects"):
-        if i < j:
-            at = shapely.intersection(borders[i], borders[j]).representative_point()
-            raise BadRingsError(
-                f"a ring {rings[i].name} and one {rings[j].name} meet near "
-                f"({at.x:.6g}, {at.y:.6g}) um"
-            )
+    for k in np.flatnonzero(~shapely.is_valid(shapes)).tolist():
+        why = shapely.is_valid_reason(shapes[k])
+        place = why[why.find("[") + 1 : -1].split() if "[" in why else []
+        at = f" near ({', '.join(place)}) um" if place else ""
+        raise BadRingsError(f"a ring {rings[k].name} crosses itself{at}")
+    borders = shapely.get_exterior_ring(shapes)
+    shapely.prepare(borders)
+    for i, j in near[shapely.intersects(*borders[near].T)]:
+        at = shapely.intersection(borders[i], borders[j]).representative_point()
+        raise BadRingsError(
+            f"a ring {rings[i].name} and one {rings[j].name} meet near "
+            f"({at.x:.6g}, {at.y:.6g}) um"
+        )
 
 
 def _depths(
-    rings: Sequence[_Named], shapes: Sequence[shapely.Polygon]
+    rings: Sequence[_Named],
+    shapes: npt.NDArray[np.object_],
+    near: npt.NDArray[np.int64],
 ) -> npt.NDArray[np.int64]:
     """Return within how many others each ring lies."""
     points = np.array([shapely.Point(named.ring.edges[0].start) for named in rings])
-    depth = np.zeros(len(rings), dtype=np.int64)
-    for count, (inner, outer) in enumerate(_pairs(points, np.array(shapes), "within")):
-        depth[inner] += inner != outer
-        if count > _MOST_PAIRS:
-            raise BadRingsError(f"{len(rings)} rings lie within each other too deep")
+    shapely.prepare(shapes)
+    outer, inner = np.concatenate([near, near[:, ::-1]]).T
+    holds = shapely.contains(shapes[outer], points[inner])
+    depth: npt.NDArray[np.int64] = np.bincount(inner[holds], minlength=len(rings))
     return depth
 
 
-def _pairs(
-    left: npt.NDArray[np.object_],
-    right: npt.NDArray[np.object_],
-    predicate: Literal["intersects", "within"],
-) -> Iterator[tuple[int, int]]:
-    """Yield which of `left` and `right` belong together, a few at a time."""
-    tree = shapely.STRtree(right)
-    for first in range(0, len(left), _CHUNK):
-        found = tree.query(list(left[first : first + _CHUNK]), predicate=predicate)
-        for row, j in found.T.tolist():
-            yield first + row, j
+def _near(
+    rings: Sequence[_Named], shapes: npt.NDArray[np.object_]
+) -> npt.NDArray[np.int64]:
+    """Return each pair of rings whose boxes meet, that with more corners first.
+
+    Shape (N, 2). A body and its holes make few of them, however many the holes are;
+    rings within rings within rings make many, and are refused before they are compared.
+    """
+    corners = shapely.get_num_coordinates(shapes)
+    boxes = shapely.envelope(shapes)
+    tree = shapely.STRtree(boxes)
+    found, work = [np.empty((0, 2), dtype=np.int64)], 0
+    for first in range(0, len(shapes), _CHUNK):
+        row, other = tree.query(boxes[first : first + _CHUNK])
+        pairs = np.column_stack([row + first, other])
+        pairs = pairs[pairs[:, 0] < pairs[:, 1]]
+        work += int(corners[pairs].min(axis=1).sum())
+        found.append(pairs)
+        if work > MAX_COMPARED:
+            raise BadRingsError(f"{len(rings)} rings lie over each other too often")
+    near = np.concatenate(found)
+    swap = corners[near[:, 0]] < corners[near[:, 1]]
+    near[swap] = near[swap, ::-1]
+    return near
 
 
-def _box(ring: Ring) -> tuple[float, ...]:
+def _box(ring: Ring) -> tuple[int, ...]:
     """Return a ring's box to 1 nm: the order of rings that are equally deep."""
-    return tuple(round(value, 3) for value in Outline(rings=(ring,)).bounds_um)
+    return tuple(cell(value) for value in Outline(rings=(ring,)).bounds_um)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from optics.outline import Edge, Outline, Segment
+
+_BETWEEN = math.e / 100  # of the last digit: no decimal fraction ends there
 
 
 def plain(data: Any) -> Any:
@@ -35,4 +38,5 @@ def _edge(edge: Edge) -> list[Any]:
 
 
 def _round(value: float, digits: int) -> float:
-    return round(value, digits) + 0.0  # no -0.0
+    """Round; what is half-way in decimals goes up whatever its last bit is."""
+    return round(value + _BETWEEN * 10.0**-digits, digits) + 0.0  # no -0.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from itertools import pairwise
+from itertools import islice, pairwise
 
 import numpy as np
 import shapely
@@ -17,7 +17,8 @@ from planner.inputs.rings import edge_key, same_circle
 _ALONG_UM = 1e-3  # edges closer than this run along each other: 1 nm, as keys have it
 _LEAST_UM = 0.01  # of an overlap: shorter ones are gaps that went too far
 _CHUNK = 64  # edges whose neighbours are sought at a time
-_MOST_PAIRS = 500_000  # of edges with touching boxes; more is a tangle, not a part
+_MOST_PAIRS = 200_000  # of edges with touching boxes; more is a tangle, not a part
+_MOST_SHARED = 20_000  # pairs that run along each other: every edge drawn twice
 
 
 def without_overlaps(pieces: Sequence[Piece]) -> tuple[list[Piece], tuple[str, ...]]:
@@ -28,7 +29,10 @@ def without_overlaps(pieces: Sequence[Piece]) -> tuple[list[Piece], tuple[str, .
     """
     edges = [(k, edge) for k, piece in enumerate(pieces) for edge in piece.edges]
     cuts: dict[int, list[Point]] = {}
-    for i, j in _overlapping([edge for _, edge in edges]):
+    shared = list(islice(_overlapping([e for _, e in edges]), _MOST_SHARED + 1))
+    if len(shared) > _MOST_SHARED:
+        return list(pieces), ()  # ends within edges stay, and are refused later
+    for i, j in shared:
         if edges[i][0] == edges[j][0]:
             continue  # a ring that runs back on itself encloses nothing: said later
         for one, other in ((i, j), (j, i)):

@@ -11,6 +11,7 @@ from planner.inputs.dxf_edges import Piece
 
 GAP_UM = 0.01  # wider gaps are not closed; real drawings' gaps are below 10 nm
 _CROWD = 16  # ends within 10 nm of each other
+_BETWEEN = math.e / 10  # of a nanometre
 SAME_UM = 1e-5  # centres and radii closer than this belong to one circle
 
 
@@ -105,9 +106,18 @@ def edges_key(edges: Sequence[Edge]) -> frozenset[object]:
     return frozenset(edge_key(edge) for edge in edges)
 
 
-def rounded(point: Point) -> Point:
-    """Return a point to 1 nm."""
-    return (round(point[0], 3) + 0.0, round(point[1], 3) + 0.0)  # no -0.0
+def cell(value_um: float) -> int:
+    """Return in which nanometre a length lies.
+
+    Borders lie at no decimal fraction: what was written as one, in whatever unit, does
+    not change its cell by the last bit.
+    """
+    return math.floor(value_um * 1e3 + _BETWEEN)
+
+
+def rounded(point: Point) -> tuple[int, int]:
+    """Return in which square nanometre a point lies."""
+    return cell(point[0]), cell(point[1])
 
 
 def edge_key(edge: Edge) -> object:
@@ -117,7 +127,7 @@ def edge_key(edge: Edge) -> object:
         return ends
     middle = edge.center if edge.is_circle else edge.at(0.5)
     return (ends if not edge.is_circle else edge.is_circle, rounded(middle),
-            round(edge.radius_um, 3))  # fmt: skip
+            cell(edge.radius_um))  # fmt: skip
 
 
 def _without_doubles(

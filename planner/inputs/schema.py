@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Container, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -33,13 +33,20 @@ class Checked:
 
     source: Source
     faults: frozenset[Where]
+    above: frozenset[Where]  # the faults, and all that they stand in
+
+    @classmethod
+    def of(cls, source: Source, faults: Iterable[Where]) -> Checked:
+        """Return a source with nodes at fault."""
+        found = frozenset(faults)
+        above = (fault[:end] for fault in found for end in range(len(fault) + 1))
+        return cls(source, found, frozenset(above))
 
     def good(self, *where: str | int) -> bool:
         """Return whether `where` exists and nothing in or above it is at fault."""
-        return self.source.get(*where) is not None and not any(
-            fault[: len(where)] == where or where[: len(fault)] == fault
-            for fault in self.faults
-        )
+        if where in self.above or self.source.get(*where) is None:
+            return False
+        return not any(where[:end] in self.faults for end in range(len(where)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,19 +81,21 @@ def check(source: Source, name: str, version_key: str, report: Report) -> Checke
         Receives the findings.
     """
     if _is_newer(source, version_key, report):
-        return Checked(source, frozenset({()}))
+        return Checked.of(source, [()])
     # a Draft202012Validator of our own schema; nothing is fetched
     errors = _validator(name).iter_errors(source.data)
     found: dict[tuple[Where, str], _Finding] = {}
     for finding in _findings(errors):
         found.setdefault((finding.where, finding.message), finding)
-    unknown = {f.where: f.hint for f in found.values() if f.code == "MP104"}
+    strange = [f for f in found.values() if f.code == "MP104"]
+    unknown = {f.where for f in strange}
+    hints = {(f.where[:-1], f.hint) for f in strange}
     for f in found.values():
-        if _follows(f, unknown) or f.where in source.faults:
+        if _follows(f, unknown, hints) or f.where in source.faults:
             continue
         span = source.key(*f.where) if f.on_key else source.value(*f.where)
         report.error(f.code, span, f.message, f.hint)
-    return Checked(source, source.faults | {f.fault for f in found.values()})
+    return Checked.of(source, source.faults | {f.fault for f in found.values()})
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
@@ -119,13 +128,14 @@ def show(value: object) -> str:
     return text if len(text) <= 40 else text[:36] + "...'"
 
 
-def _follows(finding: _Finding, unknown: Mapping[Where, str]) -> bool:
+def _follows(
+    finding: _Finding, unknown: Container[Where], hints: Container[tuple[Where, str]]
+) -> bool:
     """Return whether a finding only repeats that a key is unknown."""
     if finding.code == "MP109":
         return finding.where in unknown  # no verb knows it either
     if finding.code == "MP102":  # it is there, misspelt
-        hints = [hint for where, hint in unknown.items() if where[:-1] == finding.where]
-        return f"did you mean '{finding.missing[0]}'?" in hints
+        return (finding.where, f"did you mean '{finding.missing[0]}'?") in hints
     return False
 
 

@@ -96,11 +96,13 @@ def _reaches(
     cx, cy = (microscope.width_px - 1) / 2, (microscope.height_px - 1) / 2
     left, right = cx + k * (x0 - reach), cx + k * (x1 + reach)
     top, bottom = cy - k * (y1 + reach), cy - k * (y0 - reach)
+    # a pixel reaches half a pixel to all sides of its centre, a whole number
+    first_column, first_row = window.column - 0.5, window.row - 0.5
     return (
-        right >= window.column
-        and left <= window.column + window.columns
-        and bottom >= window.row
-        and top <= window.row + window.rows
+        right >= first_column
+        and left <= first_column + window.columns
+        and bottom >= first_row
+        and top <= first_row + window.rows
     )
 
 
