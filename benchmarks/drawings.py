@@ -24,9 +24,10 @@ from benchmarks.drawings_located import HEAD, Job, located
 from optics.outline import Arc, Outline
 from planner.diagnostics import Report, Span
 from planner.inputs.census import Taken
-from planner.inputs.drawing import Drawing, open_drawing, take
+from planner.inputs.drawing import MAX_BYTES, Drawing, load_drawing, take
 from planner.inputs.dxf_census import by_layer, held
-from planner.inputs.gds_drawing import GdsDrawing, held_gds, open_gds, take_gds
+from planner.inputs.files import read_bytes
+from planner.inputs.gds_drawing import GdsDrawing, held_gds, load_gds, take_gds
 from planner.inputs.second_reader import compare
 
 CHORD = 1e-5  # of the second road, drawing units
@@ -91,13 +92,16 @@ def _opened(path: Path, units: str, report: Report) -> Iterator[Opened]:
     """Yield a DXF drawing, or each cell of a GDSII file; whatever else, nothing."""
     name = called(path)
     at = Span(file=name)
+    data = read_bytes(path, name, at, report, most=MAX_BYTES)
+    if data is None:
+        return
     if path.suffix.lower() == ".dxf":
-        drawing = open_drawing(path, name, units, at, at, report)
+        drawing = load_drawing(data, name, units, at, at, report)
         if drawing is not None:
             yield drawing
     elif path.suffix.lower() == ".gds":
         for cell in sorted(c.name for c in gdstk.read_gds(path).cells):
-            mask = open_gds(path, name, "um", cell, at, at, at, report)
+            mask = load_gds(data, name, "um", cell, at, at, at, report)
             if mask is not None:
                 yield mask
 

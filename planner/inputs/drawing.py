@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 from optics.outline import Outline, Ring
 from planner.diagnostics import Report, Span
@@ -28,14 +27,12 @@ from planner.inputs.dxf_census import by_layer, held
 from planner.inputs.dxf_edges import Drawn, draw
 from planner.inputs.dxf_entities import READERS
 from planner.inputs.dxf_file import CrowdedError, DamagedError, DxfFile, read_dxf
-from planner.inputs.files import read_bytes
 from planner.inputs.nesting import BadRingsError, nest
 from planner.inputs.overlaps import without_overlaps
 from planner.inputs.rings import GAP_UM, Chained, chain
 
 __all__ = ["MAX_BYTES", "MAX_LISTED", "MAX_UM", "MIN_UM", "UM_PER_UNIT", "Drawing",
-           "load_drawing", "open_drawing", "read_drawn", "read_outline",
-           "take"]  # fmt: skip
+           "load_drawing", "take"]  # fmt: skip
 
 MAX_BYTES = 16 << 20
 _UNCOUNTED = ("MP202", "MP215", "MP217")  # after these it is not known what there is
@@ -53,23 +50,13 @@ class Drawing:
     layers_at: Span
 
 
-def open_drawing(
-    path: Path, file: str, units: str, at: Span, layers_at: Span, report: Report
-) -> Drawing | None:
-    """Return the drawing at `path`, or None after reporting why it cannot be read.
-
-    Read strictly: nothing is repaired, a file without its end is refused.
-    """
-    data = read_bytes(path, file, at, report, most=MAX_BYTES)
-    if data is None:
-        return None
-    return load_drawing(data, file, units, at, layers_at, report)
-
-
 def load_drawing(
     data: bytes, file: str, units: str, at: Span, layers_at: Span, report: Report
 ) -> Drawing | None:
-    """Return the drawing that a file's bytes hold, as `open_drawing` does."""
+    """Return the drawing that a file's bytes hold, None if why not was reported.
+
+    Read strictly: nothing is repaired, a file without its end is refused.
+    """
     try:
         document = read_dxf(data)
     except DamagedError as error:
@@ -91,15 +78,15 @@ def load_drawing(
     return drawing
 
 
-def read_outline(
+def take(
     drawing: Drawing, layers: Sequence[str], report: Report, at: Span | None = None
-) -> Outline | None:
+) -> Taken | None:
     """Return what `layers` of `drawing` enclose, in um; None if it was reported.
 
     Parameters
     ----------
     drawing : Drawing
-        As `open_drawing` returned it.
+        As `load_drawing` returned it.
     layers : sequence of str
         Their names; case does not matter, as in DXF.
     report : Report
@@ -109,29 +96,10 @@ def read_outline(
 
     Returns
     -------
-    Outline or None
-        One outer ring and its holes, circles and arcs kept.
+    Taken or None
+        One outer ring and its holes, circles and arcs kept, and what it was taken
+        from.
     """
-    drawn = read_drawn(drawing, layers, report, at)
-    return None if drawn is None else drawn[0]
-
-
-def read_drawn(
-    drawing: Drawing, layers: Sequence[str], report: Report, at: Span | None = None
-) -> tuple[Outline, float] | None:
-    """Return the outline as `read_outline` does, and how far it may be off, um.
-
-    That is 0 where all edges are lines and arcs, CURVE_UM where ellipses or splines
-    became arcs.
-    """
-    found = take(drawing, layers, report, at)
-    return None if found is None else (found.outline, found.chord_um)
-
-
-def take(
-    drawing: Drawing, layers: Sequence[str], report: Report, at: Span | None = None
-) -> Taken | None:
-    """Return the outline as `read_outline` does, and what it was taken from."""
     at = at or drawing.layers_at
     drawn = _drawn(drawing, layers, at, report)
     if drawn is None:

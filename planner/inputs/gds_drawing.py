@@ -6,14 +6,12 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 from optics.outline import Outline, Ring
 from planner.diagnostics import Report, Span
 from planner.inputs.census import Taken
-from planner.inputs.drawing import MAX_BYTES, MAX_LISTED, MAX_UM, MIN_UM
+from planner.inputs.drawing import MAX_LISTED, MAX_UM, MIN_UM
 from planner.inputs.drawing_findings import counts_said
-from planner.inputs.files import read_bytes
 from planner.inputs.gds_cells import expand, held, reached
 from planner.inputs.gds_library import Library, read_library
 from planner.inputs.gds_records import GdsError
@@ -45,16 +43,16 @@ class GdsDrawing:
         return self.cells[-1]
 
 
-def open_gds(
-    path: Path, file: str, units: str, cell: str | None,
+def load_gds(
+    data: bytes, file: str, units: str, cell: str | None,
     at: Span, layers_at: Span, cell_at: Span, report: Report,
 ) -> GdsDrawing | None:  # fmt: skip
-    """Return the drawing at `path`, or None after reporting why it cannot be read.
+    """Return the drawing that a file's bytes hold, None if why not was reported.
 
     Parameters
     ----------
-    path, file : Path, str
-        The file, and its name as the user knows it.
+    data, file : bytes, str
+        What the file holds, and its name as the user knows it.
     units : str
         What the task says that the file's user unit is.
     cell : str or None
@@ -64,17 +62,6 @@ def open_gds(
     report : Report
         Receives the findings.
     """
-    data = read_bytes(path, file, at, report, most=MAX_BYTES)
-    if data is None:
-        return None
-    return load_gds(data, file, units, cell, at, layers_at, cell_at, report)
-
-
-def load_gds(
-    data: bytes, file: str, units: str, cell: str | None,
-    at: Span, layers_at: Span, cell_at: Span, report: Report,
-) -> GdsDrawing | None:  # fmt: skip
-    """Return the drawing that a file's bytes hold, as `open_gds` does."""
     try:
         library = read_library(data)
         if not _same_units(library, units, file, at, report):
@@ -93,15 +80,15 @@ def load_gds(
     return drawing
 
 
-def read_gds_outline(
+def take_gds(
     drawing: GdsDrawing, layers: Sequence[str], report: Report, at: Span | None = None
-) -> tuple[Outline, float] | None:
+) -> Taken | None:
     """Return what `layers` of `drawing` enclose; None if it was reported.
 
     Parameters
     ----------
     drawing : GdsDrawing
-        As `open_gds` returned it.
+        As `load_gds` returned it.
     layers : sequence of str
         As "layer/datatype", "1/0".
     report : Report
@@ -111,18 +98,10 @@ def read_gds_outline(
 
     Returns
     -------
-    (Outline, float) or None
-        One outer ring and its holes, um, and the largest distance in um between a
-        curve that the drawing samples and its chords.
+    Taken or None
+        One outer ring and its holes, um, the largest distance in um between a curve
+        that the drawing samples and its chords, and what they were taken from.
     """
-    found = take_gds(drawing, layers, report, at)
-    return None if found is None else (found.outline, found.chord_um)
-
-
-def take_gds(
-    drawing: GdsDrawing, layers: Sequence[str], report: Report, at: Span | None = None
-) -> Taken | None:
-    """Return the outline as `read_gds_outline` does, and what it was taken from."""
     at = at or drawing.layers_at
     if not _all_there(drawing, layers, at, report):
         return None

@@ -15,8 +15,9 @@ from hypothesis import strategies as st
 
 from optics.outline import Arc, Outline, Segment
 from planner.diagnostics import Report, Span
-from planner.inputs.drawing import open_drawing, read_outline
+from planner.inputs.drawing import Drawing, take
 from planner.inputs.normalise import plain_outline
+from tests.planner.inputs.reading import open_drawing
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "gear_on_shaft"
 
@@ -33,7 +34,15 @@ def read(
     document.saveas(folder / "part.dxf")
     report, at = Report(), Span(file="task.yaml", line=1)
     drawing = open_drawing(folder / "part.dxf", "part.dxf", units, at, at, report)
-    return (read_outline(drawing, layers, report) if drawing else None), report
+    return taken(drawing, layers, report), report
+
+
+def taken(
+    drawing: Drawing | None, layers: Sequence[str], report: Report
+) -> Outline | None:
+    """Return what layers of an opened drawing enclose."""
+    found = None if drawing is None else take(drawing, layers, report)
+    return None if found is None else found.outline
 
 
 def outline(folder: Path, draw: Draw, units: str = "um") -> Outline:
@@ -337,6 +346,6 @@ def test_no_spoilt_drawing_breaks_the_reader(data: st.DataObject) -> None:
         path.write_text("\n".join(lines) + "\n", encoding="utf-8")
         report, at = Report(), Span(file="task.yaml", line=1)
         drawing = open_drawing(path, "part.dxf", "um", at, at, report)
-        found = read_outline(drawing, ["PLATE"], report) if drawing else None
+        found = taken(drawing, ["PLATE"], report)
     assert (found is None) == report.failed
     assert found is None or math.isfinite(found.area_um2)

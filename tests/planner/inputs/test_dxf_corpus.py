@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from optics.outline import Arc, Outline
 from planner.diagnostics import Report, Span
 from planner.inputs.biarcs import CURVE_UM
-from planner.inputs.drawing import open_drawing, read_drawn
+from planner.inputs.drawing import take
 from planner.inputs.nesting import CHORD_UM
 from tests.planner.inputs.dxf_text import (
     Point,
@@ -38,6 +38,7 @@ from tests.planner.inputs.dxf_text import (
     spline,
     xy,
 )
+from tests.planner.inputs.reading import open_drawing
 
 PI = math.pi
 BEHIND = (230, -1.0)
@@ -54,7 +55,8 @@ def read(
     file.write_bytes(text.encode() if isinstance(text, str) else text)
     report, at = Report(), Span(file="task.yaml", line=1)
     drawing = open_drawing(file, "part.dxf", units, at, at, report)
-    return (read_drawn(drawing, layers, report) if drawing else None), report
+    found = None if drawing is None else take(drawing, layers, report)
+    return None if found is None else (found.outline, found.chord_um), report
 
 
 def codes(report: Report) -> list[str]:

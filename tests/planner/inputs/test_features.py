@@ -15,10 +15,11 @@ from hypothesis import strategies as st
 from optics.outline import Arc, Edge, Outline, Point, Ring, Segment, place
 from planner.diagnostics import Report, Span
 from planner.inputs import features
-from planner.inputs.drawing import open_drawing, read_outline
+from planner.inputs.drawing import take
 from planner.inputs.features import NotFoundError
 from planner.inputs.read_task import load_task
 from planner.inputs.rings import canonical
+from tests.planner.inputs.reading import open_drawing
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "gear_on_shaft"
 
@@ -216,9 +217,9 @@ def test_a_moved_tooth_is_still_a_tooth(tmp_path: Path) -> None:
     report, at = Report(), Span(file="task.yaml", line=1)
     drawing = open_drawing(tmp_path / "gear.dxf", "gear.dxf", "um", at, at, report)
     assert drawing is not None
-    outline = read_outline(drawing, ["OUTLINE"], report)
-    assert outline is not None
-    assert features.teeth(outline.rings).count == 18
+    found = take(drawing, ["OUTLINE"], report)
+    assert found is not None
+    assert features.teeth(found.outline.rings).count == 18
 
 
 def test_the_outline_can_be_the_origin(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from optics.outline import Arc, Outline
 from planner.diagnostics import Report, Span
 from planner.inputs.drawing import MAX_BYTES
 from planner.inputs.gds_cells import expand, reached
-from planner.inputs.gds_drawing import open_gds, read_gds_outline
+from planner.inputs.gds_drawing import take_gds
 from planner.inputs.gds_library import read_library
 from planner.inputs.gds_regions import unite
 from planner.inputs.nesting import nest
@@ -39,6 +39,7 @@ from tests.planner.inputs.gds_writer import (
     transform,
     xy,
 )
+from tests.planner.inputs.reading import open_gds
 
 AT, LAYERS_AT, CELL_AT = (Span(file="task.yaml", line=k) for k in (1, 2, 3))
 SMALL: Points = ((0, 0), (4000, 0), (4000, 3000), (0, 1000))  # 8 um2, no symmetry
@@ -52,9 +53,11 @@ def read(
     file, report = folder / "mask.gds", Report()
     file.write_bytes(data)
     drawing = open_gds(file, "mask.gds", units, top, AT, LAYERS_AT, CELL_AT, report)
-    found = read_gds_outline(drawing, layers, report) if drawing else None
+    found = take_gds(drawing, layers, report) if drawing else None
     assert (found is None) == report.failed
-    return (None, 0.0, report) if found is None else (*found, report)
+    if found is None:
+        return None, 0.0, report
+    return found.outline, found.chord_um, report
 
 
 def outline(
