@@ -30,7 +30,7 @@ from planner.inputs.dxf_paths import Path, UnreadableError
 
 FAR_UM = 1e9  # a kilometre: beyond it doubles no longer resolve JOIN_UM well
 MAX_ENTITIES = 20_000  # with vertices, blocks expanded; 5 kB can ask for 1e9
-MAX_ARCS = 30_000  # of curves: 3 s of work
+MAX_ARCS = 20_000  # of curves: `benchmarks.hostile` says what they cost
 
 # written on drawings, no part of what is drawn
 ANNOTATION = frozenset(
@@ -238,7 +238,11 @@ class _Walk:
 
     def _edges(self, shape: Shape) -> tuple[list[Edge], bool]:
         """Return a shape's edges, and whether they are only near it."""
-        edges = shape.edges(MAX_ARCS - self.drawn.arc_count)
+        try:
+            edges = shape.edges(MAX_ARCS - self.drawn.arc_count)
+        except TooManyError:
+            self.drawn.arc_count = MAX_ARCS  # the rest need not be tried as far
+            raise
         if len(edges) > 1:
             self.drawn.arc_count += len(edges)
         for edge in edges:
