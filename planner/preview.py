@@ -27,7 +27,8 @@ from planner.model.requests import Request, requests
 from planner.model.scenes import world_scene
 from planner.model.sightings import views
 from planner.model.steps import StepState, unfold
-from planner.model.views import light_level, microscope_at
+from planner.model.views import light_level
+from planner.model.zooms import microscope_at
 from planner.pictures import picture
 
 FloatArray = npt.NDArray[np.float64]

@@ -24,7 +24,8 @@ from planner.model.requests import Request, requests
 from planner.model.scenes import relevant, world_scene
 from planner.model.sightings import needed_shape, spot_of, views
 from planner.model.steps import unfold
-from planner.model.views import ViewPlan, microscope_at
+from planner.model.views import ViewPlan
+from planner.model.zooms import microscope_at
 from planner.outputs.errors import OutputError
 from planner.outputs.plots import Strip, round_down, strip_png, tradeoff_png
 from planner.outputs.tradeoff import (

@@ -1,0 +1,199 @@
+"""Coarse looks: what may be looked at first where a target is too little known."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+from planner.diagnostics import Report
+from planner.inputs.task import Task
+from planner.model.assembly import axes_of, bodies, owner_of
+from planner.model.requests import ANGLE_RAD, PERIOD_SHARE, Known, Request
+from planner.model.sightings import needed_shape, search_um, spot_of, views
+from planner.model.sweep import SIGMAS, sweep_hits
+from planner.model.targets import Shape, shape_of
+from schemas.views import CoarseFirst
+
+SUFFIX = "coarse"  # of a coarse look's id
+MOST_COARSE = 2  # targets that are tried for a coarse look
+# A target farther off than this many of its search ranges is no honest sighting: the
+# gates of the coarse look allow no more.
+FAR = 1.5
+MAY_HELP = ("MP401", "MP403", "MP501")  # codes that a better known place may cure
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sighting:
+    """What a coarse look is to tell, or has told, of its target."""
+
+    sigma_um: float  # per axis, bias included
+    sigma_theta_rad: float | None  # None: the angle is not measured
+    magnification: float
+    focus_um: float
+
+
+def coarse_requests(task: Task, request: Request) -> tuple[Request, ...]:
+    """Return coarse looks that may come before a look, the first to try in front.
+
+    The target itself, then what else of its part is coarsest; only what has a view.
+    Empty where a step does more than look, or the target belongs to a tool.
+    """
+    owner = owner_of(request.target)
+    if not request.divisible or owner not in task.parts:
+        return ()
+    features = [f for f in task.parts[owner].features.values() if not f.avoid]
+    names = [owner, *(f"{owner}.{f.name}" for f in features)]
+    shapes = {name: shape_of(task, request.state, name) for name in names}
+    known = [(name, shape) for name, shape in shapes.items() if shape is not None]
+    known.sort(key=lambda each: (each[0] != request.target, -each[1].finest_um))
+    low, _ = task.workcell.optics.magnification
+    found = [_coarse(request, name, shape) for name, shape in known]
+    shown = [each for each in found if views(task, each, low, Report())]
+    return tuple(shown[:MOST_COARSE])
+
+
+def _coarse(request: Request, name: str, shape: Shape) -> Request:
+    """Return a look at a part's feature, as fine as a pixel.
+
+    Its angle is measured if it has one: what lies elsewhere on the part swings.
+    """
+    return replace(
+        request,
+        id=f"{request.id}.{SUFFIX}",
+        target=name,
+        tolerance_um=None,
+        wants_angle=shape.has_angle and request.wants_angle,
+        needs_angle_rad=None,
+        divisible=False,
+    )
+
+
+def assumed(task: Task, coarse: Request) -> Sighting:
+    """Return what a coarse look must tell at its lowest zoom: half its tolerances."""
+    shape = needed_shape(task, coarse)
+    turn_rad = ANGLE_RAD
+    if shape.symmetry > 1:
+        turn_rad = PERIOD_SHARE * 2 * math.pi / shape.symmetry
+    low, _ = task.workcell.optics.magnification
+    view = min(
+        views(task, coarse, low, Report()), key=lambda v: v.microscope.magnification
+    )
+    return Sighting(
+        sigma_um=view.microscope.um_per_px / SIGMAS,
+        sigma_theta_rad=turn_rad / SIGMAS if coarse.wants_angle else None,
+        magnification=view.microscope.magnification,
+        focus_um=view.focus_um,
+    )
+
+
+def fine_request(
+    task: Task, request: Request, coarse: Request, seen: Sighting
+) -> Request | None:
+    """Return the look that follows a coarse one, None if it cannot.
+
+    The target is brought to its nominal place by the axes that carry it, and back
+    afterwards. What two moves leave is taken off the tolerance. None if nothing is left
+    of it, or on the way something may be touched or an axis end.
+    """
+    spot = spot_of(task, request, needed_shape(task, request))
+    moved_um = math.sqrt(2) * axes_of(task, spot.carrier).repeatability_xy_um
+    tolerance_um = request.tolerance_um
+    if tolerance_um is not None:
+        left = tolerance_um**2 - (SIGMAS * moved_um) ** 2
+        if left <= 0:
+            return None
+        tolerance_um = math.sqrt(left)
+    if not _is_clear(task, request):
+        return None
+    known = Known(
+        about_um=needed_shape(task, coarse).center_um,
+        sigma_um=math.hypot(moved_um, _told_um(task, request, seen)),
+        sigma_theta_rad=seen.sigma_theta_rad,
+    )
+    return replace(request, tolerance_um=tolerance_um, known=known, divisible=False)
+
+
+def centring(task: Task, request: Request, coarse_id: str) -> CoarseFirst:
+    """Return how the target of a look is centred after a coarse one."""
+    spot = spot_of(task, request, needed_shape(task, request))
+    return CoarseFirst(
+        look=coarse_id,
+        axes=spot.carrier,
+        at_um=(spot.pose.x_um, spot.pose.y_um),
+        most_um=_most_um(task, request),
+    )
+
+
+def _told_um(task: Task, request: Request, seen: Sighting) -> float:
+    """Return how well a coarse look tells a place, seen through another zoom.
+
+    Beside its own spread: the jump of the image with the zoom, its shift with the
+    focus, and what an unknown scale makes of the way from the axis.
+    """
+    spot = spot_of(task, request, needed_shape(task, request))
+    optics = task.workcell.optics
+    far_um = math.hypot(spot.pose.x_um, spot.pose.y_um) + SIGMAS * spot.sigma_xy_um
+    way_um = abs(spot.z_um - seen.focus_um)
+    return math.hypot(
+        seen.sigma_um,
+        optics.zoom.parcentric_sigma_um,
+        optics.zoom.scale_sigma * far_um,
+        optics.focus.lateral_sigma_um_per_um * way_um,
+    )
+
+
+def _most_um(task: Task, request: Request) -> float:
+    """Return how far a target may have to be moved."""
+    spot = spot_of(task, request, needed_shape(task, request))
+    return FAR * search_um(task, spot)
+
+
+def _is_clear(task: Task, request: Request) -> bool:
+    """Return whether the target may be moved as far as needed, in any direction."""
+    spot = spot_of(task, request, needed_shape(task, request))
+    state, axes = request.state, axes_of(task, spot.carrier)
+    most = _most_um(task, request)
+    at = state.stage if spot.carrier == "stage" else state.robot
+    for name, value in (("x_um", at.x_um), ("y_um", at.y_um)):
+        low, high = axes.limits.get(name, (-math.inf, math.inf))
+        if not low <= value - most <= value + most <= high:
+            return False
+    spread = max(
+        b.sigma_xy_um for b in bodies(task, state) if b.carrier == spot.carrier
+    )
+    room = most + SIGMAS * spread
+    box = (-room, -room, room, room)
+    return not sweep_hits(task, state, state, carrier=spot.carrier, deviation=box)
+
+
+def check_view(task: Task, request: Request, current: float, report: Report) -> None:
+    """Report what stands in the way of a look, with a coarse one before it if that may
+    do; the trials of a compile decide."""
+    plain = Report()
+    found = views(task, request, current, plain)
+    codes = {d.code for d in plain.found if d.severity == "infeasible"}
+    if found or not codes & set(MAY_HELP):
+        report.found += plain.found
+        return
+    for coarse in coarse_requests(task, request):
+        fine = fine_request(task, request, coarse, assumed(task, coarse))
+        seen = Report()
+        if fine is not None and views(task, fine, current, seen):
+            report.found += seen.found
+            report_coarse(request, coarse, plain, "to a pixel", report)
+            return
+    report.found += plain.found
+
+
+def report_coarse(
+    request: Request, coarse: Request, plain: Report, how: str, report: Report
+) -> None:
+    """Report that a look is made in two, and why one does not do."""
+    why = next(d.message for d in plain.found if d.severity == "infeasible")
+    report.note(
+        "MP405",
+        request.where,
+        f"look {request.id!r} is made in two, {coarse.target} {how} first: one look "
+        f"does not do: {why.removeprefix(f'look {request.id!r}: ')}",
+        "know its place better at the start to save a look",
+    )
