@@ -43,26 +43,33 @@ def coarse_requests(task: Task, request: Request) -> tuple[Request, ...]:
         return ()
     features = [f for f in task.parts[owner].features.values() if not f.avoid]
     names = [owner, *(f"{owner}.{f.name}" for f in features)]
+    if shape_of(task, request.state, request.target) is None:
+        return ()
     shapes = {name: shape_of(task, request.state, name) for name in names}
     known = [(name, shape) for name, shape in shapes.items() if shape is not None]
     known.sort(key=lambda each: (each[0] != request.target, -each[1].finest_um))
     low, _ = task.workcell.optics.magnification
-    found = [_coarse(request, name, shape) for name, shape in known]
+    found = [_coarse(task, request, name, shape) for name, shape in known]
     shown = [each for each in found if views(task, each, low, Report())]
     return tuple(shown[:MOST_COARSE])
 
 
-def _coarse(request: Request, name: str, shape: Shape) -> Request:
+def _coarse(task: Task, request: Request, name: str, shape: Shape) -> Request:
     """Return a look at a part's feature, as fine as a pixel.
 
-    Its angle is measured if it has one: what lies elsewhere on the part swings.
+    Its angle is measured, if it has one, where the fine look's target would else swing
+    about it by more than its own finest detail.
     """
+    target = needed_shape(task, request)
+    spot = spot_of(task, request, target)
+    arm_um = math.dist(shape.center_um, target.center_um)
+    swing_um = min(spot.sigma_theta_rad, 1.0) * arm_um
     return replace(
         request,
         id=f"{request.id}.{SUFFIX}",
         target=name,
         tolerance_um=None,
-        wants_angle=shape.has_angle and request.wants_angle,
+        wants_angle=shape.has_angle and swing_um > target.finest_um,
         needs_angle_rad=None,
         divisible=False,
     )

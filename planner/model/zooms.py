@@ -71,9 +71,9 @@ def zoom_range(cell: Workcell, shape: Shape, place: Place) -> ZoomRange:
     if shape.finest_um > 0:
         finest = FINEST_PX * cell.camera.pitch_um / shape.finest_um
     field = field_limit(cell, shape.box_um, place)
-    ceiling = useful_ceiling(cell)
+    ceiling = useful_ceiling(cell) or low
     x0, y0, x1, y1 = shape.box_um
-    bounds = (
+    bounds = [
         ZoomBound(end="least", magnification=low, by="workcell", reason="the lowest"),
         ZoomBound(
             end="least",
@@ -88,19 +88,21 @@ def zoom_range(cell: Workcell, shape: Shape, place: Place) -> ZoomRange:
             reason=f"{x1 - x0:.4g} x {y1 - y0:.4g} um with {SIGMAS:g} sigma of "
             f"{place.sigma_xy_um:.3g} um to each side",
         ),
-        ZoomBound(
+        ZoomBound(end="most", magnification=high, by="workcell", reason="the highest"),
+    ]
+    if ceiling < high:
+        ends = ZoomBound(
             end="most",
-            magnification=ceiling or low,
+            magnification=ceiling,
             by="useful ceiling",
             reason="two pixels to the shortest period that the lens passes",
-        ),
-        ZoomBound(end="most", magnification=high, by="workcell", reason="the highest"),
-    )
+        )
+        bounds.append(ends)
     return ZoomRange(
         least=max(low, finest),
         most=min(high, field),
-        ceiling=ceiling or low,
-        bounds=bounds,
+        ceiling=ceiling,
+        bounds=tuple(bounds),
     )
 
 
