@@ -12,13 +12,14 @@ from planner.looks import CompiledLook, Effects, compile_look
 from planner.model.coarse import (
     MAY_HELP,
     Sighting,
+    assumed,
     centring,
     coarse_requests,
     fine_request,
     report_coarse,
 )
 from planner.model.requests import Request
-from planner.model.sightings import needed_shape, spot_of
+from planner.model.sightings import needed_shape, spot_of, views
 from schemas.views import TimeRow
 
 
@@ -58,6 +59,9 @@ def _pair(
     """Return a coarse look and the fine one that it makes possible, () if none does."""
     low, _ = task.workcell.optics.magnification
     for coarse in coarse_requests(task, request):
+        supposed = fine_request(task, request, coarse, assumed(task, coarse))
+        if supposed is None or not views(task, supposed, low, Report()):
+            continue
         found = Report()
         first = compile_look(task, coarse, effects, low, found)
         if first is None:

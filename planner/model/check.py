@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from planner.diagnostics import Report
 from planner.inputs.task import Step, Task
-from planner.model.coarse import check_view
+from planner.model.coarse import first_views
 from planner.model.mating import fit_verdict, fit_words, mating_of
 from planner.model.requests import requests
 from planner.model.steps import StepState, unfold
@@ -20,7 +20,7 @@ def check_task(task: Task, report: Report) -> str:
     looks = [r for i in range(len(states)) for r in requests(task, states, i, None)]
     low, _ = task.workcell.optics.magnification
     for look in looks:
-        check_view(task, look, low, report)
+        first_views(task, look, low, report)
     parts = ", ".join(sorted(task.parts))
     return f"{task.name}: {len(states)} steps, {len(looks)} looks, parts {parts}"
 

@@ -12,6 +12,7 @@ from planner.model.requests import ANGLE_RAD, PERIOD_SHARE, Known, Request
 from planner.model.sightings import needed_shape, search_um, spot_of, views
 from planner.model.sweep import SIGMAS, sweep_hits
 from planner.model.targets import Shape, shape_of
+from planner.model.views import ViewPlan
 from schemas.views import CoarseFirst
 
 SUFFIX = "coarse"  # of a coarse look's id
@@ -19,6 +20,7 @@ MOST_COARSE = 2  # targets that are tried for a coarse look
 # A target farther off than this many of its search ranges is no honest sighting: the
 # gates of the coarse look allow no more.
 FAR = 1.5
+GAIN = 0.5  # of its spread, at most, a place must be known to after a coarse look
 MAY_HELP = ("MP401", "MP403", "MP501")  # codes that a better known place may cure
 
 
@@ -42,7 +44,8 @@ def coarse_requests(task: Task, request: Request) -> tuple[Request, ...]:
     if not request.divisible or owner not in task.parts:
         return ()
     features = [f for f in task.parts[owner].features.values() if not f.avoid]
-    names = [owner, *(f"{owner}.{f.name}" for f in features)]
+    own = [owner, *(f"{owner}.{f.name}" for f in features)]
+    names = dict.fromkeys((request.target, *own))
     if shape_of(task, request.state, request.target) is None:
         return ()
     shapes = {name: shape_of(task, request.state, name) for name in names}
@@ -100,7 +103,8 @@ def fine_request(
 
     The target is brought to its nominal place by the axes that carry it, and back
     afterwards. What two moves leave is taken off the tolerance. None if nothing is left
-    of it, or on the way something may be touched or an axis end.
+    of it, if the place is hardly better known than before, or if on the way something
+    may be touched or an axis end.
     """
     spot = spot_of(task, request, needed_shape(task, request))
     moved_um = math.sqrt(2) * axes_of(task, spot.carrier).repeatability_xy_um
@@ -112,9 +116,12 @@ def fine_request(
         tolerance_um = math.sqrt(left)
     if not _is_clear(task, request):
         return None
+    told_um = math.hypot(moved_um, _told_um(task, request, seen))
+    if told_um > GAIN * spot.sigma_xy_um:
+        return None
     known = Known(
         about_um=needed_shape(task, coarse).center_um,
-        sigma_um=math.hypot(moved_um, _told_um(task, request, seen)),
+        sigma_um=told_um,
         sigma_theta_rad=seen.sigma_theta_rad,
     )
     return replace(request, tolerance_um=tolerance_um, known=known, divisible=False)
@@ -173,34 +180,42 @@ def _is_clear(task: Task, request: Request) -> bool:
     return not sweep_hits(task, state, state, carrier=spot.carrier, deviation=box)
 
 
-def check_view(task: Task, request: Request, current: float, report: Report) -> None:
-    """Report what stands in the way of a look, with a coarse one before it if that may
-    do; the trials of a compile decide."""
+def first_views(
+    task: Task, request: Request, current: float, report: Report
+) -> tuple[Request, tuple[ViewPlan, ...]]:
+    """Return what is looked at first for a request, and the settings that show it.
+
+    The request itself, or a coarse look where only that has a view and the fine one has
+    after it, if the coarse one is as good as it must be: the trials of a compile
+    decide. Reports what stands in the way of either.
+    """
     plain = Report()
     found = views(task, request, current, plain)
     codes = {d.code for d in plain.found if d.severity == "infeasible"}
-    if found or not codes & set(MAY_HELP):
-        report.found += plain.found
-        return
-    for coarse in coarse_requests(task, request):
-        fine = fine_request(task, request, coarse, assumed(task, coarse))
-        seen = Report()
-        if fine is not None and views(task, fine, current, seen):
-            report.found += seen.found
-            report_coarse(request, coarse, plain, "to a pixel", report)
-            return
+    if not found and codes & set(MAY_HELP):
+        for coarse in coarse_requests(task, request):
+            fine = fine_request(task, request, coarse, assumed(task, coarse))
+            seen = Report()
+            if fine is not None and views(task, fine, current, seen):
+                report_coarse(request, coarse, plain, "to a pixel", report)
+                report.found += seen.found
+                return coarse, views(task, coarse, current, report)
     report.found += plain.found
+    return request, found
 
 
 def report_coarse(
     request: Request, coarse: Request, plain: Report, how: str, report: Report
 ) -> None:
     """Report that a look is made in two, and why one does not do."""
-    why = next(d.message for d in plain.found if d.severity == "infeasible")
+    why = next(d for d in plain.found if d.severity == "infeasible")
+    said = why.message.removeprefix(f"look {request.id!r}: ")
+    if why.code == "MP501":
+        said = said.partition(": ")[0]  # what every routine lacks fills a page
     report.note(
         "MP405",
         request.where,
         f"look {request.id!r} is made in two, {coarse.target} {how} first: one look "
-        f"does not do: {why.removeprefix(f'look {request.id!r}: ')}",
+        f"does not do: {said}",
         "know its place better at the start to save a look",
     )

@@ -70,6 +70,26 @@ def test_what_is_resolved_at_once_may_be_its_own_coarse_look(tmp_path: Path) -> 
     assert coarse_requests(task, find_gear(task))[0].target == "gear"
 
 
+def test_a_post_is_its_own_coarse_look(task: Task) -> None:
+    states = unfold(task, Report())
+    (look,) = (
+        request
+        for index, state in enumerate(states)
+        for request in requests(task, states, index, None)
+        if state.step.id == "find_shaft"
+    )
+    assert coarse_requests(task, look)[0].target == "shaft_plate.post"
+
+
+def test_a_place_must_be_known_twice_as_well_to_be_worth_it(task: Task) -> None:
+    request = find_gear(task)
+    (coarse, *_) = coarse_requests(task, request)
+    before_um = spot_of(task, request, needed_shape(task, request)).sigma_xy_um
+    for share, found in ((0.4, True), (0.5, False)):
+        told = seen(task, coarse, share * before_um)
+        assert (fine_request(task, request, coarse, told) is not None) is found
+
+
 def test_only_a_step_that_just_looks_can_be_split(task: Task) -> None:
     states = unfold(task, Report())
     for index, state in enumerate(states):
