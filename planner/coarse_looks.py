@@ -11,6 +11,7 @@ from planner.inputs.task import Task
 from planner.looks import CompiledLook, Effects, compile_look
 from planner.model.coarse import (
     MAY_HELP,
+    MOST_COARSE,
     Sighting,
     assumed,
     centring,
@@ -58,12 +59,14 @@ def _pair(
 ) -> tuple[CompiledLook, ...]:
     """Return a coarse look and the fine one that it makes possible, () if none does."""
     low, _ = task.workcell.optics.magnification
-    for coarse in coarse_requests(task, request):
+    # where nothing found it well enough, nothing else of its part is tried for it
+    most = 1 if any(d.code == "MP501" for d in plain.found) else MOST_COARSE
+    for coarse in coarse_requests(task, request)[:most]:
         supposed = fine_request(task, request, coarse, assumed(task, coarse))
         if supposed is None or not views(task, supposed, low, Report()):
             continue
         found = Report()
-        first = compile_look(task, coarse, effects, low, found)
+        first = compile_look(task, coarse, effects, low, found, once=True)
         if first is None:
             continue
         fine = fine_request(task, request, coarse, _seen(first))

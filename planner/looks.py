@@ -63,16 +63,20 @@ def compile_look(
     effects: Effects,
     current: float,
     report: Report,
+    *,
+    once: bool = False,
 ) -> CompiledLook | None:
     """Return the look, None if there is a reason why it cannot be done.
 
     Magnifications are tried in order of preference until a chain of routines meets the
     tolerance on the target; if none does, until several features of its part do
-    together. `current` is the magnification that the microscope is at.
+    together. `current` is the magnification that the microscope is at. With `once`
+    only the first magnification and the target are tried.
     """
     settings = views(task, request, current, report)
     if not settings:
         return None
+    settings = settings[:1] if once else settings
     refused: list[ZoomTried] = []
     job = _Job(task, request, needed_shape(task, request), effects, refused)
     for view in settings:
@@ -81,7 +85,7 @@ def compile_look(
             return job.finish(view, tried, found)
         refused.append(_refused(view, tried.selection.advice))
     advice = tried.selection.advice
-    for view in settings:
+    for view in () if once else settings:
         whole = whole_view(task, request, view)
         if whole == view:
             continue  # there is nothing beside the target
