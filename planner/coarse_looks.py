@@ -11,12 +11,12 @@ from planner.inputs.task import Task
 from planner.looks import CompiledLook, Effects, compile_look
 from planner.model.coarse import (
     MAY_HELP,
-    MOST_COARSE,
     Sighting,
     assumed,
     centring,
     coarse_requests,
     fine_request,
+    may_gain,
     report_coarse,
 )
 from planner.model.requests import Request
@@ -59,11 +59,12 @@ def _pair(
 ) -> tuple[CompiledLook, ...]:
     """Return a coarse look and the fine one that it makes possible, () if none does."""
     low, _ = task.workcell.optics.magnification
-    # where nothing found it well enough, nothing else of its part is tried for it
-    most = 1 if any(d.code == "MP501" for d in plain.found) else MOST_COARSE
-    for coarse in coarse_requests(task, request)[:most]:
+    tried = any(d.code == "MP501" for d in plain.found)
+    for coarse in coarse_requests(task, request):
         supposed = fine_request(task, request, coarse, assumed(task, coarse))
         if supposed is None or not views(task, supposed, low, Report()):
+            continue
+        if tried and not may_gain(task, request, supposed):
             continue
         found = Report()
         first = compile_look(task, coarse, effects, low, found, once=True)

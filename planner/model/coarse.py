@@ -127,6 +127,25 @@ def fine_request(
     return replace(request, tolerance_um=tolerance_um, known=known, divisible=False)
 
 
+def may_gain(task: Task, request: Request, fine: Request) -> bool:
+    """Return whether a look that trials refused may do better after a coarse one.
+
+    Its place then allows more zoom, or an unknown zoom no longer errs by the tolerance
+    (a pixel, where none is asked for) over how far off the target may lie.
+    """
+    low, _ = task.workcell.optics.magnification
+    zooms = [
+        max(v.microscope.magnification for v in views(task, r, low, Report()))
+        for r in (request, fine)
+    ]
+    if zooms[1] > zooms[0]:
+        return True
+    spot = spot_of(task, request, needed_shape(task, request))
+    pixel_um = task.workcell.camera.pitch_um / zooms[0]
+    error_um = SIGMAS * task.benchmark.magnification_sigma * search_um(task, spot)
+    return error_um > (request.tolerance_um or pixel_um)
+
+
 def centring(task: Task, request: Request, coarse_id: str) -> CoarseFirst:
     """Return how the target of a look is centred after a coarse one."""
     spot = spot_of(task, request, needed_shape(task, request))

@@ -18,6 +18,7 @@ from planner.model.coarse import (
     centring,
     coarse_requests,
     fine_request,
+    may_gain,
 )
 from planner.model.requests import Known, Request, requests
 from planner.model.sightings import needed_shape, spot_of, views
@@ -88,6 +89,25 @@ def test_a_place_must_be_known_twice_as_well_to_be_worth_it(task: Task) -> None:
     for share, found in ((0.4, True), (0.5, False)):
         told = seen(task, coarse, share * before_um)
         assert (fine_request(task, request, coarse, told) is not None) is found
+
+
+def test_a_refused_look_gains_by_more_zoom_or_less_way_from_the_axis(
+    tmp_path: Path,
+) -> None:
+    task = read(with_pixels(tmp_path, "[640, 480]"))
+    request = find_gear(task)
+    (coarse, *_) = coarse_requests(task, request)
+    fine = fine_request(task, request, coarse, seen(task, coarse, 0.4))
+    assert fine is not None
+    assert may_gain(task, request, fine)  # 16.4 x before, 21 x are useful
+    gear = replace(request.state.parts["gear"], sigma_xy_um=8.0)
+    parts = {**request.state.parts, "gear": gear}
+    near = replace(request, state=replace(request.state, parts=parts))
+    fine = fine_request(task, near, coarse, seen(task, coarse, 0.4))
+    assert fine is not None
+    # the zoom cannot gain; half a percent of it over 3 sigma errs .25 um at 2 sigma
+    assert not may_gain(task, replace(near, tolerance_um=0.26), fine)
+    assert may_gain(task, replace(near, tolerance_um=0.24), fine)
 
 
 def test_only_a_step_that_just_looks_can_be_split(task: Task) -> None:
