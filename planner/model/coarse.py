@@ -48,9 +48,15 @@ def coarse_requests(task: Task, request: Request) -> tuple[Request, ...]:
     names = dict.fromkeys((request.target, *own))
     if shape_of(task, request.state, request.target) is None:
         return ()
-    shapes = {name: shape_of(task, request.state, name) for name in names}
-    known = [(name, shape) for name, shape in shapes.items() if shape is not None]
-    known.sort(key=lambda each: (each[0] != request.target, -each[1].finest_um))
+    shapes: dict[str, tuple[str, Shape]] = {}  # a part and its teeth are one
+    for name in names:
+        shape = shape_of(task, request.state, name)
+        if shape is not None:
+            shapes.setdefault(shape.name, (name, shape))
+    known = sorted(
+        shapes.values(),
+        key=lambda each: (each[0] != request.target, -each[1].finest_um),
+    )
     low, _ = task.workcell.optics.magnification
     found = [_coarse(task, request, name, shape) for name, shape in known]
     shown = [each for each in found if views(task, each, low, Report())]
