@@ -47,12 +47,8 @@ def fewest_stops(
     -------
     tuple of float
         Of the intervals not hit yet, the one that ends first needs a stop, and no stop
-        serves more of the others than its end does; the stop goes into the middle of
-        what all that it serves share. Empty without intervals.
-
-    References
-    ----------
-    Stabbing by the earliest end: Kleinberg & Tardos (2005), Algorithm Design, 4.1.
+        in it serves any other that its end does not: none is wasted. The stop goes into
+        the middle of what all that it serves share. Empty without intervals.
     """
     left = sorted((narrowed(each, epsilon_um) for each in intervals), key=_end)
     stops = []
