@@ -12,6 +12,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 from executor.drivers import AxisReading
+from executor.errors import ExecutorError
 from featuresel.routines.fusion import Believed
 from schemas.plan import AxesName, Belief, FeaturePlace
 from schemas.pose import Pose
@@ -55,6 +56,19 @@ class Readings:
         if self.robot is None:
             raise ValueError("there is no robot to carry anything")
         return grip_pose(self.robot)
+
+    def reading(self, name: AxesName) -> AxisReading:
+        """Return one group's readings.
+
+        Raises
+        ------
+        ExecutorError
+            MP808 if there is no robot.
+        """
+        now = self.stage if name == "stage" else self.robot
+        if now is None:
+            raise ExecutorError("MP808", "the plan moves a robot, the station has none")
+        return now
 
 
 class Beliefs:

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from executor.drivers import Counts
 from executor.errors import ExecutorError
 from executor.features import Picture, Shown, look_for
+from executor.reach import readings_for
 from executor.rig import Rig
 from featuresel.routines import Failure, FloatArray
 from featuresel.routines.fusion import fuse
-from schemas.plan import Look, OnFailure
+from schemas.plan import AxisMove, Look, OnFailure
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,17 +43,18 @@ def look_at(rig: Rig, look: Look, on_failure: Sequence[OnFailure] = ()) -> Sight
     on_failure : sequence of OnFailure
         How often a failure's code, or the routine's own, may be tried again. Every
         try takes the view's next focus stop, and each stop is tried once at least.
+        Features that one stop shows and the next does not still count.
 
     Raises
     ------
     ExecutorError
         MP820..MP826 when the tries are used up.
     """
-    tries = 0
+    tries, kept = 0, dict[str, Shown]()
     while True:
         tries += 1
         try:
-            sighting = _sight(rig, look, tries)
+            sighting = _sight(rig, look, tries, kept)
         except ExecutorError as error:
             rig.journal.write("not_seen", look=look.id, code=error.code, why=str(error))
             further = len(look.view.focus_stops_um)
@@ -72,6 +75,44 @@ def look_at(rig: Rig, look: Look, on_failure: Sequence[OnFailure] = ()) -> Sight
         return sighting
 
 
+def look_near(
+    rig: Rig, looks: Sequence[Look], look: Look, on_failure: Sequence[OnFailure] = ()
+) -> Sighting:
+    """Measure a look's target, coarsely first and brought near where the plan says so.
+
+    The coarse look's pose is the belief by which the target is centred and expected by
+    the fine look. The axes then go back to their readings: what comes after finds them
+    where the plan has them.
+
+    Raises
+    ------
+    ExecutorError
+        As `look_at`; MP802 if the plan names a look that the step has not, MP832 if the
+        target is too far off to be brought.
+    """
+    first = look.coarse
+    if first is None:
+        return look_at(rig, look, on_failure)
+    coarse = next((each for each in looks if each.id == first.look), None)
+    if coarse is None:
+        raise ExecutorError("MP802", f"look {look.id} names no look {first.look!r}")
+    look_at(rig, coarse, on_failure)
+    readings = rig.readings()
+    here = rig.beliefs.world(look.target, readings)
+    way_um = math.dist((here.x_um, here.y_um), first.at_um)
+    if not way_um <= first.most_um:
+        raise ExecutorError(
+            "MP832",
+            f"look {look.id}: {look.target} is {way_um:.3g} um from where it is to be "
+            f"seen, the {first.axes} may bring it {first.most_um:.3g} um",
+        )
+    back = readings.reading(first.axes)
+    rig.move(readings_for(first.axes, readings, here, first.at_um))
+    seen = look_at(rig, look, on_failure)
+    rig.move(AxisMove(axes=first.axes, x_um=back.x_um, y_um=back.y_um))
+    return seen
+
+
 def to_unit(counts: Counts, bits: int) -> FloatArray:
     """Return counts as 0..1 of full scale, float64."""
     unit: FloatArray = counts / float(2**bits - 1)
@@ -86,8 +127,11 @@ def _retries(error: ExecutorError, on_failure: Sequence[OnFailure]) -> int:
     )
 
 
-def _sight(rig: Rig, look: Look, tries: int) -> Sighting:
-    """Look once at every feature of the look."""
+def _sight(rig: Rig, look: Look, tries: int, kept: dict[str, Shown]) -> Sighting:
+    """Look once at every feature of the look; `kept` are those of tries before.
+
+    Features that disagree are forgotten: one of them is wrong.
+    """
     rig.journal.write("look", look=look.id, target=look.target)
     stops = (look.view.focus_um, *look.view.focus_stops_um)
     focus_um = stops[(tries - 1) % len(stops)]
@@ -99,25 +143,31 @@ def _sight(rig: Rig, look: Look, tries: int) -> Sighting:
         believed=rig.beliefs.angle(look.target, rig.readings()),
         dz_um=focus_um - look.view.focus_um,
     )
-    shown = _shown(rig, look, picture)
-    return _fused(look, shown, picture, tries)
+    _show(rig, look, picture, kept)
+    try:
+        names = [measure.feature or look.target for measure in look.measures]
+        found = [kept[name] for name in names if name in kept]
+        return _fused(look, found, picture, tries)
+    except ExecutorError:
+        kept.clear()
+        raise
 
 
-def _shown(rig: Rig, look: Look, picture: Picture) -> list[Shown]:
-    """Return the features that were found; the first fault if they are too few."""
+def _show(rig: Rig, look: Look, picture: Picture, kept: dict[str, Shown]) -> None:
+    """Add the features that a picture shows; raise if too few are known even so."""
     least = len(look.measures) if look.together is None else look.together.least
-    least = max(least, 1)
-    found: list[Shown] = []
     faults: list[ExecutorError] = []
     for measure in look.measures:
+        name = measure.feature or look.target
         try:
-            found.append(look_for(rig, look, measure, picture))
+            kept[name] = look_for(rig, look, measure, picture)
         except ExecutorError as error:
             faults.append(error)
-            if len(look.measures) - len(faults) < least:
-                raise faults[0] from None
-            rig.journal.write("missed", look=look.id, code=error.code, why=str(error))
-    return found
+            if look.others:
+                why = str(error)
+                rig.journal.write("missed", look=look.id, code=error.code, why=why)
+    if faults and len(kept) < max(least, 1):
+        raise faults[0]
 
 
 def _fused(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from executor.errors import ExecutorError
-from executor.look import look_at
+from executor.look import look_near
 from executor.rig import Rig
 from executor.servo import align
 from executor.verify import verify
@@ -141,7 +141,8 @@ def _act(rig: Rig, step: Step) -> _Outcome:
     action = step.action
     match action:
         case LocateAction():
-            seen = look_at(rig, _look(step, action.look), step.conditions.on_failure)
+            look, retries = _look(step, action.look), step.conditions.on_failure
+            seen = look_near(rig, step.looks, look, retries)
             return _Outcome(spread_um=seen.spread_um)
         case AlignAction():
             return _align(rig, step, action)
@@ -201,6 +202,15 @@ def _step_result(
         error_um=outcome.error_um,
         limit_um=limit_um,
         spread_um=outcome.spread_um,
-        expected_sigma_um=step.looks[0].sigma_xy_um if step.looks else None,
+        expected_sigma_um=_expected_sigma_um(step),
         height_um=outcome.height_um,
     )
+
+
+def _expected_sigma_um(step: Step) -> float | None:
+    """Return the spread that the trials promise of a step's own look."""
+    action = step.action
+    match action:
+        case LocateAction() | AlignAction() | VerifyAction():
+            return _look(step, action.look).sigma_xy_um
+    return None

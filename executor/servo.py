@@ -6,12 +6,11 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from executor.beliefs import Readings
 from executor.errors import ExecutorError
 from executor.look import look_at
+from executor.reach import readings_for
 from executor.rig import Rig
-from schemas.plan import AlignAction, AxesName, AxisMove, Control, Look, OnFailure
-from schemas.pose import Pose
+from schemas.plan import AlignAction, AxisMove, Control, Look, OnFailure
 
 # A tolerance below .6 move sigmas is refused by the compiler, so sigma <= t / .6; after
 # a correction an error beyond 4 sigma has a chance of 3e-4 (Rayleigh) if all is well.
@@ -99,30 +98,7 @@ def correction(
         here.x_um + gain * (goal.x_um - here.x_um),
         here.y_um + gain * (goal.y_um - here.y_um),
     )
-    return _readings_for(action.axes, readings, here, wanted, turn_rad)
-
-
-def _readings_for(
-    axes: AxesName,
-    readings: Readings,
-    here: Pose,
-    wanted_um: tuple[float, float],
-    turn_rad: float,
-) -> AxisMove:
-    """Return the absolute readings that bring a carried point to `wanted_um`."""
-    now = readings.stage if axes == "stage" else readings.robot
-    if now is None:
-        raise ExecutorError("MP808", "the plan moves a robot, the station has none")
-    pivot = readings.theta_axis_um if axes == "stage" else (0.0, 0.0)
-    center = (now.x_um + pivot[0], now.y_um + pivot[1])  # the axis travels along
-    turn = Pose(x_um=0.0, y_um=0.0, theta_rad=turn_rad)
-    swung = turn.apply(here.x_um - center[0], here.y_um - center[1])
-    return AxisMove(
-        axes=axes,
-        x_um=wanted_um[0] - swung[0] - pivot[0],
-        y_um=wanted_um[1] - swung[1] - pivot[1],
-        theta_rad=now.theta_rad + turn_rad if turn_rad else None,
-    )
+    return readings_for(action.axes, readings, here, wanted, turn_rad)
 
 
 def _error(rig: Rig, action: AlignAction) -> tuple[float, float]:

@@ -27,7 +27,8 @@ def action_of(task: Task, here: StepState, looks: Sequence[CompiledLook]) -> p.A
     step, target = here.step, here.step.target or ""
     tool = step.tool or here.before.tool or ""
     if step.verb == "locate":
-        return p.LocateAction(target=looks[0].look.target, look=looks[0].look.id)
+        last = looks[-1].look  # a coarse one may come before
+        return p.LocateAction(target=last.target, look=last.id)
     if step.verb == "align":
         return p.AlignAction(
             target=target,

@@ -81,6 +81,8 @@ TITLES: Mapping[str, str] = {
     "MP402": "focus out of reach",
     "MP403": "feature too fine for the pixels",
     "MP404": "nothing to render",
+    "MP405": "look made in two",
+    "MP406": "few magnifications show a target",
     "MP501": "no routine is good enough",
     "MP502": "no routine for this target",
     "MP601": "hole and shaft do not fit",

@@ -12,6 +12,7 @@ from featuresel.select import Selection
 from featuresel.trials import Map
 from featuresel.usable import usable_range
 from planner.cases import build_case
+from planner.checks.views import view_verdict
 from planner.diagnostics import Report
 from planner.effects import effect_rows
 from planner.frames import frame, seen_scene
@@ -32,6 +33,7 @@ from planner.records import evidence, scene_record, together_record, view_record
 from planner.sets import ChosenSet, Search, Sets, wanted
 from planner.tried import Arrays, Tried, arrays_of
 from schemas import plan as p
+from schemas.views import ZoomTried
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,23 +64,29 @@ def compile_look(
     effects: Effects,
     current: float,
     report: Report,
+    *,
+    once: bool = False,
 ) -> CompiledLook | None:
     """Return the look, None if there is a reason why it cannot be done.
 
     Magnifications are tried in order of preference until a chain of routines meets the
     tolerance on the target; if none does, until several features of its part do
-    together. `current` is the magnification that the microscope is at.
+    together. `current` is the magnification that the microscope is at. With `once`
+    only the first magnification and the target are tried.
     """
     settings = views(task, request, current, report)
     if not settings:
         return None
-    job = _Job(task, request, needed_shape(task, request), effects)
+    settings = settings[:1] if once else settings
+    refused: list[ZoomTried] = []
+    job = _Job(task, request, needed_shape(task, request), effects, refused)
     for view in settings:
         tried, found = job.alone(view)
         if tried.selection.chosen is not None:
             return job.finish(view, tried, found)
+        refused.append(_refused(view, tried.selection.advice))
     advice = tried.selection.advice
-    for view in settings:
+    for view in () if once else settings:
         whole = whole_view(task, request, view)
         if whole == view:
             continue  # there is nothing beside the target
@@ -89,6 +97,7 @@ def compile_look(
         if sets.chosen is not None:
             return job.finish_set(tried, sets)
         advice = sets.advice
+        refused.append(_refused(view, advice))
     _report_failure(request, view, tried.selection, advice, report)
     return None
 
@@ -101,6 +110,7 @@ class _Job:
     request: Request
     shape: Shape
     effects: Effects
+    refused: Sequence[ZoomTried]  # before the one that does
 
     def alone(self, view: ViewPlan) -> tuple[Tried, Contest]:
         """Return the choice among all chains for the target, with the trials."""
@@ -189,15 +199,15 @@ class _Job:
         """Return what the plan says of a look; `tried` is of its target."""
         task, request, shape, case = self.task, self.request, self.shape, tried.case
         first, *others = [measure_record(request, shape, each) for each in found]
-        focus = [each.usable.focus_um for each in found]
-        usable = (max(low for low, _ in focus), min(high for _, high in focus))
+        usable = {each.shape.name: each.usable.focus_um for each in found}
+        view = view_record(task, request, case, list(usable.values()))
         image = reference_image(task, request, case)
         name = f"images/{request.id}.png"
         return CompiledLook(
             look=p.Look(
                 id=request.id,
                 target=shape.name,
-                view=view_record(task, request, case, usable),
+                view=view,
                 scene=scene_record(task, request, case, shape, name, image),
                 effects=effect_rows(task, request, tried),
                 measure=first,
@@ -206,6 +216,7 @@ class _Job:
                 ),
                 others=tuple(others),
                 together=None if together is None else together_record(together),
+                verdict=view_verdict(task, request, view, usable, self.refused),
             ),
             case=case,
             picture=image,
@@ -233,6 +244,11 @@ def reference_image(task: Task, request: Request, case: LookCase) -> Picture:
     seen = seen_scene(cell, world_scene(task, request.state), scope, case.focus_um)
     image = frame(cell, seen, scope, focus_um=case.focus_um, level=case.light.gain)
     return picture(image)
+
+
+def _refused(view: ViewPlan, why: str) -> ZoomTried:
+    """Return a magnification at which nothing found was good enough."""
+    return ZoomTried(magnification=view.microscope.magnification, reason=why)
 
 
 def _report_failure(

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from planner.checks.budget import Sighted
+from planner.checks.view_times import Setting
 from planner.looks import CompiledLook
 from planner.model.assembly import owner_of
 from schemas.verdicts import MethodChoice
@@ -21,15 +23,21 @@ class Memory:
     within_um: float  # of the last alignment
     key: str  # journal key of the step before
     choice: MethodChoice | None = None  # of the last alignment
+    setting: Setting | None = None  # of the microscope; None: nothing was looked at
 
 
-def remember(memory: Memory, step: str, look: CompiledLook) -> Memory:
-    """Return the memory after a look of a step."""
+def remember(
+    memory: Memory, step: str, look: CompiledLook, moved_um: float = 0.0
+) -> Memory:
+    """Return the memory after a look of a step.
+
+    `moved_um` is what moves since its frame add to the place of its target, one sigma.
+    """
     view, measure = look.look.view, look.look.measure
     seen = Sighted(
         name=look.look.target,
         step=step,
-        sigma_um=look.look.sigma_xy_um,
+        sigma_um=math.hypot(look.look.sigma_xy_um, moved_um),
         bias_um=0.0,  # the executor takes the mean error off
         magnification=view.magnification,
         focus_um=view.focus_um,
@@ -41,6 +49,7 @@ def remember(memory: Memory, step: str, look: CompiledLook) -> Memory:
     return replace(
         memory,
         magnification=view.magnification,
+        setting=Setting(look=look.look.id, view=view),
         seen={**memory.seen, owner: seen},
         looks={**memory.looks, owner: look},
     )

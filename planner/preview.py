@@ -23,11 +23,12 @@ from planner.diagnostics import Report
 from planner.frames import frame, seen_scene
 from planner.inputs.task import Task
 from planner.model.assembly import State, locate_place
+from planner.model.coarse import first_views
 from planner.model.requests import Request, requests
 from planner.model.scenes import world_scene
-from planner.model.sightings import views
 from planner.model.steps import StepState, unfold
-from planner.model.views import light_level, microscope_at
+from planner.model.views import light_level
+from planner.model.zooms import microscope_at
 from planner.pictures import picture
 
 FloatArray = npt.NDArray[np.float64]
@@ -160,7 +161,7 @@ def _setting(
     zoom, focus = low, _focus_of(task, states[index])
     layers = world_scene(task, state).layers
     level = light_level(task.workcell, layers, task.benchmark)
-    settings = views(task, found[0], low, report) if found else ()
+    settings = first_views(task, found[0], low, report)[1] if found else ()
     if settings:
         zoom, focus = settings[0].microscope.magnification, settings[0].focus_um
         level = settings[0].light
@@ -211,7 +212,7 @@ def _case(task: Task, look: Request, call: RenderCall, report: Report) -> LookCa
     """Return the look's case at the first magnification, or the one asked for."""
     low, _ = task.workcell.optics.magnification
     limit = call.max_image_error or task.optimise.image_error()
-    settings = views(task, look, low, report)
+    look, settings = first_views(task, look, low, report)
     for view in settings:
         zoom = view.microscope.magnification
         if call.magnification is None or math.isclose(zoom, call.magnification):

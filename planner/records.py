@@ -9,11 +9,11 @@ from featuresel.case import LookCase
 from featuresel.score import Score
 from planner.inputs.task import Task
 from planner.model.assembly import height_sigma_um
+from planner.model.focus import focus_stops, reach_margin_um
 from planner.model.requests import Request
 from planner.model.scenes import shade_of
 from planner.model.sightings import needed_shape, spot_of
 from planner.model.targets import Shape
-from planner.model.views import focus_stops
 from planner.pictures import Picture, picture_sha256
 from planner.sets import ChosenSet
 from planner.tried import Tried
@@ -21,19 +21,23 @@ from schemas import plan as p
 
 
 def view_record(
-    task: Task, request: Request, case: LookCase, usable_um: tuple[float, float]
+    task: Task,
+    request: Request,
+    case: LookCase,
+    usable_um: Sequence[tuple[float, float]],
 ) -> p.View:
-    """Return how the microscope is set."""
+    """Return how the microscope is set; `usable_um` has each feature's focus errors."""
     focus = task.workcell.optics.focus
-    owner = needed_shape(task, request).owner
-    spread = math.hypot(
-        height_sigma_um(task, request.state, owner), focus.repeatability_um
-    )
-    limits = (focus.min_um, focus.max_um)
     return p.View(
         magnification=case.microscope.magnification,
         focus_um=case.focus_um,
-        focus_stops_um=focus_stops(case.focus_um, usable_um, spread, limits),
+        focus_stops_um=focus_stops(
+            case.focus_um,
+            usable_um,
+            height_sigma_um(task, request.state, needed_shape(task, request).owner),
+            (focus.min_um, focus.max_um),
+            reach_margin_um(task.workcell),
+        ),
         light=case.light.gain,
         field_um=case.microscope.field_um,
         um_per_px=case.microscope.um_per_px,

@@ -4,24 +4,28 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from planner.actions import action_of, axis_move
 from planner.checks.handling import report_handling, verdicts_of
 from planner.checks.mechanics import mechanical_rows
+from planner.checks.view_times import Setting, approach_times, view_change
+from planner.coarse_looks import compile_looks, waits_between
 from planner.conditions import conditions_of
 from planner.control import control_of, method_of, tolerance_um
 from planner.diagnostics import Report
 from planner.inputs.task import Task
-from planner.looks import CompiledLook, Effects, compile_look
+from planner.looks import CompiledLook, Effects
 from planner.memory import Memory, remember
-from planner.model.assembly import owner_of
-from planner.model.requests import requests
+from planner.model.assembly import axes_of, locate_place, owner_of
+from planner.model.requests import Request, requests
 from planner.model.steps import StepState
 from planner.step_budget import budget_of
 from schemas import plan as p
 from schemas.codec import to_data
+from schemas.views import TimeRow
 
 IRREVERSIBLE = ("grasp", "insert", "release")
 PHYSICAL = (*IRREVERSIBLE, "move", "align")
@@ -50,22 +54,67 @@ def compile_step(
     within: float | None = None
     if here.step.verb == "align":
         within = tolerance_um(task, states, here, goal, report)
-    looks = []
+    looks: list[CompiledLook] = []
     for request in requests(task, states, index, within):
-        look = compile_look(task, request, effects, memory.magnification, report)
-        if look is None:
+        found = compile_looks(task, request, effects, memory.magnification, report)
+        if not found:
             return None
-        looks.append(look)
-        memory = remember(memory, here.step.id, look)
+        for look in found:
+            waits = _waits(task, here, request, look, first=not looks)
+            looks.append(_timed(task, look, memory, waits))
+            memory = remember(
+                memory, here.step.id, looks[-1], _moved_um(task, here, look)
+            )
     if within is not None:
         choice = method_of(task, states, here, within, memory.seen, report)
         memory = replace(memory, within_um=within, choice=choice)
     step = _step(task, states, here, tuple(looks), memory, effects)
+    memory = _after_sweep(memory, step)
     report_handling(here, step.grasp, step.release, report)
     step = replace(step, key=journal_key(step, memory.key))
     return CompiledStep(
         step=step, looks=tuple(looks), memory=replace(memory, key=step.key)
     )
+
+
+def _waits(
+    task: Task, here: StepState, request: Request, look: CompiledLook, *, first: bool
+) -> tuple[TimeRow, ...]:
+    """Return what moves before a look: for the step, or to centre what was found."""
+    if first:
+        return approach_times(task, here)
+    return () if look.look.coarse is None else waits_between(task, request)
+
+
+def _timed(
+    task: Task, look: CompiledLook, memory: Memory, waits: Sequence[TimeRow]
+) -> CompiledLook:
+    """Return a look with what it takes after the look before."""
+    if look.look.verdict is None:
+        raise ValueError(f"look {look.look.id} has no verdict")
+    change = view_change(task, look.look, memory.setting, waits)
+    verdict = replace(look.look.verdict, change=change)
+    return replace(look, look=replace(look.look, verdict=verdict))
+
+
+def _moved_um(task: Task, here: StepState, look: CompiledLook) -> float:
+    """Return what the way there and back adds to where a target was seen."""
+    if look.look.coarse is None:
+        return 0.0
+    carrier = locate_place(task, here.at_look, here.step.target or "").carrier
+    return math.sqrt(2) * axes_of(task, carrier).repeatability_xy_um
+
+
+def _after_sweep(memory: Memory, step: p.Step) -> Memory:
+    """Return the memory after an action: a height sweep leaves the focus at its end."""
+    action = step.action
+    if not isinstance(action, p.VerifyAction) or action.height is None:
+        return memory
+    height = action.height
+    view = next(look.view for look in step.looks if look.id == height.look)
+    view = replace(view, focus_um=height.focus_um[-1])
+    setting = Setting(look=height.look, view=view)
+    return replace(memory, setting=setting, magnification=view.magnification)
 
 
 def journal_key(step: p.Step, before: str) -> str:

@@ -20,11 +20,13 @@ from planner.cases import build_case
 from planner.diagnostics import Report
 from planner.inputs.task import Task
 from planner.lens import known_errors
+from planner.model.coarse import first_views
 from planner.model.requests import Request, requests
 from planner.model.scenes import relevant, world_scene
-from planner.model.sightings import needed_shape, spot_of, views
+from planner.model.sightings import needed_shape, spot_of
 from planner.model.steps import unfold
-from planner.model.views import ViewPlan, microscope_at
+from planner.model.views import ViewPlan
+from planner.model.zooms import microscope_at
 from planner.outputs.errors import OutputError
 from planner.outputs.plots import Strip, round_down, strip_png, tradeoff_png
 from planner.outputs.tradeoff import (
@@ -83,10 +85,10 @@ def write_tradeoff(
     _write(call.out, {})  # before minutes are spent
     limit = call.max_image_error or task.optimise.image_error()
     found = []
-    for step, request in looks:
+    low, _ = task.workcell.optics.magnification
+    for step, look in looks:
         tell(step)
-        low, _ = task.workcell.optics.magnification
-        settings = views(task, request, low, report)
+        request, settings = first_views(task, look, low, report)
         if not settings:
             continue  # the report says why
         measured = _measured(task, step, request, settings[0], limit)

@@ -20,6 +20,7 @@ from schemas.verdicts import (
     MethodChoice,
     ReleaseVerdict,
 )
+from schemas.views import CoarseFirst, ViewVerdict
 
 FORMAT_VERSION = "2.2"
 
@@ -262,6 +263,8 @@ class Look:
     evidence: Evidence
     others: tuple[Measure, ...] = ()  # further features, measured on the same frame
     together: Together | None = None  # None: `measure` alone tells the pose
+    verdict: ViewVerdict | None = None  # None: unknown
+    coarse: CoarseFirst | None = None  # None: nothing comes before
 
     @property
     def measures(self) -> tuple[Measure, ...]:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from planner.diagnostics import Report
 from planner.inputs.task import Step, Task
+from planner.model.coarse import first_views
 from planner.model.mating import fit_verdict, fit_words, mating_of
 from planner.model.requests import requests
-from planner.model.sightings import views
 from planner.model.steps import StepState, unfold
 from schemas.verdicts import FitVerdict
 
@@ -20,7 +20,7 @@ def check_task(task: Task, report: Report) -> str:
     looks = [r for i in range(len(states)) for r in requests(task, states, i, None)]
     low, _ = task.workcell.optics.magnification
     for look in looks:
-        views(task, look, low, report)
+        first_views(task, look, low, report)
     parts = ", ".join(sorted(task.parts))
     return f"{task.name}: {len(states)} steps, {len(looks)} looks, parts {parts}"
 

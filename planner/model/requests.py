@@ -21,6 +21,15 @@ ANGLE_RAD = math.radians(1.0)  # for outlines without a period
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Known:
+    """What a look just before tells of the part that a target is on."""
+
+    about_um: tuple[float, float]  # what it measured, in the part's frame
+    sigma_um: float  # of its place in the world, per axis
+    sigma_theta_rad: float | None  # None: no more than the state knows
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Request:
     """One look a step asks for."""
 
@@ -32,6 +41,8 @@ class Request:
     needs_angle_rad: float | None  # what an alignment must meet; None: no need
     where: Span
     view_where: Span | None  # of the `view_um` that brought the target there
+    divisible: bool = False  # nothing but this look happens: another may come before
+    known: Known | None = None  # None: what the state knows
 
 
 def requests(
@@ -157,4 +168,5 @@ def _request(
         needs_angle_rad=step.tolerance_theta_rad if step.verb == "align" else None,
         where=step.spans.get("target", step.where),
         view_where=step.spans.get("view_um"),
+        divisible=step.verb == "locate",
     )

@@ -3,24 +3,25 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 from optics.microscope import Microscope
 from optics.scene import Scene, Window
 from planner.diagnostics import Report
 from planner.inputs.task import Task
 from planner.model.assembly import Place, locate_place
+from planner.model.focus import focus_for
 from planner.model.requests import Request
 from planner.model.scenes import relevant, shade_of, world_scene
 from planner.model.targets import Shape, outline_of, shape_of
-from planner.model.views import (
-    SEARCH_SIGMAS,
+from planner.model.views import SEARCH_SIGMAS, ViewPlan, light_level, region_for
+from planner.model.zooms import (
+    LADDER,
     Origin,
-    ViewPlan,
-    focus_for,
-    light_level,
+    ZoomRange,
     magnifications,
     microscope_at,
-    region_for,
+    zoom_range,
 )
 from schemas.pose import Pose
 
@@ -74,9 +75,38 @@ def views(
         region = region_for(scope, shape.box_um, spot, search_um(task, spot))
         found.append(_lit(task, scene, scope, focus, region))
     if found:
+        _report_tight(task, request, shape, spot, report)
         widest = max((v.microscope for v in found), key=lambda scope: scope.aperture)
         _report_shade(task, request, shape, spot, widest, report)
     return tuple(found)
+
+
+def zooms_of(task: Task, request: Request) -> ZoomRange:
+    """Return the magnifications that a look with views allows."""
+    shape = needed_shape(task, request)
+    return zoom_range(task.workcell, shape, spot_of(task, request, shape))
+
+
+def _report_tight(
+    task: Task, request: Request, shape: Shape, spot: Place, report: Report
+) -> None:
+    """Report a look that a slightly larger spread or finer detail would forbid."""
+    found = zoom_range(task.workcell, shape, spot)
+    if found.most >= LADDER * found.least:
+        return
+    ends = (("least", found.least), ("most", found.most))
+    why = [
+        next(b for b in found.bounds if b.end == end and b.magnification == value)
+        for end, value in ends
+    ]
+    report.note(
+        "MP406",
+        request.where,
+        f"look {request.id!r}: only {found.least:.4g} to {found.most:.4g} x show "
+        f"{shape.name}: from below {why[0].by} ({why[0].reason}), from above "
+        f"{why[1].by} ({why[1].reason})",
+        "know its place better, or look at it nearer the middle of the field",
+    )
 
 
 def _is_avoided(task: Task, target: str) -> bool:
@@ -171,12 +201,21 @@ def _lit(
 def spot_of(task: Task, request: Request, shape: Shape) -> Place:
     """Return where the target's reference point nominally is.
 
-    Its spread takes in how far it swings about the owner's own origin.
+    Its spread takes in how far it swings about the owner's own origin, or about what a
+    look before has measured.
     """
-    place = locate_place(task, request.state, shape.owner)
+    place, about_um = locate_place(task, request.state, shape.owner), (0.0, 0.0)
+    if request.known is not None:
+        about_um = request.known.about_um
+        theta_rad = request.known.sigma_theta_rad
+        place = replace(
+            place,
+            sigma_xy_um=request.known.sigma_um,
+            sigma_theta_rad=place.sigma_theta_rad if theta_rad is None else theta_rad,
+        )
     x_um, y_um = place.pose.apply(*shape.center_um)
     face = locate_place(task, request.state, request.target).z_um
-    swing_um = min(place.sigma_theta_rad, 1.0) * math.hypot(*shape.center_um)
+    swing_um = min(place.sigma_theta_rad, 1.0) * math.dist(shape.center_um, about_um)
     return Place(
         name=shape.name,
         owner=place.owner,

@@ -15,7 +15,28 @@ def plan_summary(plan: Plan) -> str:
         f"{plan.name}: {plan.status}, P(success) {plan.success_probability:.4f}{goal}"
         " (simulated)"
     )
-    return "\n".join([*lines, *_worst_effect(plan)])
+    return "\n".join([*lines, *_look_times(plan), *_worst_effect(plan)])
+
+
+def _look_times(plan: Plan) -> list[str]:
+    """Return what all looks wait for, each seen once and at the first try."""
+    verdicts = [look.verdict for step in plan.steps for look in step.looks]
+    changes = [v.change for v in verdicts if v is not None and v.change is not None]
+    if not changes:
+        return []
+    rows = [row for change in changes for row in change.times]
+    shares = [
+        (word, [row.time_s for row in rows if row.what.startswith(word)])
+        for word in ("zoom", "focus", "exposure")
+    ]
+    known_s = sum(sum(times) for _, times in shares)
+    total_s = sum(change.total_s for change in changes)
+    said = ", ".join(f"{word} {sum(t):.3g} s ({len(t)})" for word, t in shares)
+    text = (
+        f"{len(changes)} looks take {total_s:.3g} s, each once: {said}, axes "
+        f"{total_s - known_s:.3g} s"
+    )
+    return [text]
 
 
 def _worst_effect(plan: Plan) -> list[str]:

@@ -14,12 +14,13 @@ from executor.artifacts import Artifacts
 from executor.drivers import Counts
 from executor.errors import ExecutorError
 from executor.journal import Journal
-from executor.look import look_at, to_unit
+from executor.look import look_at, look_near, to_unit
 from executor.rig import Rig
 from executor.simulated.cell import build_cell
 from featuresel.routines import Artifact
 from schemas.plan import Gates, Look, OnFailure, Region, RoutineUse
 from schemas.pose import Pose
+from schemas.views import CoarseFirst
 from tests.executor.disc import look, noisy, quiet_cell, rig_of
 
 
@@ -158,3 +159,72 @@ def test_a_camera_of_another_size_is_a_device_fault() -> None:
 def test_full_scale_is_one(bits: int) -> None:
     counts = np.array([[0, 2**bits - 1]], dtype=np.uint16)
     np.testing.assert_array_equal(to_unit(counts, bits), [[0.0, 1.0]])
+
+
+OFF = (8.0, -5.0)  # of the gear from where it is believed to be
+
+
+def in_two(most_um: float = 40.0) -> tuple[Rig, io.StringIO, tuple[Look, Look]]:
+    """Return a rig, its journal, and a coarse and a fine look at its gear, `OFF`."""
+    rig, plain = seeing(*OFF)
+    stream = io.StringIO()
+    rig.journal = Journal(stream, rig.station.clock)
+    way = CoarseFirst(look="wide", axes="stage", at_um=(1.5, 0.5), most_um=most_um)
+    fine = replace(
+        gated(plain, Gates(min_score=0.3, max_shift_um=0.2, max_turn_rad=None)),
+        coarse=way,
+    )
+    coarse = replace(plain, id="wide")
+    found, artifacts = look()
+    ((_, artifact),) = artifacts.stages("disc", found.measure.chain)
+    rig.artifacts = Artifacts(
+        {("disc", "circle_caliper"): artifact, ("wide", "circle_caliper"): artifact}
+    )
+    return rig, stream, (coarse, fine)
+
+
+def test_a_coarse_look_tells_the_fine_one_where_to_expect_its_target() -> None:
+    rig, stream, (coarse, fine) = in_two()
+    with pytest.raises(ExecutorError) as caught:
+        look_at(rig, fine)  # its gate is .2 um: alone it finds the gear too far off
+    assert caught.value.code == "MP822"
+    before = rig.station.stage.reading()
+    seen = look_near(rig, (coarse, fine), fine)
+    assert (seen.x_um, seen.y_um) == pytest.approx((1.5, 0.5), abs=0.02)
+    assert rig.station.stage.reading() == before
+    at = rig.beliefs.world("gear", rig.readings())
+    assert (at.x_um, at.y_um) == pytest.approx(OFF, abs=0.02)
+    events = [json.loads(line) for line in stream.getvalue().splitlines()][2:]
+    done = [e["event"] for e in events if e["event"] in ("look", "seen", "move")]
+    assert done == ["look", "seen", "move", "look", "seen", "move"]
+    there = next(e["to"] for e in events if e["event"] == "move")
+    moved = (there["x_um"] - before.x_um, there["y_um"] - before.y_um)
+    assert moved == pytest.approx((1.5 - OFF[0], 0.5 - OFF[1]), abs=0.02)
+    assert there["z_um"] is there["theta_rad"] is None
+
+
+def test_a_target_too_far_off_is_not_brought() -> None:
+    rig, _, (coarse, fine) = in_two(most_um=8.0)
+    before = rig.station.stage.reading()
+    with pytest.raises(ExecutorError, match="may bring it 8 um") as caught:
+        look_near(rig, (coarse, fine), fine)
+    assert caught.value.code == "MP832"
+    assert rig.station.stage.reading() == before
+
+
+def test_nothing_is_brought_that_the_coarse_look_did_not_find() -> None:
+    rig, _, (coarse, fine) = in_two()
+    before = rig.station.stage.reading()
+    rig.station = replace(rig.station, camera=BlinkingCamera(rig, 9))
+    with pytest.raises(ExecutorError, match="look wide") as caught:
+        look_near(rig, (coarse, fine), fine)
+    assert caught.value.code == "MP820"
+    assert rig.station.stage.reading() == before
+    with pytest.raises(ExecutorError, match="'wide'") as caught:
+        look_near(rig, (fine,), fine)
+    assert caught.value.code == "MP802"
+
+
+def test_a_look_without_a_coarse_one_is_a_look() -> None:
+    rig, found = seeing(1.0, 0.0)
+    assert look_near(rig, (found,), found).x_um == pytest.approx(1.0, abs=0.02)

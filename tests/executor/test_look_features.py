@@ -6,6 +6,7 @@ import cmath
 import io
 import json
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
 
@@ -205,6 +206,49 @@ def test_one_feature_off_the_target_needs_the_angle() -> None:
     with pytest.raises(ExecutorError) as caught:
         look_at(rig, look(least=1))
     assert (caught.value.code, caught.value.cause) == ("MP826", "no_angle")
+
+
+class InTurnCamera:
+    """A camera whose frames show other arms of the part, one set after the other."""
+
+    def __init__(self, cameras: Sequence[PartCamera]) -> None:
+        self._cameras = list(cameras)
+
+    def grab(self, region: Region | None = None) -> Counts:
+        """Return the next frame, at last always the same."""
+        camera = self._cameras[0]
+        self._cameras = self._cameras[1:] or self._cameras
+        return camera.grab(region)
+
+
+def in_turn(rig: Rig, *shown: tuple[float, ...]) -> Rig:
+    """Let a rig's frames show these arms, one set after the other."""
+    cell = quiet_cell()
+    cell.truth.bodies["gear"].pose = replace(AT, x_um=600.0 + AT.x_um)
+    camera = InTurnCamera([PartCamera(cell, arms) for arms in shown])
+    rig.station = replace(rig.station, camera=camera)
+    return rig
+
+
+def with_stops(found: Look, count: int) -> Look:
+    """Return a look with further focus stops."""
+    stops = tuple(found.view.focus_um + 5.0 * k for k in range(1, count + 1))
+    return replace(found, view=replace(found.view, focus_stops_um=stops))
+
+
+def test_features_may_be_found_at_different_focus_stops() -> None:
+    """As where they accept different heights of the focus, and none shows both."""
+    rig = in_turn(seeing(AT, BOTH), (-ARM_UM,), (ARM_UM,))
+    seen = look_at(rig, with_stops(look(least=2), 1))
+    assert seen.frames == 2
+    assert (seen.x_um, seen.y_um) == pytest.approx((AT.x_um, AT.y_um), abs=0.02)
+    assert seen.theta_rad == pytest.approx(AT.theta_rad, abs=0.02 / ARM_UM)
+
+
+def test_features_that_no_stop_shows_are_missed_at_all_of_them() -> None:
+    rig = in_turn(seeing(AT, BOTH), (-ARM_UM,), (), (-ARM_UM,))
+    with pytest.raises(ExecutorError, match=r"gear\.right not found"):
+        look_at(rig, with_stops(look(least=2), 2))
 
 
 CURVE = (

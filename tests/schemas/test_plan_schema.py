@@ -11,6 +11,7 @@ import jsonschema
 import pytest
 
 import schemas
+from schemas.plan import parse_plan
 from schemas.plan_schema import plan_schema, schema_text
 
 GOLDEN = Path(__file__).parents[1] / "golden" / "gear_on_shaft.fast.json"
@@ -85,3 +86,15 @@ def test_a_missing_key_is_named_and_null_is_allowed_where_it_means_something(
     assert errors(plan) == []
     del plan["steps"][1]["looks"][0]["measure"]["gates"]
     assert errors(plan) == ["$.steps[1].looks[0].measure"]
+
+
+def test_an_older_plan_is_read_as_one_whose_views_are_unknown(plan: Any) -> None:
+    plan["format_version"] = "2.1"
+    for look in (look for step in plan["steps"] for look in step["looks"]):
+        look.pop("verdict", None)
+        look.pop("coarse", None)
+    assert errors(plan) == []
+    found = parse_plan(json.dumps(plan))
+    looks = [look for step in found.steps for look in step.looks]
+    assert looks
+    assert all(look.verdict is None and look.coarse is None for look in looks)

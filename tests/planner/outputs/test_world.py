@@ -12,7 +12,7 @@ from planner.inputs.read_task import load_task
 from planner.inputs.task import Task
 from planner.lens import lamp_aperture
 from planner.model.steps import unfold
-from planner.model.views import microscope_at
+from planner.model.zooms import microscope_at
 from planner.outputs.world import build_world
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "gear_on_shaft" / "task.yaml"

@@ -1,0 +1,116 @@
+"""What the plan says of a look's settings: allowed zooms, focus stops, errors, times.
+
+Added in format 2.2: a plan without them is read as one of which they are unknown.
+Lengths are um in object space, heights are of the world. A pair is an interval.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+ZoomReason = Literal["workcell", "finest detail", "field", "useful ceiling", "trials"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ZoomBound:
+    """A magnification that a look may not go below or beyond, and why."""
+
+    end: Literal["least", "most"]
+    magnification: float
+    by: ZoomReason
+    reason: str  # with its numbers
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ZoomTried:
+    """A magnification at which the trials were not good enough."""
+
+    magnification: float
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ZoomLimits:
+    """The magnifications that a look allows, in closed form."""
+
+    least: float
+    most: float
+    bounds: tuple[ZoomBound, ...]
+    refused: tuple[ZoomTried, ...] = ()  # in the order they were tried
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ApertureRow:
+    """What the microscope is at one of the magnifications that are tried."""
+
+    magnification: float
+    aperture: float
+    um_per_px: float
+    cutoff_um: float  # shortest period that the lens passes, wavelength / (2 A)
+    depth_um: float  # depth of field, n wavelength / A**2, from end to end
+    field_um: tuple[float, float]
+    chosen: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FocusAccepted:
+    """Focus heights at which the trials still measured a feature, at its own height."""
+
+    feature: str
+    least_um: float
+    most_um: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FocusCover:
+    """Which heights of the target the focus and its further stops take in."""
+
+    accepted: tuple[FocusAccepted, ...]
+    sigma_um: float  # of the target's height
+    margin_um: float  # kept from the ends of what is accepted
+    covered_um: tuple[float, float]  # errors of the height, at least one stop sharp
+    stops: int  # the first included
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TimeRow:
+    """One thing that a look waits for."""
+
+    what: str
+    time_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ViewChange:
+    """What it takes to look after the look before, if all goes as planned."""
+
+    since: str | None  # look before; None: the first sets everything
+    parcentric_sigma_um: float  # jump of the image, per axis; 0 if the zoom stays
+    focus_um: float | None  # way of the focus; None: from where is not known
+    lateral_sigma_um: float  # shift of the image over that way, per axis
+    times: tuple[TimeRow, ...]  # in order
+    total_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ViewVerdict:
+    """Why a look is set as it is, and what that costs."""
+
+    zoom: ZoomLimits
+    apertures: tuple[ApertureRow, ...]
+    focus: FocusCover
+    change: ViewChange | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CoarseFirst:
+    """What comes before a fine look: a coarse one, and moves that centre the target.
+
+    The axes bring the target to where the fine look has it, and go back afterwards.
+    """
+
+    look: str  # id, of the same step
+    axes: Literal["stage", "robot"]
+    at_um: tuple[float, float]  # world place of the target for the fine look
+    most_um: float  # a longer way is a fault
