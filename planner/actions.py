@@ -71,6 +71,7 @@ def _verify(step: Step, looks: Sequence[CompiledLook], mating: str) -> p.VerifyA
         look=target.look.id,
         seat_look=seat.look.id,
         within_um=step.within_um or 0.0,
+        within_rad=step.within_rad,
         height=_height_search(target, step.height_within_um),
         empty=step.empty,
     )

@@ -366,6 +366,7 @@ class VerifyAction:
     within_um: float
     height: HeightSearch | None
     empty: str | None  # tool that must hold nothing
+    within_rad: float | None = None  # turned against the seat; None: any angle
 
 
 Action = (
