@@ -90,6 +90,7 @@ TITLES: Mapping[str, str] = {
     "MP612": "how an alignment is run",
     "MP613": "whether a released part stays",
     "MP614": "how firmly a part is held",
+    "MP615": "where a placed part comes to lie",
     "MP701": "not a plan folder",
     "MP702": "output cannot be written",
     "MP703": "file is there already",

@@ -85,7 +85,7 @@ def compile_look(
         if job.is_round:
             break  # no magnification gives it the angle that is needed
     advice = tried.selection.advice
-    for view, whole in ((v, wide) for v in settings for wide in job.wider(v)):
+    for whole in (wide for view in settings for wide in job.wider(view)):
         tried, found = job.alone(whole)
         if tried.selection.chosen is not None:
             return job.finish(whole, tried, found)

@@ -20,6 +20,7 @@ class Memory:
     within_um: float  # of the last alignment
     key: str  # journal key of the step before
     choice: MethodChoice | None = None  # of the last alignment
+    before: Sighted | None = None  # the look that its first approach went by
 
 
 def remember(memory: Memory, look: CompiledLook) -> Memory:
@@ -28,6 +29,7 @@ def remember(memory: Memory, look: CompiledLook) -> Memory:
     seen = Sighted(
         name=look.look.target,
         sigma_um=look.look.sigma_xy_um,
+        sigma_theta_rad=look.look.sigma_theta_rad,
         bias_um=0.0,  # the executor takes the mean error off
         magnification=view.magnification,
         focus_um=view.focus_um,

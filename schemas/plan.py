@@ -18,6 +18,7 @@ from schemas.verdicts import (
     FitVerdict,
     GraspVerdict,
     MethodChoice,
+    PlacingVerdict,
     ReleaseVerdict,
 )
 
@@ -436,7 +437,7 @@ class Budget:
     limit_um: float | None  # capture radius, or the step's tolerance
     success_probability: float
     advice: str  # the cheapest change that would pass; "" if it passes
-    analysis: BudgetAnalysis | None = None  # of an insertion
+    analysis: BudgetAnalysis | None = None  # of an insertion or a placement
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -457,6 +458,7 @@ class Step:
     fit: FitVerdict | None = None  # of an insertion
     grasp: GraspVerdict | None = None  # of a grasp
     release: ReleaseVerdict | None = None  # of a release
+    placing: PlacingVerdict | None = None  # of a release that a verify step checks
     effects: tuple[EffectRow, ...] = ()  # mechanical; a look's are its own
 
 

@@ -32,6 +32,7 @@ class Left:
     residual: Residual
     term: str
     source: str
+    early: tuple[float, Residual] | None = None  # as `Insertion.early`
 
 
 def insert_budget(
@@ -75,10 +76,10 @@ def insert_budget(
         required_probability=goal,
         offenders=worst,
         changes=cheap,
-        allowed=_allowed(task, seen),
+        allowed=allowed_of(task, seen),
         yields=(yield_over_shaft(job), yield_over_tolerance(job)),
     )
-    advice = "" if chance >= goal else _advice(analysis)
+    advice = "" if chance >= goal else advice_of(analysis)
     return Budget(
         rows=rows,
         limit_um=fit.capture_um,
@@ -88,7 +89,7 @@ def insert_budget(
     )
 
 
-def _allowed(task: Task, seen: Sequence[Sighted | None]) -> tuple[Allowed, ...]:
+def allowed_of(task: Task, seen: Sequence[Sighted | None]) -> tuple[Allowed, ...]:
     """Return the largest errors of focus, zoom, light and pose that looks bear."""
     rows = [row for look in seen if look is not None for row in _borne(look)]
     low, high = task.benchmark.light_gain
@@ -125,7 +126,7 @@ def _borne(look: Sighted) -> list[Allowed]:
     ]
 
 
-def _advice(found: BudgetAnalysis) -> str:
+def advice_of(found: BudgetAnalysis) -> str:
     """Return the cheapest change, or what the worst term would give halved."""
     words = []
     if found.changes:

@@ -87,9 +87,9 @@ def next_turn_rad(
         step = later.step
         if step.verb == "align" and owner == owner_of(step.to or ""):
             return step.tolerance_theta_rad
-        if step.verb in ("align", "grasp", "insert", "release"):
-            if owner in {owner_of(name) for name in (step.target, step.onto) if name}:
-                return None
+        names = {owner_of(name) for name in (step.target, step.onto) if name}
+        if owner in names and step.verb in ("align", "grasp", "insert", "release"):
+            return None
     return None
 
 
