@@ -11,23 +11,18 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from planner.checks.budget import Sighted, blind_rows, fit_of
-from planner.checks.insert_budget import Left, insert_budget, share_of_goal
-from planner.control import (
-    insert_s,
-    method_of,
-    moved_by,
-    residual_of,
-    single_residual,
-    tolerance_um,
-    travel_of,
-)
+from planner.checks.budget import Sighted
+from planner.checks.insert_budget import insert_budget, share_of_goal
+from planner.control import method_of, tolerance_um
 from planner.diagnostics import Report
 from planner.inputs.read_task import load_task
 from planner.inputs.task import Task
+from planner.inserting import insertion_of
+from planner.memory import Memory
 from planner.model.assembly import owner_of
 from planner.model.mating import mating_of
-from planner.model.steps import StepState, unfold
+from planner.model.steps import unfold
+from planner.step_budget import left_of
 from schemas.plan import Budget, Plan, parse_plan
 
 ROOT = Path(__file__).parents[1]
@@ -56,31 +51,21 @@ def verdict(task: Task, plan: Plan, pin_um: float) -> Verdict:
     states = unfold(changed, Report())
     align = next(s for s in states if s.step.id == "over_shaft")
     insert = next(s for s in states if s.step.verb == "insert")
-    seen, goal = sightings(plan), share_of_goal(changed)
-    hole, shaft = (
-        seen.get(owner_of(name or ""))
-        for name in (insert.step.target, insert.step.onto)
-    )
+    memory = Memory(magnification=0.0, seen=sightings(plan), within_um=0.0, key="")
+    hole = memory.seen.get(owner_of(insert.step.target or ""))
     within = tolerance_um(changed, states, align, hole, Report())
-    choice = method_of(changed, states, align, within, seen, Report())
-    fit = fit_of(changed, insert)
+    choice = method_of(changed, states, align, within, memory.seen, Report())
+    memory = replace(memory, within_um=within, choice=choice)
+    left, goal = left_of(changed, states, insert, memory), share_of_goal(changed)
+    job = insertion_of(changed, states, insert, left.residual, memory.seen)
     mating = mating_of(changed, insert.step, insert.after)
-    if fit is None or mating is None:
+    if job is None or mating is None:
         raise ValueError("the example inserts no round hole over a post")
     chances: dict[str, float] = {
         o.method: o.success_probability or 0.0 for o in choice.options
     }
-    budget = insert_budget(
-        changed,
-        fit,
-        _left(changed, align, within, choice.method),
-        blind_rows(
-            changed.workcell, travel_of(insert), hole, shaft, insert_s(changed, insert)
-        ),
-        0.0,
-        goal=goal,
-        methods=[(m, p) for m, p in chances.items() if m != choice.method],
-    )
+    others = [(m, p) for m, p in chances.items() if m != choice.method]
+    budget = insert_budget(job, left, goal=goal, methods=others)
     return Verdict(
         pin_um=pin_um,
         fit=mating.fit_class,
@@ -111,6 +96,7 @@ def sightings(plan: Plan) -> dict[str, Sighted]:
             pose = look.measure.reference.pose
             found[owner_of(look.target)] = Sighted(
                 name=look.target,
+                step=step.id,
                 sigma_um=look.sigma_xy_um,
                 bias_um=0.0,
                 magnification=look.view.magnification,
@@ -158,17 +144,6 @@ def mending(found: Verdict) -> str:
             f"{o.halved_probability:.4f} | {most} |"
         )
     return "\n".join(lines)
-
-
-def _left(task: Task, align: StepState, within_um: float, method: str) -> Left:
-    carrier = moved_by(task, align)
-    single = method == "look_then_move"
-    residual = (
-        single_residual(task, carrier)
-        if single
-        else residual_of(task, within_um, carrier)
-    )
-    return Left(residual=residual, term=f"{carrier} repeatability", source="workcell")
 
 
 def main() -> None:

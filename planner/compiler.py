@@ -228,14 +228,13 @@ def _beliefs(task: Task, start: State) -> tuple[p.Belief, ...]:
         for name, part in sorted(start.parts.items())
     ]
     if start.tool is not None:
-        axes = task.workcell.robot.axes
         found.append(
             p.Belief(
                 name=start.tool,
                 carrier="robot",
                 pose=Pose(x_um=0.0, y_um=0.0),
-                sigma_xy_um=axes.repeatability_xy_um,
-                sigma_theta_rad=axes.repeatability_theta_rad,
+                sigma_xy_um=start.tip_sigma_um,
+                sigma_theta_rad=task.workcell.robot.axes.repeatability_theta_rad,
             )
         )
     return tuple(found)

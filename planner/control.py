@@ -16,11 +16,11 @@ from planner.checks.fit import (
     servo_tolerance_um,
 )
 from planner.checks.insert_budget import share_of_goal
-from planner.checks.insertion import Insertion
 from planner.checks.methods import choose
 from planner.diagnostics import Report
 from planner.inputs.task import Task
-from planner.model.assembly import Carrier, axes_of, locate_place, owner_of
+from planner.inserting import insert_s, insertion_of, travel_of
+from planner.model.assembly import Carrier, axes_of, locate_place
 from planner.model.requests import insertion_after
 from planner.model.steps import StepState
 from planner.model.views import SEARCH_SIGMAS
@@ -112,7 +112,7 @@ def method_of(
     here = next((s for s in states if s.step is insert), None)
     ways: tuple[MethodName, ...] = ("servo", "look_then_move")
     options = tuple(
-        _with_chance(task, align, here, within_um, way, seen) for way in ways
+        _with_chance(task, states, align, here, within_um, way, seen) for way in ways
     )
     found = choose(options, share_of_goal(task), "" if insert is None else insert.id)
     if step.method != "auto":
@@ -130,6 +130,7 @@ def method_of(
 
 def _with_chance(
     task: Task,
+    states: tuple[StepState, ...],
     align: StepState,
     insert: StepState | None,
     within_um: float,
@@ -139,21 +140,11 @@ def _with_chance(
     """Return one way to align, with the chance of the insertion if one follows."""
     carrier = moved_by(task, align)
     option = _option(task, carrier, within_um, method)
-    fit = None if insert is None else fit_of(task, insert)
-    if insert is None or fit is None:
+    if insert is None:
         return option
-    hole, shaft = (
-        seen.get(owner_of(name or ""))
-        for name in (insert.step.target, insert.step.onto)
-    )
-    job = Insertion(
-        fit=fit,
-        residual=_left_by(task, carrier, within_um, method),
-        blind=blind_rows(
-            task.workcell, travel_of(insert), hole, shaft, insert_s(task, insert)
-        ),
-    )
-    return replace(option, success_probability=1 - job.miss)
+    left = _left_by(task, carrier, within_um, method)
+    job = insertion_of(task, states, insert, left, seen)
+    return option if job is None else replace(option, success_probability=1 - job.miss)
 
 
 def _left_by(
@@ -263,22 +254,3 @@ def _from_fit(
         combine([row.sigma_um or 0.0 for row in rows]),
         task.success_goal or 0.95,
     )
-
-
-def insert_s(task: Task, insert: StepState) -> float:
-    """Return how long an insertion's own moves take in z, one after the other."""
-    travel = travel_of(insert)
-    stated = insert.step.speed_um_per_s
-    return sum(
-        way_um / (stated or axes_of(task, carrier).speed_z_um_per_s)
-        for carrier, way_um in travel.items()
-    )
-
-
-def travel_of(insert: StepState) -> Mapping[Carrier, float]:
-    """Return how far stage and robot travel in z while inserting, um."""
-    before, after = insert.before, insert.after
-    return {
-        "stage": abs(after.stage.z_um - before.stage.z_um),
-        "robot": abs(after.robot.z_um - before.robot.z_um),
-    }

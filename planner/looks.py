@@ -59,6 +59,7 @@ class CompiledLook:
     arrays: Arrays
     distortion_sigma_um: float  # of the middle of the target, by the lens
     coherence_um: float  # how far partly coherent light moves it
+    found: tuple[Measured, ...] = ()  # the features measured, the target first
 
 
 def compile_look(
@@ -236,6 +237,7 @@ class _Job:
                 task.workcell, case.microscope, spot_of(task, request, shape)
             ),
             coherence_um=middle_offset_um(task, request.state, shape, case.microscope),
+            found=tuple(found),
         )
 
 

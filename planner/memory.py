@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from planner.checks.budget import Sighted
 from planner.looks import CompiledLook
@@ -16,18 +16,20 @@ class Memory:
     """What earlier steps leave for later ones."""
 
     magnification: float  # the microscope is at
-    seen: Mapping[str, Sighted]  # owner -> its last look
+    seen: Mapping[str, Sighted]  # owner -> what its last look promised
+    looks: Mapping[str, CompiledLook] = field(default_factory=dict)  # the looks
     within_um: float  # of the last alignment
     key: str  # journal key of the step before
     choice: MethodChoice | None = None  # of the last alignment
     before: Sighted | None = None  # the look that its first approach went by
 
 
-def remember(memory: Memory, look: CompiledLook) -> Memory:
-    """Return the memory after a look."""
+def remember(memory: Memory, step: str, look: CompiledLook) -> Memory:
+    """Return the memory after a look of a step."""
     view, measure = look.look.view, look.look.measure
     seen = Sighted(
         name=look.look.target,
+        step=step,
         sigma_um=look.look.sigma_xy_um,
         sigma_theta_rad=look.look.sigma_theta_rad,
         bias_um=0.0,  # the executor takes the mean error off
@@ -36,12 +38,11 @@ def remember(memory: Memory, look: CompiledLook) -> Memory:
         distortion_sigma_um=look.distortion_sigma_um,
         coherence_um=look.coherence_um,
         place_um=(measure.reference.pose.x_um, measure.reference.pose.y_um),
-        usable_focus_um=measure.usable_focus_um,
-        usable_magnification=measure.usable_magnification,
-        capture_um=measure.capture_um,
     )
+    owner = owner_of(look.look.target)
     return replace(
         memory,
         magnification=view.magnification,
-        seen={**memory.seen, owner_of(look.look.target): seen},
+        seen={**memory.seen, owner: seen},
+        looks={**memory.looks, owner: look},
     )

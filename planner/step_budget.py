@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
+from planner.allowed import allowed
 from planner.checks.budget import (
-    blind_rows,
     empty_budget,
-    fit_of,
     grasp_budget,
     release_budget,
     verify_budget,
@@ -15,23 +15,26 @@ from planner.checks.budget import (
 from planner.checks.fit import Residual
 from planner.checks.insert_budget import Left, insert_budget, share_of_goal
 from planner.control import (
-    insert_s,
     moved_by,
     residual_of,
     single_residual,
-    travel_of,
 )
 from planner.inputs.task import Task
+from planner.inserting import insertion_of
+from planner.looks import Effects
 from planner.memory import Memory
-from planner.model.assembly import locate_place, owner_of, part_sigma_um
+from planner.model.assembly import owner_of, part_sigma_um
 from planner.model.requests import insertion_after
 from planner.model.steps import StepState
-from planner.model.sweep import ROUNDING_UM
 from schemas import plan as p
 
 
 def budget_of(
-    task: Task, states: tuple[StepState, ...], here: StepState, memory: Memory
+    task: Task,
+    states: tuple[StepState, ...],
+    here: StepState,
+    memory: Memory,
+    effects: Effects,
 ) -> p.Budget:
     """Return the error budget of the step's mechanical action."""
     step = here.step
@@ -44,21 +47,32 @@ def budget_of(
         return verify_budget(task.workcell, step, seen[0], seen[1])
     if step.verb != "insert":
         return empty_budget()
-    fit = fit_of(task, here)
-    if fit is None:
+    return _of_insertion(task, states, here, memory, effects)
+
+
+def _of_insertion(
+    task: Task,
+    states: tuple[StepState, ...],
+    insert: StepState,
+    memory: Memory,
+    effects: Effects,
+) -> p.Budget:
+    """Return the budget of an insertion, with what its looks' settings bear."""
+    left, goal = left_of(task, states, insert, memory), share_of_goal(task)
+    job = insertion_of(task, states, insert, left.residual, memory.seen)
+    if job is None:
         return empty_budget()
-    hole = memory.seen.get(owner_of(step.target or ""))
-    shaft = memory.seen.get(owner_of(step.onto or ""))
-    return insert_budget(
-        task,
-        fit,
-        _left(task, states, here, memory),
-        blind_rows(task.workcell, travel_of(here), hole, shaft, insert_s(task, here)),
-        bias_um=_off_um(task, here),
-        goal=share_of_goal(task),
-        seen=(hole, shaft),
-        methods=_other_methods(memory),
-    )
+    budget = insert_budget(job, left, goal=goal, methods=_other_methods(memory))
+    mates = [owner_of(n or "") for n in (insert.step.target, insert.step.onto)]
+    looks = [
+        (memory.seen[mate].term, memory.looks[mate])
+        for mate in mates
+        if mate in memory.looks
+    ]
+    borne = allowed(task, job, goal, looks, effects)
+    if budget.analysis is None:
+        raise ValueError("the budget of an insertion has an analysis")
+    return replace(budget, analysis=replace(budget.analysis, allowed=borne))
 
 
 def _other_methods(memory: Memory) -> list[tuple[str, float]]:
@@ -73,17 +87,7 @@ def _other_methods(memory: Memory) -> list[tuple[str, float]]:
     ]
 
 
-def _off_um(task: Task, insert: StepState) -> float:
-    """Return how far hole and shaft are nominally apart once the moves are done."""
-    hole, shaft = (
-        locate_place(task, insert.after, name or "").pose
-        for name in (insert.step.target, insert.step.onto)
-    )
-    off_um = math.hypot(hole.x_um - shaft.x_um, hole.y_um - shaft.y_um)
-    return off_um if off_um > ROUNDING_UM else 0.0
-
-
-def _left(
+def left_of(
     task: Task, states: tuple[StepState, ...], insert: StepState, memory: Memory
 ) -> Left:
     """Return what the alignment before an insertion leaves.
@@ -94,9 +98,7 @@ def _left(
     align = next((s for s in aligns if insertion_after(states, s) is insert.step), None)
     if align is None:
         names = (insert.step.target, insert.step.onto)
-        spread = [
-            part_sigma_um(task, insert.before, owner_of(name or "")) for name in names
-        ]
+        spread = [part_sigma_um(insert.before, owner_of(name or "")) for name in names]
         return Left(
             residual=Residual(sigma_um=math.hypot(*spread), within_um=math.inf),
             term="places of both parts",

@@ -57,11 +57,11 @@ def compile_step(
         if look is None:
             return None
         looks.append(look)
-        memory = remember(memory, look)
+        memory = remember(memory, here.step.id, look)
     if within is not None:
         choice = method_of(task, states, here, within, memory.seen, report)
         memory = replace(memory, within_um=within, choice=choice, before=before)
-    step = _step(task, states, here, tuple(looks), memory)
+    step = _step(task, states, here, tuple(looks), memory, effects)
     report_handling(here, step.grasp, step.release, report, step.placing)
     step = replace(step, key=journal_key(step, memory.key))
     return CompiledStep(
@@ -81,15 +81,16 @@ def _step(
     here: StepState,
     looks: Sequence[CompiledLook],
     memory: Memory,
+    effects: Effects,
 ) -> p.Step:
     """Return the plan's step, without its key."""
     step = here.step
     control = None
     if step.verb == "align":
         control = control_of(task, here, memory.within_um, memory.choice)
-    budget, placing = budget_of(task, states, here, memory), None
+    budget, placing = budget_of(task, states, here, memory, effects), None
     if step.verb == "release":
-        placed = place_budget(task, states, here, memory)
+        placed = place_budget(task, states, here, memory, effects)
         budget, placing = placed or (budget, None)
     verdicts = verdicts_of(task, states, here)
     return p.Step(

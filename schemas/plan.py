@@ -22,7 +22,7 @@ from schemas.verdicts import (
     ReleaseVerdict,
 )
 
-FORMAT_VERSION = "2.1"
+FORMAT_VERSION = "2.2"
 
 AxesName = Literal["stage", "robot"]
 

@@ -56,11 +56,11 @@ class Change:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Allowed:
-    """The largest error of one setting that still gives the goal."""
+    """The largest errors of one setting of a look that still give the goal."""
 
-    error: str  # focus, zoom, light or pose
+    error: str  # focus, zoom, light, gradient or pose
     look: str  # target of the look
-    least: float
+    least: float  # zoom and light: ratio to what was planned
     most: float
     unit: str
     source: str
@@ -91,6 +91,10 @@ class BudgetAnalysis:
     changes: tuple[Change, ...]  # () if the share is met
     allowed: tuple[Allowed, ...]
     yields: tuple[YieldCurve, ...]
+    # Added after 2.1; None: unknown.
+    miss_probability: float | None = None  # digits of what is too rare for 1 - P
+    # xx, xy, yy of what the servo cannot see, about the offset; sizes not among it
+    covariance_um2: tuple[float, float, float] | None = None
 
 
 MethodName = Literal["servo", "look_then_move"]

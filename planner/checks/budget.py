@@ -16,6 +16,7 @@ from planner.model.steps import StepState
 from schemas.plan import Budget, BudgetRow
 
 SECONDS_PER_MIN = 60.0
+FOCUS_TERM = "lateral shift with focus"
 NOT_MODELLED = (
     ("tilt of the part in the jaws", "not modelled: no look and no drawing tells it"),
 )
@@ -26,6 +27,7 @@ class Sighted:
     """What a look promised of its target: the compile-time memory of a measurement."""
 
     name: str
+    step: str  # id of the step that looked
     sigma_um: float
     bias_um: float
     magnification: float
@@ -34,10 +36,11 @@ class Sighted:
     coherence_um: float  # how far partly coherent light moves its middle
     sigma_theta_rad: float | None = None  # None: the angle was not measured
     place_um: tuple[float, float] = (0.0, 0.0)  # from the optical axis
-    # errors of the settings that the look still bears, from its trials; None: unknown
-    usable_focus_um: tuple[float, float] | None = None
-    usable_magnification: tuple[float, float] | None = None
-    capture_um: float | None = None
+
+    @property
+    def term(self) -> str:
+        """Return the name of its error in a budget."""
+        return f"measurement of {self.name}"
 
 
 def fit_of(task: Task, insert: StepState) -> Fit | None:
@@ -106,14 +109,12 @@ def looking_rows(cell: Workcell, hole: Sighted, shaft: Sighted) -> list[BudgetRo
     """Return what two looks at different heights and zooms differ by."""
     apart_um = abs(hole.focus_um - shaft.focus_um)
     rows = [
-        BudgetRow(
-            term=f"measurement of {seen.name}", sigma_um=seen.sigma_um, source="trials"
-        )
+        BudgetRow(term=seen.term, sigma_um=seen.sigma_um, source="trials")
         for seen in (hole, shaft)
     ]
     rows.append(
         BudgetRow(
-            term="lateral shift with focus",
+            term=FOCUS_TERM,
             sigma_um=cell.optics.focus.lateral_sigma_um_per_um * apart_um,
             source=f"workcell lateral_sigma_um_per_um x {apart_um:g} um",
         )

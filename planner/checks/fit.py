@@ -15,8 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from planner.checks.bump import Room
 from planner.checks.landing import Landing
-from planner.checks.miss import Room, chance_beyond
+from planner.checks.miss import chance_beyond
 
 FloatArray = npt.NDArray[np.float64]
 

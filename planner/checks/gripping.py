@@ -9,7 +9,8 @@ from typing import Literal
 import numpy as np
 import shapely
 
-from planner.checks.adhesion import Bounds, Face, forces, total, weight_un
+from planner.checks.adhesion import Face, forces, total
+from planner.checks.materials import Bounds, conducts, in_liquid, volume_um3, weight_un
 from planner.inputs.task import Step, Task
 from planner.inputs.workcell import Tool
 from planner.model.assembly import locate_place, owner_of
@@ -36,6 +37,8 @@ def grasp_verdict(task: Task, here: StepState) -> GraspVerdict:
     force = holding_un(tool, squeeze, part.profile_tolerance_um)
     lift = _lift(task, name)
     verdict, reason = _holds(force, lift, task.environment.friction)
+    if verdict == "holds" and in_liquid(task.workcell.optics.medium_index):
+        verdict, reason = "may slip", f"{reason}; double layers are not modelled"
     return GraspVerdict(
         opening_um=state.opening_um,
         width_um=stands.width_um,
@@ -56,16 +59,26 @@ def grasp_verdict(task: Task, here: StepState) -> GraspVerdict:
 def holding_un(tool: Tool, squeeze_um: float, edge_um: float) -> Bounds | None:
     """Return the force of one finger bent by `squeeze_um`, over the part's tolerance.
 
-    A cantilever: 3 E I / L**3 per um of bending, I = thickness width**3 / 12 across the
-    finger. None where the workcell states no stiffness.
+    None where the workcell states no stiffness.
+    """
+    per_um = stiffness_un_per_um(tool)
+    if per_um is None:
+        return None
+    low, high = squeeze_um - edge_um, squeeze_um + edge_um
+    return per_um * max(low, 0.0), per_um * max(high, 0.0)
+
+
+def stiffness_un_per_um(tool: Tool) -> float | None:
+    """Return what bends a finger by one micrometre, None where nothing is stated.
+
+    A cantilever loaded at its end, E I w'' = F (L - x): 3 E I / L**3, with I =
+    thickness width**3 / 12 across the finger.
     """
     if tool.youngs_modulus_gpa is None or tool.free_length_um is None:
         return None
     second = tool.thickness_um * tool.finger_width_um**3 / 12
     modulus = tool.youngs_modulus_gpa * UN_PER_UM2_PER_GPA
-    per_um = 3 * modulus * second / tool.free_length_um**3
-    low, high = squeeze_um - edge_um, squeeze_um + edge_um
-    return per_um * max(low, 0.0), per_um * max(high, 0.0)
+    return 3 * modulus * second / tool.free_length_um**3
 
 
 def widest_gap_rad(minima: tuple[float, ...]) -> float:
@@ -85,10 +98,14 @@ def _width_range(task: Task, step: Step, minima: tuple[float, ...]) -> Bounds:
 
 def _lift(task: Task, name: str) -> Bounds:
     """Return what lifting a part off its face takes, uN."""
-    part = task.parts[name]
-    face = Face(area_um2=part.outline.area_um2)
+    part, index = task.parts[name], task.workcell.optics.medium_index
+    face = Face(
+        area_um2=part.outline.area_um2,
+        conducts=conducts(part.material),
+        liquid=in_liquid(index),
+    )
     low, high = total(forces(face, task.environment))
-    weight = weight_un(part.material, face.area_um2 * part.thickness_um)
+    weight = weight_un(part.material, volume_um3(part), medium_index=index)
     return weight[0] + low, weight[1] + high
 
 

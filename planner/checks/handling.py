@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from planner.checks.gripping import grasp_verdict
@@ -53,11 +54,12 @@ def report_handling(
     if placing is not None:
         report.note("MP615", step.where, placing_words(step.id, placing))
     if grasp is not None:
-        words = f"step {step.id!r}: {grasp.verdict}: {grasp.reason}"
-        if grasp.theta_within_rad is not None:
-            words += f"; angle within {grasp.theta_within_rad * 1e3:.3g} mrad"
+        words = f"step {step.id!r}: {grasp.verdict}: {grasp.reason}; {_stands(grasp)}"
         if grasp.verdict == "will slip":
             report.warning("MP614", step.where, words, "close the jaws further")
+        elif grasp.room_um < grasp.needed_um:
+            hint = "open the jaws further before, or align more finely"
+            report.warning("MP614", step.where, words, hint)
         else:
             report.note("MP614", step.where, words)
     if release is None:
@@ -70,3 +72,18 @@ def report_handling(
         report.note("MP613", step.where, words + "; no later step looks", hint)
     else:
         report.note("MP613", step.where, f"{words}; {release.verified_by!r} looks")
+
+
+def _stands(grasp: GraspVerdict) -> str:
+    """Return how a part stands between the jaws, in words."""
+    narrow, wide = grasp.width_range_um
+    words = (
+        f"{grasp.room_um:.3g} um beside it, {grasp.needed_um:.3g} um needed at 3 sigma;"
+        f" {narrow:.4g}..{wide:.4g} um wide over all angles"
+    )
+    if grasp.theta_within_rad is None:
+        return f"{words}, which no jaw turns"
+    within = f"angle within {grasp.theta_within_rad * 1e3:.3g} mrad"
+    if grasp.theta_sigma_rad >= math.pi:
+        return f"{words}, {within} of one of {grasp.settles}"
+    return f"{words}, {within}, sigma {grasp.theta_sigma_rad * 1e3:.3g} mrad once held"

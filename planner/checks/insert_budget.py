@@ -6,8 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from planner.checks.budget import Sighted
-from planner.checks.fit import Fit, Residual
+from planner.checks.fit import Residual
 from planner.checks.insertion import Insertion
 from planner.checks.offenders import (
     changes,
@@ -18,11 +17,9 @@ from planner.checks.offenders import (
 )
 from planner.inputs.task import Task
 from schemas.plan import Budget, BudgetRow
-from schemas.verdicts import Allowed, BudgetAnalysis
+from schemas.verdicts import BudgetAnalysis
 
 SIZE_TERM = "size of hole and shaft"
-TRIALS = "trials, at the look's own tolerance"
-BENCHMARK = "the benchmark's range, which all trials covered"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,28 +33,24 @@ class Left:
 
 
 def insert_budget(
-    task: Task,
-    fit: Fit,
+    job: Insertion,
     left: Left,
-    blind: tuple[BudgetRow, ...],
-    bias_um: float,
     *,
     goal: float = 0.0,
-    seen: Sequence[Sighted | None] = (),
     methods: Sequence[tuple[str, float]] = (),
 ) -> Budget:
-    """Return the budget of an insertion; nobody corrects an offset of `bias_um`.
+    """Return the budget of an insertion that starts from what is `left`.
 
-    `goal` is the step's share of the task's, `seen` are the looks at hole and shaft,
-    `methods` other ways to align with the chances they would give.
+    `goal` is the step's share of the task's, `methods` are other ways to align with
+    the chances they would give. What the looks' settings bear is left open.
     """
-    job = Insertion(fit=fit, residual=left.residual, blind=blind, offset_um=bias_um)
+    bias_um = job.offset_um
     offset = "offset that the moves leave" if bias_um else "measurement bias"
     sizes = sizes_of(job, left.term, offset, SIZE_TERM)
     values = {name: size for name, _, size in sizes}
     rows = (
         BudgetRow(term=left.term, sigma_um=values[left.term], source=left.source),
-        *blind,
+        *job.blind,
         BudgetRow(
             term=offset,
             sigma_um=bias_um,
@@ -69,61 +62,26 @@ def insert_budget(
             source="profile_tolerance_um, uniform within, on the capture radius",
         ),
     )
-    chance = 1 - job.miss
+    chance, rest = 1 - job.miss, job.rest
     worst = offenders(job, sizes, goal)
     cheap = changes(job, worst, goal, methods)
     analysis = BudgetAnalysis(
         required_probability=goal,
         offenders=worst,
         changes=cheap,
-        allowed=allowed_of(task, seen),
+        allowed=(),
         yields=(yield_over_shaft(job), yield_over_tolerance(job)),
+        miss_probability=job.miss,
+        covariance_um2=(rest.xx_um2, rest.xy_um2, rest.yy_um2),
     )
     advice = "" if chance >= goal else advice_of(analysis)
     return Budget(
         rows=rows,
-        limit_um=fit.capture_um,
+        limit_um=job.fit.capture_um,
         success_probability=chance,
         advice=advice,
         analysis=analysis,
     )
-
-
-def allowed_of(task: Task, seen: Sequence[Sighted | None]) -> tuple[Allowed, ...]:
-    """Return the largest errors of focus, zoom, light and pose that looks bear."""
-    rows = [row for look in seen if look is not None for row in _borne(look)]
-    low, high = task.benchmark.light_gain
-    rows += [
-        Allowed(
-            error="light", look=look.name, least=low, most=high, unit="1",
-            source=BENCHMARK,
-        )
-        for look in seen
-        if look is not None
-    ]  # fmt: skip
-    return tuple(rows)
-
-
-def _borne(look: Sighted) -> list[Allowed]:
-    """Return what the trials of one look found."""
-    capture = look.capture_um
-    ranges = [
-        ("focus", look.usable_focus_um, "um"),
-        ("zoom", look.usable_magnification, "1"),
-        ("pose", None if capture is None else (-capture, capture), "um"),
-    ]
-    return [
-        Allowed(
-            error=error,
-            look=look.name,
-            least=found[0],
-            most=found[1],
-            unit=unit,
-            source=TRIALS,
-        )
-        for error, found, unit in ranges
-        if found is not None
-    ]
 
 
 def advice_of(found: BudgetAnalysis) -> str:

@@ -73,7 +73,7 @@ class Insertion:
             return share * early.miss + (1 - share) * later.miss
         rest, room = self.rest, self.fit.room
         narrow, wide, angle = rest.principal
-        if wide - narrow <= ROUND * wide:
+        if not self._leans:
             return miss_probability(self.fit, self.residual, wide, abs(self.offset_um))
         if math.isinf(self.residual.within_um) or self.residual.sigma_um <= 0:
             left = Spread.along(self.residual.sigma_um, None)
@@ -82,6 +82,41 @@ class Insertion:
             )
         extra = math.sqrt((wide - narrow) * (wide + narrow))
         return self._averaged(narrow, extra, angle)
+
+    @property
+    def sizes_um(self) -> dict[str, float]:
+        """Return the sizes of what the servo cannot see, by term."""
+        return {row.term: row.sigma_um or 0.0 for row in self.blind}
+
+    def missed_with(self, offset_um: float) -> float:
+        """Return the chance of a miss with one more offset, in the worst direction.
+
+        To an offset that is there already it adds up. Without one the rest is widest
+        along one direction and narrowest across it: the worse of both.
+        """
+        if offset_um == 0 or self.offset_um != 0:
+            return replace(self, offset_um=abs(self.offset_um) + offset_um).miss
+        _, _, angle = self.rest.principal
+        turns = {angle, angle + math.pi / 2} if self._leans else {0.0}
+        return max(
+            replace(self._turned(-turn), offset_um=offset_um).miss for turn in turns
+        )
+
+    @property
+    def _leans(self) -> bool:
+        """Return whether the rest depends on the direction."""
+        narrow, wide, _ = self.rest.principal
+        return wide - narrow > ROUND * wide
+
+    def _turned(self, angle_rad: float) -> Insertion:
+        """Return the same insertion in a frame turned by -angle_rad."""
+        rows = tuple(
+            row
+            if row.along_rad is None
+            else replace(row, along_rad=row.along_rad + angle_rad)
+            for row in self.blind
+        )
+        return replace(self, blind=rows)
 
     def _averaged(self, narrow_um: float, extra_um: float, angle_rad: float) -> float:
         """Return the mean chance over a shift along the wide axis."""
@@ -155,10 +190,13 @@ class Insertion:
             return replace(self, offset_um=self.offset_um * factor)
         if term == SIZE:
             return replace(self, fit=_resized(self.fit, factor))
+        known = {row.term: row.sigma_um for row in self.blind}[term]
+        return self if known is None else self.resized(term, factor * known)
+
+    def resized(self, term: str, sigma_um: float) -> Insertion:
+        """Return the same insertion with another size of a term of `blind`."""
         rows = tuple(
-            replace(row, sigma_um=factor * row.sigma_um)
-            if row.term == term and row.sigma_um is not None
-            else row
+            replace(row, sigma_um=sigma_um) if row.term == term else row
             for row in self.blind
         )
         return replace(self, blind=rows)

@@ -16,7 +16,7 @@ INTERVAL = "interval"
 NEVER = (
     ("impact and vibration", "moves end in settle_s; nothing is known of the frame"),
     ("deformation of the part", "parts are rigid; fingers bend, parts do not"),
-    ("electric double layers", "only in liquids; the work is done in air"),
+    ("electric double layers", "only in liquids, where no release is judged"),
 )
 
 

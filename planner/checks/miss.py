@@ -14,12 +14,10 @@ Gauss nodes between the edges serve for any ratio of the lengths.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
-from scipy import special
 
+from planner.checks.bump import TAIL_SIGMAS, Room, bump_of, radii_near
 from planner.checks.landing import (
     BODY_SIGMAS,
     STEP_SIGMAS,
@@ -32,38 +30,7 @@ FloatArray = npt.NDArray[np.float64]
 
 # A length below this share of all the others is lost in their rounding.
 NEGLIGIBLE = 1e-15
-# exp(-40**2 / 2) = 1e-348 is no double.
-TAIL_SIGMAS = 40.0
 NODES = 16  # per piece along w
-RADIUS_NODES = 10  # per piece of the radii's law
-# Ends of the pieces of the radii's law, in sigmas from where it counts most: close,
-# because there it may fall as fast as exp(-TAIL_SIGMAS u).
-NEAR_CUTS = np.array([0.25, 1.0, 2.5, 5.0, BODY_SIGMAS])
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Room:
-    """A radius that varies: the difference of two sizes, uniform within limits each.
-
-    A trapezoid about `radius_um`: level out to `flat_um`, nothing beyond `reach_um`.
-    """
-
-    radius_um: float
-    flat_um: float
-    reach_um: float
-
-    def density(self, deviation_um: FloatArray) -> FloatArray:
-        """Return the density of the deviation from `radius_um`, per um, same shape."""
-        slope = self.reach_um - self.flat_um
-        left = self.reach_um - np.abs(deviation_um)
-        share = np.minimum(left / slope, 1.0) if slope > 0 else np.ones_like(left)
-        density: FloatArray = np.maximum(share, 0.0) / (self.reach_um + self.flat_um)
-        return density
-
-    @property
-    def kinks_um(self) -> FloatArray:
-        """Return where the density bends, (4,)."""
-        return np.array([-self.reach_um, -self.flat_um, self.flat_um, self.reach_um])
 
 
 def chance_beyond(room: Room, landing: Landing, sigma_um: float) -> float:
@@ -142,17 +109,7 @@ def blurred(
     offset, weight = nodes_between_roots(
         cuts_between(low, np.concatenate(cuts), high), NODES
     )
-    return offset, weight * _bump(room, sigma_um, offset)
-
-
-def _bump(room: Room, sigma_um: float, offset: FloatArray) -> FloatArray:
-    """Return dQ/dw at w = radius + offset, averaged over the radii, per um, (N,)."""
-    wide, weight = _radii(room, sigma_um, offset)
-    w = (room.radius_um + offset)[:, None] / sigma_um
-    radius = w + wide / sigma_um
-    bessel = special.i1e(w * radius) * np.exp(-((wide / sigma_um) ** 2) / 2)
-    bump: FloatArray = (weight * radius * bessel).sum(axis=1) / sigma_um
-    return bump
+    return offset, weight * bump_of(room, sigma_um).at(offset)
 
 
 def certain(room: Room, sigma_um: float) -> float:
@@ -164,24 +121,6 @@ def certain(room: Room, sigma_um: float) -> float:
         deviation, weight = nodes_between(cuts, NODES)
         chance = float(weight @ room.density(deviation))
     if sigma_um > 0:
-        wide, weight = _radii(room, sigma_um, np.array([start]))
+        wide, weight = radii_near(room, sigma_um, np.array([start]))
         chance += float((weight * np.exp(-((wide / sigma_um) ** 2) / 2)).sum())
     return chance
-
-
-def _radii(
-    room: Room, sigma_um: float, offset: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return positive radii less w = radius + offset, and their weights, (N, M)."""
-    if room.reach_um == 0:
-        return -offset[:, None], np.ones((len(offset), 1))
-    low = max(-room.reach_um, -room.radius_um) - offset
-    high = room.reach_um - offset
-    likely = np.clip(0.0, low, high)[:, None]
-    near = np.concatenate([-NEAR_CUTS[::-1], [0.0], NEAR_CUTS]) * sigma_um
-    cuts = np.concatenate(
-        [likely + near, room.kinks_um - offset[:, None], low[:, None]], axis=1
-    )
-    cuts = np.sort(np.clip(cuts, low[:, None], high[:, None]), axis=1)
-    wide, weight = nodes_between(cuts, RADIUS_NODES)
-    return wide, weight * room.density(wide + offset[:, None])

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy import optimize
 
 from planner.checks.insertion import ALL, OFFSET, SERVO, SIZE, Insertion
 from schemas.verdicts import Change, Offender, YieldCurve, YieldPoint
@@ -21,6 +22,8 @@ SHARP = 1e-3
 # Halvings beyond this are no change that anybody makes.
 MOST_HALVINGS = 10.0
 YIELD_POINTS = 9
+# Odds longer than this are certain.
+LEAST_CHANCE = 1e-300
 # Curves run from these shares of the drawn value to those.
 SHAFT_SHARES = (0.0, 1.5)  # of the clearance, taken off the hole's diameter
 TOLERANCE_SHARES = (0.0, 3.0)  # of the tolerance stated
@@ -83,7 +86,7 @@ def changes(
     for term in found:
         if term.largest_um is None or term.largest_um <= 0:
             continue
-        halvings = math.log2(term.size_um / term.largest_um)
+        halvings = _halvings(term.size_um / term.largest_um)
         if 0 < halvings <= MOST_HALVINGS:
             what = (
                 f"bring {term.term!r} from {term.size_um:.3g} to "
@@ -91,7 +94,8 @@ def changes(
             )
             fits.append(Change(what=what, halvings=halvings, success_probability=goal))
     fits += _wider(job, goal, widen) + _all_finer(job, goal)
-    return tuple(sorted(fits, key=lambda change: (change.halvings, change.what)))
+    # of what costs the same the fewest things come first
+    return tuple(sorted(fits, key=lambda change: change.halvings))
 
 
 def yield_over_shaft(job: Insertion) -> YieldCurve:
@@ -141,32 +145,32 @@ def _slope(job: Insertion, key: str, size_um: float) -> float:
 def _largest(job: Insertion, key: str, size_um: float, goal: float) -> float | None:
     """Return the largest size of a term that gives the goal, None if 0 does not."""
 
-    def meets(size: float) -> bool:
-        return 1 - job.scaled(key, size / size_um).miss >= goal
+    def spare(size: float) -> float:
+        return _spare(job.scaled(key, size / size_um), goal)
 
-    if not meets(0.0):
+    if spare(0.0) < 0:
         return None
     most = MOST_RADII * max(job.fit.capture_um, size_um)
-    return most if meets(most) else _edge(meets, 0.0, most)
+    return most if spare(most) >= 0 else edge(spare, 0.0, most)
 
 
 def _wider(job: Insertion, goal: float, widen: str) -> list[Change]:
     """Return the least widening of the hole that gives the goal, if any does."""
     clearance = 2 * job.fit.capture_um
 
-    def misses(wider: float) -> bool:
-        return 1 - job.widened(wider).miss < goal
+    def short(wider: float) -> float:
+        return -_spare(job.widened(wider), goal)
 
     most = MOST_RADII * (abs(clearance) + 2 * max(job.rest.principal[1], SHARP))
-    if misses(most):
+    if short(most) > 0:
         return []
-    wider = _edge(misses, 0.0, most)
+    wider = edge(short, 0.0, most)
     wider += SHARP * wider  # the edge is found from below
     base = max(clearance, SHARP * wider)
     return [
         Change(
             what=widen.format(wider=wider, half=wider / 2),
-            halvings=math.log2((base + wider) / base),
+            halvings=_halvings((base + wider) / base),
             success_probability=1 - job.widened(wider).miss,
         )
     ]
@@ -175,27 +179,47 @@ def _wider(job: Insertion, goal: float, widen: str) -> list[Change]:
 def _all_finer(job: Insertion, goal: float) -> list[Change]:
     """Return by how much all terms together must shrink, if that gives the goal."""
 
-    def meets(factor: float) -> bool:
-        return 1 - job.scaled(ALL, factor).miss >= goal
+    def spare(factor: float) -> float:
+        return _spare(job.scaled(ALL, factor), goal)
 
-    if not meets(0.0):
+    if spare(0.0) < 0:
         return []
-    factor = _edge(meets, 0.0, 1.0)
+    factor = edge(spare, 0.0, 1.0)
     if factor <= 0:
         return []
     return [
         Change(
             what=f"bring every error and tolerance to {100 * factor:.3g} % of itself",
-            halvings=-math.log2(factor),
+            halvings=_halvings(1 / factor),
             success_probability=1 - job.scaled(ALL, factor).miss,
         )
     ]
 
 
-def _edge(holds: Callable[[float], bool], low: float, high: float) -> float:
-    """Return about where `holds` ends, from below; it does at `low`, not at `high`."""
+def _halvings(ratio: float) -> float:
+    """Return how many halvings a ratio is; sizes are found to SHARP only."""
+    return round(math.log2(ratio), 2)
+
+
+def _spare(job: Insertion, goal: float) -> float:
+    """Return by how much the log odds of success are above those of the goal."""
+    miss = job.miss
+    return _log_odds(1 - miss, miss) - _log_odds(goal, 1 - goal)
+
+
+def _log_odds(hit: float, miss: float) -> float:
+    return math.log(max(hit, LEAST_CHANCE)) - math.log(max(miss, LEAST_CHANCE))
+
+
+def edge(spare: Callable[[float], float], low: float, high: float) -> float:
+    """Return about where `spare` turns negative, from below, to a share of SHARP.
+
+    It is not negative at `low`, and negative at `high` or beyond.
+    """
+    if spare(high) >= 0:
+        return high
     nothing = low + SHARP**3 * (high - low)  # an edge closer to `low` is there
-    while high - low > SHARP * high and high > nothing:
-        middle = (low + high) / 2
-        low, high = (middle, high) if holds(middle) else (low, middle)
-    return low
+    found = float(optimize.brentq(spare, low, high, xtol=nothing, rtol=SHARP / 4))
+    while found > nothing and spare(found) < 0:
+        found *= 1 - SHARP / 2
+    return found if found > nothing else low

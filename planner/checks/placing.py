@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from planner.checks.budget import Sighted
 from planner.checks.fit import Fit
-from planner.checks.insert_budget import Left, advice_of, allowed_of
+from planner.checks.insert_budget import Left, advice_of
 from planner.checks.insertion import SIZE, Insertion
 from planner.checks.offenders import YIELD_POINTS, changes, offenders, sizes_of
 from planner.checks.turning import Turning
-from planner.inputs.task import Task
 from schemas.plan import Budget, BudgetRow
 from schemas.verdicts import BudgetAnalysis, PlacingVerdict, YieldCurve, YieldPoint
 
@@ -22,6 +19,7 @@ NOT_MODELLED = (
     ("sideways shift as the jaws open", "not modelled: no force has a known size"),
 )
 YIELD_SHARES = (0.25, 2.0)  # of the tolerance stated
+OFFSET_TERM = "offset that the moves leave"
 WIDEN = "allow {half:.3g} um more"
 QUANTILES = (0.5, 0.95)
 SHARP = 1e-3  # of a quantile
@@ -40,81 +38,78 @@ class Placement:
     stick_probability: float
 
 
+def within(radius_um: float) -> Fit:
+    """Return a tolerance as a hole over a shaft of no width."""
+    return Fit(
+        hole_um=radius_um, shaft_um=0.0, hole_tolerance_um=0.0, shaft_tolerance_um=0.0
+    )
+
+
+def chance_beside(placed: Placement, turning: Turning) -> float:
+    """Return the chance that the angle is within its limit and nothing sticks."""
+    limit = placed.within_rad
+    turned = 0.0 if limit is None else turning.beyond(limit)
+    return (1 - turned) * (1 - placed.stick_probability)
+
+
 def placing_budget(
-    task: Task,
     placed: Placement,
+    job: Insertion,
     left: Left,
-    blind: Sequence[BudgetRow],
     turning: Turning,
     *,
-    offset_um: float = 0.0,
     goal: float = 0.0,
-    seen: Sequence[Sighted | None] = (),
 ) -> tuple[Budget, PlacingVerdict]:
     """Return the budget of a release, and the verdict with its numbers.
 
     Parameters
     ----------
-    task : Task
-        Gives what looks bear.
     placed : Placement
         What is put where.
+    job : Insertion
+        The place's errors, in a fit that `within` makes of the tolerance.
     left : Left
-        What the alignment leaves sideways.
-    blind : sequence of BudgetRow
-        What it cannot see.
+        What the alignment leaves sideways, with its name.
     turning : Turning
         The angle's error.
-    offset_um : float
-        How far apart the moves leave target and goal at their nominal places.
     goal : float
         The step's share of the task's.
-    seen : sequence of Sighted or None
-        The looks at both parts.
 
     Notes
     -----
     Place, angle and sticking count as independent. An error of the angle also moves the
     place: what they share makes both go wrong together rather than one after the other,
-    so that the product errs on the safe side.
+    so that the product errs on the safe side. What the looks' settings bear is left
+    open.
     """
-    job = Insertion(
-        fit=_fit(placed.within_um),
-        residual=left.residual,
-        blind=tuple(blind),
-        offset_um=offset_um,
-        early=left.early,
-    )
-    turned = 0.0
-    if placed.within_rad is not None:
-        turned = turning.beyond(placed.within_rad)
-    others = (1 - turned) * (1 - placed.stick_probability)
+    others, rest = chance_beside(placed, turning), job.rest
     needed = min(goal / others, 1.0) if others > 0 else 1.0
-    sizes = [s for s in sizes_of(job, left.term, "offset", "") if s[1] != SIZE]
+    sizes = [s for s in sizes_of(job, left.term, OFFSET_TERM, "") if s[1] != SIZE]
     worst = offenders(job, sizes, needed)
     analysis = BudgetAnalysis(
         required_probability=goal,
         offenders=worst,
         changes=changes(job, worst, needed, widen=WIDEN),
-        allowed=allowed_of(task, seen),
+        allowed=(),
         yields=(_yield_over(job),),
+        miss_probability=job.miss,
+        covariance_um2=(rest.xx_um2, rest.xy_um2, rest.yy_um2),
     )
     chance = (1 - job.miss) * others
     budget = Budget(
-        rows=_rows(job, left, placed, {name: um for name, _, um in sizes}),
+        rows=_rows(job, left, placed),
         limit_um=placed.within_um,
         success_probability=chance,
         advice="" if chance >= goal else advice_of(analysis),
         analysis=analysis,
     )
-    return budget, _verdict(placed, job, turning, turned)
+    return budget, _verdict(placed, job, turning)
 
 
-def _verdict(
-    placed: Placement, job: Insertion, turning: Turning, turned: float
-) -> PlacingVerdict:
+def _verdict(placed: Placement, job: Insertion, turning: Turning) -> PlacingVerdict:
     """Return the numbers of a placement."""
     half_um, most_um = (_quantile_um(job, share) for share in QUANTILES)
+    limit = placed.within_rad
     return PlacingVerdict(
         target=placed.target,
         on=placed.on,
@@ -126,7 +121,7 @@ def _verdict(
         within_rad=placed.within_rad,
         turn_rows=turning.rows,
         turn_sigma_rad=turning.sigma_rad,
-        turn_probability=1 - turned,
+        turn_probability=1.0 if limit is None else 1 - turning.beyond(limit),
         far_um=placed.far_um,
         far_sigma_um=placed.far_um * math.sin(min(turning.sigma_rad, math.pi / 2)),
         stick_probability=placed.stick_probability,
@@ -150,23 +145,14 @@ def placing_words(step: str, found: PlacingVerdict) -> str:
     return f"{words}; {found.verified_by!r} looks"
 
 
-def _fit(radius_um: float) -> Fit:
-    """Return a tolerance as a hole over a shaft of no width."""
-    return Fit(
-        hole_um=radius_um, shaft_um=0.0, hole_tolerance_um=0.0, shaft_tolerance_um=0.0
-    )
-
-
-def _rows(
-    job: Insertion, left: Left, placed: Placement, sizes: dict[str, float]
-) -> tuple[BudgetRow, ...]:
+def _rows(job: Insertion, left: Left, placed: Placement) -> tuple[BudgetRow, ...]:
     """Return every term of the place, what is left out last."""
     stick = f"stick_probability {placed.stick_probability:g} as the workcell states"
     left_out = (*NOT_MODELLED, ("adhesion to the fingers", f"counts in P: {stick}"))
     return (
-        BudgetRow(term=left.term, sigma_um=sizes[left.term], source=left.source),
+        BudgetRow(term=left.term, sigma_um=job.left_um, source=left.source),
         *job.blind,
-        BudgetRow(term="offset", sigma_um=job.offset_um, source="the task's moves"),
+        BudgetRow(term=OFFSET_TERM, sigma_um=job.offset_um, source="the task's moves"),
         *(BudgetRow(term=t, sigma_um=None, source=s) for t, s in left_out),
     )
 
@@ -175,9 +161,9 @@ def _yield_over(job: Insertion) -> YieldCurve:
     """Return the chance over the tolerance."""
     points = []
     for share in np.linspace(*YIELD_SHARES, YIELD_POINTS):
-        within = job.fit.hole_um * float(share)
-        miss = replace(job, fit=_fit(within)).miss
-        points.append(YieldPoint(value_um=within, success_probability=1 - miss))
+        radius = job.fit.hole_um * float(share)
+        miss = replace(job, fit=within(radius)).miss
+        points.append(YieldPoint(value_um=radius, success_probability=1 - miss))
     return YieldCurve(over="within_um", points=tuple(points))
 
 
@@ -185,7 +171,7 @@ def _quantile_um(job: Insertion, share: float) -> float:
     """Return the radius within which `share` of the errors end."""
 
     def inside(radius_um: float) -> float:
-        return 1 - replace(job, fit=_fit(radius_um)).miss
+        return 1 - replace(job, fit=within(radius_um)).miss
 
     low, high = 0.0, job.fit.hole_um
     while inside(high) < share:

@@ -61,6 +61,7 @@ class State:
     held: str | None
     parts: Mapping[str, PartState]
     stage_sigma_um: float  # spread of the stage's place per axis
+    tip_sigma_um: float  # spread of the grip's place per axis
     pinned: Mapping[str, float]  # part -> world spread, while a servo holds it there
     located: frozenset[str]  # names measured since they last changed hands
 
@@ -120,9 +121,21 @@ def initial(task: Task) -> State:
         held=None,
         parts=parts,
         stage_sigma_um=stage.axes.repeatability_xy_um,
+        tip_sigma_um=turned_tip_um(task),
         pinned={},
         located=frozenset(),
     )
+
+
+def turned_tip_um(task: Task) -> float:
+    """Return the spread of the grip's place after the robot's theta was set.
+
+    The error of the angle swings the grip about an axis far behind it, which counts
+    until a look has seen where it is.
+    """
+    robot = task.workcell.robot
+    swing_um = robot.theta_axis_to_tip_um * robot.axes.repeatability_theta_rad
+    return math.hypot(robot.axes.repeatability_xy_um, swing_um)
 
 
 def stage_pose(task: Task, stage: Axis4) -> Pose:
@@ -163,14 +176,14 @@ def part_z_um(task: Task, state: State, name: str) -> float:
     return state.robot.z_um + part.z_um
 
 
-def part_sigma_um(task: Task, state: State, name: str) -> float:
+def part_sigma_um(state: State, name: str) -> float:
     """Return the spread of a part's world place about nominal, per axis."""
     part = state.parts[name]
     if name in state.pinned:
         return state.pinned[name]
     if part.carrier == "stage":
         return math.hypot(part.sigma_xy_um, state.stage_sigma_um)
-    return math.hypot(part.sigma_xy_um, task.workcell.robot.axes.repeatability_xy_um)
+    return math.hypot(part.sigma_xy_um, state.tip_sigma_um)
 
 
 def height_sigma_um(task: Task, state: State, owner: str) -> float:
@@ -204,7 +217,7 @@ def locate_place(task: Task, state: State, name: str) -> Place:
         carrier=held.carrier,
         pose=Pose(x_um=x_um, y_um=y_um, theta_rad=pose.theta_rad),
         z_um=part_z_um(task, state, owner) + face_um(part, inner),
-        sigma_xy_um=part_sigma_um(task, state, owner),
+        sigma_xy_um=part_sigma_um(state, owner),
         sigma_theta_rad=held.sigma_theta_rad,
     )
 
@@ -246,7 +259,7 @@ def _tool_place(task: Task, state: State, name: str, tool: Tool) -> Place:
         carrier="robot",
         pose=robot_pose(state.robot),
         z_um=state.robot.z_um + tool.thickness_um,
-        sigma_xy_um=task.workcell.robot.axes.repeatability_xy_um,
+        sigma_xy_um=state.tip_sigma_um,
         sigma_theta_rad=task.workcell.robot.axes.repeatability_theta_rad,
     )
 
@@ -281,7 +294,7 @@ def _part_bodies(task: Task, state: State, name: str) -> list[Body]:
             z_low_um=base,
             z_high_um=base + height,
             reflectance=reflectance,
-            sigma_xy_um=part_sigma_um(task, state, name),
+            sigma_xy_um=part_sigma_um(state, name),
             sigma_z_um=sigma_z,
         )
         for body, outline, base, height, reflectance in prisms
@@ -304,7 +317,7 @@ def _tool_bodies(task: Task, state: State, tool: Tool) -> list[Body]:
             z_low_um=state.robot.z_um,
             z_high_um=state.robot.z_um + tool.thickness_um,
             reflectance=tool.reflectance,
-            sigma_xy_um=axes.repeatability_xy_um,
+            sigma_xy_um=state.tip_sigma_um,
             sigma_z_um=axes.repeatability_z_um,
         )
         for side, outline, shift in fingers

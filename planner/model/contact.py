@@ -11,7 +11,7 @@ from planner.model.shapes import hull
 
 # A corner of a hull within this of a jaw touches it: edges as made vary by more.
 TOUCH_UM = 0.05
-# A round part touches along a line that presses itself at least this wide.
+# What touches by one corner is taken as this wide: corners as made are round.
 LEAST_WIDTH_UM = 0.1
 
 

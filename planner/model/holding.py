@@ -56,7 +56,7 @@ def between_jaws(task: Task, state: State, step: Step) -> Between:
         turn_rad=turn,
         width_um=width,
         half_room_um=(state.opening_um - width) / 2,
-        sigma_um=part_sigma_um(task, state, name),
+        sigma_um=part_sigma_um(state, name),
     )
 
 
@@ -197,7 +197,7 @@ def release(task: Task, state: State, step: Step, report: Report) -> State:
         - state.stage.z_um
         - task.workcell.stage.datum_z_um,
     )
-    pinned = {**state.pinned, name: part_sigma_um(task, state, name)}
+    pinned = {**state.pinned, name: part_sigma_um(state, name)}
     opened = replace(state, held=None, opening_um=opening, pinned=pinned)
     return with_part(opened, name, left)
 

@@ -45,7 +45,7 @@ class Mating:
     def fit_class(self) -> FitClass:
         """Return whether all, some or none of the parts as made go together.
 
-        The classes of ISO 286-1:2010, 3.4: over the whole range of sizes.
+        The terms of ISO 286-1:2010, over the whole range of sizes.
         """
         least, _, most = self.clearance_um
         if least > SAME_UM:
@@ -64,17 +64,29 @@ class Mating:
     def wedging_rad(self, clearance_um: float) -> float | None:
         """Return the tilt below which two-point contact cannot wedge.
 
-        (c / D) / mu, None without friction.
+        (c / D) / mu, None without friction. Two contacts hold a part by themselves
+        only if the line between them lies in both friction cones: its slope over the
+        hole's width, depth / D, must be below mu. Tilted by t, a shaft touches both
+        sides at a depth of c / t. The exact slope is (c / D - (1 - cos t)) / sin t, and
+        one cone is turned by t: both only raise the limit.
 
         References
         ----------
-        Whitney (1982), J. Dyn. Syst. Meas. Control 104, 65-77, on part mating by
-        compliantly supported rigid parts: tilt below the clearance ratio over the
-        coefficient of friction.
+        Whitney (1982), Quasi-static assembly of compliantly supported rigid parts, J.
+        Dyn. Syst. Meas. Control 104, 65-77: the conditions of geometry and force.
         """
         if self.friction <= 0:
             return None
         return max(clearance_um, 0.0) / self.hole_um / self.friction
+
+    def may_wedge(self, clearance_um: float, tilt_rad: float) -> bool:
+        """Return whether a tilt brings two-point contact that may hold by itself.
+
+        Below the tilt limit a hole shorter than the wedging depth is never touched on
+        both sides.
+        """
+        limits = self.wedging_rad(clearance_um), self.tilt_limit_rad(clearance_um)
+        return all(limit is not None and tilt_rad >= limit for limit in limits)
 
     @property
     def wedging_depth_um(self) -> float:
@@ -122,22 +134,21 @@ def fit_verdict(mating: Mating, tilt_sigma_rad: float) -> FitVerdict:
     jaws adds to it and is not known.
     """
     least, drawn, most = mating.clearance_um
-    wedging = mating.wedging_rad(least)
     tilt = TILT_SIGMAS * tilt_sigma_rad
     return FitVerdict(
         hole_um=mating.hole_um,
         shaft_um=mating.shaft_um,
         fit=mating.fit_class,
         clearance_um=(least, drawn, most),
-        capture_um=(least / 2, drawn / 2, most / 2),
+        capture_um=(max(least, 0) / 2, max(drawn, 0) / 2, max(most, 0) / 2),
         taper_um=mating.taper_um,
         engaged_um=mating.engaged_um,
         tilt_limit_rad=mating.tilt_limit_rad(least),
         tilt_rad=tilt,
         tilt_takes_um=mating.engaged_um * math.tan(tilt),
-        wedging_rad=wedging,
+        wedging_rad=mating.wedging_rad(least),
         wedging_depth_um=mating.wedging_depth_um,
-        may_wedge=wedging is not None and tilt >= wedging,
+        may_wedge=mating.may_wedge(least, tilt),
     )
 
 

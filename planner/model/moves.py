@@ -6,14 +6,16 @@ from dataclasses import replace
 
 from planner.diagnostics import Report
 from planner.inputs.task import Move, Reading, Step, Task
-from planner.model.assembly import Carrier, State
+from planner.model.assembly import Carrier, State, turned_tip_um
 from planner.model.sweep import sweep_hits
 
 
 def apply_reading(task: Task, state: State, axes: Carrier, to: Reading) -> State:
     """Return the state after an absolute move of one axis group."""
     if axes == "robot":
-        return replace(state, robot=state.robot.moved(to))
+        turned = to.theta_rad is not None and to.theta_rad != state.robot.theta_rad
+        tip_um = turned_tip_um(task) if turned else state.tip_sigma_um
+        return replace(state, robot=state.robot.moved(to), tip_sigma_um=tip_um)
     stage = state.stage.moved(to)
     if to.x_um is None and to.y_um is None and to.theta_rad is None:
         return replace(state, stage=stage)

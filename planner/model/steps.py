@@ -151,8 +151,15 @@ def _view(task: Task, state: State, step: Step) -> tuple[Move, ...]:
 
 
 def _locate(task: Task, state: State, step: Step, report: Report) -> State:  # noqa: ARG001
-    """Return the state with the target known."""
-    return replace(state, located=state.located | {step.target or ""})
+    """Return the state with the target known.
+
+    A look at the tool, or at what it holds, sees how its angle swung the grip.
+    """
+    carrier = locate_place(task, state, step.target or "").carrier
+    rest_um = task.workcell.robot.axes.repeatability_xy_um
+    tip_um = rest_um if carrier == "robot" else state.tip_sigma_um
+    located = state.located | {step.target or ""}
+    return replace(state, located=located, tip_sigma_um=tip_um)
 
 
 def _keep(task: Task, state: State, step: Step, report: Report) -> State:  # noqa: ARG001

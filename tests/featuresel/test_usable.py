@@ -8,10 +8,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from featuresel import usable
+from featuresel import reach
 from featuresel.case import LookCase
+from featuresel.reach import FOCUS_UM, STRIDE, ZOOM, last_held
 from featuresel.trials import prepare
-from featuresel.usable import FOCUS_UM, STRIDE, ZOOM, last_held, usable_range
+from featuresel.usable import usable_range
 
 Look = Callable[[str], LookCase]
 
@@ -61,6 +62,6 @@ def test_ranges_of_looks_are_those_found_by_trying_all(
     case = look(name)
     ready = prepare(case, [(routine,)])
     quick = usable_range(case, ready, (routine,), root_seed=3, draws=1)
-    monkeypatch.setattr(usable, "last_held", plain)
+    monkeypatch.setattr(reach, "last_held", plain)
     assert usable_range(case, ready, (routine,), root_seed=3, draws=1) == quick
     assert quick.focus_um[0] < 0 < quick.focus_um[1]

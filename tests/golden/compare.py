@@ -21,11 +21,14 @@ COUNT_SLACK = 1
 REL = 1e-4
 MEASURED = frozenset(
     {"sigma_um", "sigma_xy_um", "sigma_theta_rad", "bias_um", "worst_um", "min_score",
-     "success_lower", "silent_upper", "success_probability", "tolerance_xy_um",
+     "success_lower", "silent_upper", "tolerance_xy_um",
      "expected_cycles", "expected_s", "max_spread_um", "robustness", "resolution_um",
-     "sigma_upper_um", "bias_x_um", "bias_y_um", "halved_probability", "slope_per_um",
+     "sigma_upper_um", "bias_x_um", "bias_y_um", "slope_per_um",
      "largest_um", "size_um", "halvings", "floor_s", "ratio_to_floor"}
 )  # fmt: skip
+# Chances of a task that mostly succeeds: 20 % of a sigma moves them by less.
+CHANCES = frozenset({"success_probability", "halved_probability"})
+CHANCE_ABS = 0.01
 # Sentences in which only the numbers may differ.
 WORDS = frozenset({"reason", "message", "advice", "source", "what"})
 MEASURED_REL = 0.2  # of 24 trials; a routine that changed moves its sigma by more
@@ -73,4 +76,6 @@ def _same(old: Any, new: Any, key: str) -> bool:
         return bool(old == new)
     if key in MEASURED:
         return math.isclose(old, new, rel_tol=MEASURED_REL, abs_tol=MEASURED_ABS)
+    if key in CHANCES:
+        return math.isclose(old, new, rel_tol=0, abs_tol=CHANCE_ABS)
     return math.isclose(old, new, rel_tol=REL, abs_tol=1e-6)

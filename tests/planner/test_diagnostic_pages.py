@@ -15,7 +15,8 @@ from planner.cli import main
 from planner.control import method_of, tolerance_um
 from planner.diagnostics import TITLES, Report
 from planner.inputs.read_task import load_task
-from planner.model.steps import unfold
+from planner.inputs.task import Task
+from planner.model.steps import StepState, unfold
 from tests.planner.examples import (
     EXAMPLE,
     GRASP,
@@ -38,20 +39,21 @@ def _load(folder: Path) -> Report:
     return report
 
 
-def _unfold(folder: Path) -> Report:
+def _unfolded(folder: Path) -> tuple[Task, tuple[StepState, ...], Report]:
+    """Return the task of a folder, its states, and what was found on the way."""
     report = Report()
     task = load_task(folder / "task.yaml", report)
     assert task is not None
-    unfold(task, report)
-    return report
+    return task, unfold(task, report), report
+
+
+def _unfold(folder: Path) -> Report:
+    return _unfolded(folder)[-1]
 
 
 def _tolerances(folder: Path) -> Report:
     """Return what the compiler finds of the alignments' tolerances, without looks."""
-    report = Report()
-    task = load_task(folder / "task.yaml", report)
-    assert task is not None
-    states = unfold(task, report)
+    task, states, report = _unfolded(folder)
     for state in states:
         if state.step.verb == "align":
             tolerance_um(task, states, state, None, report)
@@ -60,10 +62,7 @@ def _tolerances(folder: Path) -> Report:
 
 def _methods(folder: Path) -> Report:
     """Return what the compiler finds of the ways to align, without looks."""
-    report = Report()
-    task = load_task(folder / "task.yaml", report)
-    assert task is not None
-    states = unfold(task, report)
+    task, states, report = _unfolded(folder)
     for state in states:
         if state.step.verb == "align":
             within = tolerance_um(task, states, state, None, report)
@@ -73,10 +72,7 @@ def _methods(folder: Path) -> Report:
 
 def _handling(folder: Path) -> Report:
     """Return what the compiler finds of grasps and releases, without looks."""
-    report = Report()
-    task = load_task(folder / "task.yaml", report)
-    assert task is not None
-    states = unfold(task, report)
+    task, states, report = _unfolded(folder)
     for state in states:
         found = verdicts_of(task, states, state)
         report_handling(state, found.grasp, found.release, report)

@@ -135,11 +135,11 @@ def test_a_move_after_the_alignment_is_not_budgeted_as_aligned(file: Path) -> No
     aside = "{id: aside, do: move, move: [{stage: {x_um: 90}}, {stage: {x_um: 0}}]}"
     good = inserted(file).step.budget.success_probability
     change(file, INSERT, f"  - {aside}\n{INSERT}")
-    task, states = unfolded(file)
+    _, states = unfolded(file)
     budget = inserted(file).step.budget
     assert budget.rows[0].term == "places of both parts"
     before = named(states, "insert").before
-    spread = [part_sigma_um(task, before, name) for name in ("gear", "shaft_plate")]
+    spread = [part_sigma_um(before, name) for name in ("gear", "shaft_plate")]
     assert budget.rows[0].sigma_um == pytest.approx(math.hypot(*spread), rel=1e-3)
     assert budget.success_probability < 0.1 < 0.9 < good
 

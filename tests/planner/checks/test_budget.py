@@ -15,6 +15,7 @@ from planner.checks.budget import (
 )
 from planner.checks.fit import Residual, combine, miss_probability
 from planner.checks.insert_budget import Left, insert_budget
+from planner.checks.insertion import Insertion
 from planner.control import control_of, residual_of, tolerance_um
 from planner.diagnostics import Report
 from planner.inputs.task import Task
@@ -36,6 +37,7 @@ def step_of(states: tuple[StepState, ...], name: str) -> StepState:
 def seen(name: str, sigma_um: float, focus_um: float, magnification: float) -> Sighted:
     return Sighted(
         name=name,
+        step="",
         sigma_um=sigma_um,
         bias_um=0.0,
         magnification=magnification,
@@ -87,7 +89,8 @@ def test_the_budget_of_an_insertion_names_the_cheapest_change(
     residual = residual_of(task, 1.5, "stage")
     left = Left(residual=residual, term="left by the servo", source="workcell")
     blind = blind_rows(task.workcell, DOWN, replace(HOLE, sigma_um=1.4), SHAFT)
-    budget = insert_budget(task, fit, left, blind, bias_um=0.0, goal=0.95)
+    insertion = Insertion(fit=fit, residual=residual, blind=blind)
+    budget = insert_budget(insertion, left, goal=0.95)
     sigma_um = combine([row.sigma_um or 0.0 for row in blind])
     miss = miss_probability(fit, residual, sigma_um)
     assert budget.success_probability == pytest.approx(1 - miss)
@@ -95,7 +98,7 @@ def test_the_budget_of_an_insertion_names_the_cheapest_change(
     assert budget.limit_um == pytest.approx(2.9, abs=1e-6)
     assert "halving 'measurement of gear.bore' (1.4 um)" in budget.advice
     fine = blind_rows(task.workcell, DOWN, HOLE, SHAFT)
-    assert insert_budget(task, fit, left, fine, 0.0, goal=0.95).advice == ""
+    assert insert_budget(replace(insertion, blind=fine), left, goal=0.95).advice == ""
 
 
 def test_the_servo_is_stable_and_gives_up_only_when_it_must(

@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import binom, ncx2
 
+from planner.checks.bump import Room
 from planner.checks.ellipse import (
     Spread,
     beyond_circle,
@@ -19,7 +20,7 @@ from planner.checks.ellipse import (
     within_circle,
 )
 from planner.checks.landing import Landing
-from planner.checks.miss import Room, chance_beyond
+from planner.checks.miss import chance_beyond
 
 SAMPLES = 1_000_000
 # One run in a thousand fails by chance, whatever the number of cases.

@@ -10,6 +10,7 @@ import pytest
 from scipy.integrate import solve_bvp
 
 from planner.checks.gripping import grasp_verdict, holding_un, widest_gap_rad
+from planner.checks.handling import report_handling
 from planner.diagnostics import Report
 from planner.inputs.task import Task
 from planner.model.assembly import with_part
@@ -54,6 +55,40 @@ def test_without_a_stiffness_nothing_is_claimed(job: tuple[Task, StepState]) -> 
     assert holding_un(tool, 2.0, 0.0) is None
     cell = replace(task.workcell, tools={"tweezers": tool})
     assert grasp_verdict(replace(task, workcell=cell), here).verdict == "unknown"
+
+
+def test_a_grasp_holds_only_where_the_weakest_grip_lifts_the_strongest_hold(
+    job: tuple[Task, StepState],
+) -> None:
+    task, here = job
+    found = grasp_verdict(task, here)
+    assert found.force_un is not None
+    grip = [2 * task.environment.friction * force for force in found.force_un]
+    wanted = "holds" if grip[0] >= found.lift_un[1] else "may slip"
+    assert found.verdict == (wanted if grip[1] >= found.lift_un[0] else "will slip")
+    firm = replace(task, environment=replace(task.environment, friction=10.0))
+    assert grasp_verdict(firm, here).verdict == "holds"
+    slick = replace(task, environment=replace(task.environment, friction=0.0))
+    assert grasp_verdict(slick, here).verdict == "will slip"
+    optics = replace(task.workcell.optics, medium_index=1.33)
+    wet = replace(firm, workcell=replace(task.workcell, optics=optics))
+    assert grasp_verdict(wet, here).verdict == "may slip"
+    assert "double layers" in grasp_verdict(wet, here).reason
+
+
+def test_the_finding_tells_room_width_and_angle(job: tuple[Task, StepState]) -> None:
+    task, here = job
+    found, report = grasp_verdict(task, here), Report()
+    report_handling(here, found, None, report)
+    (said,) = (d.message for d in report.found)
+    assert report.found[0].severity == "note"
+    tight, warned = replace(found, needed_um=found.room_um + 0.1), Report()
+    report_handling(here, tight, None, warned)
+    assert [(d.code, d.severity) for d in warned.found] == [("MP614", "warning")]
+    assert f"{found.room_um:.3g} um beside it" in said
+    assert f"{found.needed_um:.3g} um needed at 3 sigma" in said
+    assert f"{found.width_range_um[0]:.4g}..{found.width_range_um[1]:.4g} um" in said
+    assert f"within {1e3 * (found.theta_within_rad or 0.0):.3g} mrad" in said
 
 
 def test_the_gear_settles_within_ten_degrees(job: tuple[Task, StepState]) -> None:

@@ -166,3 +166,20 @@ def test_yield_falls_as_the_pin_and_the_tolerance_grow() -> None:
         assert after.success_probability <= before.success_probability
     tight = yield_over_tolerance(insertion(row("all", 0.8))).points
     assert len(tight) == 1
+
+
+def test_one_more_offset_counts_in_its_worst_direction() -> None:
+    """Round errors know no worst one; of others all directions are tried."""
+    round_job = insertion(row("a", 1.0), tolerance_um=0.2)
+    wanted = insertion(row("a", 1.0), tolerance_um=0.2, offset_um=0.7).miss
+    assert round_job.missed_with(0.7) == pytest.approx(wanted, rel=1e-9)
+    leaning = insertion(row("a", 0.5), row("b", 0.9, 0.4))
+    turned = [
+        insertion(row("a", 0.5), row("b", 0.9, angle), offset_um=0.7).miss
+        for angle in np.linspace(0, math.pi, 13)
+    ]
+    assert leaning.missed_with(0.7) == pytest.approx(max(turned), rel=1e-3)
+    assert leaning.missed_with(0.0) == leaning.miss
+    offset = insertion(row("a", 0.5), offset_um=0.3)
+    both = insertion(row("a", 0.5), offset_um=1.0).miss
+    assert offset.missed_with(0.7) == pytest.approx(both, rel=1e-12)

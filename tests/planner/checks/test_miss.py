@@ -18,8 +18,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import integrate, special
 
+from planner.checks.bump import Room
 from planner.checks.landing import Landing
-from planner.checks.miss import Room, blurred, certain, chance_beyond
+from planner.checks.miss import blurred, certain, chance_beyond
 
 ROUNDING = 1e-12  # of sums of about 1e4 terms of up to 1
 LANDINGS = [(1.3, 1.5), (0.2, 1.5), (5.0, 2.0), (0.01, 0.02), (3.0, 3.0), (5.0, 20.0)]

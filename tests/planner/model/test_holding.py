@@ -106,9 +106,8 @@ def test_the_budget_of_a_grasp_is_that_of_its_check(
     half_um = (130 - stands.width_um) / 2
     budget = grasp_budget(task, state, step)
     assert budget.limit_um == pytest.approx(half_um - abs(x_um))
-    axes = task.workcell
-    sigma_um = math.hypot(5.0, axes.stage.axes.repeatability_xy_um,
-                          axes.robot.axes.repeatability_xy_um)  # fmt: skip
+    swing_um = 20800 * math.radians(23.56 / 3600)  # nothing has seen the tool yet
+    sigma_um = math.hypot(5.0, 1.0, 0.4, swing_um)  # stage, robot
     place = stats.norm(x_um, sigma_um)
     assert budget.success_probability == pytest.approx(
         place.cdf(half_um) - place.cdf(-half_um), abs=1e-12

@@ -86,6 +86,69 @@ def test_the_tilt_limit_is_where_a_tilted_shaft_touches_both_ends(
     assert 0 <= found - exact <= left_out * (1 + found) + 1e-9
 
 
+def holds_itself(ratio: float, tilt: float, friction: float) -> bool:
+    """Return whether a shaft that touches both sides of a hole can hold by itself.
+
+    Hole 1 wide, shaft 1 - ratio, in the plane. Its lower corner touches the left wall,
+    its right side the mouth. Forces inside both friction cones, not all zero, that
+    balance in x, z and moment: a linear program over the cones' four edges.
+    """
+    width = 1 - ratio
+    up = np.array([math.sin(tilt), math.cos(tilt)])
+    across = np.array([math.cos(tilt), -math.sin(tilt)])
+    along = (1 - width * math.cos(tilt)) / math.sin(tilt)  # of the side, to the mouth
+    corner = np.zeros(2)
+    mouth = width * across + along * up
+    assert mouth[0] == pytest.approx(1.0)
+    columns = []
+    for point, normal in ((corner, np.array([1.0, 0.0])), (mouth, -across)):
+        aside = np.array([-normal[1], normal[0]])
+        for sign in (1, -1):
+            force = normal + sign * friction * aside
+            moment = point[0] * force[1] - point[1] * force[0]
+            columns.append([*force, moment, 1.0])  # the last: some force at all
+    wrench = np.array(columns).T
+    found = optimize.linprog(np.zeros(4), A_eq=wrench, b_eq=[0.0, 0.0, 0.0, 1.0])
+    return bool(found.status == 0)
+
+
+@pytest.mark.parametrize("friction", [0.2, 0.3, 0.6])
+@pytest.mark.parametrize("ratio", [0.0003, 0.001])
+def test_no_contact_wedges_below_the_limit(ratio: float, friction: float) -> None:
+    """By forces in both friction cones; the limit leaves out t**2 of the tilt."""
+    whole = Mating(
+        hole_um=50.0, shaft_um=50.0 * (1 - ratio), tolerance_um=0.0, taper_um=0.0,
+        engaged_um=100.0, friction=friction,
+    )  # fmt: skip
+    limit = whole.wedging_rad(50.0 * ratio)
+    assert limit is not None
+    for share in (0.5, 0.9, 0.999):
+        assert not holds_itself(ratio, share * limit, friction)
+    # (ratio - t**2 / 2) / t = tan(atan(mu) - t) at t = limit (1 + x), to first order
+    x = (0.5 + friction**2) * ratio / friction**2
+    assert not holds_itself(ratio, limit * (1 + x / 2), friction)
+    assert holds_itself(ratio, limit * (1 + 2 * x), friction)
+
+
+def test_a_short_hole_does_not_wedge_before_it_touches_both_sides() -> None:
+    """Deep enough to wedge is 15 um; of 5 um, tilts up to c / L touch one side."""
+    short = mating(44.0, engaged_um=5.0)
+    assert short.wedging_rad(6.0) == pytest.approx(0.4)
+    assert short.tilt_limit_rad(6.0) == pytest.approx(1.2)
+    assert not short.may_wedge(6.0, 0.8)
+    assert short.may_wedge(6.0, 1.3)
+    deep = mating(44.0)
+    assert not deep.may_wedge(6.0, 0.39)
+    assert deep.may_wedge(6.0, 0.41)
+    assert not mating(44.0, engaged_um=0.0).may_wedge(6.0, 1.5)
+
+
+def test_no_room_captures_nothing() -> None:
+    found = fit_verdict(mating(49.0), 0.002)
+    assert found.clearance_um[0] == pytest.approx(-0.4)
+    assert found.capture_um == pytest.approx((0.0, 0.5, 1.1))
+
+
 def test_without_friction_or_overlap_there_is_no_limit() -> None:
     assert mating(44.0, friction=0.0).wedging_rad(6.0) is None
     assert mating(44.0, engaged_um=0.0).tilt_limit_rad(6.0) is None

@@ -124,23 +124,35 @@ def test_a_view_moves_the_stage_before_the_look() -> None:
 
 
 def test_the_servo_leaves_the_spread_of_goal_and_stage() -> None:
-    task, states = example()
+    _, states = example()
     aligned = states["bring_between"].at_look
     robot, stage = 0.4, 1.0
-    assert part_sigma_um(task, aligned, "gear") == pytest.approx(
-        math.hypot(robot, stage)
-    )
+    assert part_sigma_um(aligned, "gear") == pytest.approx(math.hypot(robot, stage))
     _, first = after("find_gear")
-    assert part_sigma_um(task, first, "gear") == pytest.approx(math.hypot(30, stage))
+    assert part_sigma_um(first, "gear") == pytest.approx(math.hypot(30, stage))
+
+
+def test_a_turn_swings_the_grip_until_a_look_sees_it(tmp_path: Path) -> None:
+    file = copy_example(tmp_path / "task")
+    swung_um = math.hypot(0.4, 20800 * math.radians(23.56 / 3600))
+    states = {s.step.id: s for s in unfold(read(file), Report())}
+    assert states["see_fingers"].at_look.tip_sigma_um == pytest.approx(swung_um)
+    assert states["see_fingers"].after.tip_sigma_um == pytest.approx(0.4)
+    assert states["insert"].before.tip_sigma_um == pytest.approx(0.4)
+    change(file, "[{stage: {z_um: -260}}]",
+           "[{stage: {z_um: -260}}, {robot: {theta_deg: 0.5}}]")  # fmt: skip
+    states = {s.step.id: s for s in unfold(read(file), Report())}
+    assert states["lift"].after.tip_sigma_um == pytest.approx(swung_um)
+    assert states["gear_in_fingers"].after.tip_sigma_um == pytest.approx(0.4)
 
 
 def test_a_move_of_the_stage_undoes_what_the_servo_pinned() -> None:
-    task, states = example()
+    _, states = example()
     seen = states["find_shaft"].at_look
     assert seen.pinned == {}
-    assert part_sigma_um(task, seen, "shaft_plate") == pytest.approx(math.hypot(10, 1))
+    assert part_sigma_um(seen, "shaft_plate") == pytest.approx(math.hypot(10, 1))
     lifted = states["insert"].after  # z alone keeps the pin
-    assert part_sigma_um(task, lifted, "shaft_plate") < 2
+    assert part_sigma_um(lifted, "shaft_plate") < 2
 
 
 def test_changing_hands_forgets_where_a_part_is() -> None:

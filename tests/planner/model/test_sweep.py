@@ -14,7 +14,9 @@ from schemas.pose import Pose
 from tests.planner.examples import EXAMPLE, read
 
 FINGER_UM, GEAR_UM = 100.0, 50.0  # a finger's width, the gear's radius
-STAGE_UM, ROBOT_UM = 1.0, 0.4  # repeatabilities of the example's axes, xy
+STAGE_UM = 1.0  # repeatabilities of the example's axes, xy
+# an unseen grip swings about its axis besides: 23.56 arcsec, 20.8 mm
+ROBOT_UM = math.hypot(0.4, 20800 * math.radians(23.56 / 3600))
 ROBOT_Z_UM = 8.0
 
 

@@ -1,0 +1,69 @@
+"""An insertion put together: its fit, what the servo leaves, what no look can see."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from planner.checks.budget import Sighted, blind_rows, fit_of
+from planner.checks.fit import Residual
+from planner.checks.insertion import Insertion
+from planner.checks.since import since_rows
+from planner.inputs.task import Task
+from planner.model.assembly import Carrier, axes_of, locate_place, owner_of
+from planner.model.steps import StepState
+from planner.model.sweep import ROUNDING_UM
+
+
+def insertion_of(
+    task: Task,
+    states: tuple[StepState, ...],
+    insert: StepState,
+    residual: Residual,
+    seen: Mapping[str, Sighted],
+) -> Insertion | None:
+    """Return the insertion after an alignment that leaves `residual`.
+
+    `seen` are the last looks by owner. None if hole or shaft is not round.
+    """
+    fit = fit_of(task, insert)
+    if fit is None:
+        return None
+    hole, shaft = (
+        seen.get(owner_of(name or ""))
+        for name in (insert.step.target, insert.step.onto)
+    )
+    cell = task.workcell
+    blind = blind_rows(cell, travel_of(insert), hole, shaft, insert_s(task, insert))
+    blind += since_rows(task, states, insert, (hole, shaft))
+    offset_um = off_um(task, insert)
+    return Insertion(fit=fit, residual=residual, blind=blind, offset_um=offset_um)
+
+
+def off_um(task: Task, insert: StepState) -> float:
+    """Return how far hole and shaft are nominally apart once the moves are done."""
+    hole, shaft = (
+        locate_place(task, insert.after, name or "").pose
+        for name in (insert.step.target, insert.step.onto)
+    )
+    off_um = math.hypot(hole.x_um - shaft.x_um, hole.y_um - shaft.y_um)
+    return off_um if off_um > ROUNDING_UM else 0.0
+
+
+def insert_s(task: Task, insert: StepState) -> float:
+    """Return how long an insertion's own moves take in z, one after the other."""
+    travel = travel_of(insert)
+    stated = insert.step.speed_um_per_s
+    return sum(
+        way_um / (stated or axes_of(task, carrier).speed_z_um_per_s)
+        for carrier, way_um in travel.items()
+    )
+
+
+def travel_of(insert: StepState) -> Mapping[Carrier, float]:
+    """Return how far stage and robot travel in z while inserting, um."""
+    before, after = insert.before, insert.after
+    return {
+        "stage": abs(after.stage.z_um - before.stage.z_um),
+        "robot": abs(after.robot.z_um - before.robot.z_um),
+    }
