@@ -149,7 +149,9 @@ def _act(rig: Rig, step: Step) -> _Outcome:
             return _align(rig, step, action)
         case GraspAction():
             rig.grip(action.opening_um)
-            rig.beliefs.grasp(action.target, action.tool, rig.readings())
+            rig.beliefs.grasp(
+                action.target, action.tool, rig.readings(), action.across_um
+            )
         case InsertAction():
             for move in action.moves:
                 rig.move(move)

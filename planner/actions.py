@@ -38,7 +38,13 @@ def action_of(task: Task, here: StepState, looks: Sequence[CompiledLook]) -> p.A
         )
     if step.verb == "grasp":
         opening = step.opening_um or 0.0
-        return p.GraspAction(target=owner_of(target), tool=tool, opening_um=opening)
+        held = here.after.parts[owner_of(target)].pose
+        return p.GraspAction(
+            target=owner_of(target),
+            tool=tool,
+            opening_um=opening,
+            across_um=held.x_um,
+        )
     if step.verb == "insert":
         moves = tuple(axis_move(m, step.speed_um_per_s) for m in step.move)
         return p.InsertAction(target=target, onto=step.onto or "", moves=moves)

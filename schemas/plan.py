@@ -326,6 +326,7 @@ class GraspAction:
     target: str
     tool: str
     opening_um: float
+    across_um: float = 0.0  # of the part's origin, from the middle of the closed jaws
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -185,7 +185,7 @@ def grasp_budget(task: Task, state: State, step: Step) -> Budget:
     return Budget(
         rows=rows,
         limit_um=stands.room_um,
-        success_probability=_inside(stands.half_room_um, stands.local.x_um, total),
+        success_probability=_inside(stands.half_room_um, stands.offset_um, total),
         advice="",
     )
 
