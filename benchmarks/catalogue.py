@@ -15,6 +15,7 @@ from benchmarks import (
     law_outlines,
     layers,
     localisation,
+    placing,
     polarity,
     rendering,
     runs,
@@ -45,4 +46,5 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     example.BENCHMARK,
     compiling.BENCHMARK,
     runs.BENCHMARK,
+    placing.BENCHMARK,
 )
