@@ -57,7 +57,7 @@ def verify(
         )
     turn_rad = None
     if action.within_rad is not None:
-        turn_rad = _check_turn(action, action.within_rad, part, seat)
+        turn_rad = check_turn(action, action.within_rad, part, seat)
     height_um = None
     if action.height is not None:
         height_um = _check_height(rig, action.height, by_id[action.height.look], part)
@@ -78,7 +78,7 @@ def _find(rig: Rig, look: Look, on_failure: Sequence[OnFailure]) -> Sighting:
         ) from error
 
 
-def _check_turn(
+def check_turn(
     action: VerifyAction, within_rad: float, part: Sighting, seat: Sighting
 ) -> float:
     """Return how far the part is turned against its seat, rad."""
