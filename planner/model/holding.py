@@ -90,7 +90,7 @@ def grasp(task: Task, state: State, step: Step, report: Report) -> State:
     held = PartState(
         carrier="robot",
         pose=Pose(
-            x_um=-stands.middle_um[0],
+            x_um=0.0 - stands.middle_um[0],
             y_um=stands.local.y_um,
             theta_rad=stands.turn_rad,
         ),
