@@ -113,5 +113,5 @@ def _beyond_um(body: Body, carrier: BaseGeometry) -> float:
 def _inside_um(shape: BaseGeometry, carried: BaseGeometry) -> float:
     """Return how far the centre of area is inside the hull of what is carried."""
     middle = shape.centroid
-    edge_um = float(carried.exterior.distance(middle)) if carried.area > 0 else 0.0
+    edge_um = float(carried.boundary.distance(middle)) if carried.area > 0 else 0.0
     return edge_um if carried.contains(middle) else -edge_um

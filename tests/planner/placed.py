@@ -31,13 +31,15 @@ def read(file: Path = EXAMPLE) -> Task:
     return task
 
 
-def look(name: str, step: str, sigma_um: float, **more: float) -> Sighted:
-    """Return a look at 5 x, in the middle of the field, of the target's own angle."""
-    shown = Sighted(
-        name=name, step=step, sigma_um=sigma_um, bias_um=0.0, magnification=5.0,
-        focus_um=0.0, distortion_sigma_um=0.0, coherence_um=0.0,
+def look(
+    name: str, step: str, sigma_um: float, sigma_theta_rad: float | None = None
+) -> Sighted:
+    """Return a look at 5 x, at the middle of the field."""
+    return Sighted(
+        name=name, step=step, sigma_um=sigma_um, sigma_theta_rad=sigma_theta_rad,
+        bias_um=0.0, magnification=5.0, focus_um=0.0, distortion_sigma_um=0.0,
+        coherence_um=0.0,
     )  # fmt: skip
-    return replace(shown, **more)
 
 
 def memory(within_um: float = 0.4) -> Memory:
