@@ -25,6 +25,7 @@ from tests.planner.examples import (
     beyond_notes,
     change,
     cut,
+    one_zoom,
 )
 from tests.planner.placed import memory, placed
 
@@ -117,6 +118,7 @@ def _find_gear(folder: Path) -> None:
         "{id: find_gear,       do: locate,  target: gear, view_um: [0, 0]}",
     )
     change(folder / "task.yaml", "theta: any, sigma_xy_um: 30", "sigma_xy_um: 5")
+    one_zoom(folder / "task.yaml")
 
 
 def _grasp_and_release(folder: Path) -> None:
