@@ -17,6 +17,7 @@ from benchmarks import (
     law_outlines,
     layers,
     localisation,
+    placing,
     polarity,
     rendering,
     runs,
@@ -51,4 +52,5 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     example.BENCHMARK,
     compiling.BENCHMARK,
     runs.BENCHMARK,
+    placing.BENCHMARK,
 )

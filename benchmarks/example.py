@@ -14,15 +14,19 @@ TASK = ROOT / "examples" / "gear_on_shaft" / "task.yaml"
 _CALL = "import sys; from planner.cli import main; sys.exit(main(sys.argv[1:]))"
 
 
-def compile_s(folder: Path, jobs: int) -> float:
-    """Compile the example into `folder`; return the wall time, s.
+def compile_s(
+    folder: Path, jobs: int, *, task: Path = TASK, preset: str | None = None
+) -> float:
+    """Compile an example into `folder`; return the wall time, s.
 
     Raises
     ------
     RuntimeError
         If the compiler does not end with status 0.
     """
-    call = ["compile", str(TASK), "-o", str(folder), "--jobs", str(jobs)]
+    call = ["compile", str(task), "-o", str(folder), "--jobs", str(jobs)]
+    if preset is not None:
+        call += ["--preset", preset]
     return python_s(["-c", _CALL, *call])
 
 

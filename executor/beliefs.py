@@ -147,12 +147,17 @@ class Beliefs:
                 self._owners[owner], sigma_theta_rad=sigma_theta_rad or 0.0
             )
 
-    def grasp(self, part: str, tool: str, readings: Readings) -> None:
-        """Hand a part to the tool: centred across the jaws, y and angle kept."""
+    def grasp(
+        self, part: str, tool: str, readings: Readings, across_um: float = 0.0
+    ) -> None:
+        """Hand a part to the tool: centred across the jaws, y and angle kept.
+
+        `across_um` is where its origin is then, from the jaws' middle.
+        """
         owner, holder = self.owner(part), self.owner(tool)
         grip = self.world(holder, readings)
         inside = grip.inverse().compose(self.world(owner, readings))
-        pose = grip.compose(replace(inside, x_um=0.0))
+        pose = grip.compose(replace(inside, x_um=across_um))
         self._place(owner, "robot", pose, readings)
         self._held[owner] = holder
 

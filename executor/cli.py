@@ -222,7 +222,7 @@ def _verdict(plan: Plan, cell: Cell) -> Verdict | None:
     if not checks or checks[-1].target.partition(".")[0] not in cell.truth.bodies:
         return None
     last = checks[-1]
-    return cell.judge(last.target, last.on, last.within_um)
+    return cell.judge(last.target, last.on, last.within_um, last.within_rad)
 
 
 def _read_plan(path: Path) -> Plan:

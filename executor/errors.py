@@ -37,6 +37,7 @@ CODES: Mapping[str, tuple[str, int]] = {
     "MP853": ("verify: the height could not be measured", FAILED),
     "MP854": ("verify: the tool may still hold something", FAILED),
     "MP855": ("the plan acts but never verifies", FAILED),
+    "MP856": ("verify: the part is turned against its seat", FAILED),
     "MP860": ("the operator stopped the run", STOPPED),
 }
 

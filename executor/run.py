@@ -39,6 +39,7 @@ class StepResult:
     spread_um: float | None  # the routine's own sigma
     expected_sigma_um: float | None  # from the trials
     height_um: float | None
+    turn_rad: float | None = None  # verify: against the seat, if it was asked for
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,6 +66,7 @@ class _Outcome:
     error_um: float | None = None
     spread_um: float | None = None
     height_um: float | None = None
+    turn_rad: float | None = None
 
 
 def run_plan(rig: Rig) -> RunResult:
@@ -148,7 +150,9 @@ def _act(rig: Rig, step: Step) -> _Outcome:
             return _align(rig, step, action)
         case GraspAction():
             rig.grip(action.opening_um)
-            rig.beliefs.grasp(action.target, action.tool, rig.readings())
+            rig.beliefs.grasp(
+                action.target, action.tool, rig.readings(), action.across_um
+            )
         case InsertAction():
             for move in action.moves:
                 rig.move(move)
@@ -157,7 +161,11 @@ def _act(rig: Rig, step: Step) -> _Outcome:
             rig.beliefs.release(action.target, rig.readings())
         case VerifyAction():
             found = verify(rig, action, step.looks, step.conditions.on_failure)
-            return _Outcome(error_um=found.offset_um, height_um=found.height_um)
+            return _Outcome(
+                error_um=found.offset_um,
+                height_um=found.height_um,
+                turn_rad=found.turn_rad,
+            )
     return _Outcome()
 
 
@@ -204,6 +212,7 @@ def _step_result(
         spread_um=outcome.spread_um,
         expected_sigma_um=_expected_sigma_um(step),
         height_um=outcome.height_um,
+        turn_rad=outcome.turn_rad,
     )
 
 

@@ -60,7 +60,7 @@ def align(
         rig.journal.write("error", error_um=error_um, turn_rad=turn_rad)
         if _inside(error_um, turn_rad, control):
             return ended
-        _check(errors_um, control, action)
+        _check(errors_um, turn_rad, control, action)
         servo = control.method == "servo"
         rig.move(correction(rig, action, control, control.gain if servo else 1.0))
         if not servo:
@@ -117,7 +117,9 @@ def _inside(error_um: float, turn_rad: float, control: Control) -> bool:
     return error_um <= control.tolerance_xy_um and turned
 
 
-def _check(errors_um: Sequence[float], control: Control, action: AlignAction) -> None:
+def _check(
+    errors_um: Sequence[float], turn_rad: float, control: Control, action: AlignAction
+) -> None:
     """Raise if the alignment runs away, steps too far or takes too long."""
     if diverges(errors_um, control.tolerance_xy_um):
         path = ", ".join(f"{e:.3g}" for e in errors_um[-3:])
@@ -136,8 +138,17 @@ def _check(errors_um: Sequence[float], control: Control, action: AlignAction) ->
         raise ExecutorError(
             "MP830",
             f"{action.target} is {errors_um[-1]:.3g} um from {action.to} after "
-            f"{control.max_cycles} looks, needs {control.tolerance_xy_um:.3g} um",
+            f"{control.max_cycles} looks, needs {control.tolerance_xy_um:.3g} um"
+            + _turned(turn_rad, control.tolerance_theta_rad),
         )
+
+
+def _turned(turn_rad: float, limit_rad: float | None) -> str:
+    """Return what is left of an angle that must be met, in words."""
+    if limit_rad is None:
+        return ""
+    left, limit = math.degrees(turn_rad), math.degrees(limit_rad)
+    return f"; turned by {left:.3g} deg, needs {limit:.3g} deg"
 
 
 def diverges(errors_um: Sequence[float], tolerance_um: float) -> bool:

@@ -26,6 +26,7 @@ class Verified:
 
     offset_um: float
     height_um: float | None  # None: the plan does not ask for it
+    turn_rad: float | None = None  # against the seat; None: the same
 
 
 def verify(
@@ -39,8 +40,8 @@ def verify(
     Raises
     ------
     ExecutorError
-        MP850 if part or seat is not found, MP851 for the offset, MP852 and MP853 for
-        the height, MP854 if the tool may still hold something.
+        MP850 if part or seat is not found, MP851 for the offset, MP856 for the turn,
+        MP852 and MP853 for the height, MP854 if the tool may still hold something.
     """
     by_id = {look.id: look for look in looks}
     part = _find(rig, by_id[action.look], on_failure)
@@ -54,12 +55,15 @@ def verify(
             f"{action.target} is {offset_um:.3g} um off {action.on}, at most "
             f"{action.within_um:.3g} um",
         )
+    turn_rad = None
+    if action.within_rad is not None:
+        turn_rad = check_turn(action, action.within_rad, part, seat)
     height_um = None
     if action.height is not None:
         height_um = _check_height(rig, action.height, by_id[action.height.look], part)
     if action.empty is not None:
         _check_empty(rig, action.empty)
-    return Verified(offset_um=offset_um, height_um=height_um)
+    return Verified(offset_um=offset_um, height_um=height_um, turn_rad=turn_rad)
 
 
 def _find(rig: Rig, look: Look, on_failure: Sequence[OnFailure]) -> Sighting:
@@ -72,6 +76,23 @@ def _find(rig: Rig, look: Look, on_failure: Sequence[OnFailure]) -> Sighting:
         raise ExecutorError(
             "MP850", f"{error} [{error.code}]", cause=error.cause
         ) from error
+
+
+def check_turn(
+    action: VerifyAction, within_rad: float, part: Sighting, seat: Sighting
+) -> float:
+    """Return how far the part is turned against its seat, rad."""
+    if part.theta_rad is None or seat.theta_rad is None:
+        blind = part if part.theta_rad is None else seat
+        raise ExecutorError("MP824", f"the look at {blind.target} gives no angle")
+    turn_rad = math.remainder(part.theta_rad - seat.theta_rad, math.tau)
+    if not abs(turn_rad) <= within_rad:
+        raise ExecutorError(
+            "MP856",
+            f"{action.target} is turned {math.degrees(turn_rad):.3g} deg against "
+            f"{action.on}, at most {math.degrees(within_rad):.3g} deg",
+        )
+    return turn_rad
 
 
 def _check_height(rig: Rig, search: HeightSearch, look: Look, part: Sighting) -> float:

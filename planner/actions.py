@@ -39,7 +39,13 @@ def action_of(task: Task, here: StepState, looks: Sequence[CompiledLook]) -> p.A
         )
     if step.verb == "grasp":
         opening = step.opening_um or 0.0
-        return p.GraspAction(target=owner_of(target), tool=tool, opening_um=opening)
+        held = here.after.parts[owner_of(target)].pose
+        return p.GraspAction(
+            target=owner_of(target),
+            tool=tool,
+            opening_um=opening,
+            across_um=held.x_um,
+        )
     if step.verb == "insert":
         moves = tuple(axis_move(m, step.speed_um_per_s) for m in step.move)
         return p.InsertAction(target=target, onto=step.onto or "", moves=moves)
@@ -72,6 +78,7 @@ def _verify(step: Step, looks: Sequence[CompiledLook], mating: str) -> p.VerifyA
         look=target.look.id,
         seat_look=seat.look.id,
         within_um=step.within_um or 0.0,
+        within_rad=step.within_rad,
         height=_height_search(target, step.height_within_um),
         empty=step.empty,
     )

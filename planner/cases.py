@@ -21,7 +21,7 @@ from planner.inputs.task import Task
 from planner.inputs.workcell import Workcell
 from planner.lens import known_errors, lamp_aperture
 from planner.model.assembly import Place, locate_place
-from planner.model.requests import ANGLE_RAD, LOOK_SHARE, PERIOD_SHARE, Request
+from planner.model.requests import ANGLE_RAD, PERIOD_SHARE, Request
 from planner.model.scenes import relevant, world_scene
 from planner.model.sightings import needed_shape, search_um, spot_of
 from planner.model.targets import Shape, outline_of, target_layers
@@ -111,7 +111,8 @@ def feature_case(
     # the sum, not the root of squares: extreme trials have both at once
     sigma_um = spot_of(task, request, target).sigma_xy_um + swing_um
     spot = replace(spot_of(task, request, shape), sigma_xy_um=sigma_um)
-    angle = _angle_tolerance(request, shape)
+    # a round one tells no angle: others do
+    angle = None if shape.symmetry == 0 else _angle_tolerance(request, shape)
     c, s = math.cos(case.theta_rad), math.sin(case.theta_rad)
     x, y = spot.pose.x_um - case.x_um, spot.pose.y_um - case.y_um
     back = (-(c * x + s * y), s * x - c * y)  # of its origin, in the part's axes
@@ -283,10 +284,10 @@ def _occluder_sigma_um(
 
 def _angle_tolerance(request: Request, shape: Shape) -> float | None:
     """Return how well the angle must be known, None if it need not be."""
+    if request.needs_angle_rad is not None:
+        return request.needs_angle_rad  # of a round target by features beside it
     if shape.symmetry == 0:
         return None  # it has none
-    if request.needs_angle_rad is not None:
-        return LOOK_SHARE * request.needs_angle_rad
     if not request.wants_angle or shape.kind == "jaws":
         return None
     if shape.symmetry > 1:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from statistics import NormalDist
 
 from planner.checks.budget import Sighted, blind_rows, fit_of
 from planner.checks.fit import (
@@ -30,8 +31,47 @@ from schemas.verdicts import MethodChoice, MethodName, MethodOption
 # The chance that a servo needs more looks than this is below 1e-6.
 GIVE_UP = 1e-6
 MS_PER_S = 1e3
+MOST_EXPECTED = 6.0  # looks on average; below LEAST_SIGMAS a place takes more, too
 # Without a fit or a stated tolerance: what axes reach within two looks on average.
 DEFAULT_SIGMAS = 1.2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Turn:
+    """An angle that an alignment corrects: where it starts, and how it ends."""
+
+    within_rad: float
+    start_rad: float  # spread before the first look
+    sigma_rad: float  # what corrections leave, one sigma
+    gain: float
+
+    @property
+    def inside(self) -> float:
+        """Return the chance that a correction of a small angle ends inside."""
+        if self.sigma_rad <= 0:
+            return 1.0
+        return math.erf(self.within_rad / self.sigma_rad / math.sqrt(2))
+
+    @property
+    def most(self) -> int:
+        """Return the corrections after which all but GIVE_UP of starts are inside."""
+        sigmas = NormalDist().inv_cdf(1 - GIVE_UP / 2)
+        far_rad = min(sigmas * self.start_rad, math.pi)
+        if far_rad <= self.within_rad:
+            return 0
+        if self.gain >= 1:
+            return 1
+        shrunk = math.log(far_rad / self.within_rad) / -math.log1p(-self.gain)
+        return math.ceil(shrunk)
+
+    @property
+    def expected(self) -> float:
+        """Return how many corrections a start takes on average: one for each after
+        which it is still outside."""
+        if self.start_rad <= 0:
+            return 0.0
+        left = [(1 - self.gain) ** k * self.start_rad for k in range(self.most)]
+        return sum(math.erfc(self.within_rad / s / math.sqrt(2)) for s in left if s > 0)
 
 
 def tolerance_um(
@@ -60,7 +100,35 @@ def tolerance_um(
             f"{expected_looks(Residual(sigma_um=sigma, within_um=found)):.0f} moves",
             f"allow at least {LEAST_SIGMAS * sigma:.3g} um, or use a finer {carrier}",
         )
+    turn = turn_of(task, align)
+    if turn is not None and turn.inside * MOST_EXPECTED < 1:
+        report.refuse(
+            "MP603",
+            step.spans.get("tolerance_theta_deg", step.where),
+            f"step {step.id!r}: a tolerance of {math.degrees(turn.within_rad):.3g} deg "
+            f"is met by one move in {1 / turn.inside:.0f}: the {carrier}'s angle "
+            f"repeats to {math.degrees(turn.sigma_rad):.3g} deg",
+            f"allow more, or use a finer {carrier}",
+        )
     return found
+
+
+def turn_of(task: Task, align: StepState) -> Turn | None:
+    """Return the turn of an alignment, None if it corrects no angle."""
+    within_rad = align.step.tolerance_theta_rad
+    if within_rad is None:
+        return None
+    sigma = axes_of(task, moved_by(task, align)).repeatability_theta_rad
+    spread = [
+        locate_place(task, align.before, name or "").sigma_theta_rad
+        for name in (align.step.target, align.step.to)
+    ]
+    return Turn(
+        within_rad=within_rad,
+        start_rad=math.hypot(*spread, math.sqrt(2) * sigma),
+        sigma_rad=sigma * math.sqrt(2 / (2 - gain_of(task))),
+        gain=gain_of(task),
+    )
 
 
 def moved_by(task: Task, align: StepState) -> Carrier:
@@ -76,7 +144,7 @@ def control_of(
     method: MethodName = "servo" if choice is None else choice.method
     if choice is None and step.method == "look_then_move":
         method = "look_then_move"
-    option = _option(task, carrier, within_um, method)
+    option = _option(task, align, within_um, method)
     approach_s = _approach_s(task, align)
     floor_s = approach_s + option.looks * _floor_s(task, carrier)
     return Control(
@@ -86,7 +154,9 @@ def control_of(
         tolerance_xy_um=within_um,
         tolerance_theta_rad=step.tolerance_theta_rad,
         max_step_um=max_step_um(task, carrier),
-        max_cycles=_most_looks(residual_of(task, within_um, carrier)),
+        max_cycles=_most_looks(
+            residual_of(task, within_um, carrier), turn_of(task, align)
+        ),
         expected_cycles=option.looks,
         expected_s=option.expected_s,
         approach_s=approach_s,
@@ -139,7 +209,7 @@ def _with_chance(
 ) -> MethodOption:
     """Return one way to align, with the chance of the insertion if one follows."""
     carrier = moved_by(task, align)
-    option = _option(task, carrier, within_um, method)
+    option = _option(task, align, within_um, method)
     if insert is None:
         return option
     left = _left_by(task, carrier, within_um, method)
@@ -157,11 +227,14 @@ def _left_by(
 
 
 def _option(
-    task: Task, carrier: Carrier, within_um: float, method: MethodName
+    task: Task, align: StepState, within_um: float, method: MethodName
 ) -> MethodOption:
     """Return how many looks a way takes on average, and how long."""
+    carrier, turn = moved_by(task, align), turn_of(task, align)
     cell, axes = task.workcell, axes_of(task, carrier)
     looks = expected_looks(residual_of(task, within_um, carrier))
+    if turn is not None and turn.inside > 0:
+        looks = looks / turn.inside + turn.expected
     if method == "look_then_move":
         looks = 1.0
     cycle_s = axes.settle_s + 1 / cell.camera.rate_hz * (1 + cell.camera.latency_frames)
@@ -228,12 +301,15 @@ def max_step_um(task: Task, carrier: Carrier) -> float:
     return 2 * SEARCH_SIGMAS * sigma
 
 
-def _most_looks(residual: Residual) -> int:
+def _most_looks(residual: Residual, turn: Turn | None) -> int:
     """Return how many looks fail to end inside with a chance below GIVE_UP."""
-    outside = 1 - residual.inside
+    inside, more = residual.inside, 0
+    if turn is not None:
+        inside, more = inside * turn.inside, turn.most
+    outside = 1 - inside
     if outside <= 0:
-        return 2
-    return max(2, math.ceil(math.log(GIVE_UP) / math.log(outside)) + 1)
+        return 2 + more
+    return max(2, math.ceil(math.log(GIVE_UP) / math.log(outside)) + 1) + more
 
 
 def _from_fit(

@@ -24,7 +24,13 @@ from planner.lens import (
 from planner.measures import Measured, depth_record, look_key, measure_record
 from planner.model.requests import Request
 from planner.model.scenes import world_scene
-from planner.model.sightings import needed_shape, spot_of, views, whole_view
+from planner.model.sightings import (
+    marks_view,
+    needed_shape,
+    spot_of,
+    views,
+    whole_view,
+)
 from planner.model.targets import Shape
 from planner.model.views import ViewPlan
 from planner.pictures import Picture, picture
@@ -85,11 +91,11 @@ def compile_look(
         if tried.selection.chosen is not None:
             return job.finish(view, tried, found)
         refused.append(_refused(view, tried.selection.advice))
+        if job.is_round:
+            break  # no magnification gives it the angle that is needed
     advice = tried.selection.advice
-    for view in () if once else settings:
-        whole = whole_view(task, request, view)
-        if whole == view:
-            continue  # there is nothing beside the target
+    wider = [] if once else [(v, wide) for v in settings for wide in job.wider(v)]
+    for view, whole in wider:
         tried, found = job.alone(whole)
         if tried.selection.chosen is not None:
             return job.finish(whole, tried, found)
@@ -111,6 +117,18 @@ class _Job:
     shape: Shape
     effects: Effects
     refused: Sequence[ZoomTried]  # before the one that does
+
+    @property
+    def is_round(self) -> bool:
+        """Return whether an angle is needed that the target itself does not have."""
+        return self.request.needs_angle_rad is not None and self.shape.symmetry == 0
+
+    def wider(self, view: ViewPlan) -> list[ViewPlan]:
+        """Return views that show more of the target's part, the smaller first."""
+        found = [whole_view(self.task, self.request, view)]
+        if self.is_round:  # the task's own marks tell the angle, if any do
+            found.insert(0, marks_view(self.task, self.request, view))
+        return [v for k, v in enumerate(found) if v not in (view, *found[:k])]
 
     def alone(self, view: ViewPlan) -> tuple[Tried, Contest]:
         """Return the choice among all chains for the target, with the trials."""

@@ -24,6 +24,7 @@ class Memory:
     key: str  # journal key of the step before
     choice: MethodChoice | None = None  # of the last alignment
     setting: Setting | None = None  # of the microscope; None: nothing was looked at
+    before: Sighted | None = None  # the look that its first approach went by
 
 
 def remember(
@@ -38,6 +39,7 @@ def remember(
         name=look.look.target,
         step=step,
         sigma_um=math.hypot(look.look.sigma_xy_um, moved_um),
+        sigma_theta_rad=look.look.sigma_theta_rad,
         bias_um=0.0,  # the executor takes the mean error off
         magnification=view.magnification,
         focus_um=view.focus_um,

@@ -176,6 +176,10 @@ class Search:
         """Return the target itself, its chains judged as those of one of several."""
         own = self.alone.case
         turn = own.tolerance_theta_rad
+        if turn is not None and self.shape.symmetry == 0:
+            # alone it had few trials, as hopeless: it tells no angle
+            case = feature_case(self.task, self.request, self.view, own, self.shape)
+            return self._other(known or drawn(self.shape), self.shape, case)
         case = replace(
             own,
             tolerance_um=own.tolerance_um * SHARE_TOGETHER,

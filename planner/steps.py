@@ -22,6 +22,7 @@ from planner.memory import Memory, remember
 from planner.model.assembly import axes_of, locate_place, owner_of
 from planner.model.requests import Request, requests
 from planner.model.steps import StepState
+from planner.placements import place_budget
 from planner.step_budget import budget_of
 from schemas import plan as p
 from schemas.codec import to_data
@@ -55,6 +56,7 @@ def compile_step(
     if here.step.verb == "align":
         within = tolerance_um(task, states, here, goal, report)
     looks: list[CompiledLook] = []
+    before = memory.seen.get(owner_of(here.step.target or ""))
     for request in requests(task, states, index, within):
         found = compile_looks(task, request, effects, memory.magnification, report)
         if not found:
@@ -67,10 +69,10 @@ def compile_step(
             )
     if within is not None:
         choice = method_of(task, states, here, within, memory.seen, report)
-        memory = replace(memory, within_um=within, choice=choice)
+        memory = replace(memory, within_um=within, choice=choice, before=before)
     step = _step(task, states, here, tuple(looks), memory, effects)
     memory = _after_sweep(memory, step)
-    report_handling(here, step.grasp, step.release, report)
+    report_handling(here, step.grasp, step.release, report, step.placing)
     step = replace(step, key=journal_key(step, memory.key))
     return CompiledStep(
         step=step, looks=tuple(looks), memory=replace(memory, key=step.key)
@@ -136,7 +138,10 @@ def _step(
     control = None
     if step.verb == "align":
         control = control_of(task, here, memory.within_um, memory.choice)
-    budget = budget_of(task, states, here, memory, effects)
+    budget, placing = budget_of(task, states, here, memory, effects), None
+    if step.verb == "release":
+        placed = place_budget(task, states, here, memory, effects)
+        budget, placing = placed or (budget, None)
     verdicts = verdicts_of(task, states, here)
     return p.Step(
         id=step.id,
@@ -153,6 +158,7 @@ def _step(
         fit=verdicts.fit,
         grasp=verdicts.grasp,
         release=verdicts.release,
+        placing=placing,
         effects=mechanical_rows(
             here, budget, verdicts.fit, verdicts.grasp, verdicts.release
         ),

@@ -18,6 +18,7 @@ from schemas.verdicts import (
     FitVerdict,
     GraspVerdict,
     MethodChoice,
+    PlacingVerdict,
     ReleaseVerdict,
 )
 from schemas.views import CoarseFirst, ViewVerdict
@@ -328,6 +329,7 @@ class GraspAction:
     target: str
     tool: str
     opening_um: float
+    across_um: float = 0.0  # of the part's origin, from the middle of the closed jaws
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -369,6 +371,7 @@ class VerifyAction:
     within_um: float
     height: HeightSearch | None
     empty: str | None  # tool that must hold nothing
+    within_rad: float | None = None  # turned against the seat; None: any angle
 
 
 Action = (
@@ -438,7 +441,7 @@ class Budget:
     limit_um: float | None  # capture radius, or the step's tolerance
     success_probability: float
     advice: str  # the cheapest change that would pass; "" if it passes
-    analysis: BudgetAnalysis | None = None  # of an insertion
+    analysis: BudgetAnalysis | None = None  # of an insertion or a placement
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -459,6 +462,7 @@ class Step:
     fit: FitVerdict | None = None  # of an insertion
     grasp: GraspVerdict | None = None  # of a grasp
     release: ReleaseVerdict | None = None  # of a release
+    placing: PlacingVerdict | None = None  # of a release that a verify step checks
     effects: tuple[EffectRow, ...] = ()  # mechanical; a look's are its own
 
 

@@ -171,3 +171,32 @@ class GraspVerdict:
     lift_un: tuple[float, float]  # weight, and what it lies on holding it
     verdict: Literal["holds", "may slip", "will slip", "unknown"]
     reason: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TurnRow:
+    """One error term of an angle."""
+
+    term: str
+    sigma_rad: float
+    source: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlacingVerdict:
+    """Where a part comes to lie that is let go and that no shaft holds."""
+
+    target: str  # its place ...
+    on: str  # ... is to be here,
+    verified_by: str  # which this step checks
+    within_um: float
+    half_um: float  # half of all parts lie nearer, if none sticks
+    most_um: float  # and 95 % nearer than this
+    place_probability: float
+    within_rad: float | None  # of its angle against what `on` belongs to; None: any
+    turn_rows: tuple[TurnRow, ...]  # what turns it
+    turn_sigma_rad: float
+    turn_probability: float
+    far_um: float  # of its farthest point from the target
+    far_sigma_um: float  # by which the angle moves that point
+    stick_probability: float  # of the workcell

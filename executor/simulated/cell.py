@@ -45,6 +45,7 @@ class Verdict:
     height_um: float  # of the underside above the seat
     collided: str  # the first collision, "" if there was none
     held: bool  # the tool still carries it
+    turn_rad: float = 0.0  # of the part against the seat's, as drawn
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,19 +56,26 @@ class Cell:
     station: Station
     lens: SimLens
 
-    def judge(self, target: str, on: str, within_um: float = 0.0) -> Verdict:
+    def judge(
+        self,
+        target: str,
+        on: str,
+        within_um: float = 0.0,
+        within_rad: float | None = None,
+    ) -> Verdict:
         """Return whether the part of `target` truly sits on `on`.
 
         By true pose and height: the underside on the face of the seat's part, the tool
         has let go, and the hole is around the post; where the seat is a round hole, the
-        target's own place is within `within_um` of its middle.
+        target's own place is within `within_um` of its middle. Where `within_rad` is
+        stated, the part is turned no farther against the seat's part.
 
         Raises
         ------
         ValueError
             If there is no such part, post or hole.
         """
-        return judge(self.truth, target, on, within_um)
+        return judge(self.truth, target, on, within_um, within_rad)
 
     def shown_um(self, owner: str, x_um: float, y_um: float) -> tuple[float, float]:
         """Return where a point of a part, or of the tool's grip, is truly shown now.
@@ -132,7 +140,13 @@ def build_cell(world: World, seed: int, faults: frozenset[Fault] = frozenset()) 
     return Cell(truth=truth, station=station, lens=lens)
 
 
-def judge(truth: Truth, target: str, on: str, within_um: float = 0.0) -> Verdict:
+def judge(
+    truth: Truth,
+    target: str,
+    on: str,
+    within_um: float = 0.0,
+    within_rad: float | None = None,
+) -> Verdict:
     """Return what became of a part; see `Cell.judge`."""
     body = truth.bodies.get(target.partition(".")[0])
     host = truth.bodies.get(on.partition(".")[0])
@@ -141,13 +155,17 @@ def judge(truth: Truth, target: str, on: str, within_um: float = 0.0) -> Verdict
     offset_um, room_um = _off_seat(truth, target, body, on, host, within_um)
     height_um = truth.under_um(body) - truth.top_um(host)
     held = truth.held == body.part.name
+    turn_rad = truth.pose(body).theta_rad - truth.pose(host).theta_rad
+    turn_rad = math.remainder(turn_rad, math.tau)
     seated = offset_um <= room_um + 1e-6 and abs(height_um) <= SEATED_UM
+    seated = seated and (within_rad is None or abs(turn_rad) <= within_rad)
     return Verdict(
         success=bool(seated and not held and not truth.collided),
         offset_um=offset_um,
         height_um=float(height_um),
         collided=truth.collided,
         held=held,
+        turn_rad=turn_rad,
     )
 
 

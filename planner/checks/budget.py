@@ -34,6 +34,7 @@ class Sighted:
     focus_um: float
     distortion_sigma_um: float  # at the target's place
     coherence_um: float  # how far partly coherent light moves its middle
+    sigma_theta_rad: float | None = None  # None: the angle was not measured
     place_um: tuple[float, float] = (0.0, 0.0)  # from the optical axis
 
     @property
@@ -64,8 +65,10 @@ def blind_rows(
     hole: Sighted | None,
     shaft: Sighted | None,
     takes_s: float = 0.0,
+    *,
+    doing: str = "inserting",
 ) -> tuple[BudgetRow, ...]:
-    """Return the terms of an insertion that the servo cannot see.
+    """Return the terms of an insertion, or of a placement, that the servo cannot see.
 
     `travel_um` is how far stage and robot go in z, each along an axis of its own tilt;
     `takes_s` how long that takes.
@@ -91,18 +94,18 @@ def blind_rows(
     drift_um = cell.stage.drift_um_per_min * takes_s / SECONDS_PER_MIN
     rows.append(
         BudgetRow(
-            term="drift while inserting",
+            term=f"drift while {doing}",
             sigma_um=drift_um,
             source=f"workcell drift_um_per_min x {takes_s:.3g} s",
         )
     )
     if hole is not None and shaft is not None:
-        rows += _looking_rows(cell, hole, shaft)
+        rows += looking_rows(cell, hole, shaft)
     rows += [BudgetRow(term=t, sigma_um=None, source=s) for t, s in NOT_MODELLED]
     return tuple(rows)
 
 
-def _looking_rows(cell: Workcell, hole: Sighted, shaft: Sighted) -> list[BudgetRow]:
+def looking_rows(cell: Workcell, hole: Sighted, shaft: Sighted) -> list[BudgetRow]:
     """Return what two looks at different heights and zooms differ by."""
     apart_um = abs(hole.focus_um - shaft.focus_um)
     rows = [
@@ -182,7 +185,7 @@ def grasp_budget(task: Task, state: State, step: Step) -> Budget:
     return Budget(
         rows=rows,
         limit_um=stands.room_um,
-        success_probability=_inside(stands.half_room_um, stands.local.x_um, total),
+        success_probability=_inside(stands.half_room_um, stands.offset_um, total),
         advice="",
     )
 
@@ -211,7 +214,7 @@ def verify_budget(
 
     A good assembly that is refused is no mechanical miss, so P stays 1.
     """
-    rows = () if target is None or seat is None else _looking_rows(cell, target, seat)
+    rows = () if target is None or seat is None else looking_rows(cell, target, seat)
     return Budget(
         rows=tuple(rows), limit_um=step.within_um, success_probability=1.0, advice=""
     )

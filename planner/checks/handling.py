@@ -6,12 +6,18 @@ import math
 from dataclasses import dataclass
 
 from planner.checks.gripping import grasp_verdict
+from planner.checks.placing import placing_words
 from planner.checks.releasing import release_verdict
 from planner.diagnostics import Report
 from planner.inputs.task import Task
 from planner.model.mating import fit_verdict, mating_of
 from planner.model.steps import StepState
-from schemas.verdicts import FitVerdict, GraspVerdict, ReleaseVerdict
+from schemas.verdicts import (
+    FitVerdict,
+    GraspVerdict,
+    PlacingVerdict,
+    ReleaseVerdict,
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,9 +47,12 @@ def report_handling(
     grasp: GraspVerdict | None,
     release: ReleaseVerdict | None,
     report: Report,
+    placing: PlacingVerdict | None = None,
 ) -> None:
-    """Report how a part is held and whether it stays, with the numbers."""
+    """Report how a part is held, whether it stays and where, with the numbers."""
     step = here.step
+    if placing is not None:
+        report.note("MP615", step.where, placing_words(step.id, placing))
     if grasp is not None:
         words = f"step {step.id!r}: {grasp.verdict}: {grasp.reason}; {_stands(grasp)}"
         if grasp.verdict == "will slip":

@@ -29,6 +29,7 @@ class Left:
     residual: Residual
     term: str
     source: str
+    early: tuple[float, Residual] | None = None  # as `Insertion.early`
 
 
 def insert_budget(
@@ -73,7 +74,7 @@ def insert_budget(
         miss_probability=job.miss,
         covariance_um2=(rest.xx_um2, rest.xy_um2, rest.yy_um2),
     )
-    advice = "" if chance >= goal else _advice(analysis)
+    advice = "" if chance >= goal else advice_of(analysis)
     return Budget(
         rows=rows,
         limit_um=job.fit.capture_um,
@@ -83,7 +84,7 @@ def insert_budget(
     )
 
 
-def _advice(found: BudgetAnalysis) -> str:
+def advice_of(found: BudgetAnalysis) -> str:
     """Return the cheapest change, or what the worst term would give halved."""
     words = []
     if found.changes:

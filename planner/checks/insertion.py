@@ -35,6 +35,21 @@ class Insertion:
     residual: Residual  # what the servo leaves
     blind: tuple[BudgetRow, ...]  # what it cannot see
     offset_um: float = 0.0  # that nobody corrects; its direction is taken as x
+    # share of alignments that end at their first look, and what those leave
+    early: tuple[float, Residual] | None = None
+
+    @property
+    def left_um(self) -> float:
+        """Return what the servo leaves, root mean square per axis."""
+        shares = [(1.0, self.residual)]
+        if self.early is not None:
+            share, residual = self.early
+            shares = [(1 - share, self.residual), (share, residual)]
+        square = 0.0
+        for share, residual in shares:
+            radii, weights = residual.radii()
+            square += share * float(weights @ radii**2) / 2
+        return math.sqrt(square)
 
     @property
     def rest(self) -> Spread:
@@ -51,6 +66,11 @@ class Insertion:
         What acts along one direction only widens the rest there: the wide axis is
         averaged over, the narrow one is common to all directions.
         """
+        if self.early is not None:
+            share, residual = self.early
+            later = replace(self, early=None)
+            early = replace(later, residual=residual)
+            return share * early.miss + (1 - share) * later.miss
         rest, room = self.rest, self.fit.room
         narrow, wide, angle = rest.principal
         if not self._leans:
@@ -162,11 +182,10 @@ class Insertion:
                 found = found.scaled(key, factor)
             return found
         if term == SERVO:
-            left = Residual(
-                sigma_um=self.residual.sigma_um * factor,
-                within_um=_times(self.residual.within_um, factor),
-            )
-            return replace(self, residual=left)
+            early = self.early
+            if early is not None:
+                early = (early[0], _scaled(early[1], factor))
+            return replace(self, residual=_scaled(self.residual, factor), early=early)
         if term == OFFSET:
             return replace(self, offset_um=self.offset_um * factor)
         if term == SIZE:
@@ -186,6 +205,14 @@ class Insertion:
         """Return the same insertion with more clearance on the diameter."""
         fit = replace(self.fit, hole_um=self.fit.hole_um + wider_um / 2)
         return replace(self, fit=fit)
+
+
+def _scaled(residual: Residual, factor: float) -> Residual:
+    """Return what a finer or coarser servo leaves."""
+    return Residual(
+        sigma_um=residual.sigma_um * factor,
+        within_um=_times(residual.within_um, factor),
+    )
 
 
 def _times(within_um: float, factor: float) -> float:

@@ -41,6 +41,8 @@ def mechanical_rows(
     if grasp is not None:
         rows += _grasp_rows(grasp)
     if release is not None:
+        if budget.analysis is not None:  # somebody asks where the part comes to lie
+            rows += _budget_rows(budget)
         rows += _adhesion_rows(release)
     else:
         rows.append(
@@ -52,12 +54,7 @@ def mechanical_rows(
 
 def _insert_rows(budget: Budget, fit: FitVerdict | None) -> list[EffectRow]:
     """Return the terms of an insertion's budget, and what its fit takes."""
-    rows = [
-        _row(row.term, "normal", None, UM, f"{row.sigma_um:.3g} um: {row.source}")
-        if row.sigma_um is not None
-        else _row(row.term, LEFT_OUT, None, UM, row.source)
-        for row in budget.rows
-    ]
+    rows = _budget_rows(budget)
     if fit is not None:
         rows.append(_row("taper", "worst case", fit.taper_um, UM, "off the clearance"))
         wedging = "inequality" if fit.wedging_rad is not None else LEFT_OUT
@@ -67,6 +64,16 @@ def _insert_rows(budget: Budget, fit: FitVerdict | None) -> list[EffectRow]:
         _row("contact forces on insertion", LEFT_OUT, None, UN, "no sensor feels them")
     )
     return rows
+
+
+def _budget_rows(budget: Budget) -> list[EffectRow]:
+    """Return the terms of a budget, one sigma each."""
+    return [
+        _row(row.term, "normal", None, UM, f"{row.sigma_um:.3g} um: {row.source}")
+        if row.sigma_um is not None
+        else _row(row.term, LEFT_OUT, None, UM, row.source)
+        for row in budget.rows
+    ]
 
 
 def _grasp_rows(grasp: GraspVerdict) -> list[EffectRow]:

@@ -67,11 +67,14 @@ def changes(
     found: Sequence[Offender],
     goal: float,
     methods: Sequence[tuple[str, float]] = (),
+    *,
+    widen: str = "widen the hole by {wider:.3g} um",
 ) -> tuple[Change, ...]:
     """Return what would give the goal, the cheapest first; () if it is met.
 
     A change costs as many halvings of a term, or doublings of the clearance, as it
-    takes; another method costs none. `methods` are others with their chances.
+    takes; another method costs none. `methods` are others with their chances; `widen`
+    says what a larger radius means, by `half` and by `wider` on the diameter.
     """
     if 1 - job.miss >= goal:
         return ()
@@ -90,7 +93,7 @@ def changes(
                 f"{term.largest_um:.3g} um"
             )
             fits.append(Change(what=what, halvings=halvings, success_probability=goal))
-    fits += _wider(job, goal) + _all_finer(job, goal)
+    fits += _wider(job, goal, widen) + _all_finer(job, goal)
     # of what costs the same the fewest things come first
     return tuple(sorted(fits, key=lambda change: change.halvings))
 
@@ -120,11 +123,9 @@ def yield_over_tolerance(job: Insertion) -> YieldCurve:
 
 def sizes_of(job: Insertion, servo: str, offset: str, size: str) -> Sizes:
     """Return all terms of an insertion under their names in the budget."""
-    radii, weights = job.residual.radii()
-    left = math.sqrt(float(weights @ radii**2) / 2)
     tolerance = math.hypot(job.fit.hole_tolerance_um, job.fit.shaft_tolerance_um)
     return [
-        (servo, SERVO, left),
+        (servo, SERVO, job.left_um),
         *((row.term, row.term, row.sigma_um or 0.0) for row in job.blind),
         (offset, OFFSET, abs(job.offset_um)),
         (size, SIZE, tolerance / math.sqrt(3)),
@@ -153,7 +154,7 @@ def _largest(job: Insertion, key: str, size_um: float, goal: float) -> float | N
     return most if spare(most) >= 0 else edge(spare, 0.0, most)
 
 
-def _wider(job: Insertion, goal: float) -> list[Change]:
+def _wider(job: Insertion, goal: float, widen: str) -> list[Change]:
     """Return the least widening of the hole that gives the goal, if any does."""
     clearance = 2 * job.fit.capture_um
 
@@ -168,7 +169,7 @@ def _wider(job: Insertion, goal: float) -> list[Change]:
     base = max(clearance, SHARP * wider)
     return [
         Change(
-            what=f"widen the hole by {wider:.3g} um",
+            what=widen.format(wider=wider, half=wider / 2),
             halvings=_halvings((base + wider) / base),
             success_probability=1 - job.widened(wider).miss,
         )

@@ -29,6 +29,7 @@ def since_rows(
     states: tuple[StepState, ...],
     insert: StepState,
     seen: Sequence[Sighted | None],
+    names: Sequence[str] | None = None,
 ) -> tuple[BudgetRow, ...]:
     """Return the terms of what changed since hole and shaft were looked at.
 
@@ -42,6 +43,8 @@ def since_rows(
         The insertion.
     seen : (hole, shaft)
         The last look at each, None if there was none.
+    names : sequence of str, optional
+        Of what is brought together, if it is not an insertion's target and shaft.
 
     Returns
     -------
@@ -49,7 +52,8 @@ def since_rows(
         None for a part whose axes stood still sideways. Turned axes swing it across
         the lever from their axis; what changed hands lies where the jaws put it.
     """
-    names = (insert.step.target or "", insert.step.onto or "")
+    if names is None:
+        names = (insert.step.target or "", insert.step.onto or "")
     return tuple(
         row
         for name, look in zip(names, seen, strict=True)

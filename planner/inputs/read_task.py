@@ -200,6 +200,7 @@ def _step(source: Source, index: int, raw: Mapping[str, Any]) -> Step:
         tolerance_xy_um=_number(raw.get("tolerance_xy_um")),
         tolerance_theta_rad=_radians(raw.get("tolerance_theta_deg")),
         within_um=_number(raw.get("within_um")),
+        within_rad=_radians(raw.get("within_deg")),
         height_within_um=_number(raw.get("height_within_um")),
         speed_um_per_s=_number(raw.get("speed_um_per_s")),
         if_blocked=_blocked(raw["if_blocked"]) if "if_blocked" in raw else None,

@@ -150,6 +150,7 @@ class Step:
     tolerance_xy_um: float | None = None
     tolerance_theta_rad: float | None = None
     within_um: float | None = None
+    within_rad: float | None = None  # verify: turned against its seat at most so far
     height_within_um: float | None = None
     speed_um_per_s: float | None = None
     if_blocked: Blocked | None = None

@@ -13,6 +13,7 @@ from planner.model.assembly import (
     Place,
     State,
     axes_of,
+    carrier_pose,
     locate_place,
     owner_of,
 )
@@ -25,12 +26,19 @@ PATHS = (("xy",), ("x", "y"), ("y", "x"))
 def approach(
     task: Task, state: State, step: Step, report: Report
 ) -> tuple[State, tuple[str, ...]]:
-    """Return the state with the target at its goal, and a path that touches nothing."""
+    """Return the state with the target at its goal, and a path that touches nothing.
+
+    It is turned to its goal, too, where the step states how closely.
+    """
     target = locate_place(task, state, step.target or "")
     goal = locate_place(task, state, step.to or "")
-    shift = (goal.pose.x_um - target.pose.x_um, goal.pose.y_um - target.pose.y_um)
-    after = _aligned(task, state, target, goal, shift)
-    hits = {path: _path_hits(task, state, target, shift, path) for path in PATHS}
+    turn_rad = 0.0
+    if step.tolerance_theta_rad is not None:
+        off_rad = goal.pose.theta_rad - target.pose.theta_rad
+        turn_rad = math.remainder(off_rad, math.tau)
+    readings = _readings(task, state, target, goal, turn_rad)
+    after = _aligned(task, state, target, goal, readings)
+    hits = {path: _path_hits(task, state, target, readings, path) for path in PATHS}
     for path in PATHS:
         if not hits[path]:
             return after, path
@@ -56,17 +64,36 @@ def _way_out(task: Task, moving: str, still: str) -> str:
     )
 
 
+def _readings(
+    task: Task, state: State, target: Place, goal: Place, turn_rad: float
+) -> Axis4:
+    """Return the readings that bring the target to its goal, turned by `turn_rad`.
+
+    The turn swings it about the axis, which x and y make up for.
+    """
+    axis = state.stage if target.carrier == "stage" else state.robot
+    turned = replace(axis, theta_rad=axis.theta_rad + turn_rad)
+    local = carrier_pose(task, state, target.carrier).inverse().compose(target.pose)
+    there = _carried(state, target.carrier, turned)
+    swung = carrier_pose(task, there, target.carrier).compose(local)
+    return replace(
+        turned,
+        x_um=turned.x_um + goal.pose.x_um - swung.x_um,
+        y_um=turned.y_um + goal.pose.y_um - swung.y_um,
+    )
+
+
 def _aligned(
-    task: Task, state: State, target: Place, goal: Place, shift: tuple[float, float]
+    task: Task, state: State, target: Place, goal: Place, readings: Axis4
 ) -> State:
-    """Return the state after the carrier of `target` moved by `shift`."""
+    """Return the state after the carrier of `target` went to `readings`."""
+    moved = _carried(state, target.carrier, readings)
     if target.carrier == "robot":
-        return replace(state, robot=_shifted(state.robot, shift))
+        return moved
     axes = axes_of(task, target.carrier)
     spread = math.hypot(goal.sigma_xy_um, axes.repeatability_xy_um)
     return replace(
-        state,
-        stage=_shifted(state.stage, shift),
+        moved,
         stage_sigma_um=math.hypot(spread, target.sigma_xy_um),
         pinned={target.owner: spread},
     )
@@ -76,40 +103,41 @@ def _path_hits(
     task: Task,
     state: State,
     target: Place,
-    shift: tuple[float, float],
+    readings: Axis4,
     path: tuple[str, ...],
 ) -> tuple[tuple[str, str], ...]:
     """Return the pairs that would touch on the way.
 
     The target starts anywhere within two sigma of its nominal place and ends at the
-    goal: each leg takes up the deviation along its own axes.
+    goal: each leg takes up the deviation along its own axes. The first leg turns.
     """
     rest = axes_of(task, target.carrier).repeatability_xy_um * SIGMAS
     left = [SIGMAS * target.sigma_xy_um] * 2
+    axis = state.stage if target.carrier == "stage" else state.robot
     here, found = state, []
     for leg in path:
         deviation: Box = (-left[0], -left[1], left[0], left[1])
-        to = (shift[0] if "x" in leg else 0.0, shift[1] if "y" in leg else 0.0)
-        there = _carried(here, target.carrier, to)
+        axis = replace(
+            axis,
+            x_um=readings.x_um if "x" in leg else axis.x_um,
+            y_um=readings.y_um if "y" in leg else axis.y_um,
+            theta_rad=readings.theta_rad,
+        )
+        there = _carried(here, target.carrier, axis)
         hits = sweep_hits(
             task, here, there, carrier=target.carrier, deviation=deviation
         )
         found += [(hit.moving, hit.still) for hit in hits]
         left = [
-            rest if axis in leg else value
-            for axis, value in zip("xy", left, strict=True)
+            rest if name in leg else value
+            for name, value in zip("xy", left, strict=True)
         ]
         here = there
     return tuple(found)
 
 
-def _carried(state: State, carrier: Carrier, shift: tuple[float, float]) -> State:
-    """Return the state with one carrier shifted."""
+def _carried(state: State, carrier: Carrier, readings: Axis4) -> State:
+    """Return the state with one carrier at other readings."""
     if carrier == "robot":
-        return replace(state, robot=_shifted(state.robot, shift))
-    return replace(state, stage=_shifted(state.stage, shift))
-
-
-def _shifted(axis: Axis4, shift: tuple[float, float]) -> Axis4:
-    """Return the readings moved sideways by `shift`."""
-    return replace(axis, x_um=axis.x_um + shift[0], y_um=axis.y_um + shift[1])
+        return replace(state, robot=readings)
+    return replace(state, stage=readings)

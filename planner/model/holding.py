@@ -6,6 +6,7 @@ import itertools
 import math
 from dataclasses import dataclass, replace
 
+from optics.outline import Outline, place
 from planner.diagnostics import Report
 from planner.inputs.task import Step, Task
 from planner.model.assembly import (
@@ -16,11 +17,13 @@ from planner.model.assembly import (
     owner_of,
     part_pose,
     part_sigma_um,
+    part_z_um,
     stage_pose,
     with_part,
 )
 from planner.model.closing import report_jaws
-from planner.model.shapes import squeeze_minima_rad, squeeze_width_um
+from planner.model.resting import report_resting
+from planner.model.shapes import hull, squeeze_minima_rad, squeeze_width_um
 from planner.model.sweep import SIGMAS
 from schemas.pose import Pose
 
@@ -36,11 +39,22 @@ class Between:
     width_um: float  # along x, at that turn
     half_room_um: float  # half of what the jaws leave open around that width
     sigma_um: float  # spread of the part's place, per axis
+    middle_um: tuple[float, float]  # of its extents from its origin, at that turn
 
     @property
     def room_um(self) -> float:
         """Return what is left on the narrower side."""
-        return self.half_room_um - abs(self.local.x_um)
+        return self.half_room_um - abs(self.offset_um)
+
+    @property
+    def offset_um(self) -> float:
+        """Return how far its middle is off that of the jaws, across them."""
+        return self.local.x_um + self.middle_um[0]
+
+    @property
+    def along_um(self) -> float:
+        """Return how far its middle is behind the grip."""
+        return self.local.y_um + self.middle_um[1]
 
 
 def between_jaws(task: Task, state: State, step: Step) -> Between:
@@ -57,7 +71,14 @@ def between_jaws(task: Task, state: State, step: Step) -> Between:
         width_um=width,
         half_room_um=(state.opening_um - width) / 2,
         sigma_um=part_sigma_um(state, name),
+        middle_um=_middle_um(outline, turn),
     )
+
+
+def _middle_um(outline: Outline, turn_rad: float) -> tuple[float, float]:
+    """Return the middle of an outline's extents once it is turned."""
+    x0, y0, x1, y1 = hull(place(outline, 0.0, 0.0, turn_rad)).bounds
+    return ((x0 + x1) / 2, (y0 + y1) / 2)
 
 
 def grasp(task: Task, state: State, step: Step, report: Report) -> State:
@@ -68,7 +89,11 @@ def grasp(task: Task, state: State, step: Step, report: Report) -> State:
     report_jaws(task, state, step, step.opening_um or 0.0, report)
     held = PartState(
         carrier="robot",
-        pose=Pose(x_um=0.0, y_um=stands.local.y_um, theta_rad=stands.turn_rad),
+        pose=Pose(
+            x_um=0.0 - stands.middle_um[0],
+            y_um=stands.local.y_um,
+            theta_rad=stands.turn_rad,
+        ),
         z_um=state.parts[name].z_um
         + state.stage.z_um
         + task.workcell.stage.datum_z_um
@@ -149,7 +174,7 @@ def _check_grasp(
     task: Task, state: State, step: Step, report: Report, stands: Between
 ) -> None:
     """Report jaws that cannot close on the part."""
-    name, tool = owner_of(step.target or ""), task.workcell.tools[step.tool or ""]
+    name = owner_of(step.target or "")
     where = step.spans.get("opening_um", step.where)
     width, room = stands.width_um, stands.room_um
     opening = step.opening_um or 0.0
@@ -171,12 +196,35 @@ def _check_grasp(
             f"{spread:.3g} um needed at 2 sigma",
             "open the jaws further before, or align more finely",
         )
-    if stands.local.y_um < -tool.grip_from_tip_um:
+    _check_reach(task, state, step, report, stands)
+
+
+def _check_reach(
+    task: Task, state: State, step: Step, report: Report, stands: Between
+) -> None:
+    """Report fingers that close before, behind or above the part's middle.
+
+    By what the part covers: its origin may be anywhere.
+    """
+    name, tool = owner_of(step.target or ""), task.workcell.tools[step.tool or ""]
+    low_um = part_z_um(task, state, name)
+    high_um = low_um + task.parts[name].thickness_um
+    bottom_um, top_um = state.robot.z_um, state.robot.z_um + tool.thickness_um
+    if high_um <= bottom_um or low_um >= top_um:
         report.refuse(
             "MP305",
             step.where,
-            f"step {step.id!r}: {name} lies {-stands.local.y_um:.3g} um before the "
-            f"grip, beyond the tips at {tool.grip_from_tip_um:g} um",
+            f"step {step.id!r}: the fingers are {bottom_um:.4g} to {top_um:.4g} um "
+            f"high, {name} {low_um:.4g} to {high_um:.4g} um",
+            "bring them to its height first",
+        )
+    behind_um = stands.along_um + tool.grip_from_tip_um
+    if not 0 <= behind_um <= tool.length_um:
+        report.refuse(
+            "MP305",
+            step.where,
+            f"step {step.id!r}: the middle of {name} lies {-behind_um:.3g} um before "
+            f"the tips of fingers {tool.length_um:g} um long",
             f"align it to {tool.name}.grip first",
         )
 
@@ -187,6 +235,7 @@ def release(task: Task, state: State, step: Step, report: Report) -> State:
     part = state.parts[name]
     opening = step.opening_um or state.opening_um
     report_jaws(task, state, step, opening, report)
+    report_resting(task, state, step, name, report)
     world = carrier_pose(task, state, "robot").compose(part.pose)
     left = replace(
         part,

@@ -38,7 +38,7 @@ class Request:
     state: State  # of the world while it looks
     tolerance_um: float | None  # None: a pixel of the magnification chosen
     wants_angle: bool
-    needs_angle_rad: float | None  # what an alignment must meet; None: no need
+    needs_angle_rad: float | None  # 2 sigma + |bias| of it at most; None: no need
     where: Span
     view_where: Span | None  # of the `view_um` that brought the target there
     divisible: bool = False  # nothing but this look happens: another may come before
@@ -68,20 +68,40 @@ def requests(
         share = None if need is None else LOOK_SHARE * need
         angle = here.at_look.parts.get(owner_of(step.target or ""))
         turned = angle is not None and angle.sigma_theta_rad > 0
-        return (_request(step, here.at_look, step.target, "", share, angle=turned),)
+        turn = _share(LOOK_SHARE, next_turn_rad(task, states, index))
+        return (_request(here, step.target, "", share, turn, angle=turned),)
     if step.verb == "align":
         share = LOOK_SHARE * (tolerance_um or 0.0)
-        angle_needed = step.tolerance_theta_rad is not None
-        return (
-            _request(step, here.at_look, step.target, "", share, angle=angle_needed),
-        )
+        turn = _share(LOOK_SHARE, step.tolerance_theta_rad)
+        return (_request(here, step.target, "", share, turn),)
     if step.verb == "verify":
         share = VERIFY_SHARE * (step.within_um or 0.0)
+        turn = _share(VERIFY_SHARE, step.within_rad)
         return (
-            _request(step, here.at_look, step.target, "target", share, angle=False),
-            _request(step, here.at_look, step.on, "seat", share, angle=False),
+            _request(here, step.target, "target", share, turn),
+            _request(here, step.on, "seat", share, turn),
         )
     return ()
+
+
+def next_turn_rad(
+    task: Task, states: tuple[StepState, ...], index: int
+) -> float | None:
+    """Return how closely the next alignment to what step `index` locates turns to it.
+
+    None if none does, or if it is a tool: its angle is the robot's.
+    """
+    owner = owner_of(states[index].step.target or "")
+    if owner not in task.parts:
+        return None
+    for later in states[index + 1 :]:
+        step = later.step
+        if step.verb == "align" and owner == owner_of(step.to or ""):
+            return step.tolerance_theta_rad
+        names = {owner_of(name) for name in (step.target, step.onto) if name}
+        if owner in names and step.verb in ("align", "grasp", "insert", "release"):
+            return None
+    return None
 
 
 def next_tolerance_um(
@@ -149,23 +169,29 @@ def _fit_tolerance(
     return room if room > 0 else None
 
 
+def _share(share: float, tolerance: float | None) -> float | None:
+    """Return what a look may use up of a tolerance, if there is one."""
+    return None if tolerance is None else share * tolerance
+
+
 def _request(
-    step: Step,
-    state: State,
+    here: StepState,
     target: str | None,
     suffix: str,
     share: float | None,
+    turn_rad: float | None,
     *,
-    angle: bool,
+    angle: bool = False,
 ) -> Request:
     """Return one request; `suffix` tells the looks of one step apart."""
+    step = here.step
     return Request(
         id=f"{step.id}.{suffix}" if suffix else step.id,
         target=target or "",
-        state=state,
+        state=here.at_look,
         tolerance_um=share,
-        wants_angle=angle,
-        needs_angle_rad=step.tolerance_theta_rad if step.verb == "align" else None,
+        wants_angle=angle or turn_rad is not None,
+        needs_angle_rad=turn_rad,
         where=step.spans.get("target", step.where),
         view_where=step.spans.get("view_um"),
         divisible=step.verb == "locate",

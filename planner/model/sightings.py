@@ -8,12 +8,12 @@ from dataclasses import replace
 from optics.microscope import Microscope
 from optics.scene import Scene, Window
 from planner.diagnostics import Report
-from planner.inputs.task import Task
+from planner.inputs.task import Feature, Task
 from planner.model.assembly import Place, locate_place
 from planner.model.focus import focus_for
 from planner.model.requests import Request
 from planner.model.scenes import relevant, shade_of, world_scene
-from planner.model.targets import Shape, outline_of, shape_of
+from planner.model.targets import Box, Shape, outline_of, shape_of
 from planner.model.views import SEARCH_SIGMAS, ViewPlan, light_level, region_for
 from planner.model.zooms import (
     LADDER,
@@ -54,12 +54,12 @@ def views(
             "target its part or another feature, or leave 'avoid' out",
         )
         return ()
-    if request.needs_angle_rad is not None and not shape.has_angle:
+    if request.needs_angle_rad is not None and not _tells_angle(task, shape):
         report.refuse(
             "MP502",
             request.where,
             f"no routine measures the angle of {request.target}",
-            "leave tolerance_theta_deg out, or target something with an angle",
+            "target something with an angle, or ask for none",
         )
         return ()
     spot = spot_of(task, request, shape)
@@ -107,6 +107,15 @@ def _report_tight(
         f"{why[1].by} ({why[1].reason})",
         "know its place better, or look at it nearer the middle of the field",
     )
+
+
+def _tells_angle(task: Task, shape: Shape) -> bool:
+    """Return whether the target, or features beside it on its part, have an angle.
+
+    A post stands alone at its height.
+    """
+    part, inner = task.parts.get(shape.owner), shape.name.partition(".")[2]
+    return shape.has_angle or (part is not None and inner not in part.posts)
 
 
 def _is_avoided(task: Task, target: str) -> bool:
@@ -187,6 +196,39 @@ def whole_view(task: Task, request: Request, view: ViewPlan) -> ViewPlan:
     region = region_for(view.microscope, box, spot, search_um(task, spot))
     scene = world_scene(task, request.state)
     return _lit(task, scene, view.microscope, view.focus_um, region)
+
+
+def marks_view(task: Task, request: Request, view: ViewPlan) -> ViewPlan:
+    """Return the view with a region that holds the target and the features that the
+    task declares beside it, as far as the frame does."""
+    shape = needed_shape(task, request)
+    part = task.parts.get(shape.owner)
+    if part is None or shape.name.partition(".")[2] in part.posts:
+        return view
+    spot = spot_of(task, request, shape)
+    boxes = [shape.box_um] + [
+        _box_about(feature, spot.pose.theta_rad, shape.center_um)
+        for feature in part.features.values()
+        if not feature.avoid and feature.kind != "outline"
+    ]
+    box = (
+        min(b[0] for b in boxes), min(b[1] for b in boxes),
+        max(b[2] for b in boxes), max(b[3] for b in boxes),
+    )  # fmt: skip
+    region = region_for(view.microscope, box, spot, search_um(task, spot))
+    scene = world_scene(task, request.state)
+    return _lit(task, scene, view.microscope, view.focus_um, region)
+
+
+def _box_about(
+    feature: Feature, theta_rad: float, about_um: tuple[float, float]
+) -> Box:
+    """Return a feature's box about a point of its part, in the world's axes."""
+    x, y = (c - a for c, a in zip(feature.center_um, about_um, strict=True))
+    turn = Pose(x_um=0.0, y_um=0.0, theta_rad=theta_rad)
+    x_um, y_um = turn.apply(x, y)
+    r = feature.radius_um
+    return (x_um - r, y_um - r, x_um + r, y_um + r)
 
 
 def _lit(

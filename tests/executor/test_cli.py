@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import json
 import shutil
 import signal
@@ -56,25 +58,28 @@ def edited(plan: Path, tmp_path: Path, old: str, new: str) -> Path:
     return copy
 
 
-def test_the_gear_ends_on_the_post(
-    built: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert run(built, tmp_path / "run", "--seed", "3") == 0
-    found = summary(tmp_path / "run")
+@pytest.fixture(scope="module")
+def ran(built: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    """Return the run folder of one good run, frames kept, and what it printed."""
+    folder, heard = tmp_path_factory.mktemp("runs") / "run", io.StringIO()
+    with contextlib.redirect_stdout(heard):
+        assert run(built, folder, "--seed", "3") == 0
+    return folder, heard.getvalue()
+
+
+def test_the_gear_ends_on_the_post(ran: tuple[Path, str]) -> None:
+    folder, out = ran
+    found = summary(folder)
     assert found["done"]
     assert found["code"] is None
     assert found["cell_verdict"]["success"]
     assert [s["code"] for s in found["steps"]] == [None] * STEPS
-    out = capsys.readouterr().out
     assert "gear-on-shaft: done" in out
     assert "seated, offset" in out
 
 
-def test_the_run_folder_holds_log_frames_and_summary(
-    built: Path, tmp_path: Path
-) -> None:
-    folder = tmp_path / "run"
-    assert run(built, folder, "--seed", "3") == 0
+def test_the_run_folder_holds_log_frames_and_summary(ran: tuple[Path, str]) -> None:
+    folder, _ = ran
     log = events(folder)
     assert [e["seq"] for e in log] == list(range(1, len(log) + 1))
     times = [e["t_s"] for e in log]

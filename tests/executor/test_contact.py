@@ -76,6 +76,9 @@ def test_a_part_beside_a_mark_is_judged_by_its_own_place() -> None:
     assert near.height_um == pytest.approx(0.0, abs=1e-9)
     assert near.success
     assert not far.success
+    assert near.turn_rad == pytest.approx(-0.3)  # the gear lies turned
+    assert found.judge("shaft_plate", "gear.bore", 5.1, 0.31).success
+    assert not found.judge("shaft_plate", "gear.bore", 5.1, 0.29).success
     plate.z_um = 110.0
     assert not found.judge("shaft_plate", "gear.bore", 5.1).success
     with pytest.raises(ValueError, match="no post and no hole"):

@@ -46,6 +46,11 @@ def one_look(file: Path) -> None:
     change(file, "sigma_xy_um: 10", "sigma_xy_um: 2")
 
 
+def one_zoom(file: Path) -> None:
+    """Let the microscope beside a task have its lowest magnification only."""
+    change(file.with_name("workcell.yaml"), "max: 44.5}", "max: 6.9}")
+
+
 def read(file: Path) -> Task:
     """Return the task that a file holds, which must be in order."""
     report = Report()

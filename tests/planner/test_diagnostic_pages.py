@@ -26,7 +26,9 @@ from tests.planner.examples import (
     beyond_notes,
     change,
     cut,
+    one_zoom,
 )
+from tests.planner.placed import memory, placed
 
 PAGES = ROOT / "docs" / "diagnostics"
 
@@ -89,6 +91,16 @@ def _handling(folder: Path) -> Report:
     return report
 
 
+def _placing(folder: Path) -> Report:
+    """Return what the compiler finds of the laser die's release, by given looks."""
+    task, states, report = _unfolded(folder)
+    here = next(state for state in states if state.step.verb == "release")
+    found = placed(task, memory())
+    assert found is not None
+    report_handling(here, None, None, report, found[1])
+    return report
+
+
 # first characters of a code -> what finds it in the example's folder
 RUNNERS: dict[str, Callable[[Path], Report]] = {
     "MP0": _load,
@@ -100,6 +112,7 @@ RUNNERS: dict[str, Callable[[Path], Report]] = {
     "MP612": _methods,  # so would this one's
     "MP613": _handling,
     "MP614": _handling,
+    "MP615": _placing,
     "MP603": _tolerances,  # the page's call would look for half a minute before
 }
 CODES = sorted(page.stem for page in PAGES.glob("MP[0-7]*.md"))
@@ -117,6 +130,7 @@ def _find_gear(folder: Path) -> None:
         "{id: find_gear,       do: locate,  target: gear, view_um: [0, 0]}",
     )
     change(folder / "task.yaml", "theta: any, sigma_xy_um: 30", "sigma_xy_um: 5")
+    one_zoom(folder / "task.yaml")
 
 
 def _grasp_and_release(folder: Path) -> None:

@@ -4,16 +4,23 @@ from __future__ import annotations
 
 import importlib.util
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import gdstk
 import pytest
 
+from planner.cases import build_case, feature_case
 from planner.diagnostics import Report
 from planner.inputs.read_task import load_task
 from planner.inputs.task import Task
 from planner.model.assembly import locate_place, part_z_um
+from planner.model.features import proposals
+from planner.model.requests import requests
+from planner.model.sightings import marks_view, needed_shape, views
 from planner.model.steps import unfold
+from planner.raced import unseen
+from tests.planner import examples
 from tests.planner.examples import ROOT, beyond_notes
 
 EXAMPLE = ROOT / "examples" / "laser_die"
@@ -78,3 +85,86 @@ def test_nothing_touches_and_the_die_ends_over_its_site(task: Task) -> None:
     assert math.hypot(die.x_um - mark.x_um, die.y_um - mark.y_um) < 1e-6
     gap_um = part_z_um(task, end, "die") - part_z_um(task, end, "submount") - 150
     assert gap_um == pytest.approx(2)  # it falls by that when it is let go
+
+
+def test_the_alignment_turns_the_submount_about_the_stages_axis(task: Task) -> None:
+    """It lies 4 deg off; what the turn swings away x and y bring back."""
+    off_rad = math.radians(4)
+    start = replace(task.part_starts["submount"], theta_rad=off_rad)
+    turned = replace(task, part_starts={**task.part_starts, "submount": start})
+    states = {s.step.id: s for s in unfold(turned, Report())}
+    align = states["over_site"]
+    mark, die = (
+        locate_place(turned, align.after, n).pose for n in ("submount.mark", "die")
+    )
+    assert (mark.x_um, mark.y_um) == pytest.approx((die.x_um, die.y_um), abs=1e-9)
+    assert mark.theta_rad == pytest.approx(die.theta_rad, abs=1e-12)
+    before = align.before.stage.theta_rad
+    assert align.after.stage.theta_rad - before == pytest.approx(-off_rad)
+    # 1.5 mm of arm and 4 deg: 105 um in y beyond the way that was left
+    assert abs(align.after.stage.y_um - align.before.stage.y_um) > 100
+    straight = replace(
+        turned,
+        steps=tuple(
+            replace(s, tolerance_theta_rad=None) if s.id == "over_site" else s
+            for s in turned.steps
+        ),
+    )
+    left = {s.step.id: s for s in unfold(straight, Report())}["over_site"].after
+    assert locate_place(straight, left, "submount").pose.theta_rad == pytest.approx(
+        off_rad
+    )
+
+
+def test_the_looks_ask_for_the_angles_that_are_needed(task: Task) -> None:
+    states = unfold(task, Report())
+    asked = {
+        request.id: request.needs_angle_rad
+        for index in range(len(states))
+        for request in requests(task, states, index, 0.4)
+    }
+    align, verify = math.radians(0.1), math.radians(0.2)
+    assert asked == {
+        "find_die": None, "see_fingers": None, "bring_between": None,
+        "die_in_fingers": pytest.approx(align / 2), "find_submount": None,
+        "over_site": pytest.approx(align / 2),
+        "check.target": pytest.approx(verify / 4),
+        "check.seat": pytest.approx(verify / 4),
+    }  # fmt: skip
+
+
+def test_a_round_mark_is_looked_at_with_the_other_one(task: Task) -> None:
+    """The mark alone tells no angle; the region takes in the second, 300 um away."""
+    states, report = unfold(task, Report()), Report()
+    index = next(k for k, s in enumerate(states) if s.step.id == "over_site")
+    (request,) = requests(task, states, index, 0.4)
+    settings = views(task, request, 5.0, report)
+    assert beyond_notes(report) == []
+    alone, both = settings[0], marks_view(task, request, settings[0])
+    scope = alone.microscope
+    wider = (both.region.columns - alone.region.columns) * scope.um_per_px
+    # from the near mark's rim to the far one's; a pixel at either end
+    assert wider == pytest.approx(300, abs=2 * scope.um_per_px)
+    assert both.region.rows == alone.region.rows
+    case, _ = build_case(task, request, both, 0.005)
+    assert case.tolerance_theta_rad == request.needs_angle_rad
+    second = next(
+        s
+        for _, s in proposals(task, request, needed_shape(task, request)).others
+        if s.name == "submount.second"
+    )
+    other = feature_case(task, request, both, case, second)
+    assert other.tolerance_theta_rad is None  # round as well: its place is what counts
+    assert unseen(other) == ""
+    narrow = replace(case, window=alone.region, target=other.target)
+    assert unseen(narrow) != ""
+
+
+def test_a_post_of_its_own_height_tells_no_angle(task: Task) -> None:
+    gear = examples.read(examples.EXAMPLE / "task.yaml")
+    states, report = unfold(gear, Report()), Report()
+    index = next(k for k, s in enumerate(states) if s.step.id == "find_shaft")
+    (request,) = requests(gear, states, index, 1.0)
+    asked = replace(request, needs_angle_rad=0.001)
+    assert views(gear, asked, 6.9, report) == ()
+    assert [d.code for d in report.found] == ["MP502"]

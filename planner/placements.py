@@ -1,0 +1,267 @@
+"""The budget of putting a part down: what looks, moves and angles leave."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+from planner.allowed import allowed
+from planner.checks.budget import Sighted, blind_rows
+from planner.checks.fit import Residual
+from planner.checks.insert_budget import Left, share_of_goal
+from planner.checks.insertion import Insertion
+from planner.checks.placing import Placement, chance_beside, placing_budget, within
+from planner.checks.since import since_rows
+from planner.checks.turning import Turning
+from planner.control import gain_of, moved_by, residual_of, single_residual
+from planner.inputs.task import Task
+from planner.looks import Effects
+from planner.memory import Memory
+from planner.model.assembly import (
+    Carrier,
+    axes_of,
+    locate_place,
+    owner_of,
+    part_sigma_um,
+)
+from planner.model.steps import StepState
+from planner.model.sweep import ROUNDING_UM
+from planner.putting import (
+    Putting,
+    far_um,
+    moves_of,
+    moves_s,
+    offset_um,
+    putting_of,
+    way_um,
+)
+from schemas.plan import Budget, BudgetRow
+from schemas.verdicts import PlacingVerdict, TurnRow
+
+Point = tuple[float, float]
+LEVER = "angle of {} over the way to what is placed"
+TURNED = "turn that the alignment leaves"
+
+
+def place_budget(
+    task: Task,
+    states: tuple[StepState, ...],
+    here: StepState,
+    memory: Memory,
+    effects: Effects,
+) -> tuple[Budget, PlacingVerdict] | None:
+    """Return what a release leaves of a placement, None if nobody states a tolerance.
+
+    A part on a shaft is the insertion's.
+    """
+    put = putting_of(task, states, here, memory)
+    if put is None:
+        return None
+    placed, left, goal = _placement(put), left_of(put), share_of_goal(task)
+    turning, job = turning_of(put), job_of(put, left)
+    budget, verdict = placing_budget(placed, job, left, turning, goal=goal)
+    others = chance_beside(placed, turning)
+    looks = [
+        (memory.seen[name].term, memory.looks[name])
+        for name in (put.part, put.seat)
+        if name in memory.looks and put.align is not None
+    ]
+    needed = goal / others if others > 0 else 1.0
+    borne = allowed(task, job, needed, looks, effects)
+    if budget.analysis is None:
+        raise ValueError("the budget of a placement has an analysis")
+    analysis = replace(budget.analysis, allowed=borne)
+    return replace(budget, analysis=analysis), verdict
+
+
+def job_of(put: Putting, left: Left) -> Insertion:
+    """Return the errors of the place, against the tolerance that is stated."""
+    return Insertion(
+        fit=within(put.verify.within_um or 0.0),
+        residual=left.residual,
+        early=left.early,
+        blind=(*_blind(put), *_levers(put)),
+        offset_um=offset_um(put),
+    )
+
+
+def _placement(put: Putting) -> Placement:
+    """Return what is put where, and what is asked of it."""
+    target, tool = put.verify.target or "", put.release.before.tool
+    tools = put.task.workcell.tools
+    return Placement(
+        target=target,
+        on=put.verify.on or "",
+        verified_by=put.verify.id,
+        within_um=put.verify.within_um or 0.0,
+        within_rad=put.verify.within_rad,
+        far_um=far_um(put.task.parts[put.part], target),
+        stick_probability=0.0 if tool is None else tools[tool].stick_probability,
+    )
+
+
+def left_of(put: Putting) -> Left:
+    """Return what the alignment leaves sideways.
+
+    A servo may end at its first look: then the error is that of the approach, by the
+    look before, if place and angle are within their tolerances. Every later look
+    follows a correction, e+ = (1 - g) e + the axes' own.
+    """
+    task, align = put.task, put.align
+    if align is None:
+        spread = [part_sigma_um(put.release.before, n) for n in (put.part, put.seat)]
+        return Left(
+            residual=Residual(sigma_um=math.hypot(*spread), within_um=math.inf),
+            term="places of both parts",
+            source="no alignment of them since the part was taken",
+        )
+    carrier = moved_by(task, align)
+    if put.memory.choice is not None and put.memory.choice.method == "look_then_move":
+        return Left(
+            residual=single_residual(task, carrier),
+            term=f"{carrier} repeatability left by two moves",
+            source="workcell repeatability_xy_um, nothing cut off",
+        )
+    within_um, before = put.memory.within_um, put.memory.before
+    settled = residual_of(task, within_um, carrier)
+    known_um = (
+        part_sigma_um(align.before, owner_of(align.step.target or ""))
+        if before is None
+        else before.sigma_um
+    )
+    first = Residual(
+        sigma_um=math.hypot(
+            single_residual(task, carrier).sigma_um, known_um, _swing_um(put, align)
+        ),
+        within_um=within_um,
+    )
+    later_um = math.hypot(settled.sigma_um, (1 - gain_of(task)) * first.sigma_um)
+    share = first.inside * turning_of(put).left_inside
+    return Left(
+        residual=Residual(sigma_um=later_um, within_um=within_um),
+        early=(share, first),
+        term="what the servo leaves",
+        source=f"workcell repeatability_xy_um, cut off at {within_um:.3g} um; with "
+        f"{share:.3g} the first look ends it, by the look before ({known_um:.3g} um)",
+    )
+
+
+def _swing_um(put: Putting, align: StepState) -> float:
+    """Return how far turns that do not repeat swing what is aligned, one sigma."""
+    if align.step.tolerance_theta_rad is None:
+        return 0.0
+    task, carrier = put.task, moved_by(put.task, align)
+    target = locate_place(task, align.at_look, align.step.target or "").pose
+    arm_um = task.workcell.robot.theta_axis_to_tip_um
+    if carrier == "stage":
+        stage, axis = align.at_look.stage, task.workcell.stage.theta_axis_um
+        arm_um = math.hypot(
+            target.x_um - stage.x_um - axis[0], target.y_um - stage.y_um - axis[1]
+        )
+    return math.sqrt(2) * axes_of(task, carrier).repeatability_theta_rad * arm_um
+
+
+def turning_of(put: Putting) -> Turning:
+    """Return the error of the part's angle against its seat's."""
+    task, align, state = put.task, put.align, put.release.before
+    spread = [state.parts[name].sigma_theta_rad for name in (put.part, put.seat)]
+    since = list(_since_turns(put))
+    if align is None or align.step.tolerance_theta_rad is None:
+        left = math.hypot(*spread, task.workcell.stage.axes.repeatability_theta_rad)
+        return Turning(left_rad=left, cut_rad=math.inf, rows=tuple(since))
+    repeats = axes_of(task, moved_by(task, align)).repeatability_theta_rad
+    rows = [
+        TurnRow(
+            term=f"angle of {name if seen is None else seen.name}",
+            sigma_rad=_angle_rad(seen, wide),
+            source="trials"
+            if seen is not None and seen.sigma_theta_rad is not None
+            else "not measured: its spread in the task",
+        )
+        for name, seen, wide in zip((put.part, put.seat), put.seen, spread, strict=True)
+    ]
+    if put.memory.choice is not None and put.memory.choice.method == "look_then_move":
+        left, cut = math.sqrt(2) * repeats, math.inf
+    else:
+        before = put.memory.before
+        known = spread[owner_of(align.step.target or "") == put.seat]
+        first = math.hypot(_angle_rad(before, known), math.sqrt(2) * repeats)
+        left = max(repeats * math.sqrt(2 / (2 - gain_of(task))), first)
+        cut = align.step.tolerance_theta_rad
+    return Turning(left_rad=left, cut_rad=cut, rows=(*rows, *since))
+
+
+def _angle_rad(seen: Sighted | None, spread_rad: float) -> float:
+    """Return how well an angle is known: by the look, else as the task has it."""
+    if seen is None or seen.sigma_theta_rad is None:
+        return spread_rad
+    return seen.sigma_theta_rad
+
+
+def _blind(put: Putting) -> Iterator[BudgetRow]:
+    """Yield the terms of the place that the alignment cannot see."""
+    task, release = put.task, put.release.before
+    start = release if put.align is None else put.align.after
+    first = put.since_seen[0].before if put.since_seen else release
+    travel: dict[Carrier, float] = {
+        "stage": abs(release.stage.z_um - start.stage.z_um),
+        "robot": abs(release.robot.z_um - first.robot.z_um),
+    }
+    seen = put.seen if put.align is not None else (None, None)
+    takes_s = moves_s(task, put.since_align)
+    yield from blind_rows(task.workcell, travel, *seen, takes_s, doing="placing")
+    names = (put.verify.target or "", put.verify.on or "")
+    yield from since_rows(task, put.states, put.release, seen, names)
+
+
+def _since_turns(put: Putting) -> Iterator[TurnRow]:
+    """Yield what turns of the axes add after the looks."""
+    for carrier, steps in _since(put):
+        moves = moves_of(steps, carrier)
+        if any(move.to.theta_rad is not None for move in moves):
+            repeats = axes_of(put.task, carrier).repeatability_theta_rad
+            yield TurnRow(
+                term=f"{carrier} turns since it was measured",
+                sigma_rad=math.sqrt(2) * repeats,
+                source="workcell repeatability_theta_arcsec, of two places",
+            )
+
+
+def _since(put: Putting) -> tuple[tuple[Carrier, Sequence[StepState]], ...]:
+    """Return the steps in which each carrier must stand still."""
+    return (("stage", put.since_align), ("robot", put.since_seen))
+
+
+def _levers(put: Putting) -> Iterator[BudgetRow]:
+    """Yield what errors of angles move what is placed."""
+    if put.align is None:
+        return
+    state = put.release.before
+    for name, seen, point in zip(
+        (put.part, put.seat), put.seen, (put.verify.target, put.verify.on), strict=True
+    ):
+        if seen is None:
+            continue
+        sigma = _angle_rad(seen, state.parts[name].sigma_theta_rad)
+        way = way_um(put, name, seen.name, point or "")
+        yield from _lever(LEVER.format(seen.name), sigma, way)
+    aligned = next(
+        n
+        for n in (put.align.step.target, put.align.step.to)
+        if owner_of(n or "") == put.part
+    )
+    way = way_um(put, put.part, aligned or "", put.verify.target or "")
+    yield from _lever(TURNED, replace(turning_of(put), rows=()).sigma_rad, way)
+
+
+def _lever(term: str, sigma_rad: float, way: Point) -> Iterator[BudgetRow]:
+    """Yield what an angle moves at the end of a way, across it; nothing if short."""
+    arm_um = math.hypot(*way)
+    if arm_um > ROUNDING_UM:
+        yield BudgetRow(
+            term=term,
+            sigma_um=min(sigma_rad, 1.0) * arm_um,
+            source=f"{min(sigma_rad, 1.0) * 1e3:.3g} mrad x {arm_um:.4g} um",
+            along_rad=math.atan2(way[1], way[0]) + math.pi / 2,
+        )

@@ -1,0 +1,181 @@
+"""What a release puts down where no shaft holds it, and what moved on the way."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import shapely
+
+from planner.checks.budget import Sighted
+from planner.inputs.task import Move, Part, Step, Task
+from planner.memory import Memory
+from planner.model.assembly import (
+    Carrier,
+    State,
+    axes_of,
+    inner_center,
+    locate_place,
+    owner_of,
+    part_pose,
+)
+from planner.model.moves import apply_reading
+from planner.model.shapes import hull
+from planner.model.steps import StepState
+from planner.model.sweep import ROUNDING_UM
+from planner.model.targets import middle_um
+
+Point = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Putting:
+    """A release, the step that checks it, and what brought the part there."""
+
+    task: Task
+    states: tuple[StepState, ...]
+    release: StepState
+    verify: Step
+    align: StepState | None  # None: nothing did, or it was undone
+    since_align: tuple[StepState, ...]  # up to the release
+    since_seen: tuple[StepState, ...]  # the last look at the part, up to the release
+    memory: Memory
+
+    @property
+    def part(self) -> str:
+        """Return the part that is put down."""
+        return owner_of(self.release.step.target or "")
+
+    @property
+    def seat(self) -> str:
+        """Return the part that it is put beside."""
+        return owner_of(self.verify.on or "")
+
+    @property
+    def seen(self) -> tuple[Sighted | None, Sighted | None]:
+        """Return the last looks at part and seat."""
+        return (self.memory.seen.get(self.part), self.memory.seen.get(self.seat))
+
+    @property
+    def turns(self) -> bool:
+        """Return whether the alignment corrects the angle."""
+        return (
+            self.align is not None and self.align.step.tolerance_theta_rad is not None
+        )
+
+
+def putting_of(
+    task: Task, states: tuple[StepState, ...], here: StepState, memory: Memory
+) -> Putting | None:
+    """Return what is put down by a release, None if no later step states where."""
+    index, part = states.index(here), owner_of(here.step.target or "")
+    verify = _verify_after(task, here.step)
+    if verify is None or verify.on is None:
+        return None
+    taken = max((k for k in range(index) if _is(states[k], "grasp", part)), default=0)
+    held = states[taken:index]
+    if any(_is(state, "insert", part) for state in held):
+        return None
+    pair = {part, owner_of(verify.on)}
+    aligned = [
+        k
+        for k, state in enumerate(held)
+        if state.step.verb == "align" and pair == _owners(state.step)
+    ]
+    looked = [
+        k
+        for k, state in enumerate(held)
+        if state.step.verb in ("locate", "align")
+        and owner_of(state.step.target or "") == part
+    ]
+    path = (*held, here)
+    return Putting(
+        task=task,
+        states=states,
+        release=here,
+        verify=verify,
+        align=held[aligned[-1]] if aligned else None,
+        since_align=path[aligned[-1] + 1 :] if aligned else (),
+        since_seen=path[looked[-1] + 1 :] if looked else path[1:],
+        memory=memory,
+    )
+
+
+def _verify_after(task: Task, release: Step) -> Step | None:
+    """Return the step that checks where the part lies, before it is taken again."""
+    part = owner_of(release.target or "")
+    for step in task.steps[task.steps.index(release) + 1 :]:
+        if owner_of(step.target or "") == part:
+            if step.verb == "verify":
+                return step
+            if step.verb == "grasp":
+                return None
+    return None
+
+
+def _is(state: StepState, verb: str, part: str) -> bool:
+    return state.step.verb == verb and owner_of(state.step.target or "") == part
+
+
+def _owners(align: Step) -> set[str]:
+    return {owner_of(name or "") for name in (align.target, align.to)}
+
+
+def offset_um(put: Putting) -> float:
+    """Return how far apart the moves leave what is to be in one place."""
+    after = put.release.after
+    target, on = (
+        locate_place(put.task, after, name or "").pose
+        for name in (put.verify.target, put.verify.on)
+    )
+    off_um = math.hypot(target.x_um - on.x_um, target.y_um - on.y_um)
+    return off_um if off_um > ROUNDING_UM else 0.0
+
+
+def moves_s(task: Task, steps: Sequence[StepState]) -> float:
+    """Return how long the moves of steps take, settling included."""
+    total = 0.0
+    for here in steps:
+        state = here.before
+        for move in here.moves:
+            after = apply_reading(task, state, move.axes, move.to)
+            total += _move_s(task, state, after, move.axes)
+            state = after
+    return total
+
+
+def _move_s(task: Task, before: State, after: State, carrier: Carrier) -> float:
+    axes = axes_of(task, carrier)
+    a, b = (s.stage if carrier == "stage" else s.robot for s in (before, after))
+    return axes.settle_s + max(
+        math.hypot(b.x_um - a.x_um, b.y_um - a.y_um) / axes.speed_xy_um_per_s,
+        abs(b.z_um - a.z_um) / axes.speed_z_um_per_s,
+        abs(b.theta_rad - a.theta_rad) / axes.speed_theta_rad_per_s,
+    )
+
+
+def moves_of(steps: Sequence[StepState], carrier: Carrier) -> list[Move]:
+    return [move for here in steps for move in here.moves if move.axes == carrier]
+
+
+def way_um(put: Putting, name: str, start: str, end: str) -> Point:
+    """Return the way between two points of a part, in the world's axes."""
+    part, pose = put.task.parts[name], part_pose(put.task, put.release.before, name)
+    (x0, y0), (x1, y1) = (pose.apply(*_point_um(part, n)) for n in (start, end))
+    return (x1 - x0, y1 - y0)
+
+
+def _point_um(part: Part, name: str) -> Point:
+    """Return a named point in its part's frame."""
+    inner = name.partition(".")[2]
+    if inner == "outline" and inner not in part.features:
+        return middle_um(part)
+    return inner_center(part, inner)
+
+
+def far_um(part: Part, target: str) -> float:
+    """Return the distance from a point of the part to its farthest corner."""
+    x, y = _point_um(part, target)
+    corners = shapely.get_coordinates(hull(part.outline))
+    return max(math.hypot(cx - x, cy - y) for cx, cy in corners)

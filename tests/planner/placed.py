@@ -1,0 +1,79 @@
+"""The laser-die example's release, by looks that are given instead of compiled."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from planner.checks.budget import Sighted
+from planner.diagnostics import Report
+from planner.inputs.read_task import load_task
+from planner.inputs.task import Step, Task
+from planner.looks import Effects
+from planner.memory import Memory
+from planner.model.steps import unfold
+from planner.placements import place_budget
+from planner.presets import PRESETS
+from planner.putting import Putting, putting_of
+from schemas.plan import Budget
+from schemas.verdicts import PlacingVerdict
+from tests.planner.examples import ROOT
+
+EXAMPLE = ROOT / "examples" / "laser_die" / "task.yaml"
+EFFECTS = Effects(effort=PRESETS["fast"], max_image_error=0.005, map=map)
+
+
+def read(file: Path = EXAMPLE) -> Task:
+    """Return the example's task."""
+    report = Report()
+    task = load_task(str(file), report)
+    assert task is not None, [d.message for d in report.found]
+    return task
+
+
+def look(
+    name: str, step: str, sigma_um: float, sigma_theta_rad: float | None = None
+) -> Sighted:
+    """Return a look at 5 x, at the middle of the field."""
+    return Sighted(
+        name=name, step=step, sigma_um=sigma_um, sigma_theta_rad=sigma_theta_rad,
+        bias_um=0.0, magnification=5.0, focus_um=0.0, distortion_sigma_um=0.0,
+        coherence_um=0.0,
+    )  # fmt: skip
+
+
+def memory(within_um: float = 0.4) -> Memory:
+    """Return what the example's looks leave before the release, in round numbers."""
+    return Memory(
+        magnification=5.0,
+        seen={
+            "die": look("die.outline", "die_in_fingers", 0.02, sigma_theta_rad=2e-4),
+            "submount": look("submount.mark", "over_site", 0.03, sigma_theta_rad=1e-4),
+        },
+        within_um=within_um,
+        key="",
+        before=look("submount.mark", "find_submount", 0.12),
+    )
+
+
+def placed(task: Task, known: Memory) -> tuple[Budget, PlacingVerdict] | None:
+    """Return the budget and the verdict of the example's release: takes seconds."""
+    states = unfold(task, Report())
+    here = next(state for state in states if state.step.verb == "release")
+    return place_budget(task, states, here, known, EFFECTS)
+
+
+def put(task: Task, known: Memory) -> Putting | None:
+    """Return what the example's release puts where."""
+    states = unfold(task, Report())
+    here = next(state for state in states if state.step.verb == "release")
+    return putting_of(task, states, here, known)
+
+
+def with_step(task: Task, name: str, **changes: object) -> Task:
+    """Return the task with keys of one step changed."""
+
+    def changed(step: Step) -> Step:
+        return replace(step, **changes) if step.id == name else step  # type: ignore[arg-type]  # keys of Step
+
+    return replace(task, steps=tuple(map(changed, task.steps)))
