@@ -57,7 +57,7 @@ def verdict(task: Task, plan: Plan, pin_um: float) -> Verdict:
     choice = method_of(changed, states, align, within, memory.seen, Report())
     memory = replace(memory, within_um=within, choice=choice)
     left, goal = left_of(changed, states, insert, memory), share_of_goal(changed)
-    job = insertion_of(changed, states, insert, left.residual, memory.seen)
+    job = insertion_of(changed, states, insert, left, memory.seen)
     mating = mating_of(changed, insert.step, insert.after)
     if job is None or mating is None:
         raise ValueError("the example inserts no round hole over a post")

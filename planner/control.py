@@ -21,6 +21,7 @@ from planner.checks.methods import choose
 from planner.diagnostics import Report
 from planner.inputs.task import Task
 from planner.inserting import insert_s, insertion_of, travel_of
+from planner.leaving import gain_of, left_by, moved_by, residual_of
 from planner.model.assembly import Carrier, axes_of, locate_place
 from planner.model.requests import insertion_after
 from planner.model.steps import StepState
@@ -131,11 +132,6 @@ def turn_of(task: Task, align: StepState) -> Turn | None:
     )
 
 
-def moved_by(task: Task, align: StepState) -> Carrier:
-    """Return which axes an alignment corrects: those that carry its target."""
-    return locate_place(task, align.before, align.step.target or "").carrier
-
-
 def control_of(
     task: Task, align: StepState, within_um: float, choice: MethodChoice | None = None
 ) -> Control:
@@ -173,16 +169,19 @@ def method_of(
     within_um: float,
     seen: Mapping[str, Sighted],
     report: Report,
+    before: Sighted | None = None,
 ) -> MethodChoice:
     """Return how to run an alignment: as the task asks, else by what each way gives.
 
-    `seen` are the looks by owner. What was chosen is reported.
+    `seen` are the looks by owner, `before` is the one that the approach goes by. What
+    was chosen is reported.
     """
     step, insert = align.step, insertion_after(states, align)
     here = next((s for s in states if s.step is insert), None)
     ways: tuple[MethodName, ...] = ("servo", "look_then_move")
     options = tuple(
-        _with_chance(task, states, align, here, within_um, way, seen) for way in ways
+        _with_chance(task, states, align, here, within_um, way, seen, before)
+        for way in ways
     )
     found = choose(options, share_of_goal(task), "" if insert is None else insert.id)
     if step.method != "auto":
@@ -206,24 +205,15 @@ def _with_chance(
     within_um: float,
     method: MethodName,
     seen: Mapping[str, Sighted],
+    before: Sighted | None,
 ) -> MethodOption:
     """Return one way to align, with the chance of the insertion if one follows."""
-    carrier = moved_by(task, align)
     option = _option(task, align, within_um, method)
     if insert is None:
         return option
-    left = _left_by(task, carrier, within_um, method)
+    left = left_by(task, align, method, within_um, before)
     job = insertion_of(task, states, insert, left, seen)
     return option if job is None else replace(option, success_probability=1 - job.miss)
-
-
-def _left_by(
-    task: Task, carrier: Carrier, within_um: float, method: MethodName
-) -> Residual:
-    """Return what a way to align leaves."""
-    if method == "look_then_move":
-        return single_residual(task, carrier)
-    return residual_of(task, within_um, carrier)
 
 
 def _option(
@@ -264,32 +254,6 @@ def _approach_s(task: Task, align: StepState) -> float:
     moves = [leg for leg in legs if leg > 0]
     pauses = max(len(moves) - 1, 0) * axes.settle_s
     return sum(moves) / axes.speed_xy_um_per_s + pauses
-
-
-def residual_of(task: Task, within_um: float, carrier: Carrier) -> Residual:
-    """Return what a servo that moves `carrier` leaves.
-
-    Axes that repeat to s about their readings carry the error of the move before
-    into the next correction: e+ = (1 - g) e + n - n+, whose variance settles at
-    2 s**2 / (2 - g).
-    """
-    sigma = axes_of(task, carrier).repeatability_xy_um
-    settled = sigma * math.sqrt(2 / (2 - gain_of(task)))
-    return Residual(sigma_um=settled, within_um=within_um)
-
-
-def single_residual(task: Task, carrier: Carrier) -> Residual:
-    """Return what one correction leaves: the errors of two moves, nothing cut off."""
-    sigma = axes_of(task, carrier).repeatability_xy_um
-    return Residual(sigma_um=sigma * math.sqrt(2), within_um=math.inf)
-
-
-def gain_of(task: Task) -> float:
-    """Return the gain, at most half of what is stable.
-
-    A frame is taken after every move has settled, so no frame is on its way.
-    """
-    return min(task.workcell.servo.gain, gain_limit(0) / 2)
 
 
 def max_step_um(task: Task, carrier: Carrier) -> float:

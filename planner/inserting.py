@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 
 from planner.checks.budget import Sighted, blind_rows, fit_of
-from planner.checks.fit import Residual
+from planner.checks.insert_budget import Left
 from planner.checks.insertion import Insertion
 from planner.checks.since import since_rows
 from planner.inputs.task import Task
@@ -19,10 +19,10 @@ def insertion_of(
     task: Task,
     states: tuple[StepState, ...],
     insert: StepState,
-    residual: Residual,
+    left: Left,
     seen: Mapping[str, Sighted],
 ) -> Insertion | None:
-    """Return the insertion after an alignment that leaves `residual`.
+    """Return the insertion that starts from what is `left` sideways.
 
     `seen` are the last looks by owner. None if hole or shaft is not round.
     """
@@ -37,7 +37,13 @@ def insertion_of(
     blind = blind_rows(cell, travel_of(insert), hole, shaft, insert_s(task, insert))
     blind += since_rows(task, states, insert, (hole, shaft))
     offset_um = off_um(task, insert)
-    return Insertion(fit=fit, residual=residual, blind=blind, offset_um=offset_um)
+    return Insertion(
+        fit=fit,
+        residual=left.residual,
+        early=left.early,
+        blind=blind,
+        offset_um=offset_um,
+    )
 
 
 def off_um(task: Task, insert: StepState) -> float:

@@ -10,7 +10,8 @@ from planner.checks.budget import Sighted
 from planner.checks.view_times import Setting
 from planner.looks import CompiledLook
 from planner.model.assembly import owner_of
-from schemas.verdicts import MethodChoice
+from planner.model.steps import StepState
+from schemas.verdicts import MethodChoice, MethodName
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,3 +56,10 @@ def remember(
         seen={**memory.seen, owner: seen},
         looks={**memory.looks, owner: look},
     )
+
+
+def method_taken(align: StepState, memory: Memory) -> MethodName:
+    """Return how an alignment is run: as was chosen, else as the task says."""
+    if memory.choice is not None:
+        return memory.choice.method
+    return "look_then_move" if align.step.method == "look_then_move" else "servo"

@@ -8,22 +8,19 @@ from dataclasses import replace
 
 from planner.allowed import allowed
 from planner.checks.budget import Sighted, blind_rows
-from planner.checks.fit import Residual
 from planner.checks.insert_budget import Left, share_of_goal
 from planner.checks.insertion import Insertion
 from planner.checks.placing import Placement, chance_beside, placing_budget, within
 from planner.checks.since import since_rows
 from planner.checks.turning import Turning
-from planner.control import gain_of, moved_by, residual_of, single_residual
 from planner.inputs.task import Task
+from planner.leaving import gain_of, left_by, moved_by, unaligned
 from planner.looks import Effects
-from planner.memory import Memory
+from planner.memory import Memory, method_taken
 from planner.model.assembly import (
     Carrier,
     axes_of,
-    locate_place,
     owner_of,
-    part_sigma_um,
 )
 from planner.model.steps import StepState
 from planner.model.sweep import ROUNDING_UM
@@ -75,6 +72,22 @@ def place_budget(
     return replace(budget, analysis=analysis), verdict
 
 
+def left_of(put: Putting) -> Left:
+    """Return what the alignment leaves sideways."""
+    if put.align is None:
+        parts = (put.part, put.seat)
+        since = "of them since the part was taken"
+        return unaligned(put.release.before, parts, since)
+    return left_by(
+        put.task,
+        put.align,
+        method_taken(put.align, put.memory),
+        put.memory.within_um,
+        put.memory.before,
+        turning_of(put).left_inside,
+    )
+
+
 def job_of(put: Putting, left: Left) -> Insertion:
     """Return the errors of the place, against the tolerance that is stated."""
     return Insertion(
@@ -99,67 +112,6 @@ def _placement(put: Putting) -> Placement:
         far_um=far_um(put.task.parts[put.part], target),
         stick_probability=0.0 if tool is None else tools[tool].stick_probability,
     )
-
-
-def left_of(put: Putting) -> Left:
-    """Return what the alignment leaves sideways.
-
-    A servo may end at its first look: then the error is that of the approach, by the
-    look before, if place and angle are within their tolerances. Every later look
-    follows a correction, e+ = (1 - g) e + the axes' own.
-    """
-    task, align = put.task, put.align
-    if align is None:
-        spread = [part_sigma_um(put.release.before, n) for n in (put.part, put.seat)]
-        return Left(
-            residual=Residual(sigma_um=math.hypot(*spread), within_um=math.inf),
-            term="places of both parts",
-            source="no alignment of them since the part was taken",
-        )
-    carrier = moved_by(task, align)
-    if put.memory.choice is not None and put.memory.choice.method == "look_then_move":
-        return Left(
-            residual=single_residual(task, carrier),
-            term=f"{carrier} repeatability left by two moves",
-            source="workcell repeatability_xy_um, nothing cut off",
-        )
-    within_um, before = put.memory.within_um, put.memory.before
-    settled = residual_of(task, within_um, carrier)
-    known_um = (
-        part_sigma_um(align.before, owner_of(align.step.target or ""))
-        if before is None
-        else before.sigma_um
-    )
-    first = Residual(
-        sigma_um=math.hypot(
-            single_residual(task, carrier).sigma_um, known_um, _swing_um(put, align)
-        ),
-        within_um=within_um,
-    )
-    later_um = math.hypot(settled.sigma_um, (1 - gain_of(task)) * first.sigma_um)
-    share = first.inside * turning_of(put).left_inside
-    return Left(
-        residual=Residual(sigma_um=later_um, within_um=within_um),
-        early=(share, first),
-        term="what the servo leaves",
-        source=f"workcell repeatability_xy_um, cut off at {within_um:.3g} um; with "
-        f"{share:.3g} the first look ends it, by the look before ({known_um:.3g} um)",
-    )
-
-
-def _swing_um(put: Putting, align: StepState) -> float:
-    """Return how far turns that do not repeat swing what is aligned, one sigma."""
-    if align.step.tolerance_theta_rad is None:
-        return 0.0
-    task, carrier = put.task, moved_by(put.task, align)
-    target = locate_place(task, align.at_look, align.step.target or "").pose
-    arm_um = task.workcell.robot.theta_axis_to_tip_um
-    if carrier == "stage":
-        stage, axis = align.at_look.stage, task.workcell.stage.theta_axis_um
-        arm_um = math.hypot(
-            target.x_um - stage.x_um - axis[0], target.y_um - stage.y_um - axis[1]
-        )
-    return math.sqrt(2) * axes_of(task, carrier).repeatability_theta_rad * arm_um
 
 
 def turning_of(put: Putting) -> Turning:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 from planner.allowed import allowed
@@ -12,18 +11,13 @@ from planner.checks.budget import (
     release_budget,
     verify_budget,
 )
-from planner.checks.fit import Residual
 from planner.checks.insert_budget import Left, insert_budget, share_of_goal
-from planner.control import (
-    moved_by,
-    residual_of,
-    single_residual,
-)
 from planner.inputs.task import Task
 from planner.inserting import insertion_of
+from planner.leaving import left_by, unaligned
 from planner.looks import Effects
-from planner.memory import Memory
-from planner.model.assembly import owner_of, part_sigma_um
+from planner.memory import Memory, method_taken
+from planner.model.assembly import owner_of
 from planner.model.requests import insertion_after
 from planner.model.steps import StepState
 from schemas import plan as p
@@ -59,7 +53,7 @@ def _of_insertion(
 ) -> p.Budget:
     """Return the budget of an insertion, with what its looks' settings bear."""
     left, goal = left_of(task, states, insert, memory), share_of_goal(task)
-    job = insertion_of(task, states, insert, left.residual, memory.seen)
+    job = insertion_of(task, states, insert, left, memory.seen)
     if job is None:
         return empty_budget()
     budget = insert_budget(job, left, goal=goal, methods=_other_methods(memory))
@@ -97,23 +91,8 @@ def left_of(
     aligns = [s for s in states if s.step.verb == "align"]
     align = next((s for s in aligns if insertion_after(states, s) is insert.step), None)
     if align is None:
-        names = (insert.step.target, insert.step.onto)
-        spread = [part_sigma_um(insert.before, owner_of(name or "")) for name in names]
-        return Left(
-            residual=Residual(sigma_um=math.hypot(*spread), within_um=math.inf),
-            term="places of both parts",
-            source="no alignment since something last moved sideways",
-        )
-    carrier = moved_by(task, align)
-    method = align.step.method if memory.choice is None else memory.choice.method
-    if method == "look_then_move":
-        return Left(
-            residual=single_residual(task, carrier),
-            term=f"{carrier} repeatability left by two moves",
-            source="workcell repeatability_xy_um, nothing cut off",
-        )
-    return Left(
-        residual=residual_of(task, memory.within_um, carrier),
-        term=f"{carrier} repeatability left by the servo",
-        source=f"workcell repeatability_xy_um, cut off at {memory.within_um:.3g} um",
-    )
+        parts = [owner_of(n or "") for n in (insert.step.target, insert.step.onto)]
+        since = "since something last moved sideways"
+        return unaligned(insert.before, parts, since)
+    method = method_taken(align, memory)
+    return left_by(task, align, method, memory.within_um, memory.before)

@@ -68,7 +68,7 @@ def compile_step(
                 memory, here.step.id, looks[-1], _moved_um(task, here, look)
             )
     if within is not None:
-        choice = method_of(task, states, here, within, memory.seen, report)
+        choice = method_of(task, states, here, within, memory.seen, report, before)
         memory = replace(memory, within_um=within, choice=choice, before=before)
     step = _step(task, states, here, tuple(looks), memory, effects)
     memory = _after_sweep(memory, step)

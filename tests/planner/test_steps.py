@@ -7,9 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from planner.control import control_of, moved_by, residual_of, tolerance_um
+from planner.checks.budget import Sighted
+from planner.control import control_of, tolerance_um
 from planner.diagnostics import Report
 from planner.inputs.task import Task
+from planner.leaving import moved_by, residual_of
 from planner.looks import Effects
 from planner.memory import Memory
 from planner.model.assembly import part_sigma_um
@@ -27,6 +29,19 @@ STAGE_UM, ROBOT_UM = 1.0, 0.4  # repeatabilities of the example's workcell
 @pytest.fixture
 def file(tmp_path: Path) -> Path:
     return copy_example(tmp_path / "task")
+
+
+# at what the alignment moves, before it: finer than the robot
+FINE_LOOK = Sighted(
+    name="gear.bore",
+    step="gear_in_fingers",
+    sigma_um=0.05,
+    bias_um=0.0,
+    magnification=6.9,
+    focus_um=0.0,
+    distortion_sigma_um=0.0,
+    coherence_um=0.0,
+)
 
 
 def by_robot(file: Path) -> None:
@@ -51,7 +66,9 @@ def named(states: tuple[StepState, ...], name: str) -> StepState:
 def inserted(file: Path) -> CompiledStep:
     """Return the compiled insertion; it has no look, so no image is made."""
     task, states = unfolded(file)
-    memory = Memory(magnification=6.9, seen={}, within_um=WITHIN_UM, key="")
+    memory = Memory(
+        magnification=6.9, seen={}, within_um=WITHIN_UM, key="", before=FINE_LOOK
+    )
     effects = Effects(effort=PRESETS["fast"], max_image_error=0.002, map=map)
     index = states.index(named(states, "insert"))
     found = compile_step(task, states, index, memory, effects, Report())
@@ -65,7 +82,7 @@ def test_the_stage_inserts_with_its_own_tilt_and_goes_back_by_itself(
     step = inserted(file).step
     rows = {row.term: row for row in step.budget.rows}
     assert rows["stage axis tilt over the travel"].sigma_um == pytest.approx(0.52)
-    assert "stage repeatability left by the servo" in rows
+    assert "stage place left by the servo" in rows
     assert step.conditions.retreat == (AxisMove(axes="stage", z_um=-260.0),)
 
 
@@ -80,7 +97,7 @@ def test_the_robot_inserts_with_its_own_tilt_and_goes_back_by_itself(
     assert tilt.sigma_um is None  # nobody states it
     assert "not modelled" in tilt.source
     assert "260 um" in tilt.source
-    left = rows["robot repeatability left by the servo"].sigma_um
+    left = rows["robot place left by the servo"].sigma_um
     assert left is not None
     assert 0 < left <= ROBOT_UM * math.sqrt(2)
     assert step.conditions.retreat == (AxisMove(axes="robot", z_um=290.0),)

@@ -16,9 +16,10 @@ from planner.checks.budget import (
 from planner.checks.fit import Residual, combine, miss_probability
 from planner.checks.insert_budget import Left, insert_budget
 from planner.checks.insertion import Insertion
-from planner.control import control_of, residual_of, tolerance_um
+from planner.control import control_of, tolerance_um
 from planner.diagnostics import Report
 from planner.inputs.task import Task
+from planner.leaving import residual_of
 from planner.model.assembly import Carrier
 from planner.model.steps import StepState, unfold
 from tests.planner.examples import EXAMPLE, read
