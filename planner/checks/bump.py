@@ -127,6 +127,7 @@ def _cuts(room: Room, sigma_um: float) -> FloatArray:
     steps = np.concatenate([-far[::-1], -near[::-1], near, far]) * sigma_um
     tail = np.arange(-TAIL_SIGMAS, 0.0) * sigma_um
     edges = room.kinks_um if room.reach_um > sigma_um else np.zeros(1)
+    edges = np.append(edges, low)  # where radii end at 0, it bends within a sigma
     return cuts_between(
         low, np.concatenate([(edges[:, None] + steps).ravel(), tail - room.reach_um]),
         high,

@@ -105,6 +105,7 @@ def blurred(
     body = np.arange(-BODY_SIGMAS, BODY_SIGMAS + 1, STEP_SIGMAS) * sigma_um
     tail = np.arange(-TAIL_SIGMAS, -BODY_SIGMAS, TAIL_STEP_SIGMAS) * sigma_um
     edges = room.kinks_um if room.reach_um > sigma_um else np.zeros(1)
+    edges = np.append(edges, low)  # where radii end at 0, it bends within a sigma
     cuts = [(edges[:, None] + body).ravel(), -room.reach_um + tail, breaks]
     offset, weight = nodes_between_roots(
         cuts_between(low, np.concatenate(cuts), high), NODES

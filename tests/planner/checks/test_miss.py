@@ -236,6 +236,19 @@ def test_the_weights_are_a_law(
     assert certain(at, rest_um) + weight.sum() == pytest.approx(1.0, abs=1e-10)
 
 
+@pytest.mark.parametrize(
+    ("radius_um", "tolerance_um", "rest_um"),
+    [(0.5, 0.5, 0.002), (3.7, 3.7, 0.01), (2.7, 3.0, 0.01), (0.01, 1.1, 0.01)],
+)
+def test_the_weights_are_a_law_where_radii_end_at_nothing(
+    radius_um: float, tolerance_um: float, rest_um: float
+) -> None:
+    """Some pairs have no room at all: the law bends within a sigma of no error."""
+    at = room(radius_um, tolerance_um)
+    _, weight = blurred(at, rest_um, np.zeros(0))
+    assert certain(at, rest_um) + weight.sum() == pytest.approx(1.0, abs=1e-9)
+
+
 @given(scale=st.integers(-60, 60), bias_um=st.floats(0, 6), rest_um=st.floats(0, 2))
 @settings(max_examples=40, deadline=None)
 def test_chances_know_no_unit(scale: int, bias_um: float, rest_um: float) -> None:
