@@ -51,10 +51,12 @@ def verdict(task: Task, plan: Plan, pin_um: float) -> Verdict:
     states = unfold(changed, Report())
     align = next(s for s in states if s.step.id == "over_shaft")
     insert = next(s for s in states if s.step.verb == "insert")
-    memory = Memory(magnification=0.0, seen=sightings(plan), within_um=0.0, key="")
-    hole = memory.seen.get(owner_of(insert.step.target or ""))
+    seen = sightings(plan, insert.step.id)
+    before = sightings(plan, align.step.id)[owner_of(align.step.target or "")]
+    memory = Memory(magnification=0.0, seen=seen, within_um=0.0, key="", before=before)
+    hole = seen.get(owner_of(insert.step.target or ""))
     within = tolerance_um(changed, states, align, hole, Report())
-    choice = method_of(changed, states, align, within, memory.seen, Report())
+    choice = method_of(changed, states, align, within, seen, Report(), before)
     memory = replace(memory, within_um=within, choice=choice)
     left, goal = left_of(changed, states, insert, memory), share_of_goal(changed)
     job = insertion_of(changed, states, insert, left, memory.seen)
@@ -86,11 +88,11 @@ def with_pin(task: Task, pin_um: float) -> Task:
     return replace(task, parts=parts)
 
 
-def sightings(plan: Plan) -> dict[str, Sighted]:
-    """Return the last look at every owner before the insertion."""
+def sightings(plan: Plan, until: str) -> dict[str, Sighted]:
+    """Return the last look at every owner before a step."""
     found = {}
     for step in plan.steps:
-        if step.verb == "insert":
+        if step.id == until:
             break
         for look in step.looks:
             pose = look.measure.reference.pose
