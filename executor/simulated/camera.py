@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 import numpy.typing as npt
 
-from executor.drivers import Counts
-from executor.errors import ExecutorError
+from executor.drivers import Counts, Frame
+from executor.simulated.faults import Faults
+from executor.simulated.timeline import Delayed, Timeline, Trouble
 from executor.simulated.truth import Body, Truth
 from optics.lens import MAX_DISTORTION, LensErrors
 from optics.lensing import lens_scene
@@ -30,46 +31,94 @@ FloatArray = npt.NDArray[np.float64]
 BLUR_LAW = "stokseth"
 APERTURE_RATIO = 1.02
 _MOST_SINE = 0.999  # of the marginal ray
+LIMIT_DIGITS = 1e-5  # relative: a plan's numbers carry six digits
+SCALED = 1.1  # the magnification of a camera with the fault `scale_camera`
+STALE_S = 3600.0  # how old a frame of a camera with the fault `stale_frames` is
 
 
 class SimLens:
-    """Zoom and focus: every move lands a little elsewhere."""
+    """Zoom and focus: each move lands a little elsewhere; faults begin with `lens_`."""
 
     def __init__(
         self,
-        truth: Truth,
-        zoom_rng: np.random.Generator,
-        focus_rng: np.random.Generator,
+        timeline: Timeline,
+        rngs: tuple[np.random.Generator, np.random.Generator],  # zoom, focus
         lateral: tuple[float, float],
         errors: LensErrors,
+        trouble: Trouble,
     ) -> None:
-        self._truth = truth
-        self._optics = truth.world.optics
-        self._zoom_rng = zoom_rng
-        self._focus_rng = focus_rng
+        self._timeline = timeline
+        self._optics = timeline.truth.world.optics
+        self._zoom_rng, self._focus_rng = rngs
         self._lateral = lateral  # um sideways per um of focus
+        self._trouble = trouble
+        self._motion = Delayed(timeline)
         self.errors = errors
         self.magnification = self._optics.magnification[0]
         self.focus_um = 0.0
         self._jump = (0.0, 0.0)
-        self._nominal = self.magnification
+        self._commanded = (self.magnification, 0.0)
+
+    @property
+    def model(self) -> str:
+        """Return what the device is."""
+        return "simulated lens"
+
+    @property
+    def serial(self) -> str:
+        """Return the device's number."""
+        return "sim-lens"
+
+    def start_magnification(self, magnification: float) -> None:
+        """Zoom: the image jumps and the scale is off by a new amount."""
+        self._check("magnification", magnification, self._optics.magnification)
+
+        def arrive() -> None:
+            scale, x, y = self._zoom_rng.standard_normal(3)
+            self._commanded = (magnification, self._commanded[1])
+            self.magnification = magnification * (1 + self._optics.scale_sigma * scale)
+            sigma_um = self._optics.parcentric_sigma_um
+            self._jump = (sigma_um * x, sigma_um * y)
+
+        self._begin(self._optics.zoom_time_s, arrive)
+
+    def start_focus_um(self, focus_um: float) -> None:
+        """Focus, with its repeatability."""
+        self._check("focus_um", focus_um, self._optics.focus_um)
+
+        def arrive() -> None:
+            error = self._focus_rng.standard_normal()
+            self._commanded = (self._commanded[0], focus_um)
+            self.focus_um = focus_um + self._optics.focus_repeatability_um * error
+
+        self._begin(self._optics.focus_time_s, arrive)
 
     def set_magnification(self, magnification: float) -> None:
-        """Zoom: the image jumps and the scale is off by a new amount."""
-        scale, x, y = self._zoom_rng.standard_normal(3)
-        self._nominal = magnification
-        self.magnification = magnification * (1 + self._optics.scale_sigma * scale)
-        sigma_um = self._optics.parcentric_sigma_um
-        self._jump = (sigma_um * x, sigma_um * y)
-        self._truth.time_s += self._optics.zoom_time_s
+        """Zoom, and let the cell's time pass until it is done."""
+        self.start_magnification(magnification)
+        self._timeline.run_out(self._motion)
 
     def set_focus_um(self, focus_um: float) -> None:
-        """Focus, with its repeatability."""
-        error_um = (
-            self._optics.focus_repeatability_um * self._focus_rng.standard_normal()
-        )
-        self.focus_um = focus_um + error_um
-        self._truth.time_s += self._optics.focus_time_s
+        """Focus, and let the cell's time pass until it is done."""
+        self.start_focus_um(focus_um)
+        self._timeline.run_out(self._motion)
+
+    def reading(self) -> tuple[float, float]:
+        """Return what was commanded: the drives do not see their errors."""
+        if self._motion.pending():
+            self._trouble.hang("hangs")
+            if self._trouble.on("nan"):
+                return (math.nan, self._commanded[1])
+        return self._commanded
+
+    def moving(self) -> bool:
+        """Return whether zoom or focus are under way."""
+        return self._motion.pending()
+
+    def stop(self) -> None:
+        """Leave zoom and focus where they are."""
+        self._trouble.free()
+        self._motion.cancel()
 
     @property
     def shift_um(self) -> tuple[float, float]:
@@ -81,8 +130,19 @@ class SimLens:
     def aperture(self) -> float:
         """Return the true aperture at the zoom that was set."""
         zoom, aperture = np.log(np.array(self._optics.apertures)).T
-        stated = math.exp(np.interp(math.log(self._nominal), zoom, aperture))
+        stated = math.exp(np.interp(math.log(self._commanded[0]), zoom, aperture))
         return min(stated * APERTURE_RATIO, _MOST_SINE * self._optics.medium_index)
+
+    def _check(self, name: str, value: float, within: tuple[float, float]) -> None:
+        """Refuse what the drive cannot reach; limits come in six digits."""
+        slack = LIMIT_DIGITS * max(abs(v) for v in within)
+        if not within[0] - slack <= value <= within[1] + slack:  # also refuses nan
+            raise ValueError(f"{name} = {value:g} is outside {within[0]}..{within[1]}")
+
+    def _begin(self, seconds: float, arrive: Callable[[], None]) -> None:
+        """Begin a motion that changes the lens when it ends."""
+        self._trouble.refuse("raises")
+        self._motion.begin(math.inf if self._trouble.on("stuck") else seconds, arrive)
 
 
 def drawn_errors(lens: WorldLens, rng: np.random.Generator) -> LensErrors:
@@ -102,13 +162,26 @@ def drawn_errors(lens: WorldLens, rng: np.random.Generator) -> LensErrors:
 class SimLight:
     """The light, brighter on one side."""
 
-    def __init__(self, optics: WorldOptics, rng: np.random.Generator) -> None:
+    def __init__(
+        self, optics: WorldOptics, rng: np.random.Generator, faults: Faults
+    ) -> None:
         angle = rng.uniform(0, 2 * math.pi)
         self._gradient = (
             optics.light_gradient * math.cos(angle),
             optics.light_gradient * math.sin(angle),
         )
         self._level = 1.0
+        self._faults = faults
+
+    @property
+    def model(self) -> str:
+        """Return what the device is."""
+        return "simulated light"
+
+    @property
+    def serial(self) -> str:
+        """Return the device's number."""
+        return "sim-light"
 
     def set_level(self, level: float) -> None:
         """Set the brightness."""
@@ -117,43 +190,93 @@ class SimLight:
     def now(self) -> Illumination:
         """Return the illumination."""
         x, y = self._gradient
-        return Illumination(gain=self._level, gradient_x=x, gradient_y=y)
+        level = 0.0 if self._faults.on("light_out") else self._level
+        return Illumination(gain=level, gradient_x=x, gradient_y=y)
 
 
 class SimCamera:
-    """The camera; `mirror` swaps left and right, a wiring fault."""
+    """The camera; `mirror` and `swap` are faults of its wiring or its mirrors."""
 
     def __init__(
         self,
-        truth: Truth,
+        timeline: Timeline,
         lens: SimLens,
         light: SimLight,
         rng: np.random.Generator,
-        *,
-        mirror: bool = False,
+        faults: Faults,
     ) -> None:
-        self._truth = truth
+        self._timeline = timeline
+        self._truth = timeline.truth
         self._lens = lens
         self._light = light
         self._rng = rng
-        self._mirror = mirror
+        self._faults = faults
+        self._trouble = Trouble(faults, "camera")
 
-    def grab(self, region: Region | None = None) -> Counts:
+    @property
+    def model(self) -> str:
+        """Return what the device is."""
+        return "simulated camera"
+
+    @property
+    def serial(self) -> str:
+        """Return the device's number."""
+        return "sim-camera"
+
+    def grab(self, region: Region | None = None, *, after_s: float = 0.0) -> Frame:
         """Expose and return a frame; see `executor.drivers.Camera`."""
+        self._trouble.refuse("raises")
+        self._trouble.hang("hangs")
+        self._timeline.advance(max(after_s - self._truth.time_s, 0.0))
+        exposed_s = self._truth.time_s
+        self._timeline.advance(self._truth.world.optics.frame_time_s)
+        if self._faults.on("dropped_frames"):
+            raise TimeoutError("no frame within its time")
+        counts = self._counts(region)
+        if self._faults.on("stale_frames"):
+            exposed_s -= STALE_S
+        if self._faults.on("short_frames"):
+            counts = counts[:-1]
+        return Frame(counts=counts, exposed_s=exposed_s)
+
+    def _counts(self, region: Region | None) -> Counts:
+        """Return what the sensor makes of the picture."""
         optics = self._truth.world.optics
-        self._truth.time_s += optics.frame_time_s
-        image = self._image(self._window(region))
         sensor = Sensor(
             full_well_e=optics.full_well_e,
             read_noise_e=optics.read_noise_e,
             bits=optics.bits,
         )
+        window = self._window(region)
+        if self._faults.on("swap_camera"):
+            image = self._swapped(window)
+        else:
+            image = self._image(window)
         counts: Counts = expose(image, sensor, self._rng)
-        return counts[:, ::-1] if self._mirror else counts
+        return counts[:, ::-1] if self._faults.on("mirror_camera") else counts
 
-    def _image(self, window: Window | None) -> FloatArray:
+    def _swapped(self, window: Window | None) -> FloatArray:
+        """Return a picture with x and y of the world swapped.
+
+        Pixel (row, column) shows what a square sensor of the frame's width would show
+        at column (width + height) / 2 - 1 - row and row width - 1 - column.
+        """
+        optics = self._truth.world.optics
+        wide, high = optics.width_px, optics.height_px
+        at = window or Window(row=0, column=0, rows=high, columns=wide)
+        square = Window(
+            row=wide - at.column - at.columns,
+            column=(wide + high) // 2 - at.row - at.rows,
+            rows=at.columns,
+            columns=at.rows,
+        )
+        return self._image(square, height_px=wide)[::-1, ::-1].T
+
+    def _image(
+        self, window: Window | None, *, height_px: int | None = None
+    ) -> FloatArray:
         """Return what falls on the sensor, as a share of full scale."""
-        microscope, focus_um = self._microscope(), self._lens.focus_um
+        microscope, focus_um = self._microscope(height_px), self._lens.focus_um
         lamp = self._truth.world.optics.lamp_share * microscope.aperture
         errors = self._lens.errors
         return shaded(
@@ -167,17 +290,18 @@ class SimCamera:
             shift_um=self._lens.shift_um,
         )
 
-    def _microscope(self) -> Microscope:
+    def _microscope(self, height_px: int | None = None) -> Microscope:
         """Return the true optical setting."""
         optics = self._truth.world.optics
+        scale = SCALED if self._faults.on("scale_camera") else 1.0
         return Microscope(
             aperture=self._lens.aperture,
             wavelength_um=optics.wavelength_um,
             medium_index=optics.medium_index,
-            magnification=self._lens.magnification,
+            magnification=scale * self._lens.magnification,
             pitch_um=optics.pitch_um,
             width_px=optics.width_px,
-            height_px=optics.height_px,
+            height_px=height_px or optics.height_px,
             fill_factor=optics.fill_factor,
         )
 
@@ -189,8 +313,8 @@ class SimCamera:
         right, bottom = column + region.columns, region.row + region.rows
         outside = right > optics.width_px or bottom > optics.height_px
         if outside or min(region.row, column) < 0:
-            raise ExecutorError("MP841", f"the camera has no {region}")
-        if self._mirror:
+            raise ValueError(f"the camera has no {region}")
+        if self._faults.on("mirror_camera"):
             column = optics.width_px - right
         return Window(
             row=region.row, column=column, rows=region.rows, columns=region.columns

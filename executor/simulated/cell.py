@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
+from executor.safety import Rules, Safety, Settle, Speeds
+from executor.simulated.axes import Drive, SimAxes
 from executor.simulated.camera import SimCamera, SimLens, SimLight, drawn_errors
 from executor.simulated.contact import hole_error
-from executor.simulated.devices import SimAxes, SimClock, SimGripper
+from executor.simulated.faults import Faults
+from executor.simulated.gripper import SimGripper
 from executor.simulated.shapes import (
     boundary,
     made_post,
@@ -19,13 +21,11 @@ from executor.simulated.shapes import (
     polygons,
     with_holes,
 )
+from executor.simulated.timeline import SimClock, Timeline, Trouble
 from executor.simulated.truth import AxisState, Body, Post, Truth
 from executor.station import Offer, Station
 from schemas.pose import Pose
 from schemas.world import World, WorldAxes, WorldPart, WorldPost
-
-Fault = Literal["stick", "block", "mirror_camera", "no_part"]
-FAULTS: tuple[Fault, ...] = ("stick", "block", "mirror_camera", "no_part")
 
 # Each purpose has its own stream, so that one more draw here moves nothing there.
 PURPOSES = (
@@ -33,6 +33,7 @@ PURPOSES = (
     "zoom", "focus", "stage", "robot", "light", "noise", "stick", "lens",
 )  # fmt: skip
 
+POLL_S = 0.05  # of the cell's own time
 SEATED_UM = 1.0  # a part lying this close to its seat lies on it
 
 
@@ -53,7 +54,15 @@ class Cell:
 
     truth: Truth
     station: Station
+    stage: SimAxes
+    robot: SimAxes
+    jaws: SimGripper
     lens: SimLens
+    light: SimLight
+    camera: SimCamera
+    clock: SimClock
+    faults: Faults
+    timeline: Timeline
 
     def judge(self, target: str, on: str, within_um: float = 0.0) -> Verdict:
         """Return whether the part of `target` truly sits on `on`.
@@ -90,7 +99,13 @@ class Cell:
         return (x + dx, y + dy)
 
 
-def build_cell(world: World, seed: int, faults: frozenset[Fault] = frozenset()) -> Cell:
+def build_cell(
+    world: World,
+    seed: int,
+    faults: Iterable[str] = (),
+    *,
+    drives: Mapping[str, Drive] | None = None,
+) -> Cell:
     """Return a cell whose errors are drawn from `seed`.
 
     Parameters
@@ -99,37 +114,59 @@ def build_cell(world: World, seed: int, faults: frozenset[Fault] = frozenset()) 
         What `world.json` describes.
     seed : int
         Root of all the cell's random numbers.
-    faults : frozenset of str
-        Any of `FAULTS`: the part follows a finger, it rests on top of its post, the
-        camera's columns are mirrored, the part to be placed is missing.
+    faults : iterable of str
+        Names of `executor.simulated.faults.FAULTS`, or NAME@STEP.
+    drives : mapping of str to Drive
+        By "stage" and "robot"; a drive that is left out is where it reads.
     """
-    rng = _generators(seed)
-    truth = _truth(world, rng, missing="no_part" in faults)
-    lateral = world.optics.lateral_sigma_um_per_um * rng["lateral"].standard_normal(2)
-    lens = SimLens(
-        truth,
-        rng["zoom"],
-        rng["focus"],
-        (lateral[0], lateral[1]),
-        drawn_errors(world.optics.lens, rng["lens"]),
-    )
-    light = SimLight(world.optics, rng["light"])
-    tool, block = truth.tool, "block" in faults
-    stick = 0.0 if tool is None else tool.stick_probability
-    gripper = SimGripper(truth, rng["stick"], stick=1.0 if "stick" in faults else stick)
+    rng, made = _generators(seed), drives or {}
+    wrong = Faults(faults)
+    truth = _truth(world, rng, missing=wrong.on("no_part"))
+    timeline = Timeline(truth)
+    stage, robot = (
+        SimAxes(
+            timeline, name, state, rng[name], Trouble(wrong, "axis"),
+            drive=made.get(name),
+        )
+        for name, state in (("stage", truth.stage), ("robot", truth.robot))
+    )  # fmt: skip
+    lens = _lens(timeline, rng, wrong)
+    light = SimLight(world.optics, rng["light"], wrong)
+    clock = SimClock(timeline)
+    camera = SimCamera(timeline, lens, light, rng["noise"], wrong)
+    stick = 0.0 if truth.tool is None else truth.tool.stick_probability
+    stick = 1.0 if wrong.on("stick") else stick
+    jaws = SimGripper(timeline, rng["stick"], Trouble(wrong, "jaws"), stick=stick)
     station = Station(
-        stage=SimAxes(truth, "stage", truth.stage, rng["stage"], block=block),
-        robot=SimAxes(truth, "robot", truth.robot, rng["robot"], block=block),
-        gripper=None if tool is None else gripper,
+        stage=stage,
+        robot=robot,
+        gripper=None if truth.tool is None else jaws,
         lens=lens,
         light=light,
-        camera=SimCamera(
-            truth, lens, light, rng["noise"], mirror="mirror_camera" in faults
-        ),
-        clock=SimClock(truth),
+        camera=camera,
+        clock=clock,
         offer=offer_of(world),
+        rules=rules_of(world),
     )
-    return Cell(truth=truth, station=station, lens=lens)
+    return Cell(
+        truth=truth, station=station, stage=stage, robot=robot, jaws=jaws, lens=lens,
+        light=light, camera=camera, clock=clock, faults=wrong, timeline=timeline,
+    )  # fmt: skip
+
+
+def _lens(
+    timeline: Timeline, rng: Mapping[str, np.random.Generator], faults: Faults
+) -> SimLens:
+    """Return the lens, with its errors of this run."""
+    optics = timeline.truth.world.optics
+    lateral = optics.lateral_sigma_um_per_um * rng["lateral"].standard_normal(2)
+    return SimLens(
+        timeline,
+        (rng["zoom"], rng["focus"]),
+        (lateral[0], lateral[1]),
+        drawn_errors(optics.lens, rng["lens"]),
+        Trouble(faults, "lens"),
+    )
 
 
 def judge(truth: Truth, target: str, on: str, within_um: float = 0.0) -> Verdict:
@@ -194,6 +231,32 @@ def offer_of(world: World) -> Offer:
         opening_um=world.tools[0].opening_um if world.tools else None,
         travel=travel,
         theta_axis_um=world.stage_theta_axis_um,
+    )
+
+
+def rules_of(world: World) -> Rules:
+    """Return how the simulated axes settle and what they may do."""
+    return Rules(
+        stage=_settle(world.stage),
+        robot=_settle(world.robot),
+        stage_datum_z_um=world.stage_datum_z_um,
+        stage_speeds=_speeds(world.stage),
+        robot_speeds=_speeds(world.robot),
+        safety=Safety(poll_s=POLL_S),
+    )
+
+
+def _settle(axes: WorldAxes) -> Settle:
+    """Return the dwell that the workcell states; the readings are the commands."""
+    return Settle(dwell_s=axes.settle_s)
+
+
+def _speeds(axes: WorldAxes) -> Speeds:
+    """Return the axes' own speeds."""
+    return Speeds(
+        xy_um_per_s=axes.speed_xy_um_per_s,
+        z_um_per_s=axes.speed_z_um_per_s,
+        theta_rad_per_s=axes.speed_theta_rad_per_s,
     )
 
 
