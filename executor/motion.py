@@ -263,7 +263,7 @@ class Motion:
             self._call(station, f"lens.{name}", lambda: start(value), late=lens.stop)
 
             def read(station: Station) -> float:
-                return self._lens(station, which, name)
+                return self._lens(station, which)
 
             self._wait_until_still(station, f"lens.{name}", lens.moving, read)
             found = read(station)
@@ -297,11 +297,11 @@ class Motion:
         check_finite("jaws", {"opening_um": found})
         return found
 
-    def _lens(self, station: Station, which: int, name: str) -> float:
+    def _lens(self, station: Station, which: int) -> float:
         """Return magnification (0) or focus (1) as the lens reads it."""
-        found = self._call(station, "lens.reading", station.lens.reading)[which]
-        check_finite("lens", {name: found})
-        return found
+        zoom, focus_um = self._call(station, "lens.reading", station.lens.reading)
+        check_finite("lens", {"magnification": zoom, "focus_um": focus_um})
+        return (zoom, focus_um)[which]
 
     def _frame(self, station: Station, region: Region | None, after_s: float) -> Frame:
         """Return what the camera gives."""

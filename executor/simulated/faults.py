@@ -23,8 +23,12 @@ _AXIS = {
     "axis_hangs": Fault("a moving axis group does not answer", ("MP844",)),
     "axis_never_ready": Fault("a motion is never reported as ended", ("MP845",)),
     "axis_short": Fault("a motion ends half way and says it is done", ("MP845",)),
-    "axis_stalls": Fault("a motion stops half way, still under way", ("MP846",)),
-    "axis_wrong_way": Fault("an axis runs away from its target", ("MP846",)),
+    # a motion shorter than the window that stalls is one that never ends
+    "axis_stalls": Fault(
+        "a motion stops half way, still under way", ("MP846", "MP845")
+    ),
+    # it may leave the limits before it is seen to go the wrong way
+    "axis_wrong_way": Fault("an axis runs away from its target", ("MP846", "MP840")),
     "axis_slips": Fault("an axis that was not told to moves along", ("MP846",)),
     "axis_nan": Fault("the reading of a moving axis is nan", ("MP847",)),
 }
