@@ -185,6 +185,8 @@ class SimLight:
 
     def set_level(self, level: float) -> None:
         """Set the brightness."""
+        if not 0 <= level < math.inf:  # also refuses nan
+            raise ValueError(f"the level is {level}, must be 0 or more")
         self._level = level
 
     def now(self) -> Illumination:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -60,13 +59,12 @@ def job(tmp_path_factory: pytest.TempPathFactory) -> tuple[Plan, Artifacts, Worl
 
 
 @pytest.fixture(autouse=True)
-def _pictures(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+def _pictures(monkeypatch: pytest.MonkeyPatch) -> None:
     """Render each true state once: runs differ by what goes wrong, not by what is so.
 
     The noise of a frame is drawn afresh.
     """
     monkeypatch.setattr(SimCamera, "_image", _remembered)
-    yield
 
 
 _RENDER = SimCamera._image
@@ -101,8 +99,8 @@ def check(found: Run, name: str, step: str) -> None:
     assert CODES[str(found.result.code)][1] in (1, 3)
     assert step in ("", found.result.step)
     cell, calls = found.cell, found.recorder.calls
-    assert not (cell.stage.moving() or cell.robot.moving())
-    assert not (cell.jaws.moving() or cell.lens.moving())
+    for device in (cell.stage, cell.robot, cell.jaws, cell.lens):
+        assert not device.moving()
     first = next(i for i, c in enumerate(calls) if c.method == "stop")
     stopped = {(c.device, c.method) for c in calls[first:]}
     assert stopped == {(d, "stop") for d in ("stage", "robot", "jaws", "lens")}
