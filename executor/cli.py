@@ -20,15 +20,16 @@ from executor.motion import Motion
 from executor.operator import Operator
 from executor.rig import Rig
 from executor.run import RunResult, run_plan
-from executor.simulated.faults import FAULTS, Faults
-from executor.station import Station, preflight
-from executor.station_file import read_station
+from executor.simulated.faults import FAULTS
+from executor.site import Site, find_site
+from executor.station import preflight
 from executor.summary import summary_json, table
 from schemas.codec import CodecError, to_data
 from schemas.plan import Measure, Plan, VerifyAction, parse_plan
 
 if TYPE_CHECKING:
-    from executor.simulated.cell import Cell, Verdict
+    from executor.simulated.cell import Cell
+    from executor.simulated.judging import Verdict
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,15 +48,6 @@ class _Call:
     def folder(self) -> Path:
         """Return the plan folder."""
         return self.plan_file.parent
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Site:
-    """Where the plan runs; `cell` is the simulated cell behind it, if there is one."""
-
-    name: str
-    station: Station
-    cell: Cell | None
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -132,8 +124,7 @@ def seed_number(text: str) -> int:
 def _run(call: _Call) -> int:
     """Do what was asked; errors are the caller's to report."""
     plan = _read_plan(call.plan_file)
-    _check_faults(call)
-    site = _site(call)
+    site = find_site(call.station, call.folder, seed=call.seed, faults=call.faults)
     preflight(plan, site.station)
     artifacts = Artifacts.from_folder(plan, call.folder)
     if call.mode == "check":
@@ -145,7 +136,7 @@ def _run(call: _Call) -> int:
     return _perform(call, plan, site, artifacts)
 
 
-def _perform(call: _Call, plan: Plan, site: _Site, artifacts: Artifacts) -> int:
+def _perform(call: _Call, plan: Plan, site: Site, artifacts: Artifacts) -> int:
     """Run the plan, write the run folder and print the outcome."""
     folder, station = _run_folder(call, plan), site.station
     log = folder / "events.jsonl"
@@ -219,7 +210,7 @@ def _report(
 def _write_summary(
     folder: Path,
     call: _Call,
-    site: _Site,
+    site: Site,
     plan: Plan,
     result: RunResult,
     verdict: Verdict | None,
@@ -255,30 +246,6 @@ def _read_plan(path: Path) -> Plan:
         raise ExecutorError("MP802", str(error)) from error
 
 
-def _simulated(call: _Call) -> Cell:
-    """Return the simulated cell of the plan's world."""
-    from executor.simulated.cell import build_cell  # optics only for the simulated cell
-    from executor.simulated.hub import read_world
-
-    return build_cell(read_world(call.folder / "world.json"), call.seed, call.faults)
-
-
-def _site(call: _Call) -> _Site:
-    """Return the station that was asked for."""
-    if call.station == "sim":
-        cell = _simulated(call)
-        return _Site(name="sim", station=cell.station, cell=cell)
-    if call.faults or call.seed:
-        raise ExecutorError(
-            "MP804", "--seed and --inject are for --station sim; a file names its own"
-        )
-    loaded = read_station(Path(call.station), call.folder)
-    cells = [hub for hub in loaded.hubs.values() if hasattr(hub, "judge")]
-    return _Site(
-        name=loaded.name, station=loaded.station, cell=cells[0] if cells else None
-    )
-
-
 def _asker() -> Callable[[], bool] | None:
     """Return how to ask the operator, None if nobody sits there."""
     if not (sys.stdin.isatty() and sys.stderr.isatty()):
@@ -286,17 +253,9 @@ def _asker() -> Callable[[], bool] | None:
 
     def ask() -> bool:
         print("paused: Enter goes on, q stops, Ctrl-C stops at once", file=sys.stderr)
-        return sys.stdin.readline().strip() == ""
+        return sys.stdin.readline() == "\n"  # "" is the end of the input: nobody there
 
     return ask
-
-
-def _check_faults(call: _Call) -> None:
-    """Refuse a fault that nobody knows."""
-    try:
-        Faults(call.faults)
-    except ValueError as error:
-        raise ExecutorError("MP804", str(error)) from error
 
 
 def _run_folder(call: _Call, plan: Plan) -> Path:

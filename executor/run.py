@@ -75,7 +75,12 @@ def run_plan(rig: Rig) -> RunResult:
     """
     began_s = rig.station.clock.now_s()
     results: list[StepResult] = []
-    rig.journal.write("run", plan=rig.plan.name, steps=len(rig.plan.steps))
+    rig.journal.write(
+        "run",
+        plan=rig.plan.name,
+        steps=len(rig.plan.steps),
+        devices=rig.station.devices(),
+    )
     for number, step in enumerate(rig.plan.steps, start=1):
         rig.journal.enter(step.id)
         rig.frames.enter(number, step.id)

@@ -60,6 +60,18 @@ class Station:
             raise ExecutorError("MP808", "the plan moves a robot, the station has none")
         return self.robot
 
+    def devices(self) -> dict[str, str]:
+        """Return model and serial number of every device, by role."""
+        found = {
+            "stage": self.stage, "robot": self.robot, "jaws": self.gripper,
+            "lens": self.lens, "light": self.light, "camera": self.camera,
+        }  # fmt: skip
+        return {
+            role: f"{device.model} {device.serial}"
+            for role, device in found.items()
+            if device is not None
+        }
+
     def jaws(self) -> Gripper:
         """Return the gripper; MP807 if the station has none."""
         if self.gripper is None:

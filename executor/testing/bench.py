@@ -135,6 +135,6 @@ def failures(device: Any, role: str, bench: Bench) -> tuple[Result, ...]:
 
 
 def conforms(device: Any, role: str, bench: Bench) -> None:
-    """Raise ConformanceError with all that is wrong with a driver; for use in a test."""
+    """Raise ConformanceError with all that is wrong with a driver; for a test."""
     wrong = [f"{r.check}: {r.wrong}" for r in failures(device, role, bench)]
     must(not wrong, "; ".join(wrong))

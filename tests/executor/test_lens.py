@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from executor.simulated.camera import drawn_errors
 from executor.simulated.cell import build_cell
+from executor.simulated.lens import drawn_errors
 from optics.lens import MAX_DISTORTION, LensErrors
 from schemas.world import World, WorldLens
 from tests.executor.bench import quiet, world
