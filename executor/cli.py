@@ -157,9 +157,12 @@ def _perform(call: _Call, plan: Plan, site: Site, artifacts: Artifacts) -> int:
         try:
             result = run_plan(rig)
         except KeyboardInterrupt:
+            left = "; ".join(rig.motion.stop(station)) or "nothing moves any more"
+            rig.journal.write("stopped", why=left)
+            raise ExecutorError("MP860", f"stopped; {left}") from None
+        except BaseException:  # a bug must not leave anything in motion either
             rig.motion.stop(station)
-            rig.journal.write("stopped")
-            raise ExecutorError("MP860", "stopped; nothing moves any more") from None
+            raise
     verdict = None if site.cell is None else _verdict(plan, site.cell)
     _write_summary(folder, call, site, plan, result, verdict, errors)
     print(table(result, errors))

@@ -74,6 +74,11 @@ class ExecutorError(Exception):
         self.message = message
         self.cause = cause
 
+    def append(self, more: str) -> None:
+        """Add to the message what became known later."""
+        self.message = f"{self.message}; {more}"
+        self.args = (self.message,)
+
     @property
     def exit_status(self) -> int:
         """Return the exit status that goes with the code."""

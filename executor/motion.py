@@ -144,10 +144,15 @@ class Motion:
             raise ExecutorError("MP848", f"{FRAMES} frames were no use: {why}")
 
     def halt(self, station: Station, fault: ExecutorError) -> None:
-        """Stop everything and refuse all that comes later, because of `fault`."""
+        """Stop everything and refuse all that comes later, because of `fault`.
+
+        What cannot be stopped is told in the fault's message.
+        """
         if self._fault is None:
             self._fault = fault
-            self.stop(station)
+            left = self.stop(station)
+            if left:
+                fault.append("NOT STOPPED: " + "; ".join(left))
 
     def stop(self, station: Station) -> list[str]:
         """Stop all devices at the same time; return what could not be stopped."""

@@ -15,7 +15,8 @@ class Operator:
     """Takes interrupts while it is entered.
 
     The first lets the present motion end; then `pause` asks whether to go on. The
-    second, even while it asks, raises KeyboardInterrupt at once.
+    second, even while it asks, raises KeyboardInterrupt at once, and so does a request
+    to terminate; more are ignored, so that nothing disturbs the stopping.
 
     Parameters
     ----------
@@ -26,12 +27,14 @@ class Operator:
     def __init__(self, ask: Callable[[], bool] | None = None) -> None:
         self._ask = ask
         self._asked = False
-        self._before: Any = None
+        self._stopping = False
+        self._before: dict[int, Any] = {}
 
     def __enter__(self) -> Operator:
         """Take interrupts; only the main thread can."""
         if threading.current_thread() is threading.main_thread():
-            self._before = signal.signal(signal.SIGINT, self.interrupt)
+            for number in (signal.SIGINT, signal.SIGTERM):
+                self._before[number] = signal.signal(number, self.interrupt)
         return self
 
     def __exit__(
@@ -41,12 +44,15 @@ class Operator:
         trace: TracebackType | None,
     ) -> None:
         """Give interrupts back to whom they were."""
-        if self._before is not None:
-            signal.signal(signal.SIGINT, self._before)
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
 
-    def interrupt(self, _number: int = 0, _frame: FrameType | None = None) -> None:
+    def interrupt(self, number: int, _frame: FrameType | None = None) -> None:
         """Note the first interrupt; raise KeyboardInterrupt at the second."""
-        if self._asked:
+        if self._stopping:
+            return
+        if self._asked or number == signal.SIGTERM:
+            self._stopping = True
             raise KeyboardInterrupt
         self._asked = True
 

@@ -29,6 +29,10 @@ FloatArray = npt.NDArray[np.float64]
 # Another blur law than the compiler's: it is not the cell's judge.
 BLUR_LAW = "stokseth"
 SCALED = 1.1  # the magnification of a camera with the fault `scale_camera`
+UNEVEN = (
+    0.6,
+    0.4,
+)  # relative change of the light across the field, with `uneven_light`
 STALE_S = 3600.0  # how old a frame of a camera with the fault `stale_frames` is
 
 
@@ -65,6 +69,8 @@ class SimLight:
     def now(self) -> Illumination:
         """Return the illumination."""
         x, y = self._gradient
+        if self._faults.on("uneven_light"):
+            x, y = UNEVEN
         level = 0.0 if self._faults.on("light_out") else self._level
         return Illumination(gain=level, gradient_x=x, gradient_y=y)
 

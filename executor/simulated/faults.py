@@ -12,10 +12,14 @@ _SERVO = ("MP830", "MP831", "MP832")
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """One fault: what happens, and the codes one of which a run must end in."""
+    """One fault: what happens, and the codes one of which a run must end in.
+
+    A run that `may_stand` it may also end well: then the part is truly seated.
+    """
 
     what: str
     codes: tuple[str, ...]
+    may_stand: bool = False
 
 
 _AXIS = {
@@ -53,6 +57,11 @@ _OPTICS = {
     ),
     "short_frames": Fault("a frame lacks its last row", ("MP841",)),
     "light_out": Fault("the light is out", _LOOK),
+    "uneven_light": Fault(
+        "the light changes by .7 across the field",
+        (*_LOOK, "MP851", "MP853"),
+        may_stand=True,
+    ),
 }
 # Only a picture tells these: by a look's gates, or by an alignment that does not end.
 _GEOMETRY = {

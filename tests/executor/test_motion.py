@@ -222,6 +222,35 @@ def test_an_interrupt_stops_what_moves() -> None:
     assert -600.0 < found.stage.reading().x_um < -100.0
 
 
+def test_what_cannot_be_stopped_is_told_and_the_others_are_stopped() -> None:
+    found = cell("axis_stalls")
+    stopped = []
+
+    class Deaf:
+        """Jaws whose stop fails; the rest is not asked for here."""
+
+        model, serial = "deaf", "0"
+
+        def start(self, opening_um: float) -> None:
+            raise AssertionError
+
+        def reading(self) -> float:
+            return 130.0
+
+        def moving(self) -> bool:
+            return False
+
+        def stop(self) -> None:
+            stopped.append("jaws")
+            raise OSError("the port is gone")
+
+    station = replace(found.station, gripper=Deaf())
+    error = refused(lambda: Motion().travel(station, FAR, "approach"), "MP846")
+    assert "NOT STOPPED: jaws.stop: OSError: the port is gone" in str(error)
+    assert stopped == ["jaws"]
+    assert not found.stage.moving()
+
+
 def test_jaws_may_rest_on_a_part_but_must_move() -> None:
     found, motion = cell("jaws_stuck"), Motion()
     assert motion.grip(found.station, 130.0) == 130.0  # they stand there already

@@ -62,6 +62,14 @@ def test_two_interrupts_stop_at_once_also_while_it_asks() -> None:
             operator.pause()
 
 
+def test_a_request_to_terminate_stops_at_once_and_more_are_ignored() -> None:
+    with Operator():
+        with pytest.raises(KeyboardInterrupt):
+            os.kill(os.getpid(), signal.SIGTERM)
+        os.kill(os.getpid(), signal.SIGTERM)
+        interrupted()
+
+
 def test_interrupts_go_back_to_whom_they_were() -> None:
     before = signal.getsignal(signal.SIGINT)
     with Operator():
