@@ -78,6 +78,7 @@ def test_the_run_folder_holds_log_frames_and_summary(
     assert run(built, folder, "--seed", "3") == 0
     log = events(folder)
     assert [e["seq"] for e in log] == list(range(1, len(log) + 1))
+    assert log[0]["devices"]["stage"] == "simulated stage sim-stage"
     times = [e["t_s"] for e in log]
     assert times == sorted(times)
     for before, after in (("begin", "done"), ("move", "moved"), ("jaws", "jaws_moved")):
