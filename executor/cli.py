@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import shutil
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,18 +16,20 @@ from executor.beliefs import Beliefs
 from executor.errors import BUG, CODES, DONE, ExecutorError
 from executor.frames import Frames
 from executor.journal import Journal
+from executor.motion import Motion
+from executor.operator import Operator
 from executor.rig import Rig
 from executor.run import RunResult, run_plan
-from executor.station import Station, preflight
+from executor.simulated.faults import FAULTS
+from executor.site import Site, find_site
+from executor.station import preflight
 from executor.summary import summary_json, table
-from schemas.codec import CodecError, from_data, to_data
+from schemas.codec import CodecError, to_data
 from schemas.plan import Measure, Plan, VerifyAction, parse_plan
-from schemas.world import World
 
 if TYPE_CHECKING:
-    from executor.simulated.cell import Cell, Verdict
-
-FAULTS = ("stick", "block", "mirror_camera", "no_part")
+    from executor.simulated.cell import Cell
+    from executor.simulated.judging import Verdict
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,6 +37,7 @@ class _Call:
     """What was asked for on the command line."""
 
     plan_file: Path
+    station: str
     seed: int
     mode: str
     run_dir: Path | None
@@ -78,7 +80,7 @@ def _parse(argv: Sequence[str] | None) -> _Call:
     )
     parser.add_argument("plan", type=Path, help="plan.json, or the folder it is in")
     parser.add_argument(
-        "--station", required=True, choices=["sim"], help="simulated cell"
+        "--station", required=True, help="sim: the simulated cell; or a station.toml"
     )
     parser.add_argument(
         "--seed", type=seed_number, default=0, help="of the simulated cell"
@@ -94,13 +96,15 @@ def _parse(argv: Sequence[str] | None) -> _Call:
     parser.add_argument(
         "--inject",
         action="append",
-        choices=FAULTS,
         default=[],
-        help="a simulated fault",
+        metavar="FAULT[@STEP]",
+        help="a simulated fault, from the start on or in one step: "
+        + ", ".join(FAULTS),
     )
     found = parser.parse_args(argv)
     return _Call(
         plan_file=found.plan / "plan.json" if found.plan.is_dir() else found.plan,
+        station=found.station,
         seed=found.seed,
         mode=found.mode,
         run_dir=found.run_dir,
@@ -120,8 +124,8 @@ def seed_number(text: str) -> int:
 def _run(call: _Call) -> int:
     """Do what was asked; errors are the caller's to report."""
     plan = _read_plan(call.plan_file)
-    cell = _simulated(call)
-    preflight(plan, cell.station)
+    site = find_site(call.station, call.folder, seed=call.seed, faults=call.faults)
+    preflight(plan, site.station)
     artifacts = Artifacts.from_folder(plan, call.folder)
     if call.mode == "check":
         print(f"{plan.name}: {len(plan.steps)} steps fit the station")
@@ -129,47 +133,58 @@ def _run(call: _Call) -> int:
     if call.mode == "dry-run":
         print("\n".join(_listing(plan)))
         return DONE
-    return _perform(call, plan, cell, artifacts)
+    return _perform(call, plan, site, artifacts)
 
 
-def _perform(call: _Call, plan: Plan, cell: Cell, artifacts: Artifacts) -> int:
+def _perform(call: _Call, plan: Plan, site: Site, artifacts: Artifacts) -> int:
     """Run the plan, write the run folder and print the outcome."""
-    folder = _run_folder(call, plan)
-    with (folder / "events.jsonl").open("w", encoding="utf-8", newline="\n") as stream:
+    folder, station = _run_folder(call, plan), site.station
+    log = folder / "events.jsonl"
+    with (
+        log.open("w", encoding="utf-8", newline="\n") as stream,
+        Operator(_asker()) as operator,
+    ):
         rig = Rig(
             plan=plan,
-            station=cell.station,
+            station=station,
             beliefs=Beliefs(plan.beliefs, plan.features),
             artifacts=artifacts,
-            journal=Journal(stream, cell.station.clock),
+            journal=Journal(stream, station.clock),
             frames=Frames(folder / "frames" if call.frames else None),
+            motion=Motion(operator.pause),
         )
-        errors = _watch(rig, cell)
+        errors = _watch(rig, site.cell)
         try:
             result = run_plan(rig)
         except KeyboardInterrupt:
-            _stop(cell.station)
-            rig.journal.write("stopped")
-            raise ExecutorError("MP860", "stopped; nothing moves any more") from None
-    verdict = _verdict(plan, cell)
-    _write_summary(folder, call, plan, result, verdict, errors)
+            left = "; ".join(rig.motion.stop(station)) or "nothing moves any more"
+            rig.journal.write("stopped", why=left)
+            raise ExecutorError("MP860", f"stopped; {left}") from None
+        except BaseException:  # a bug must not leave anything in motion either
+            rig.motion.stop(station)
+            raise
+    verdict = None if site.cell is None else _verdict(plan, site.cell)
+    _write_summary(folder, call, site, plan, result, verdict, errors)
     print(table(result, errors))
     return _report(call, plan, result, verdict, folder)
 
 
-def _watch(rig: Rig, cell: Cell) -> dict[str, float]:
+def _watch(rig: Rig, cell: Cell | None) -> dict[str, float]:
     """Return a record, filled while the rig runs: step -> its last look's true error.
 
     Only a simulated cell knows the truth; a plan never sees it.
     """
     errors: dict[str, float] = {}
+    if cell is None:
+        return errors
+    shown_um = cell.shown_um
 
     def note(target: str, x_um: float, y_um: float) -> None:
         owner, offset = rig.beliefs.anchor(target)
-        true_x, true_y = cell.shown_um(owner, *offset)
+        true_x, true_y = shown_um(owner, *offset)
         errors[rig.journal.step] = math.hypot(x_um - true_x, y_um - true_y)
 
-    rig.watch = note
+    rig.watch, rig.on_step = note, cell.faults.enter
     return errors
 
 
@@ -198,6 +213,7 @@ def _report(
 def _write_summary(
     folder: Path,
     call: _Call,
+    site: Site,
     plan: Plan,
     result: RunResult,
     verdict: Verdict | None,
@@ -205,7 +221,7 @@ def _write_summary(
 ) -> None:
     """Write summary.json and the table."""
     extra: dict[str, Any] = {
-        "station": "sim",
+        "station": site.name,
         "seed": call.seed,
         "faults": list(call.faults),
         "cell_verdict": None if verdict is None else to_data(verdict),
@@ -233,16 +249,16 @@ def _read_plan(path: Path) -> Plan:
         raise ExecutorError("MP802", str(error)) from error
 
 
-def _simulated(call: _Call) -> Cell:
-    """Return the simulated cell of the plan's world."""
-    from executor.simulated.cell import build_cell  # optics only for the simulated cell
+def _asker() -> Callable[[], bool] | None:
+    """Return how to ask the operator, None if nobody sits there."""
+    if not (sys.stdin.isatty() and sys.stderr.isatty()):
+        return None
 
-    path = call.folder / "world.json"
-    try:
-        world = from_data(World, json.loads(path.read_text(encoding="utf-8")))
-        return build_cell(world, call.seed, frozenset(call.faults))  # type: ignore[arg-type]  # argparse checked them
-    except (OSError, ValueError, RecursionError) as error:
-        raise ExecutorError("MP803", f"{path}: {error}") from error
+    def ask() -> bool:
+        print("paused: Enter goes on, q stops, Ctrl-C stops at once", file=sys.stderr)
+        return sys.stdin.readline() == "\n"  # "" is the end of the input: nobody there
+
+    return ask
 
 
 def _run_folder(call: _Call, plan: Plan) -> Path:
@@ -283,13 +299,6 @@ def _targets(move: dict[str, Any]) -> str:
     """Return the axes a move names, with their values."""
     axes = move.pop("axes")
     return " ".join(f"{axes}.{k}={v:g}" for k, v in move.items() if v is not None)
-
-
-def _stop(station: Station) -> None:
-    """Stop every axis."""
-    station.stage.stop()
-    if station.robot is not None:
-        station.robot.stop()
 
 
 def _tell(error: ExecutorError, plan_file: Path) -> None:

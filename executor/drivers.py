@@ -1,4 +1,11 @@
-"""What the executor asks of hardware; the simulated cell is one such set of drivers."""
+"""What the executor asks of hardware; the simulated cell is one such set of drivers.
+
+A driver moves its device to absolute states and tells what it reads; it decides
+nothing. Limits, steps, settling, timeouts and stops are the executor's, in
+`executor.motion`. No two calls overlap but `stop`, which may come from another thread
+at any time, also twice, also at rest. A driver raises what it likes when its device
+fails.
+"""
 
 from __future__ import annotations
 
@@ -23,10 +30,44 @@ class AxisReading:
     theta_rad: float
 
 
-class Axes(Protocol):
-    """A stage or robot; `move` blocks until all motion has settled."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Frame:
+    """An exposure: counts (rows, columns), and when it began on the station's clock."""
 
-    def move(
+    counts: Counts
+    exposed_s: float
+
+
+class Device(Protocol):
+    """What every device can say of itself."""
+
+    @property
+    def model(self) -> str:
+        """Return maker and type."""
+        ...
+
+    @property
+    def serial(self) -> str:
+        """Return what tells this device from another of its model."""
+        ...
+
+
+class Mover(Device, Protocol):
+    """A device with something that moves."""
+
+    def moving(self) -> bool:
+        """Return whether a motion is under way, by the device's own word."""
+        ...
+
+    def stop(self) -> None:
+        """Stop all motion at once, where it is; thread-safe, and harmless at rest."""
+        ...
+
+
+class Axes(Mover, Protocol):
+    """A stage or robot."""
+
+    def start(
         self,
         *,
         x_um: float | None = None,
@@ -35,49 +76,56 @@ class Axes(Protocol):
         theta_rad: float | None = None,
         speed_um_per_s: float | None = None,
     ) -> None:
-        """Go to absolute readings together; None leaves an axis.
+        """Begin to go to absolute readings together, and return; None leaves an axis.
 
         Raises
         ------
-        ExecutorError
-            MP840 if a target is beyond the limits; MP841 if the device fails.
+        ValueError
+            If a target is not finite or beyond what the device can reach; nothing
+            moves then.
         """
         ...
 
     def reading(self) -> AxisReading:
-        """Return where the axes say they are."""
-        ...
-
-    def stop(self) -> None:
-        """Stop all motion at once."""
+        """Return where the axes say they are now, moving or not."""
         ...
 
 
-class Gripper(Protocol):
-    """Jaws; `move` blocks until they stand still."""
+class Gripper(Mover, Protocol):
+    """Jaws."""
 
-    def move(self, opening_um: float) -> None:
-        """Open or close to `opening_um` between the jaws."""
+    def start(self, opening_um: float) -> None:
+        """Begin to open or close to `opening_um` between the jaws, and return.
+
+        Raises
+        ------
+        ValueError
+            As `Axes.start`.
+        """
         ...
 
     def reading(self) -> float:
-        """Return the opening the drive says it has, um."""
+        """Return the opening the drive says it has now, um."""
         ...
 
 
-class Lens(Protocol):
+class Lens(Mover, Protocol):
     """Zoom and focus drives."""
 
-    def set_magnification(self, magnification: float) -> None:
-        """Zoom, object to sensor."""
+    def start_magnification(self, magnification: float) -> None:
+        """Begin to zoom, object to sensor; ValueError as `Axes.start`."""
         ...
 
-    def set_focus_um(self, focus_um: float) -> None:
-        """Put the plane in focus at a world height."""
+    def start_focus_um(self, focus_um: float) -> None:
+        """Begin to put the plane in focus at a world height; ValueError as above."""
+        ...
+
+    def reading(self) -> tuple[float, float]:
+        """Return magnification and focus (um) as the drives say they are now."""
         ...
 
 
-class Light(Protocol):
+class Light(Device, Protocol):
     """The light source."""
 
     def set_level(self, level: float) -> None:
@@ -85,17 +133,30 @@ class Light(Protocol):
         ...
 
 
-class Camera(Protocol):
-    """The camera; a frame is exposed after all motion has settled."""
+class Camera(Device, Protocol):
+    """The camera."""
 
-    def grab(self, region: Region | None = None) -> Counts:
-        """Return counts (rows, columns) of `region`, or of the whole frame."""
+    def grab(self, region: Region | None = None, *, after_s: float) -> Frame:
+        """Return `region`, or the whole frame, exposed at `after_s` or later.
+
+        A camera that runs on its own discards older frames and waits for one. The
+        executor refuses a frame whose time says otherwise.
+
+        Raises
+        ------
+        TimeoutError
+            If no frame came; it is asked for again.
+        """
         ...
 
 
 class Clock(Protocol):
-    """Time for the log; the simulated cell's runs on its own."""
+    """The station's time; the simulated cell's runs only while it is waited for."""
 
     def now_s(self) -> float:
-        """Return seconds since the station started."""
+        """Return seconds since the station started; never less than before."""
+        ...
+
+    def wait(self, seconds: float) -> None:
+        """Let `seconds` pass."""
         ...

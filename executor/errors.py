@@ -19,6 +19,10 @@ CODES: Mapping[str, tuple[str, int]] = {
     "MP809": ("the stage turns about another point", MACHINE),
     "MP810": ("the plan needs a routine that is not installed", MACHINE),
     "MP811": ("the station is not at the plan's start", MACHINE),
+    "MP812": ("the station file cannot be understood", BAD_INPUT),
+    "MP813": ("a driver cannot be loaded", BAD_INPUT),
+    "MP814": ("the station's calibration does not fit the plan", MACHINE),
+    "MP815": ("the plan moves farther or faster than the station allows", MACHINE),
     "MP820": ("a target was not found", FAILED),
     "MP821": ("a measurement scored too low", FAILED),
     "MP822": ("a target was found too far from where it was expected", FAILED),
@@ -31,6 +35,14 @@ CODES: Mapping[str, tuple[str, int]] = {
     "MP832": ("a correction was larger than allowed", MACHINE),
     "MP840": ("an axis was sent beyond its limits", MACHINE),
     "MP841": ("a device failed", MACHINE),
+    "MP842": ("the fingers would come too close to the stage", MACHINE),
+    "MP843": ("a move is larger or faster than its phase allows", MACHINE),
+    "MP844": ("a device does not answer", MACHINE),
+    "MP845": ("a motion did not end where and when it should", MACHINE),
+    "MP846": ("an axis does not follow its order", MACHINE),
+    "MP847": ("a number is not finite", MACHINE),
+    "MP848": ("no fresh frame came", MACHINE),
+    "MP849": ("the jaws did not move as told", MACHINE),
     "MP850": ("verify: nothing was found where the part should sit", FAILED),
     "MP851": ("verify: the part is off its seat", FAILED),
     "MP852": ("verify: the part is at the wrong height", FAILED),
@@ -62,6 +74,11 @@ class ExecutorError(Exception):
         self.code = code
         self.message = message
         self.cause = cause
+
+    def append(self, more: str) -> None:
+        """Add to the message what became known later."""
+        self.message = f"{self.message}; {more}"
+        self.args = (self.message,)
 
     @property
     def exit_status(self) -> int:

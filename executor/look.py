@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from executor.drivers import Counts
-from executor.errors import ExecutorError
+from executor.errors import MACHINE, STOPPED, ExecutorError
 from executor.features import Picture, Shown, look_for
 from executor.reach import readings_for
 from executor.rig import Rig
@@ -58,7 +58,8 @@ def look_at(rig: Rig, look: Look, on_failure: Sequence[OnFailure] = ()) -> Sight
         except ExecutorError as error:
             rig.journal.write("not_seen", look=look.id, code=error.code, why=str(error))
             further = len(look.view.focus_stops_um)
-            if tries > max(_retries(error, on_failure), further):
+            trouble = error.exit_status in (MACHINE, STOPPED)  # nothing moves any more
+            if trouble or tries > max(_retries(error, on_failure), further):
                 raise
             continue
         rig.beliefs.update(

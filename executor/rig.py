@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from executor.artifacts import Artifacts
 from executor.beliefs import Beliefs, Readings
+from executor.calibration import LookFrame, look_frame
 from executor.drivers import Counts
 from executor.errors import ExecutorError
 from executor.frames import Frames
 from executor.journal import Journal
+from executor.motion import Motion
+from executor.safety import Phase
 from executor.station import Station
-from featuresel.routines.frame import RegionFrame
 from schemas.plan import AxisMove, Look, Plan, Region, View
 
 
@@ -21,7 +23,8 @@ class Rig:
     """What every phase of a run works on; `view` is what the lens is set to.
 
     `watch` is told of every accepted sighting: a simulated cell compares it with the
-    truth. Nothing in a run depends on it.
+    truth. `on_step` is told of every step: a simulated cell begins and ends its faults.
+    Nothing in a run depends on either.
     """
 
     plan: Plan
@@ -32,46 +35,43 @@ class Rig:
     frames: Frames
     view: View | None = None
     watch: Callable[[str, float, float], None] | None = None  # target, x um, y um
+    on_step: Callable[[str], None] | None = None  # told of every step that begins
+    motion: Motion = field(default_factory=Motion)
+    phase: Phase = "approach"  # what moves are for now: it sets their limits
 
     def readings(self) -> Readings:
         """Return where the axes are now."""
-        robot = self.station.robot
+        station = self.station
         return Readings(
-            stage=self.station.stage.reading(),
-            robot=None if robot is None else robot.reading(),
+            stage=self.motion.reading(station, "stage"),
+            robot=self.motion.reading(station, "robot") if station.robot else None,
             theta_axis_um=self.plan.requirements.theta_axis_um,
         )
 
     def move(self, move: AxisMove) -> None:
         """Move one axis group and note it."""
         self.journal.write("move", to=move)
-        self.station.axes(move.axes).move(
-            x_um=move.x_um,
-            y_um=move.y_um,
-            z_um=move.z_um,
-            theta_rad=move.theta_rad,
-            speed_um_per_s=move.speed_um_per_s,
-        )
+        self.motion.travel(self.station, move, self.phase)
         self.journal.write("moved", axes=move.axes)
 
     def grip(self, opening_um: float) -> None:
         """Move the jaws and note it."""
         self.journal.write("jaws", opening_um=opening_um)
-        self.station.jaws().move(opening_um)
-        self.journal.write("jaws_moved", reading_um=self.station.jaws().reading())
+        reading_um = self.motion.grip(self.station, opening_um)
+        self.journal.write("jaws_moved", reading_um=reading_um)
 
     def set_view(self, view: View, *, focus_um: float | None = None) -> None:
         """Set zoom, focus and light, each only if it changes."""
         focus = view.focus_um if focus_um is None else focus_um
-        old, lens = self.view, self.station.lens
+        old = self.view
         if old is None or old.magnification != view.magnification:
             self.journal.write("zoom", magnification=view.magnification)
-            lens.set_magnification(view.magnification)
+            self.motion.zoom(self.station, view.magnification)
         if old is None or old.focus_um != focus:
             self.journal.write("focus", focus_um=focus)
-            lens.set_focus_um(focus)
+            self.motion.focus(self.station, focus)
         if old is None or old.light != view.light:
-            self.station.light.set_level(view.light)
+            self.motion.light(self.station, view.light)
         self.view = replace(view, focus_um=focus)
 
     def grab(self, region: Region | None, *, keep: bool = True) -> Counts:
@@ -98,7 +98,7 @@ class Rig:
 
     def _checked(self, region: Region | None) -> Counts:
         """Return the camera's frame if it has the size that was asked for."""
-        counts = self.station.camera.grab(region)
+        counts = self.motion.grab(self.station, region).counts
         need = self.plan.requirements
         size = (need.height_px, need.width_px)
         wanted = size if region is None else (region.rows, region.columns)
@@ -108,13 +108,7 @@ class Rig:
             )
         return counts
 
-    def frame_of(self, look: Look) -> RegionFrame:
+    def frame_of(self, look: Look) -> LookFrame:
         """Return the map between a look's region and the world."""
-        need, region = self.plan.requirements, look.measure.region
-        return RegionFrame(
-            width_px=need.width_px,
-            height_px=need.height_px,
-            um_per_px=look.view.um_per_px,
-            row=region.row,
-            column=region.column,
-        )
+        calibration = self.station.offer.calibration
+        return look_frame(look, self.plan.requirements, calibration)

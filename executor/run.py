@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from executor.errors import ExecutorError
 from executor.look import look_near
 from executor.rig import Rig
+from executor.safety import Phase
 from executor.servo import align
 from executor.verify import verify
 from schemas.plan import (
@@ -76,10 +77,17 @@ def run_plan(rig: Rig) -> RunResult:
     """
     began_s = rig.station.clock.now_s()
     results: list[StepResult] = []
-    rig.journal.write("run", plan=rig.plan.name, steps=len(rig.plan.steps))
+    rig.journal.write(
+        "run",
+        plan=rig.plan.name,
+        steps=len(rig.plan.steps),
+        devices=rig.station.devices(),
+    )
     for number, step in enumerate(rig.plan.steps, start=1):
         rig.journal.enter(step.id)
         rig.frames.enter(number, step.id)
+        if rig.on_step is not None:
+            rig.on_step(step.id)
         result = _run_step(rig, step)
         results.append(result)
         if result.code is not None:
@@ -118,18 +126,29 @@ def _run_step(rig: Rig, step: Step) -> StepResult:
     outcome, code, message = _Outcome(), None, ""
     try:
         _keep_frame(rig, step)
+        rig.phase = _phase(rig, step)
         for move in step.moves:
             rig.move(move)
         outcome = _act(rig, step)
         _keep_frame(rig, step)
     except ExecutorError as error:
         code, message = error.code, error.message
+        rig.motion.halt(rig.station, error)
         rig.journal.write("failed", code=code, why=message)
     else:
         rig.journal.write("done")
     return _step_result(
         step, outcome, code, message, rig.station.clock.now_s() - began_s
     )
+
+
+def _phase(rig: Rig, step: Step) -> Phase:
+    """Return what a step's moves are for: after a release they lead away."""
+    steps = rig.plan.steps
+    after = steps[: steps.index(step)]
+    away = step.verb == "move" and bool(after) and after[-1].verb == "release"
+    going_on = step.verb == "move" and rig.phase == "retreat"
+    return "retreat" if away or going_on else "approach"
 
 
 def _keep_frame(rig: Rig, step: Step) -> None:
@@ -154,6 +173,7 @@ def _act(rig: Rig, step: Step) -> _Outcome:
                 action.target, action.tool, rig.readings(), action.across_um
             )
         case InsertAction():
+            rig.phase = "insert"
             for move in action.moves:
                 rig.move(move)
         case ReleaseAction():

@@ -46,7 +46,9 @@ def align(
         MP830 after `max_cycles` looks, MP831 if the error grows beyond what
         noise explains, MP832 if a correction is too large; codes of `look_at`.
     """
+    rig.phase = "approach"
     approach(rig, action, control)
+    rig.phase = "servo"
     errors_um: list[float] = []
     while True:
         seen = look_at(rig, look, on_failure)

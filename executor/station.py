@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
+from executor.calibration import IDENTITY, Calibration
 from executor.drivers import Axes, AxisReading, Camera, Clock, Gripper, Lens, Light
 from executor.errors import ExecutorError
+from executor.safety import Rules
 from featuresel.routines import REGISTRY
-from schemas.plan import AxesName, AxisMove, Plan
+from schemas.plan import AxesName, AxisMove, InsertAction, Look, Plan
 
 Interval = tuple[float, float]
 
 _MATCH = 1e-5  # relative: plan numbers carry six digits
+# A first approach goes by beliefs over some 1000 um, and must end within the 20 um that
+# looks are sure to search: a turn or scale of the image up to 2 % does.
+_ALIGNED = 0.02
 _START_UM = 1e-3  # readings are commands read back: a nanometre is rounding
 
 
@@ -30,6 +35,7 @@ class Offer:
     opening_um: Interval | None  # None: no jaws
     travel: Mapping[str, Interval]  # "stage.x_um" -> least, most
     theta_axis_um: tuple[float, float]
+    calibration: Calibration | None = None  # None: as the plan assumes it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,6 +50,7 @@ class Station:
     camera: Camera
     clock: Clock
     offer: Offer
+    rules: Rules = field(default_factory=Rules)
 
     def axes(self, name: AxesName) -> Axes:
         """Return the axis group called `name`; MP808 if the station has none."""
@@ -52,6 +59,18 @@ class Station:
         if self.robot is None:
             raise ExecutorError("MP808", "the plan moves a robot, the station has none")
         return self.robot
+
+    def devices(self) -> dict[str, str]:
+        """Return model and serial number of every device, by role."""
+        found = {
+            "stage": self.stage, "robot": self.robot, "jaws": self.gripper,
+            "lens": self.lens, "light": self.light, "camera": self.camera,
+        }  # fmt: skip
+        return {
+            role: f"{device.model} {device.serial}"
+            for role, device in found.items()
+            if device is not None
+        }
 
     def jaws(self) -> Gripper:
         """Return the gripper; MP807 if the station has none."""
@@ -66,7 +85,7 @@ def preflight(plan: Plan, station: Station) -> None:
     Raises
     ------
     ExecutorError
-        The first of MP801, MP805..MP811 that holds, with both values.
+        The first of MP801, MP805..MP811, MP814, MP815 that holds, with both values.
     """
     if plan.status != "feasible":
         why = "; ".join(f"{r.code} in {r.step}: {r.message}" for r in plan.reasons)
@@ -76,6 +95,8 @@ def preflight(plan: Plan, station: Station) -> None:
     _check_jaws(plan, station.offer)
     _check_travel(plan, station.offer)
     _check_axis(plan, station.offer)
+    _check_calibration(plan, station.offer.calibration)
+    _check_speeds(plan, station.rules)
     _check_routines(plan)
     _check_start(plan, station)
 
@@ -122,6 +143,72 @@ def _check_axis(plan: Plan, offer: Offer) -> None:
         raise ExecutorError(
             "MP809", f"the plan turns about {need} um, the stage about {found} um"
         )
+
+
+def _check_calibration(plan: Plan, found: Calibration | None) -> None:
+    """Image and stage must go the same way, and every look's scale be usable."""
+    if found is None:
+        return
+    rows = found.camera_from_stage
+    if found.mirrored:
+        raise ExecutorError("MP814", f"the image is mirrored to the stage: {rows}")
+    apart = max(
+        abs(a - b)
+        for row, plain in zip(rows, IDENTITY, strict=True)
+        for a, b in zip(row, plain, strict=True)
+    )
+    if apart > _ALIGNED:
+        raise ExecutorError(
+            "MP814",
+            f"the image follows the stage by {rows}, the plan needs {IDENTITY} within "
+            f"{_ALIGNED:g}",
+        )
+    for step in plan.steps:
+        for look in step.looks:
+            _check_scale(look, found)
+
+
+def _check_scale(look: Look, found: Calibration) -> None:
+    """The scale at a look's zoom must be one that every feature's trials allow."""
+    point = found.at(look.view.magnification)
+    if point is None:
+        raise ExecutorError(
+            "MP814",
+            f"look {look.id}: no calibration at {look.view.magnification:g} x",
+        )
+    ratio = look.view.um_per_px / point.um_per_px
+    for measure in look.measures:
+        low, high = measure.usable_magnification
+        if not low * (1 - _MATCH) <= ratio <= high * (1 + _MATCH):
+            raise ExecutorError(
+                "MP814",
+                f"look {look.id}: the station has {point.um_per_px:.6g} um per px, the "
+                f"plan {look.view.um_per_px:.6g}; usable are {low:g}..{high:g} of it",
+            )
+
+
+def _check_speeds(plan: Plan, rules: Rules) -> None:
+    """No move may be faster, no correction larger, than its phase allows."""
+    servo_um = rules.safety.phase("servo").step_um
+    for step in plan.steps:
+        most = rules.safety.phase("approach").speed_um_per_s
+        moves = [(most, move) for move in step.moves]
+        if isinstance(step.action, InsertAction):
+            most = rules.safety.phase("insert").speed_um_per_s
+            moves += [(most, move) for move in step.action.moves]
+        for limit, move in moves:
+            if (move.speed_um_per_s or 0.0) > limit * (1 + _MATCH):
+                raise ExecutorError(
+                    "MP815",
+                    f"step {step.id} moves the {move.axes} at "
+                    f"{move.speed_um_per_s:g} um/s, at most {limit:g} um/s",
+                )
+        if step.control is not None and step.control.max_step_um > servo_um:
+            raise ExecutorError(
+                "MP815",
+                f"step {step.id} corrects by up to {step.control.max_step_um:g} um, at "
+                f"most {servo_um:g} um",
+            )
 
 
 def _check_routines(plan: Plan) -> None:

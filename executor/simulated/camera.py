@@ -9,10 +9,11 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 
-from executor.drivers import Counts
-from executor.errors import ExecutorError
+from executor.drivers import Counts, Frame
+from executor.simulated.faults import Faults
+from executor.simulated.lens import SimLens
+from executor.simulated.timeline import Timeline, Trouble
 from executor.simulated.truth import Body, Truth
-from optics.lens import MAX_DISTORTION, LensErrors
 from optics.lensing import lens_scene
 from optics.microscope import Microscope
 from optics.outline import Outline, place
@@ -21,139 +22,142 @@ from optics.sensor import Sensor, expose
 from optics.shading import shaded
 from schemas.plan import Region
 from schemas.pose import Pose
-from schemas.world import WorldLens, WorldOptics
+from schemas.world import WorldOptics
 
 FloatArray = npt.NDArray[np.float64]
 
-# The cell is not the compiler's judge if both share one model: another blur law, and
-# an aperture that is not the one in the data sheet.
+# Another blur law than the compiler's: it is not the cell's judge.
 BLUR_LAW = "stokseth"
-APERTURE_RATIO = 1.02
-_MOST_SINE = 0.999  # of the marginal ray
-
-
-class SimLens:
-    """Zoom and focus: every move lands a little elsewhere."""
-
-    def __init__(
-        self,
-        truth: Truth,
-        zoom_rng: np.random.Generator,
-        focus_rng: np.random.Generator,
-        lateral: tuple[float, float],
-        errors: LensErrors,
-    ) -> None:
-        self._truth = truth
-        self._optics = truth.world.optics
-        self._zoom_rng = zoom_rng
-        self._focus_rng = focus_rng
-        self._lateral = lateral  # um sideways per um of focus
-        self.errors = errors
-        self.magnification = self._optics.magnification[0]
-        self.focus_um = 0.0
-        self._jump = (0.0, 0.0)
-        self._nominal = self.magnification
-
-    def set_magnification(self, magnification: float) -> None:
-        """Zoom: the image jumps and the scale is off by a new amount."""
-        scale, x, y = self._zoom_rng.standard_normal(3)
-        self._nominal = magnification
-        self.magnification = magnification * (1 + self._optics.scale_sigma * scale)
-        sigma_um = self._optics.parcentric_sigma_um
-        self._jump = (sigma_um * x, sigma_um * y)
-        self._truth.time_s += self._optics.zoom_time_s
-
-    def set_focus_um(self, focus_um: float) -> None:
-        """Focus, with its repeatability."""
-        error_um = (
-            self._optics.focus_repeatability_um * self._focus_rng.standard_normal()
-        )
-        self.focus_um = focus_um + error_um
-        self._truth.time_s += self._optics.focus_time_s
-
-    @property
-    def shift_um(self) -> tuple[float, float]:
-        """Return how far the whole image is off."""
-        x, y = self._lateral
-        return (self._jump[0] + x * self.focus_um, self._jump[1] + y * self.focus_um)
-
-    @property
-    def aperture(self) -> float:
-        """Return the true aperture at the zoom that was set."""
-        zoom, aperture = np.log(np.array(self._optics.apertures)).T
-        stated = math.exp(np.interp(math.log(self._nominal), zoom, aperture))
-        return min(stated * APERTURE_RATIO, _MOST_SINE * self._optics.medium_index)
-
-
-def drawn_errors(lens: WorldLens, rng: np.random.Generator) -> LensErrors:
-    """Return what the lens truly does: the known part and a draw of the unknown."""
-    distortion, scale, curvature = rng.standard_normal(3)
-    true = lens.distortion + lens.distortion_sigma * distortion
-    return LensErrors(
-        distortion=max(min(true, MAX_DISTORTION), -MAX_DISTORTION),
-        lateral_x=lens.lateral_um_per_um[0],
-        lateral_y=lens.lateral_um_per_um[1],
-        scale_per_um=lens.scale_per_um + lens.scale_sigma_per_um * scale,
-        field_curvature_per_um=lens.field_curvature_per_um
-        + lens.field_curvature_sigma_per_um * curvature,
-    )
+SCALED = 1.1  # the magnification of a camera with the fault `scale_camera`
+UNEVEN = (
+    0.6,
+    0.4,
+)  # relative change of the light across the field, with `uneven_light`
+STALE_S = 3600.0  # how old a frame of a camera with the fault `stale_frames` is
 
 
 class SimLight:
     """The light, brighter on one side."""
 
-    def __init__(self, optics: WorldOptics, rng: np.random.Generator) -> None:
+    def __init__(
+        self, optics: WorldOptics, rng: np.random.Generator, faults: Faults
+    ) -> None:
         angle = rng.uniform(0, 2 * math.pi)
         self._gradient = (
             optics.light_gradient * math.cos(angle),
             optics.light_gradient * math.sin(angle),
         )
         self._level = 1.0
+        self._faults = faults
+
+    @property
+    def model(self) -> str:
+        """Return what the device is."""
+        return "simulated light"
+
+    @property
+    def serial(self) -> str:
+        """Return the device's number."""
+        return "sim-light"
 
     def set_level(self, level: float) -> None:
         """Set the brightness."""
+        if not 0 <= level < math.inf:  # also refuses nan
+            raise ValueError(f"the level is {level}, must be 0 or more")
         self._level = level
 
     def now(self) -> Illumination:
         """Return the illumination."""
         x, y = self._gradient
-        return Illumination(gain=self._level, gradient_x=x, gradient_y=y)
+        if self._faults.on("uneven_light"):
+            x, y = UNEVEN
+        level = 0.0 if self._faults.on("light_out") else self._level
+        return Illumination(gain=level, gradient_x=x, gradient_y=y)
 
 
 class SimCamera:
-    """The camera; `mirror` swaps left and right, a wiring fault."""
+    """The camera; `mirror` and `swap` are faults of its wiring or its mirrors."""
 
     def __init__(
         self,
-        truth: Truth,
+        timeline: Timeline,
         lens: SimLens,
         light: SimLight,
         rng: np.random.Generator,
-        *,
-        mirror: bool = False,
+        faults: Faults,
     ) -> None:
-        self._truth = truth
+        self._timeline = timeline
+        self._truth = timeline.truth
         self._lens = lens
         self._light = light
         self._rng = rng
-        self._mirror = mirror
+        self._faults = faults
+        self._trouble = Trouble(faults, "camera")
 
-    def grab(self, region: Region | None = None) -> Counts:
+    @property
+    def model(self) -> str:
+        """Return what the device is."""
+        return "simulated camera"
+
+    @property
+    def serial(self) -> str:
+        """Return the device's number."""
+        return "sim-camera"
+
+    def grab(self, region: Region | None = None, *, after_s: float = 0.0) -> Frame:
         """Expose and return a frame; see `executor.drivers.Camera`."""
+        self._trouble.refuse("raises")
+        self._trouble.hang("hangs")
+        self._timeline.advance(max(after_s - self._truth.time_s, 0.0))
+        exposed_s = self._truth.time_s
+        self._timeline.advance(self._truth.world.optics.frame_time_s)
+        if self._faults.on("dropped_frames"):
+            raise TimeoutError("no frame within its time")
+        counts = self._counts(region)
+        if self._faults.on("stale_frames"):
+            exposed_s -= STALE_S
+        if self._faults.on("short_frames"):
+            counts = counts[:-1]
+        return Frame(counts=counts, exposed_s=exposed_s)
+
+    def _counts(self, region: Region | None) -> Counts:
+        """Return what the sensor makes of the picture."""
         optics = self._truth.world.optics
-        self._truth.time_s += optics.frame_time_s
-        image = self._image(self._window(region))
         sensor = Sensor(
             full_well_e=optics.full_well_e,
             read_noise_e=optics.read_noise_e,
             bits=optics.bits,
         )
+        window = self._window(region)
+        if self._faults.on("swap_camera"):
+            image = self._swapped(window)
+        else:
+            image = self._image(window)
         counts: Counts = expose(image, sensor, self._rng)
-        return counts[:, ::-1] if self._mirror else counts
+        return counts[:, ::-1] if self._faults.on("mirror_camera") else counts
 
-    def _image(self, window: Window | None) -> FloatArray:
+    def _swapped(self, window: Window | None) -> FloatArray:
+        """Return a picture with x and y of the world swapped.
+
+        Pixel (row, column) shows what a square sensor of the frame's width would show
+        at column (width + height) / 2 - 1 - row and row width - 1 - column.
+        """
+        optics = self._truth.world.optics
+        wide, high = optics.width_px, optics.height_px
+        at = window or Window(row=0, column=0, rows=high, columns=wide)
+        square = Window(
+            row=wide - at.column - at.columns,
+            column=(wide + high) // 2 - at.row - at.rows,
+            rows=at.columns,
+            columns=at.rows,
+        )
+        return self._image(square, height_px=wide)[::-1, ::-1].T
+
+    def _image(
+        self, window: Window | None, *, height_px: int | None = None
+    ) -> FloatArray:
         """Return what falls on the sensor, as a share of full scale."""
-        microscope, focus_um = self._microscope(), self._lens.focus_um
+        microscope, focus_um = self._microscope(height_px), self._lens.focus_um
         lamp = self._truth.world.optics.lamp_share * microscope.aperture
         errors = self._lens.errors
         return shaded(
@@ -167,17 +171,18 @@ class SimCamera:
             shift_um=self._lens.shift_um,
         )
 
-    def _microscope(self) -> Microscope:
+    def _microscope(self, height_px: int | None = None) -> Microscope:
         """Return the true optical setting."""
         optics = self._truth.world.optics
+        scale = SCALED if self._faults.on("scale_camera") else 1.0
         return Microscope(
             aperture=self._lens.aperture,
             wavelength_um=optics.wavelength_um,
             medium_index=optics.medium_index,
-            magnification=self._lens.magnification,
+            magnification=scale * self._lens.magnification,
             pitch_um=optics.pitch_um,
             width_px=optics.width_px,
-            height_px=optics.height_px,
+            height_px=height_px or optics.height_px,
             fill_factor=optics.fill_factor,
         )
 
@@ -189,8 +194,8 @@ class SimCamera:
         right, bottom = column + region.columns, region.row + region.rows
         outside = right > optics.width_px or bottom > optics.height_px
         if outside or min(region.row, column) < 0:
-            raise ExecutorError("MP841", f"the camera has no {region}")
-        if self._mirror:
+            raise ValueError(f"the camera has no {region}")
+        if self._faults.on("mirror_camera"):
             column = optics.width_px - right
         return Window(
             row=region.row, column=column, rows=region.rows, columns=region.columns

@@ -1,51 +1,30 @@
-"""Build a simulated cell from world.json, and judge what truly became of the parts."""
+"""Build a simulated cell from world.json: its truth and the devices that work on it."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
-from executor.simulated.camera import SimCamera, SimLens, SimLight, drawn_errors
-from executor.simulated.contact import hole_error
-from executor.simulated.devices import SimAxes, SimClock, SimGripper
-from executor.simulated.shapes import (
-    boundary,
-    made_post,
-    outline_of,
-    polygons,
-    with_holes,
-)
-from executor.simulated.truth import AxisState, Body, Post, Truth
+from executor.safety import Rules, Settle, Speeds
+from executor.simulated.axes import Drive, SimAxes
+from executor.simulated.camera import SimCamera, SimLight
+from executor.simulated.faults import Faults
+from executor.simulated.gripper import SimGripper
+from executor.simulated.judging import Verdict, judge
+from executor.simulated.lens import SimLens, drawn_errors
+from executor.simulated.making import made_truth
+from executor.simulated.timeline import SimClock, Timeline, Trouble
+from executor.simulated.truth import Truth
 from executor.station import Offer, Station
-from schemas.pose import Pose
-from schemas.world import World, WorldAxes, WorldPart, WorldPost
-
-Fault = Literal["stick", "block", "mirror_camera", "no_part"]
-FAULTS: tuple[Fault, ...] = ("stick", "block", "mirror_camera", "no_part")
+from schemas.world import World, WorldAxes
 
 # Each purpose has its own stream, so that one more draw here moves nothing there.
 PURPOSES = (
     "start", "profile", "tilt", "lateral", "drift",
     "zoom", "focus", "stage", "robot", "light", "noise", "stick", "lens",
 )  # fmt: skip
-
-SEATED_UM = 1.0  # a part lying this close to its seat lies on it
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Verdict:
-    """What truly became of a part that was to be put onto a post, or beside a mark."""
-
-    success: bool
-    offset_um: float  # from the seat's centre to what belongs there
-    height_um: float  # of the underside above the seat
-    collided: str  # the first collision, "" if there was none
-    held: bool  # the tool still carries it
-    turn_rad: float = 0.0  # of the part against the seat's, as drawn
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,7 +33,15 @@ class Cell:
 
     truth: Truth
     station: Station
+    stage: SimAxes
+    robot: SimAxes
+    jaws: SimGripper
     lens: SimLens
+    light: SimLight
+    camera: SimCamera
+    clock: SimClock
+    faults: Faults
+    timeline: Timeline
 
     def judge(
         self,
@@ -98,7 +85,13 @@ class Cell:
         return (x + dx, y + dy)
 
 
-def build_cell(world: World, seed: int, faults: frozenset[Fault] = frozenset()) -> Cell:
+def build_cell(
+    world: World,
+    seed: int,
+    faults: Iterable[str] = (),
+    *,
+    drives: Mapping[str, Drive] | None = None,
+) -> Cell:
     """Return a cell whose errors are drawn from `seed`.
 
     Parameters
@@ -107,91 +100,59 @@ def build_cell(world: World, seed: int, faults: frozenset[Fault] = frozenset()) 
         What `world.json` describes.
     seed : int
         Root of all the cell's random numbers.
-    faults : frozenset of str
-        Any of `FAULTS`: the part follows a finger, it rests on top of its post, the
-        camera's columns are mirrored, the part to be placed is missing.
+    faults : iterable of str
+        Names of `executor.simulated.faults.FAULTS`, or NAME@STEP.
+    drives : mapping of str to Drive
+        By "stage" and "robot"; a drive that is left out is where it reads.
     """
-    rng = _generators(seed)
-    truth = _truth(world, rng, missing="no_part" in faults)
-    lateral = world.optics.lateral_sigma_um_per_um * rng["lateral"].standard_normal(2)
-    lens = SimLens(
-        truth,
-        rng["zoom"],
-        rng["focus"],
-        (lateral[0], lateral[1]),
-        drawn_errors(world.optics.lens, rng["lens"]),
-    )
-    light = SimLight(world.optics, rng["light"])
-    tool, block = truth.tool, "block" in faults
-    stick = 0.0 if tool is None else tool.stick_probability
-    gripper = SimGripper(truth, rng["stick"], stick=1.0 if "stick" in faults else stick)
+    rng, made = _generators(seed), drives or {}
+    wrong = Faults(faults)
+    truth = made_truth(world, rng, missing=wrong.on("no_part"))
+    timeline = Timeline(truth)
+    stage, robot = (
+        SimAxes(
+            timeline, name, state, rng[name], Trouble(wrong, "axis"),
+            drive=made.get(name),
+        )
+        for name, state in (("stage", truth.stage), ("robot", truth.robot))
+    )  # fmt: skip
+    lens = _lens(timeline, rng, wrong)
+    light = SimLight(world.optics, rng["light"], wrong)
+    clock = SimClock(timeline)
+    camera = SimCamera(timeline, lens, light, rng["noise"], wrong)
+    stick = 0.0 if truth.tool is None else truth.tool.stick_probability
+    stick = 1.0 if wrong.on("stick") else stick
+    jaws = SimGripper(timeline, rng["stick"], Trouble(wrong, "jaws"), stick=stick)
     station = Station(
-        stage=SimAxes(truth, "stage", truth.stage, rng["stage"], block=block),
-        robot=SimAxes(truth, "robot", truth.robot, rng["robot"], block=block),
-        gripper=None if tool is None else gripper,
+        stage=stage,
+        robot=robot,
+        gripper=None if truth.tool is None else jaws,
         lens=lens,
         light=light,
-        camera=SimCamera(
-            truth, lens, light, rng["noise"], mirror="mirror_camera" in faults
-        ),
-        clock=SimClock(truth),
+        camera=camera,
+        clock=clock,
         offer=offer_of(world),
+        rules=rules_of(world),
     )
-    return Cell(truth=truth, station=station, lens=lens)
+    return Cell(
+        truth=truth, station=station, stage=stage, robot=robot, jaws=jaws, lens=lens,
+        light=light, camera=camera, clock=clock, faults=wrong, timeline=timeline,
+    )  # fmt: skip
 
 
-def judge(
-    truth: Truth,
-    target: str,
-    on: str,
-    within_um: float = 0.0,
-    within_rad: float | None = None,
-) -> Verdict:
-    """Return what became of a part; see `Cell.judge`."""
-    body = truth.bodies.get(target.partition(".")[0])
-    host = truth.bodies.get(on.partition(".")[0])
-    if body is None or host is None:
-        raise ValueError(f"the cell has no part {target!r} or {on!r}")
-    offset_um, room_um = _off_seat(truth, target, body, on, host, within_um)
-    height_um = truth.under_um(body) - truth.top_um(host)
-    held = truth.held == body.part.name
-    turn_rad = truth.pose(body).theta_rad - truth.pose(host).theta_rad
-    turn_rad = math.remainder(turn_rad, math.tau)
-    seated = offset_um <= room_um + 1e-6 and abs(height_um) <= SEATED_UM
-    seated = seated and (within_rad is None or abs(turn_rad) <= within_rad)
-    return Verdict(
-        success=bool(seated and not held and not truth.collided),
-        offset_um=offset_um,
-        height_um=float(height_um),
-        collided=truth.collided,
-        held=held,
-        turn_rad=turn_rad,
+def _lens(
+    timeline: Timeline, rng: Mapping[str, np.random.Generator], faults: Faults
+) -> SimLens:
+    """Return the lens, with its errors of this run."""
+    optics = timeline.truth.world.optics
+    lateral = optics.lateral_sigma_um_per_um * rng["lateral"].standard_normal(2)
+    return SimLens(
+        timeline,
+        (rng["zoom"], rng["focus"]),
+        (lateral[0], lateral[1]),
+        drawn_errors(optics.lens, rng["lens"]),
+        Trouble(faults, "lens"),
     )
-
-
-def _off_seat(
-    truth: Truth, target: str, body: Body, on: str, host: Body, within_um: float
-) -> tuple[float, float]:
-    """Return how far the target truly is off its seat, and how far it may be, um."""
-    for post in host.posts:
-        if post.name == on:
-            error = hole_error(truth, body, host, post)
-            if error is None:
-                raise ValueError(f"{target!r} has no hole")
-            return math.hypot(error[0], error[1]), error[2]
-    x, y = truth.pose(body).apply(*_point(body, target))
-    seat_x, seat_y = truth.pose(host).apply(*_point(host, on))
-    return math.hypot(x - seat_x, y - seat_y), within_um
-
-
-def _point(body: Body, name: str) -> tuple[float, float]:
-    """Return a hole's centre in its part's frame; a part's own place is its origin."""
-    if name == body.part.name:
-        return (0.0, 0.0)
-    for hole in body.part.holes:
-        if hole.name == name:
-            return hole.center_um
-    raise ValueError(f"the cell has no post and no hole {name!r}")
 
 
 def offer_of(world: World) -> Offer:
@@ -215,96 +176,34 @@ def offer_of(world: World) -> Offer:
     )
 
 
+def rules_of(world: World) -> Rules:
+    """Return how the simulated axes settle and what they may do."""
+    return Rules(
+        stage=_settle(world.stage),
+        robot=_settle(world.robot),
+        stage_datum_z_um=world.stage_datum_z_um,
+        stage_speeds=_speeds(world.stage),
+        robot_speeds=_speeds(world.robot),
+    )
+
+
+def _settle(axes: WorldAxes) -> Settle:
+    """Return the dwell that the workcell states; the readings are the commands."""
+    return Settle(dwell_s=axes.settle_s)
+
+
+def _speeds(axes: WorldAxes) -> Speeds:
+    """Return the axes' own speeds."""
+    return Speeds(
+        xy_um_per_s=axes.speed_xy_um_per_s,
+        z_um_per_s=axes.speed_z_um_per_s,
+        theta_rad_per_s=axes.speed_theta_rad_per_s,
+    )
+
+
 def _generators(seed: int) -> Mapping[str, np.random.Generator]:
     """Return one stream of random numbers per purpose."""
     return {
         purpose: np.random.default_rng(np.random.SeedSequence([seed, number]))
         for number, purpose in enumerate(PURPOSES)
     }
-
-
-def _truth(
-    world: World, rng: Mapping[str, np.random.Generator], *, missing: bool
-) -> Truth:
-    """Return the world as it was made and laid out this time."""
-    bodies = {}
-    for part in world.parts:
-        body = _body(part, rng)
-        if not (missing and not part.posts):
-            bodies[part.name] = body
-    tilt = world.stage_tilt_sigma_rad * rng["tilt"].standard_normal(2)
-    angle = rng["drift"].uniform(0, 2 * math.pi)
-    rate = world.stage_drift_um_per_min / 60
-    truth = Truth(
-        world=world,
-        bodies=bodies,
-        stage=_axis(world.stage, rng["stage"]),
-        robot=_axis(world.robot, rng["robot"]),
-        tool=world.tools[0] if world.tools else None,
-        tilt=(float(tilt[0]), float(tilt[1])),
-        drift_um_per_s=(rate * math.cos(angle), rate * math.sin(angle)),
-    )
-    _add_fingers(truth)
-    return truth
-
-
-def _axis(spec: WorldAxes, rng: np.random.Generator) -> AxisState:
-    """Return an axis group at its start, where it stands with an error already."""
-    state = AxisState.at_start(spec)
-    x, y, z, theta = rng.standard_normal(4)
-    state.error = {
-        "x_um": spec.repeatability_xy_um * x,
-        "y_um": spec.repeatability_xy_um * y,
-        "z_um": spec.repeatability_z_um * z,
-        "theta_rad": spec.repeatability_theta_rad * theta,
-    }
-    state.actual = {k: v + state.error[k] for k, v in state.commanded.items()}
-    return state
-
-
-def _add_fingers(truth: Truth) -> None:
-    """Give the truth its fingers, if there is a tool."""
-    tool = truth.tool
-    if tool is None:
-        return
-    truth.fingers = (outline_of(tool.left), outline_of(tool.right))
-    truth.finger_rings = tuple(polygons(o)[0] for o in truth.fingers)
-    truth.tip_y_um = min(float(ring[:, 1].min()) for ring in truth.finger_rings)
-    truth.opening_um = tool.start_opening_um
-
-
-def _body(part: WorldPart, rng: Mapping[str, np.random.Generator]) -> Body:
-    """Return a part with its edge offsets, where it was laid down."""
-    limit = part.profile_tolerance_um
-    made = [(h, float(rng["profile"].uniform(-limit, limit))) for h in part.holes]
-    dx, dy, turn = rng["start"].standard_normal(3)
-    theta = part.start.theta_rad + part.sigma_theta_rad * turn
-    anywhere = rng["start"].uniform(-math.pi, math.pi)
-    return Body.made(
-        part,
-        with_holes(outline_of(part.outline), made),
-        {hole.name: hole.radius_um + offset for hole, offset in made},
-        tuple(_post(post, rng["profile"]) for post in part.posts),
-        Pose(
-            x_um=part.start.x_um + part.sigma_xy_um * dx,
-            y_um=part.start.y_um + part.sigma_xy_um * dy,
-            theta_rad=float(anywhere) if part.theta_any else theta,
-        ),
-    )
-
-
-def _post(post: WorldPost, rng: np.random.Generator) -> Post:
-    """Return a post with its edge offset."""
-    limit = post.profile_tolerance_um
-    offset_um = float(rng.uniform(-limit, limit))
-    outline = made_post(post, offset_um)
-    return Post(
-        name=post.name,
-        outline=outline,
-        center_um=post.center_um,
-        radius_um=post.radius_um + offset_um,
-        height_um=post.height_um,
-        reflectance=post.reflectance,
-        edge=boundary(outline),
-        rings=polygons(outline),
-    )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 
@@ -11,7 +12,7 @@ import numpy as np
 
 from executor.artifacts import Artifacts
 from executor.beliefs import Beliefs
-from executor.drivers import Counts
+from executor.drivers import Counts, Frame
 from executor.frames import Frames
 from executor.journal import Journal
 from executor.rig import Rig
@@ -35,19 +36,29 @@ def disc(x_um: float, y_um: float) -> FloatArray:
     return image
 
 
-class DiscCamera:
-    """A camera that sees the gear's true place as a disc, mirrored if asked."""
+class PictureCamera:
+    """A camera that shows what a function draws."""
 
-    def __init__(self, cell: Cell, *, mirror: bool = False) -> None:
-        self._truth = cell.truth
-        self._sign = -1.0 if mirror else 1.0
+    model, serial = "drawn", "0"
 
-    def grab(self, region: Region | None = None) -> Counts:
-        """Return the disc's region."""
+    def __init__(self, show: Callable[[Region | None], Counts]) -> None:
+        self._show = show
+
+    def grab(self, region: Region | None = None, *, after_s: float = 0.0) -> Frame:
+        """Return the picture."""
+        return Frame(counts=self._show(region), exposed_s=after_s)
+
+
+def disc_camera(cell: Cell, *, mirror: bool = False) -> PictureCamera:
+    """Return a camera that sees the gear's true place as a disc, mirrored if asked."""
+
+    def show(region: Region | None) -> Counts:
         assert region == REGION
-        pose = self._truth.pose(self._truth.bodies["gear"])
-        image = disc(self._sign * pose.x_um, pose.y_um)
+        pose = cell.truth.pose(cell.truth.bodies["gear"])
+        image = disc(-pose.x_um if mirror else pose.x_um, pose.y_um)
         return np.rint(255 * image).astype(np.uint8)
+
+    return PictureCamera(show)
 
 
 @cache
@@ -121,7 +132,7 @@ def rig_of(cell: Cell, artifacts: Artifacts, *, mirror: bool = False) -> Rig:
         sigma_xy_um=0.0,
         sigma_theta_rad=0.0,
     )
-    station = replace(cell.station, camera=DiscCamera(cell, mirror=mirror))
+    station = replace(cell.station, camera=disc_camera(cell, mirror=mirror))
     return Rig(
         plan=plan,
         station=station,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 import json
+import os
 import shutil
 import signal
 import subprocess
@@ -82,6 +83,7 @@ def test_the_run_folder_holds_log_frames_and_summary(ran: tuple[Path, str]) -> N
     folder, _ = ran
     log = events(folder)
     assert [e["seq"] for e in log] == list(range(1, len(log) + 1))
+    assert log[0]["devices"]["stage"] == "simulated stage sim-stage"
     times = [e["t_s"] for e in log]
     assert times == sorted(times)
     for before, after in (("begin", "done"), ("move", "moved"), ("jaws", "jaws_moved")):
@@ -224,6 +226,27 @@ def test_an_interrupt_stops_the_run(built: Path, tmp_path: Path) -> None:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         signal.signal(signal.SIGALRM, before)
     assert events(tmp_path / "run")[-1]["event"] == "stopped"
+
+
+def test_ctrl_c_lets_the_motion_end_and_stops_where_nobody_can_be_asked(
+    built: Path, tmp_path: Path
+) -> None:
+    def hit(*_: object) -> None:
+        os.kill(os.getpid(), signal.SIGINT)
+
+    before = signal.signal(signal.SIGALRM, hit)
+    signal.setitimer(signal.ITIMER_REAL, 0.5)  # a run that keeps frames takes longer
+    try:
+        assert run(built, tmp_path / "run") == 4
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+    log = events(tmp_path / "run")
+    assert [e["event"] for e in log[-2:]] == ["failed", "end"]
+    assert log[-1]["code"] == "MP860"
+    names = [e["event"] for e in log]
+    assert names.count("move") - names.count("moved") in (0, 1)
+    assert summary(tmp_path / "run")["code"] == "MP860"
 
 
 def test_the_executor_loads_numpy_and_the_standard_library_only() -> None:

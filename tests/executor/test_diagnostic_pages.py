@@ -15,6 +15,7 @@ from tests.executor.bench import Folder, assembly, world
 
 ROOT = Path(__file__).parents[2]
 PAGES = ROOT / "docs" / "diagnostics"
+STATION = ROOT / "examples" / "stations" / "simulated.toml"
 # need a hand on the keyboard, a look at several features, or an angle of the seat:
 # tested with those
 UNTESTED = {"MP860", "MP826", "MP856"}
@@ -46,7 +47,8 @@ def options(code: str, plan: Path) -> list[str]:
         else:
             command, _, *words = shlex.split(body)
             assert command == "microplan-run"
-    return [str(plan.parent) if word == "." else word for word in words]
+    fits = {".": str(plan.parent), STATION.name: str(plan / STATION.name)}
+    return [fits.get(word, word) for word in words]
 
 
 def change(file: Path, lines: list[str]) -> None:
@@ -63,6 +65,7 @@ def test_the_example_of_a_page_leads_to_its_code(
     code: str, built: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     plan = Path(shutil.copytree(built, tmp_path / "copy" / built.name))
+    shutil.copy(STATION, plan)
     words = options(code, plan)
     if "--run-dir" not in words:
         words += ["--run-dir", str(tmp_path / "run")]

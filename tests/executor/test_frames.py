@@ -16,8 +16,7 @@ from executor.frames import Frames
 from executor.journal import Journal
 from executor.look import look_at
 from executor.rig import Rig
-from executor.simulated.camera import SimLens
-from executor.simulated.cell import Cell, Fault, build_cell
+from executor.simulated.cell import Cell, build_cell
 from executor.simulated.shapes import inside, outline_of, with_holes
 from schemas.plan import LocateAction, Plan, Region
 from schemas.pose import Pose
@@ -35,13 +34,13 @@ from tests.executor.bench import (
 REGION = Region(row=140, column=220, rows=200, columns=200)
 
 
-def seeing_the_gear(theta_rad: float, *faults: Fault, seed: int = 2) -> Cell:
+def seeing_the_gear(theta_rad: float, *faults: str, seed: int = 2) -> Cell:
     """Return a cell with the gear in the middle of the view and in focus."""
     cell = build_cell(quiet(world()), seed, frozenset(faults))
     pose = Pose(x_um=604.0, y_um=-7.0, theta_rad=theta_rad)
     cell.truth.bodies["gear"].pose = pose
-    cell.station.lens.set_magnification(6.9)
-    cell.station.lens.set_focus_um(100.0)
+    cell.lens.set_magnification(6.9)
+    cell.lens.set_focus_um(100.0)
     return cell
 
 
@@ -86,11 +85,11 @@ def test_a_region_is_that_part_of_the_frame() -> None:
     world_ = quiet(world())
     noiseless = replace(world_.optics, full_well_e=1e12, read_noise_e=0.0)
     cell = build_cell(replace(world_, optics=noiseless), 1)
-    cell.station.lens.set_magnification(6.9)
-    cell.station.lens.set_focus_um(100.0)
-    camera = cell.station.camera
-    full = camera.grab(None)
-    part = camera.grab(REGION)
+    cell.lens.set_magnification(6.9)
+    cell.lens.set_focus_um(100.0)
+    camera = cell.camera
+    full = camera.grab(None).counts
+    part = camera.grab(REGION).counts
     rows = slice(REGION.row, REGION.row + REGION.rows)
     columns = slice(REGION.column, REGION.column + REGION.columns)
     # band and margin are chosen for the window: half a grey level, then rounding
@@ -100,14 +99,13 @@ def test_a_region_is_that_part_of_the_frame() -> None:
 
 
 def test_a_mirrored_camera_swaps_left_and_right() -> None:
-    plain = seeing_the_gear(0.3).station.camera.grab(None)
-    mirrored = seeing_the_gear(0.3, "mirror_camera").station.camera.grab(None)
+    plain = seeing_the_gear(0.3).camera.grab().counts
+    mirrored = seeing_the_gear(0.3, "mirror_camera").camera.grab().counts
     np.testing.assert_array_equal(mirrored, plain[:, ::-1])
 
 
 def test_a_zoom_change_moves_the_image_and_a_focus_change_does_not_redraw_it() -> None:
-    lens = build_cell(world(), 4).station.lens
-    assert isinstance(lens, SimLens)
+    lens = build_cell(world(), 4).lens
     lens.set_magnification(6.9)
     first = lens.shift_um
     lens.set_magnification(6.9)

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from executor.simulated.camera import drawn_errors
 from executor.simulated.cell import build_cell
+from executor.simulated.lens import drawn_errors
 from optics.lens import MAX_DISTORTION, LensErrors
 from schemas.world import World, WorldLens
 from tests.executor.bench import quiet, world
@@ -37,8 +37,8 @@ def cell_with(lens: WorldLens) -> World:
 def centroid_um(lens: WorldLens, focus_um: float = 0.0) -> float:
     """Return how far right of the axis the gear's light lies."""
     cell = build_cell(cell_with(lens), 0)
-    cell.station.lens.set_focus_um(focus_um)
-    counts = cell.station.camera.grab().astype(float)
+    cell.lens.set_focus_um(focus_um)
+    counts = cell.camera.grab().counts.astype(float)
     # the gear is the brightest by far; out of focus it has no flat top
     light = np.clip(counts - (counts.max() + 3 * np.median(counts)) / 4, 0, None)
     light[:, : 320 + round(GEAR_UM / 2 * 6.9 / 7.5)] = 0
@@ -89,8 +89,8 @@ def test_coaxial_light_is_shaded_in_the_cell() -> None:
     for found in (plain, lit):
         cell = build_cell(found, 0)
         top_um = cell.truth.top_um(cell.truth.bodies["gear"])
-        cell.station.lens.set_focus_um(top_um)
-        frames.append(cell.station.camera.grab().astype(float))
+        cell.lens.set_focus_um(top_um)
+        frames.append(cell.camera.grab().counts.astype(float))
     dark = frames[1] / frames[0]
     column = round(319.5 + GEAR_UM * 6.9 / 7.5)
     on_gear = dark[236:244, column + 30 : column + 38].mean()  # 37 um off its middle

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import itertools
 import json
 import math
 from dataclasses import replace
@@ -21,21 +22,18 @@ from featuresel.routines import Artifact
 from schemas.plan import Gates, Look, OnFailure, Region, RoutineUse
 from schemas.pose import Pose
 from schemas.views import CoarseFirst
-from tests.executor.disc import look, noisy, quiet_cell, rig_of
+from tests.executor.disc import PictureCamera, look, noisy, quiet_cell, rig_of
 
 
-class BlinkingCamera:
-    """A camera whose first frames are dark."""
+def blinking(rig: Rig, dark: int) -> PictureCamera:
+    """Return the rig's camera, but that its first frames are dark."""
+    camera, frames = rig.station.camera, itertools.count()
 
-    def __init__(self, rig: Rig, dark: int) -> None:
-        self._camera = rig.station.camera
-        self._dark = dark
+    def show(region: Region | None) -> Counts:
+        counts = camera.grab(region, after_s=0.0).counts
+        return np.zeros_like(counts) if next(frames) < dark else counts
 
-    def grab(self, region: Region | None = None) -> Counts:
-        """Return a dark frame, or a good one."""
-        self._dark -= 1
-        counts = self._camera.grab(region)
-        return np.zeros_like(counts) if self._dark >= 0 else counts
+    return PictureCamera(show)
 
 
 def seeing(x_um: float, y_um: float) -> tuple[Rig, Look]:
@@ -94,17 +92,17 @@ def test_a_gate_refuses_and_leaves_the_belief_alone(gates: Gates, code: str) -> 
 
 def test_a_failure_is_tried_again_as_often_as_the_plan_says() -> None:
     rig, found = seeing(1.0, 0.0)
-    rig.station = replace(rig.station, camera=BlinkingCamera(rig, 2))
+    rig.station = replace(rig.station, camera=blinking(rig, 2))
     seen = look_at(rig, found, (OnFailure(code="MP820", do="retry", times=2),))
     assert seen.frames == 3
-    rig.station = replace(rig.station, camera=BlinkingCamera(rig, 2))
+    rig.station = replace(rig.station, camera=blinking(rig, 2))
     with pytest.raises(ExecutorError, match="gear not found"):
         look_at(rig, found, (OnFailure(code="MP820", do="retry", times=1),))
 
 
 def test_a_retry_may_be_keyed_by_the_routines_own_code() -> None:
     rig, found = seeing(1.0, 0.0)
-    rig.station = replace(rig.station, camera=BlinkingCamera(rig, 1))
+    rig.station = replace(rig.station, camera=blinking(rig, 1))
     assert look_at(rig, found, (OnFailure(code="no_edge", do="retry"),)).frames == 2
 
 
@@ -215,7 +213,7 @@ def test_a_target_too_far_off_is_not_brought() -> None:
 def test_nothing_is_brought_that_the_coarse_look_did_not_find() -> None:
     rig, _, (coarse, fine) = in_two()
     before = rig.station.stage.reading()
-    rig.station = replace(rig.station, camera=BlinkingCamera(rig, 9))
+    rig.station = replace(rig.station, camera=blinking(rig, 9))
     with pytest.raises(ExecutorError, match="look wide") as caught:
         look_near(rig, (coarse, fine), fine)
     assert caught.value.code == "MP820"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import cmath
 import io
+import itertools
 import json
 import math
 from collections.abc import Sequence
@@ -27,7 +28,14 @@ from featuresel.routines import Artifact, FloatArray, Target, circle_caliper
 from schemas.plan import BiasAt, Look, Measure, OnFailure, Region, RoutineUse, Together
 from schemas.pose import Pose
 from tests.executor.bench import measure
-from tests.executor.disc import CENTER, REGION, SIDE, quiet_cell, rig_of
+from tests.executor.disc import (
+    CENTER,
+    REGION,
+    SIDE,
+    PictureCamera,
+    quiet_cell,
+    rig_of,
+)
 from tests.executor.disc import look as disc_look
 
 RADIUS_UM, ARM_UM, SIGMA_UM = 9.0, 22.0, 0.1
@@ -45,26 +53,22 @@ def discs(*centers: complex) -> FloatArray:
     return image
 
 
-class PartCamera:
-    """A camera that sees the gear as two discs; some frames may be dark."""
+def part_camera(
+    cell: Cell, arms_um: tuple[float, ...], *, dark: int = 0
+) -> PictureCamera:
+    """Return a camera that sees the gear as two discs; its first frames may be dark."""
+    frames = itertools.count()
 
-    def __init__(
-        self, cell: Cell, arms_um: tuple[float, ...], *, dark: int = 0
-    ) -> None:
-        self._truth = cell.truth
-        self._arms = arms_um
-        self._dark = dark
-
-    def grab(self, region: Region | None = None) -> Counts:
-        """Return the region with the discs where the gear truly is."""
+    def show(region: Region | None) -> Counts:
         assert region == REGION
-        self._dark -= 1
-        pose = self._truth.pose(self._truth.bodies["gear"])
+        pose = cell.truth.pose(cell.truth.bodies["gear"])
         at, turn = complex(pose.x_um, pose.y_um), cmath.rect(1.0, pose.theta_rad)
-        shown = [at + turn * arm for arm in self._arms]
-        return np.rint(255 * (DARK if self._dark >= 0 else discs(*shown))).astype(
-            np.uint8
+        image = (
+            DARK if next(frames) < dark else discs(*(at + turn * a for a in arms_um))
         )
+        return np.rint(255 * image).astype(np.uint8)
+
+    return PictureCamera(show)
 
 
 @cache
@@ -119,7 +123,7 @@ def seeing(pose: Pose, arms_um: tuple[float, ...], *, dark: int = 0) -> Rig:
         (f"disc.{name}", "circle_caliper"): artifact(name) for name in ARMS
     }
     rig = rig_of(cell, Artifacts(found))
-    camera = PartCamera(cell, arms_um, dark=dark)
+    camera = part_camera(cell, arms_um, dark=dark)
     rig.station = replace(rig.station, camera=camera)
     rig.journal = Journal(io.StringIO(), rig.station.clock)
     return rig
@@ -208,24 +212,22 @@ def test_one_feature_off_the_target_needs_the_angle() -> None:
     assert (caught.value.code, caught.value.cause) == ("MP826", "no_angle")
 
 
-class InTurnCamera:
-    """A camera whose frames show other arms of the part, one set after the other."""
+def one_after_the_other(cameras: Sequence[PictureCamera]) -> PictureCamera:
+    """Return a camera whose frames are those of others in turn, at last the same."""
+    left = list(cameras)
 
-    def __init__(self, cameras: Sequence[PartCamera]) -> None:
-        self._cameras = list(cameras)
+    def show(region: Region | None) -> Counts:
+        camera = left.pop(0) if len(left) > 1 else left[0]
+        return camera.grab(region).counts
 
-    def grab(self, region: Region | None = None) -> Counts:
-        """Return the next frame, at last always the same."""
-        camera = self._cameras[0]
-        self._cameras = self._cameras[1:] or self._cameras
-        return camera.grab(region)
+    return PictureCamera(show)
 
 
 def in_turn(rig: Rig, *shown: tuple[float, ...]) -> Rig:
     """Let a rig's frames show these arms, one set after the other."""
     cell = quiet_cell()
     cell.truth.bodies["gear"].pose = replace(AT, x_um=600.0 + AT.x_um)
-    camera = InTurnCamera([PartCamera(cell, arms) for arms in shown])
+    camera = one_after_the_other([part_camera(cell, arms) for arms in shown])
     rig.station = replace(rig.station, camera=camera)
     return rig
 

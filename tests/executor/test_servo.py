@@ -23,12 +23,14 @@ ACTION = AlignAction(target="gear", to="goal", look="disc", axes="stage", path=(
 class SteppedStage:
     """A stage that moves by what is asked plus noise, from where it truly is."""
 
+    model, serial = "stepped", "0"
+
     def __init__(self, cell: Cell, sigma_um: float, seed: int) -> None:
         self._truth = cell.truth
         self._sigma_um = sigma_um
         self._rng = np.random.default_rng(seed)
 
-    def move(
+    def start(
         self,
         *,
         x_um: float | None = None,
@@ -37,7 +39,7 @@ class SteppedStage:
         theta_rad: float | None = None,
         speed_um_per_s: float | None = None,
     ) -> None:
-        """Move x and y."""
+        """Move x and y at once."""
         state = self._truth.stage
         for name, value in (("x_um", x_um), ("y_um", y_um)):
             assert value is not None
@@ -45,12 +47,16 @@ class SteppedStage:
             state.actual[name] += value - state.commanded[name] + error_um
             state.commanded[name] = value
 
+    def moving(self) -> bool:
+        """Return whether it moves: it is there at once."""
+        return False
+
     def reading(self) -> AxisReading:
         """Return the commanded reading."""
         return AxisReading(**self._truth.stage.commanded)
 
     def stop(self) -> None:
-        """Do nothing: moves block."""
+        """Do nothing: it never moves for long."""
 
 
 RATIOS = [0.8, 1.5]  # tolerance over the sigma of a move

@@ -18,6 +18,13 @@ def station() -> Station:
     return build_cell(quiet(world()), 0).station
 
 
+def displaced(x_um: float) -> Station:
+    """Return a station whose stage stands at `x_um`."""
+    cell = build_cell(quiet(world()), 0)
+    cell.stage.move(x_um=x_um)
+    return cell.station
+
+
 def needing(**changes: object) -> Plan:
     """Return a plan whose requirements are changed."""
     plan = plan_of(())
@@ -93,10 +100,9 @@ def test_an_infeasible_plan_is_refused_with_its_reasons() -> None:
 
 
 def test_a_station_that_is_somewhere_else_is_refused() -> None:
-    found = station()
-    found.stage.move(x_um=-590.0)
     with pytest.raises(ExecutorError, match=r"stage.x_um reads -590") as caught:
-        preflight(plan_of(()), found)
+        preflight(plan_of(()), displaced(-590.0))
     assert caught.value.code == "MP811"
-    found.stage.move(x_um=stage_start().x_um)
-    preflight(plan_of(()), found)
+    start_um = stage_start().x_um
+    assert start_um is not None
+    preflight(plan_of(()), displaced(start_um))

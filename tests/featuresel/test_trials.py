@@ -123,8 +123,9 @@ def test_a_range_is_that_of_places_less_the_predicted_bias(look: Look) -> None:
 
 def test_a_routine_that_never_answers_has_no_range(look: Look) -> None:
     case = look("bracket")
-    found = usable_range(case, prepare(case, [("otsu",)]), ("otsu",), root_seed=1)
+    ready = prepare(case, [("otsu",)])
+    found = usable_range(case, ready, ("otsu",), root_seed=1)
     assert found.focus_um == (0.0, 0.0)
     assert found.magnification == (1.0, 1.0)
     with pytest.raises(ValueError, match="draws"):
-        usable_range(case, prepare(case, []), ("otsu",), root_seed=1, draws=0)
+        usable_range(case, ready, ("otsu",), root_seed=1, draws=0)

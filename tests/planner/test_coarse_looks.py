@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 import executor.cli
+from executor.safety import Safety
 from planner.compiler import Options, compile_task
 from planner.diagnostics import Report
 from planner.outputs.emit import write_folder
@@ -119,7 +120,9 @@ def test_looks_take_as_long_as_the_plan_says(
     coarse, fine, post = looks(plan)
     summary, events = ran(folder, tmp_path / "run", 2)
     gear, seat = summary["steps"]
-    assert seat["time_s"] == pytest.approx(changed(post).total_s, abs=1e-5)
+    # that a motion has settled is seen at the next reading
+    late_s = Safety().poll_s * sum(e["event"] == "move" for e in events)
+    assert -1e-5 < seat["time_s"] - changed(post).total_s < late_s + 1e-5
     way = next(e["to"] for e in events if e["event"] == "move")
     moved_um = math.hypot(way["x_um"] + 600, way["y_um"])
     centring = [r for r in changed(fine).times if "centres" in r.what]
@@ -127,4 +130,4 @@ def test_looks_take_as_long_as_the_plan_says(
     planned_s = changed(coarse).total_s + changed(fine).total_s
     # at 1000 um/s; the plan has the mean of where the gear may lie
     actual_s = planned_s + 2 * moved_um / 1000 - sum(r.time_s for r in centring)
-    assert gear["time_s"] == pytest.approx(actual_s, abs=1e-5)
+    assert -1e-5 < gear["time_s"] - actual_s < late_s + 1e-5

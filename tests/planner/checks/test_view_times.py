@@ -56,8 +56,7 @@ def test_a_move_takes_as_long_as_on_the_simulated_cell(
     task: Task, carrier: Carrier
 ) -> None:
     cell = build_cell(build_world(task, initial(task)), 1)
-    axes = cell.station.stage if carrier == "stage" else cell.station.robot
-    assert axes is not None
+    axes = cell.stage if carrier == "stage" else cell.robot
     rng = np.random.default_rng(5)
     for moved in ("x", "xy", "z", "t", "xyzt", ""):
         here = axes.reading()

@@ -1,0 +1,121 @@
+"""What the station measured of its microscope: scale, image shift and handedness."""
+
+from __future__ import annotations
+
+import bisect
+import math
+from dataclasses import dataclass
+
+from featuresel.routines.frame import RegionFrame
+from schemas.plan import Look, Requirements
+
+Point = tuple[float, float]
+Matrix = tuple[tuple[float, float], tuple[float, float]]
+
+# A calibrated zoom stands for a plan's when they agree to what an encoder can repeat.
+SAME_ZOOM = 1e-3
+IDENTITY: Matrix = ((1.0, 0.0), (0.0, 1.0))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ZoomPoint:
+    """One calibrated zoom."""
+
+    magnification: float
+    um_per_px: float
+    shift_um: Point = (0.0, 0.0)  # of the whole image: what is at 0 is shown there
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Calibration:
+    """Scale and image shift by zoom, and how the image follows the stage.
+
+    `camera_from_stage` takes a move of the stage's readings to the move of the image in
+    the world frame, um to um. It is the identity in a cell as plans assume it, and has
+    a negative determinant if the image is mirrored.
+    """
+
+    zooms: tuple[ZoomPoint, ...]  # by rising magnification, at least one
+    camera_from_stage: Matrix = IDENTITY
+
+    def at(self, magnification: float) -> ZoomPoint | None:
+        """Return the calibration of a zoom; None beyond the outermost points.
+
+        Between points, um per px times magnification and the shift are linear in the
+        logarithm of the magnification.
+        """
+        zooms = self.zooms
+        low, high = zooms[0].magnification, zooms[-1].magnification
+        if not low * (1 - SAME_ZOOM) <= magnification <= high * (1 + SAME_ZOOM):
+            return None
+        after = bisect.bisect_left([z.magnification for z in zooms], magnification)
+        right = zooms[min(max(after, 1), len(zooms) - 1)]
+        left = zooms[max(min(after, len(zooms) - 1) - 1, 0)]
+        if left is right:
+            share = 0.0
+        else:
+            ratio = right.magnification / left.magnification
+            share = math.log(magnification / left.magnification) / math.log(ratio)
+        pitch = _between(_pitch_um(left), _pitch_um(right), share)
+        return ZoomPoint(
+            magnification=magnification,
+            um_per_px=pitch / magnification,
+            shift_um=(
+                _between(left.shift_um[0], right.shift_um[0], share),
+                _between(left.shift_um[1], right.shift_um[1], share),
+            ),
+        )
+
+    @property
+    def mirrored(self) -> bool:
+        """Return whether the image is mirrored to the stage."""
+        (a, b), (c, d) = self.camera_from_stage
+        return a * d - b * c < 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LookFrame:
+    """Pixels of a look's region to um of the world and back, the image shift undone."""
+
+    region: RegionFrame
+    shift_um: Point
+
+    def to_world(self, column: float, row: float) -> Point:
+        """Return (x, y) um of a pixel of the region."""
+        x_um, y_um = self.region.to_world(column, row)
+        return (x_um - self.shift_um[0], y_um - self.shift_um[1])
+
+    def to_pixel(self, x_um: float, y_um: float) -> Point:
+        """Return (column, row) of the region for a world point."""
+        return self.region.to_pixel(x_um + self.shift_um[0], y_um + self.shift_um[1])
+
+
+def look_frame(
+    look: Look, need: Requirements, calibration: Calibration | None
+) -> LookFrame:
+    """Return the map between a look's region and the world.
+
+    By the station's calibration where it has one, else by the plan's own scale.
+    """
+    found = None if calibration is None else calibration.at(look.view.magnification)
+    region = look.measure.region
+    return LookFrame(
+        region=RegionFrame(
+            width_px=need.width_px,
+            height_px=need.height_px,
+            um_per_px=look.view.um_per_px if found is None else found.um_per_px,
+            row=region.row,
+            column=region.column,
+        ),
+        shift_um=(0.0, 0.0) if found is None else found.shift_um,
+    )
+
+
+def _pitch_um(point: ZoomPoint) -> float:
+    """Return the pixel pitch on the sensor that a point stands for, um."""
+    return point.um_per_px * point.magnification
+
+
+def _between(low: float, high: float, share: float) -> float:
+    """Return the value `share` of the way from low to high."""
+    return low + share * (high - low)

@@ -1,0 +1,94 @@
+"""Drivers by name: an entry point of `microplan.drivers`, or `module:attribute`."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from executor.errors import ExecutorError
+
+GROUP = "microplan.drivers"
+
+# what a device must have, by role; `executor.drivers` says what each must do
+_DEVICE = ("model", "serial")
+_MOVER = (*_DEVICE, "reading", "moving", "stop")
+ROLES: Mapping[str, tuple[str, ...]] = {
+    "stage": (*_MOVER, "start"),
+    "robot": (*_MOVER, "start"),
+    "jaws": (*_MOVER, "start"),
+    "lens": (*_MOVER, "start_magnification", "start_focus_um"),
+    "light": (*_DEVICE, "set_level"),
+    "camera": (*_DEVICE, "grab"),
+    "clock": ("now_s", "wait"),
+}
+
+
+def load(name: str, key: str) -> Callable[..., Any]:
+    """Return the callable that makes a driver.
+
+    Parameters
+    ----------
+    name : str
+        An entry point's name, or "module:attribute".
+    key : str
+        Where it is asked for, for the message.
+
+    Raises
+    ------
+    ExecutorError
+        MP813 if there is no such thing, or it cannot be called.
+    """
+    made = _attribute(name, key) if ":" in name else _entry_point(name, key)
+    if not callable(made):
+        raise ExecutorError("MP813", f"{key}: {name!r} cannot be called")
+    return made  # type: ignore[no-any-return]  # what is behind a name is not known
+
+
+def build(made: Callable[..., Any], key: str, options: Mapping[str, Any]) -> Any:
+    """Return a driver made with its options; MP813 if that fails."""
+    try:
+        return made(**options)
+    except ExecutorError:
+        raise
+    except Exception as error:
+        kind = type(error).__name__
+        raise ExecutorError("MP813", f"{key}: {kind}: {error}") from error
+
+
+def check_role(device: object, role: str, key: str) -> None:
+    """Raise MP813 if a device lacks what its role needs."""
+    for name in ROLES[role]:
+        if not hasattr(device, name):
+            kind = type(device).__name__
+            raise ExecutorError(
+                "MP813", f"{key}: {kind} is no {role}, it has no {name}"
+            )
+
+
+def _attribute(name: str, key: str) -> Any:
+    """Return an attribute of a module."""
+    module, _, attribute = name.partition(":")
+    try:
+        found: Any = importlib.import_module(module)
+        for part in attribute.split("."):
+            found = getattr(found, part)
+    except (ImportError, AttributeError, ValueError) as error:
+        raise ExecutorError("MP813", f"{key}: {name!r}: {error}") from error
+    return found
+
+
+def _entry_point(name: str, key: str) -> Any:
+    """Return what an entry point of the group names."""
+    from importlib.metadata import entry_points  # slow, and only named drivers need it
+
+    points = {point.name: point for point in entry_points(group=GROUP)}
+    if name not in points:
+        known = ", ".join(sorted(points)) or "none"
+        raise ExecutorError(
+            "MP813", f"{key}: no driver {name!r} in {GROUP}, installed: {known}"
+        )
+    try:
+        return points[name].load()
+    except (ImportError, AttributeError) as error:
+        raise ExecutorError("MP813", f"{key}: {name!r}: {error}") from error

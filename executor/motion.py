@@ -1,0 +1,356 @@
+"""Everything that moves, moves through here: checked, watched, stopped at a fault."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TypeVar
+
+from executor.calls import Caller, call_all
+from executor.drivers import AxisReading, Frame
+from executor.errors import ExecutorError
+from executor.safety import (
+    AXES,
+    Phase,
+    Progress,
+    check_fingers,
+    check_finite,
+    check_step,
+    check_travel,
+    outside,
+    targets,
+)
+from executor.station import Station
+from schemas.plan import AxesName, AxisMove, Region
+
+T = TypeVar("T")
+
+FRAMES = 3  # a frame that was dropped or is old is asked for again so often, in all
+_SHORTEST_S = 1e-3  # a wait that moves any clock on
+
+
+class Motion:
+    """Moves a station's devices, one at a time, until the first fault.
+
+    After a fault everything is stopped, and whatever is asked for later is refused with
+    that same fault. Stopping neither opens nor closes the jaws and homes nothing.
+
+    Parameters
+    ----------
+    pause : callable
+        Called before and after every motion; it may wait, or raise MP860.
+    """
+
+    def __init__(self, pause: Callable[[], None] = lambda: None) -> None:
+        self._caller = Caller()
+        self._pause = pause
+        self._fault: ExecutorError | None = None
+
+    def reading(self, station: Station, group: AxesName) -> AxisReading:
+        """Return where an axis group is; MP847 if a number is not finite."""
+        with self.guarded(station):
+            return self._reading(station, group)[0]
+
+    def travel(self, station: Station, move: AxisMove, phase: Phase) -> None:
+        """Move one axis group and wait until it has settled.
+
+        Raises
+        ------
+        ExecutorError
+            MP840, MP842, MP843, MP847 before anything moves; MP840, MP844..MP847 while
+            it does; MP860 if the operator stops the run.
+        """
+        with self.guarded(station):
+            self._pause()
+            now, _ = self._reading(station, move.axes)
+            target = targets(move)
+            self._check(station, move, now, phase)
+            axes, rules = station.axes(move.axes), station.rules
+            speed = rules.speed(move.axes, phase, move.speed_um_per_s)
+            self._call(
+                station,
+                f"{move.axes}.start",
+                lambda: axes.start(**target, speed_um_per_s=speed),
+                late=axes.stop,
+            )
+            away = {a: abs(v - getattr(now, a)) for a, v in target.items()}
+            seconds = rules.speeds(move.axes).seconds(away, speed)
+            self._arrive(station, move.axes, now, target, seconds)
+            self._pause()
+
+    def grip(self, station: Station, opening_um: float) -> float:
+        """Move the jaws and return their reading; closing, they may rest on a part.
+
+        Raises
+        ------
+        ExecutorError
+            MP840, MP844, MP845, MP847; MP849 if they do not go where they were told.
+        """
+        with self.guarded(station):
+            self._pause()
+            jaws, window_um = station.jaws(), station.rules.jaws_window_um
+            check_finite("jaws", {"opening_um": opening_um})
+            if station.offer.opening_um is not None:
+                travel = {"jaws.opening_um": station.offer.opening_um}
+                check_travel("jaws", {"opening_um": opening_um}, travel)
+            before_um = self._opening(station)
+            self._call(
+                station, "jaws.start", lambda: jaws.start(opening_um), late=jaws.stop
+            )
+            self._wait_until_still(station, "jaws", jaws.moving, self._opening)
+            after_um = self._opening(station)
+            _check_jaws(before_um, after_um, opening_um, window_um)
+            self._pause()
+            return after_um
+
+    def zoom(self, station: Station, magnification: float) -> None:
+        """Set the magnification; MP844, MP845, MP847 if that does not work."""
+        window = station.rules.zoom_window * abs(magnification)
+        start = station.lens.start_magnification
+        self._drive(station, 0, "magnification", start, magnification, window)
+
+    def focus(self, station: Station, focus_um: float) -> None:
+        """Set the focus; MP844, MP845, MP847 if that does not work."""
+        window = station.rules.focus_window_um
+        start = station.lens.start_focus_um
+        self._drive(station, 1, "focus_um", start, focus_um, window)
+
+    def light(self, station: Station, level: float) -> None:
+        """Set the light."""
+        with self.guarded(station):
+            check_finite("light", {"level": level})
+            light = station.light
+            self._call(station, "light.set_level", lambda: light.set_level(level))
+
+    def grab(self, station: Station, region: Region | None) -> Frame:
+        """Return a frame exposed from now on; MP848 if none comes."""
+        with self.guarded(station):
+            after_s, why = station.clock.now_s(), ""
+            for _ in range(FRAMES):
+                try:
+                    frame = self._frame(station, region, after_s)
+                except ExecutorError as error:
+                    if not isinstance(error.__cause__, TimeoutError):
+                        raise
+                    why = error.message
+                    continue
+                if after_s <= frame.exposed_s <= station.clock.now_s():
+                    return frame
+                why = (
+                    f"a frame was exposed at {frame.exposed_s:.6g} s, asked for after "
+                    f"{after_s:.6g} s"
+                )
+            raise ExecutorError("MP848", f"{FRAMES} frames were no use: {why}")
+
+    def halt(self, station: Station, fault: ExecutorError) -> None:
+        """Stop everything and refuse all that comes later, because of `fault`.
+
+        What cannot be stopped is told in the fault's message.
+        """
+        if self._fault is None:
+            self._fault = fault
+            left = self.stop(station)
+            if left:
+                fault.append("NOT STOPPED: " + "; ".join(left))
+
+    def stop(self, station: Station) -> list[str]:
+        """Stop all devices at the same time; return what could not be stopped."""
+        named = {
+            "stage": station.stage,
+            "robot": station.robot,
+            "jaws": station.gripper,
+            "lens": station.lens,
+        }
+        calls = ((f"{n}.stop", d.stop) for n, d in named.items() if d is not None)
+        return call_all(calls, station.rules.safety.call_s)
+
+    @contextmanager
+    def guarded(self, station: Station) -> Iterator[None]:
+        """Refuse to begin after a fault; stop everything if one happens inside."""
+        if self._fault is not None:
+            raise self._fault
+        try:
+            yield
+        except ExecutorError as fault:
+            self.halt(station, fault)
+            raise
+        except BaseException:  # an interrupt falls anywhere
+            self.stop(station)
+            raise
+
+    def _call(
+        self,
+        station: Station,
+        name: str,
+        call: Callable[[], T],
+        late: Callable[[], None] = lambda: None,
+    ) -> T:
+        """Make a device call within the station's limit."""
+        return self._caller.call(name, call, station.rules.safety.call_s, late)
+
+    def _reading(self, station: Station, group: AxesName) -> tuple[AxisReading, bool]:
+        """Return where an axis group is, and whether it says that it moves."""
+        axes = station.axes(group)
+        name = f"{group}.reading"
+        found = self._call(station, name, lambda: (axes.reading(), axes.moving()))
+        check_finite(group, {axis: getattr(found[0], axis) for axis in AXES})
+        return found
+
+    def _check(
+        self, station: Station, move: AxisMove, now: AxisReading, phase: Phase
+    ) -> None:
+        """Refuse a move that its phase, the limits or the fingers' height forbid."""
+        target, rules = targets(move), station.rules
+        speed = {"speed_um_per_s": move.speed_um_per_s or 1.0}
+        check_finite(move.axes, {**target, **speed})
+        check_travel(move.axes, target, station.offer.travel)
+        check_step(move, now, phase, rules.safety.phase(phase))
+        if move.z_um is None or station.gripper is None:
+            return
+        stage, robot = (
+            move.z_um if move.axes == group else self._reading(station, group)[0].z_um
+            for group in ("stage", "robot")
+        )
+        surface_um = rules.stage_datum_z_um + stage
+        check_fingers(robot, surface_um, phase, rules.safety)
+
+    def _arrive(
+        self,
+        station: Station,
+        group: AxesName,
+        start: AxisReading,
+        target: dict[str, float],
+        seconds: float,
+    ) -> None:
+        """Wait until the readings have stayed at the target; watch them meanwhile."""
+        settle, clock = station.rules.settle(group), station.clock
+        progress = Progress(start, target, settle)
+        there = all(getattr(start, axis) == value for axis, value in target.items())
+        dwell_s = 0.0 if there else settle.dwell_s
+        began_s = clock.now_s()
+        inside_s, rest_s = math.inf, math.inf  # since when inside, since when at rest
+        while True:
+            reading, moving = self._reading(station, group)
+            now_s = clock.now_s()
+            _check_inside(station, group, reading)
+            away = dict(outside(reading, target, settle))
+            inside_s = math.inf if away else min(inside_s, now_s)
+            rest_s = math.inf if moving or not away else min(rest_s, now_s)
+            if not (away or moving) and now_s - inside_s >= dwell_s:
+                return
+            late = now_s - began_s > seconds + settle.timeout_s
+            if late or now_s - rest_s > settle.stall_s / 2:
+                raise ExecutorError("MP845", _not_there(group, away, now_s - began_s))
+            progress.check(group, reading, now_s)
+            left_s = inside_s + dwell_s - now_s  # may be infinite
+            wait_s = min(
+                station.rules.safety.poll_s, left_s if left_s > 0 else math.inf
+            )
+            clock.wait(max(wait_s, _SHORTEST_S))
+
+    def _drive(
+        self,
+        station: Station,
+        which: int,
+        name: str,
+        start: Callable[[float], None],
+        value: float,
+        window: float,
+    ) -> None:
+        """Move zoom or focus and compare what it reads."""
+        lens = station.lens
+        with self.guarded(station):
+            self._pause()
+            check_finite("lens", {name: value})
+            within = getattr(station.offer, name)
+            check_travel("lens", {name: value}, {f"lens.{name}": within})
+            self._call(station, f"lens.{name}", lambda: start(value), late=lens.stop)
+
+            def read(station: Station) -> float:
+                return self._lens(station, which)
+
+            self._wait_until_still(station, f"lens.{name}", lens.moving, read)
+            found = read(station)
+            if not abs(found - value) <= window:
+                raise ExecutorError(
+                    "MP845", f"lens.{name} reads {found:.6g}, was sent to {value:.6g}"
+                )
+            self._pause()
+
+    def _wait_until_still(
+        self,
+        station: Station,
+        name: str,
+        moving: Callable[[], bool],
+        read: Callable[[Station], float],
+    ) -> None:
+        """Wait until a drive says that it stands; its reading is checked meanwhile."""
+        clock, limit_s = station.clock, station.rules.drive_timeout_s
+        began_s = clock.now_s()
+        while self._call(station, f"{name}.moving", moving):
+            read(station)
+            if clock.now_s() - began_s > limit_s:
+                raise ExecutorError(
+                    "MP845", f"{name} moves for more than {limit_s:g} s"
+                )
+            clock.wait(station.rules.safety.poll_s)
+
+    def _opening(self, station: Station) -> float:
+        """Return the jaws' reading, um."""
+        found = self._call(station, "jaws.reading", station.jaws().reading)
+        check_finite("jaws", {"opening_um": found})
+        return found
+
+    def _lens(self, station: Station, which: int) -> float:
+        """Return magnification (0) or focus (1) as the lens reads it."""
+        zoom, focus_um = self._call(station, "lens.reading", station.lens.reading)
+        check_finite("lens", {"magnification": zoom, "focus_um": focus_um})
+        return (zoom, focus_um)[which]
+
+    def _frame(self, station: Station, region: Region | None, after_s: float) -> Frame:
+        """Return what the camera gives."""
+        camera, limit_s = station.camera, station.rules.safety.grab_s
+        frame = self._caller.call(
+            "camera.grab", lambda: camera.grab(region, after_s=after_s), limit_s
+        )
+        check_finite("camera", {"exposed_s": frame.exposed_s})
+        return frame
+
+
+def _check_inside(station: Station, group: AxesName, reading: AxisReading) -> None:
+    """Raise MP840 if a moving axis is beyond its limits by more than its window."""
+    settle = station.rules.settle(group)
+    for axis in AXES:
+        name = f"{group}.{axis}"
+        if name not in station.offer.travel:
+            continue
+        low, high = station.offer.travel[name]
+        window = settle.window(axis)
+        check_travel(
+            group, {axis: getattr(reading, axis)}, {name: (low - window, high + window)}
+        )
+
+
+def _check_jaws(
+    before_um: float, after_um: float, target_um: float, window_um: float
+) -> None:
+    """Raise MP849 unless the jaws went where they were told, or onto a part."""
+    if abs(after_um - target_um) <= window_um:
+        return
+    closing = target_um < before_um
+    on_a_part = closing and target_um < after_um < before_um - window_um
+    if not on_a_part:
+        raise ExecutorError(
+            "MP849",
+            f"the jaws read {after_um:.6g} um, were told {target_um:.6g} um and were "
+            f"at {before_um:.6g} um",
+        )
+
+
+def _not_there(group: str, away: dict[str, float], after_s: float) -> str:
+    """Return what is wrong with a motion that should have ended."""
+    if not away:
+        return f"{group} still says that it moves after {after_s:.3g} s"
+    off = ", ".join(f"{axis} by {value:.4g}" for axis, value in away.items())
+    return f"{group} is off its target after {after_s:.3g} s: {off}"

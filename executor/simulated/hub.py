@@ -1,0 +1,55 @@
+"""The simulated cell as a hub of a station file."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+from executor.errors import ExecutorError
+from executor.simulated.axes import Drive
+from executor.simulated.cell import Cell, build_cell
+from schemas.codec import from_data
+from schemas.world import World
+
+
+def cell(
+    *,
+    world: str,
+    seed: int = 0,
+    faults: Sequence[str] = (),
+    quantum_um: float = 0.0,
+    backlash_um: float = 0.0,
+    lag_s: float = 0.0,
+) -> Cell:
+    """Return the cell of a file world.json.
+
+    Parameters
+    ----------
+    world : str
+        The file.
+    seed : int
+        Root of all the cell's random numbers.
+    faults : sequence of str
+        Names of `executor.simulated.faults.FAULTS`, or NAME@STEP.
+    quantum_um, backlash_um, lag_s : float
+        Of both drives; see `executor.simulated.axes.Drive`.
+
+    Raises
+    ------
+    ExecutorError
+        MP803 if the file cannot be read.
+    ValueError
+        If a fault or seed is none.
+    """
+    drive = Drive(quantum_um=quantum_um, backlash_um=backlash_um, lag_s=lag_s)
+    drives = {"stage": drive, "robot": drive}
+    return build_cell(read_world(Path(world)), seed, faults, drives=drives)
+
+
+def read_world(path: Path) -> World:
+    """Return the world of a file; MP803 if it cannot be read."""
+    try:
+        return from_data(World, json.loads(path.read_text(encoding="utf-8")))
+    except (OSError, ValueError, RecursionError) as error:
+        raise ExecutorError("MP803", f"{path}: {error}") from error

@@ -1,0 +1,77 @@
+"""What truly became of the parts, by the simulated cell's own poses and heights."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from executor.simulated.contact import hole_error
+from executor.simulated.truth import Body, Truth
+
+SEATED_UM = 1.0  # a part lying this close to its seat lies on it
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Verdict:
+    """What truly became of a part that was to be put onto a post, or beside a mark."""
+
+    success: bool
+    offset_um: float  # from the seat's centre to what belongs there
+    height_um: float  # of the underside above the seat
+    collided: str  # the first collision, "" if there was none
+    held: bool  # the tool still carries it
+    turn_rad: float = 0.0  # of the part against the seat's, as drawn
+
+
+def judge(
+    truth: Truth,
+    target: str,
+    on: str,
+    within_um: float = 0.0,
+    within_rad: float | None = None,
+) -> Verdict:
+    """Return what became of a part; see `Cell.judge`."""
+    body = truth.bodies.get(target.partition(".")[0])
+    host = truth.bodies.get(on.partition(".")[0])
+    if body is None or host is None:
+        raise ValueError(f"the cell has no part {target!r} or {on!r}")
+    offset_um, room_um = _off_seat(truth, target, body, on, host, within_um)
+    height_um = truth.under_um(body) - truth.top_um(host)
+    held = truth.held == body.part.name
+    turn_rad = truth.pose(body).theta_rad - truth.pose(host).theta_rad
+    turn_rad = math.remainder(turn_rad, math.tau)
+    seated = offset_um <= room_um + 1e-6 and abs(height_um) <= SEATED_UM
+    seated = seated and (within_rad is None or abs(turn_rad) <= within_rad)
+    return Verdict(
+        success=bool(seated and not held and not truth.collided),
+        offset_um=offset_um,
+        height_um=float(height_um),
+        collided=truth.collided,
+        held=held,
+        turn_rad=turn_rad,
+    )
+
+
+def _off_seat(
+    truth: Truth, target: str, body: Body, on: str, host: Body, within_um: float
+) -> tuple[float, float]:
+    """Return how far the target truly is off its seat, and how far it may be, um."""
+    for post in host.posts:
+        if post.name == on:
+            error = hole_error(truth, body, host, post)
+            if error is None:
+                raise ValueError(f"{target!r} has no hole")
+            return math.hypot(error[0], error[1]), error[2]
+    x, y = truth.pose(body).apply(*_point(body, target))
+    seat_x, seat_y = truth.pose(host).apply(*_point(host, on))
+    return math.hypot(x - seat_x, y - seat_y), within_um
+
+
+def _point(body: Body, name: str) -> tuple[float, float]:
+    """Return a hole's centre in its part's frame; a part's own place is its origin."""
+    if name == body.part.name:
+        return (0.0, 0.0)
+    for hole in body.part.holes:
+        if hole.name == name:
+            return hole.center_um
+    raise ValueError(f"the cell has no post and no hole {name!r}")

@@ -1,0 +1,140 @@
+"""The lens of the simulated cell: zoom and focus, each move a little off."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from executor.simulated.timeline import Delayed, Timeline, Trouble
+from optics.lens import MAX_DISTORTION, LensErrors
+from schemas.world import WorldLens
+
+# Not the aperture of the data sheet: with the compiler's own model it were no judge.
+APERTURE_RATIO = 1.02
+_MOST_SINE = 0.999  # of the marginal ray
+LIMIT_DIGITS = 1e-5  # relative: a plan's numbers carry six digits
+
+
+class SimLens:
+    """Zoom and focus: each move lands a little elsewhere; faults begin with `lens_`."""
+
+    def __init__(
+        self,
+        timeline: Timeline,
+        rngs: tuple[np.random.Generator, np.random.Generator],  # zoom, focus
+        lateral: tuple[float, float],
+        errors: LensErrors,
+        trouble: Trouble,
+    ) -> None:
+        self._timeline = timeline
+        self._optics = timeline.truth.world.optics
+        self._zoom_rng, self._focus_rng = rngs
+        self._lateral = lateral  # um sideways per um of focus
+        self._trouble = trouble
+        self._motion = Delayed(timeline)
+        self.errors = errors
+        self.magnification = self._optics.magnification[0]
+        self.focus_um = 0.0
+        self._jump = (0.0, 0.0)
+        self._commanded = (self.magnification, 0.0)
+
+    @property
+    def model(self) -> str:
+        """Return what the device is."""
+        return "simulated lens"
+
+    @property
+    def serial(self) -> str:
+        """Return the device's number."""
+        return "sim-lens"
+
+    def start_magnification(self, magnification: float) -> None:
+        """Zoom: the image jumps and the scale is off by a new amount."""
+        self._check("magnification", magnification, self._optics.magnification)
+
+        def arrive() -> None:
+            scale, x, y = self._zoom_rng.standard_normal(3)
+            self._commanded = (magnification, self._commanded[1])
+            self.magnification = magnification * (1 + self._optics.scale_sigma * scale)
+            sigma_um = self._optics.parcentric_sigma_um
+            self._jump = (sigma_um * x, sigma_um * y)
+
+        self._begin(self._optics.zoom_time_s, arrive)
+
+    def start_focus_um(self, focus_um: float) -> None:
+        """Focus, with its repeatability."""
+        self._check("focus_um", focus_um, self._optics.focus_um)
+
+        def arrive() -> None:
+            error = self._focus_rng.standard_normal()
+            self._commanded = (self._commanded[0], focus_um)
+            self.focus_um = focus_um + self._optics.focus_repeatability_um * error
+
+        self._begin(self._optics.focus_time_s, arrive)
+
+    def set_magnification(self, magnification: float) -> None:
+        """Zoom, and let the cell's time pass until it is done."""
+        self.start_magnification(magnification)
+        self._timeline.run_out(self._motion)
+
+    def set_focus_um(self, focus_um: float) -> None:
+        """Focus, and let the cell's time pass until it is done."""
+        self.start_focus_um(focus_um)
+        self._timeline.run_out(self._motion)
+
+    def reading(self) -> tuple[float, float]:
+        """Return what was commanded: the drives do not see their errors."""
+        if self._motion.pending():
+            self._trouble.hang("hangs")
+            if self._trouble.on("nan"):
+                return (math.nan, self._commanded[1])
+        return self._commanded
+
+    def moving(self) -> bool:
+        """Return whether zoom or focus are under way."""
+        return self._motion.pending()
+
+    def stop(self) -> None:
+        """Leave zoom and focus where they are."""
+        self._trouble.free()
+        self._motion.cancel()
+
+    @property
+    def shift_um(self) -> tuple[float, float]:
+        """Return how far the whole image is off."""
+        x, y = self._lateral
+        return (self._jump[0] + x * self.focus_um, self._jump[1] + y * self.focus_um)
+
+    @property
+    def aperture(self) -> float:
+        """Return the true aperture at the zoom that was set."""
+        zoom, aperture = np.log(np.array(self._optics.apertures)).T
+        stated = math.exp(np.interp(math.log(self._commanded[0]), zoom, aperture))
+        return min(stated * APERTURE_RATIO, _MOST_SINE * self._optics.medium_index)
+
+    def _check(self, name: str, value: float, within: tuple[float, float]) -> None:
+        """Refuse what the drive cannot reach; limits come in six digits."""
+        slack = LIMIT_DIGITS * max(abs(v) for v in within)
+        if not within[0] - slack <= value <= within[1] + slack:  # also refuses nan
+            raise ValueError(f"{name} = {value:g} is outside {within[0]}..{within[1]}")
+
+    def _begin(self, seconds: float, arrive: Callable[[], None]) -> None:
+        """Begin a motion that changes the lens when it ends."""
+        self._trouble.refuse("raises")
+        self._motion.begin(math.inf if self._trouble.on("stuck") else seconds, arrive)
+
+
+def drawn_errors(lens: WorldLens, rng: np.random.Generator) -> LensErrors:
+    """Return what the lens truly does: the known part and a draw of the unknown."""
+    distortion, scale, curvature = rng.standard_normal(3)
+    true = lens.distortion + lens.distortion_sigma * distortion
+    return LensErrors(
+        distortion=max(min(true, MAX_DISTORTION), -MAX_DISTORTION),
+        lateral_x=lens.lateral_um_per_um[0],
+        lateral_y=lens.lateral_um_per_um[1],
+        scale_per_um=lens.scale_per_um + lens.scale_sigma_per_um * scale,
+        field_curvature_per_um=lens.field_curvature_per_um
+        + lens.field_curvature_sigma_per_um * curvature,
+    )

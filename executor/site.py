@@ -1,0 +1,73 @@
+"""Where a plan is run: the simulated cell of its world.json, or a station file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from executor.errors import ExecutorError
+from executor.simulated.faults import Faults
+from executor.station import Station
+from executor.station_file import read_station
+
+if TYPE_CHECKING:
+    from executor.simulated.cell import Cell
+
+SIMULATED = "sim"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Site:
+    """A station, and the simulated cell behind it, if there is one."""
+
+    name: str
+    station: Station
+    cell: Cell | None
+
+
+def find_site(
+    asked: str, plan_folder: Path, *, seed: int = 0, faults: Sequence[str] = ()
+) -> Site:
+    """Return the station that was asked for.
+
+    Parameters
+    ----------
+    asked : str
+        "sim", or the path of a station.toml.
+    plan_folder : Path
+        Its world.json is the simulated cell's.
+    seed, faults
+        Of the simulated cell; a station file states its own.
+
+    Raises
+    ------
+    ExecutorError
+        MP803 for world.json; MP804 for a fault that nobody knows, or a seed or fault
+        beside a file; MP812 and MP813 for a station file.
+    """
+    try:
+        Faults(faults)
+    except ValueError as error:
+        raise ExecutorError("MP804", str(error)) from error
+    if asked == SIMULATED:
+        return _simulated(plan_folder, seed, faults)
+    if faults or seed:
+        raise ExecutorError(
+            "MP804", "--seed and --inject are for --station sim; a file states its own"
+        )
+    loaded = read_station(Path(asked), plan_folder)
+    cells = [hub for hub in loaded.hubs.values() if hasattr(hub, "judge")]
+    return Site(
+        name=loaded.name, station=loaded.station, cell=cells[0] if cells else None
+    )
+
+
+def _simulated(plan_folder: Path, seed: int, faults: Sequence[str]) -> Site:
+    """Return the simulated cell of the plan's world."""
+    from executor.simulated.cell import build_cell  # optics only for the simulated cell
+    from executor.simulated.hub import read_world
+
+    cell = build_cell(read_world(plan_folder / "world.json"), seed, faults)
+    return Site(name=SIMULATED, station=cell.station, cell=cell)

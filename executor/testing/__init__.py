@@ -1,0 +1,5 @@
+"""What a driver must do, as checks its author runs: `python -m executor.testing`."""
+
+from executor.testing.bench import Bench, ConformanceError, Result, conforms, failures
+
+__all__ = ["Bench", "ConformanceError", "Result", "conforms", "failures"]

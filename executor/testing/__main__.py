@@ -1,0 +1,59 @@
+"""The command `python -m executor.testing`: run the checks of a role on a driver."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tomllib
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+from executor.errors import ExecutorError
+from executor.loading import ROLES, build, load
+from executor.testing.bench import Bench, results
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Return 0 if the driver does what it must, 1 if not, 2 if it cannot be made."""
+    parser = argparse.ArgumentParser(
+        prog="python -m executor.testing",
+        description="Check a driver. It moves: by the steps of --step, up and back.",
+    )
+    parser.add_argument("driver", help="an entry point, or module:attribute")
+    parser.add_argument("--role", required=True, choices=list(ROLES))
+    parser.add_argument("--part", help="what of the driver to test, if it is a hub")
+    for name, what in (
+        ("option", "of the driver, e.g. port='COM3'"),
+        ("step", "a safe step, e.g. x_um=20"),
+        ("beyond", "a target outside the limits, e.g. x_um=1e6"),
+    ):
+        parser.add_argument(
+            f"--{name}", action="append", default=[], metavar="KEY=VALUE", help=what
+        )
+    call = parser.parse_args(argv)
+    try:
+        options = _pairs(call.option)
+        made = build(load(call.driver, "driver"), "driver", options)
+    except (ExecutorError, tomllib.TOMLDecodeError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    device = getattr(made, call.part) if call.part else made
+    bench = Bench(beyond=_pairs(call.beyond))
+    bench = replace(bench, step={**bench.step, **_pairs(call.step)})
+    if hasattr(made, "clock"):  # a hub has its own time
+        bench = replace(bench, clock=made.clock)
+    wrong = 0
+    for result in results(device, call.role, bench):
+        print(f"{'FAILED' if result.wrong else 'ok':6}  {result.check}  {result.wrong}")
+        wrong += bool(result.wrong)
+    return 1 if wrong else 0
+
+
+def _pairs(words: Sequence[str]) -> dict[str, Any]:
+    """Return options written as in TOML."""
+    return tomllib.loads("\n".join(words))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
