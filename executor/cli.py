@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import os
 import shutil
 import sys
 from collections.abc import Callable, Sequence
@@ -128,10 +129,10 @@ def _run(call: _Call) -> int:
     preflight(plan, site.station)
     artifacts = Artifacts.from_folder(plan, call.folder)
     if call.mode == "check":
-        print(f"{plan.name}: {len(plan.steps)} steps fit the station")
+        _say(f"{plan.name}: {len(plan.steps)} steps fit the station")
         return DONE
     if call.mode == "dry-run":
-        print("\n".join(_listing(plan)))
+        _say("\n".join(_listing(plan)))
         return DONE
     return _perform(call, plan, site, artifacts)
 
@@ -165,7 +166,7 @@ def _perform(call: _Call, plan: Plan, site: Site, artifacts: Artifacts) -> int:
             raise
     verdict = None if site.cell is None else _verdict(plan, site.cell)
     _write_summary(folder, call, site, plan, result, verdict, errors)
-    print(table(result, errors))
+    _say(table(result, errors))
     return _report(call, plan, result, verdict, folder)
 
 
@@ -192,21 +193,21 @@ def _report(
     call: _Call, plan: Plan, result: RunResult, verdict: Verdict | None, folder: Path
 ) -> int:
     """Print findings and verdicts; return the exit status."""
-    print(f"run folder: {folder}")
+    _say(f"run folder: {folder}")
     if verdict is not None:
         truly = "seated" if verdict.success else "not seated"
-        print(
+        _say(
             f"the cell's own verdict: {truly}, offset {verdict.offset_um:.3g} um, "
             f"height {verdict.height_um:.3g} um"
             + (f", {verdict.collided}" if verdict.collided else "")
             + (", still held" if verdict.held else "")
         )
     if result.code is None:
-        print(f"{plan.name}: done in {result.time_s:.1f} s")
+        _say(f"{plan.name}: done in {result.time_s:.1f} s")
         return DONE
     where = f"step {result.step}: " if result.step else ""
     _tell(ExecutorError(result.code, where + result.message), call.plan_file)
-    print(f"{plan.name}: failed")
+    _say(f"{plan.name}: failed")
     return CODES[result.code][1]
 
 
@@ -299,6 +300,14 @@ def _targets(move: dict[str, Any]) -> str:
     """Return the axes a move names, with their values."""
     axes = move.pop("axes")
     return " ".join(f"{axes}.{k}={v:g}" for k, v in move.items() if v is not None)
+
+
+def _say(text: str) -> None:
+    """Print text; a reader that has left, as `head` does, is no fault."""
+    try:
+        print(text, flush=True)
+    except BrokenPipeError:  # what the interpreter flushes at its end goes nowhere
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _tell(error: ExecutorError, plan_file: Path) -> None:

@@ -137,7 +137,10 @@ def outside(
 
 
 class Progress:
-    """Watches one motion: every axis must keep coming closer until it is in its window.
+    """Watches one motion: axes must keep coming closer until all are in their windows.
+
+    An axis with a short way may creep beside one with a long way, where a controller
+    lets all arrive together: it stands only if no axis has come closer.
 
     Parameters
     ----------
@@ -168,6 +171,8 @@ class Progress:
                 self._since_s.pop(axis, None)
             else:
                 self._check_axis(group, axis, away[axis], now_s)
+        if away:
+            self._check_stall(group, away, now_s)
 
     def _check_still(self, group: str, axis: str, reading: AxisReading) -> None:
         """An axis that was not told to move must not move.
@@ -193,12 +198,16 @@ class Progress:
         closer = away < self._best[axis] - settle.window(axis) / 10
         if closer or axis not in self._since_s:
             self._since_s[axis], self._best[axis] = now_s, away
-        stood_s = now_s - self._since_s[axis]
-        if stood_s > settle.stall_s:
+
+    def _check_stall(self, group: str, away: Mapping[str, float], now_s: float) -> None:
+        """Some axis must have come closer not long ago."""
+        stood_s = now_s - max(self._since_s[axis] for axis in away)
+        if stood_s > self._settle.stall_s:
+            named = ", ".join(f"{group}.{a} {v:.4g}" for a, v in away.items())
             raise ExecutorError(
                 "MP846",
-                f"{group}.{axis} has come no closer for {stood_s:.3g} s, {away:.4g} "
-                "from its target",
+                f"nothing has come closer for {stood_s:.3g} s; from their targets: "
+                f"{named}",
             )
 
 

@@ -14,6 +14,7 @@ from planner.inputs.drawing_findings import (
     MAX_UM,
     MIN_UM,
     UM_PER_UNIT,
+    body_places,
     counts_said,
     handles_said,
     header_unit,
@@ -227,8 +228,10 @@ def _nested(
             f"'{k}' {n} ({outer} outer)"
             for k, (n, outer) in _ring_counts(outline.rings).items()
         )
-        message = f"{drawing.file}: {bodies} separate outlines, a part is one"
-        report.error("MP209", at, message, f"select layers; rings by layer: {count}")
+        message = f"{drawing.file}: {bodies} separate outlines, a part is one: "
+        message += body_places(outline.rings)
+        hint = f"select layers, or draw one part a file; rings by layer: {count}"
+        report.error("MP209", at, message, hint)
         return None
     fits = report_size(drawing.file, drawing.units, outline, at, report)
     return outline if fits else None

@@ -6,7 +6,7 @@ import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 
-from optics.outline import Arc, Outline, Segment
+from optics.outline import Arc, Outline, Ring, Segment
 from planner.diagnostics import Report, Span
 from planner.inputs.biarcs import CURVE_UM
 from planner.inputs.dxf_edges import Drawn, Piece, Trouble
@@ -31,6 +31,20 @@ _DECIMALS = range(-3, 9)
 def header_unit(code: int) -> str | None:
     """Return the unit that $INSUNITS stands for, None if it says nothing."""
     return _INSUNITS.get(code)
+
+
+def body_places(rings: Sequence[Ring]) -> str:
+    """Return where each outer ring lies and how large it is, the first few, um."""
+    outer = [ring for ring in rings if ring.signed_area_um2 > 0]
+    places = []
+    for ring in outer[:MAX_LISTED]:
+        x0, y0, x1, y1 = Outline(rings=(ring,)).bounds_um
+        places.append(
+            f"{x1 - x0:.4g} x {y1 - y0:.4g} um about ({(x0 + x1) / 2:.4g}, "
+            f"{(y0 + y1) / 2:.4g}) um on '{ring.layer}'"
+        )
+    more = ["..."] if len(outer) > MAX_LISTED else []
+    return ", ".join([*places, *more])
 
 
 def report_troubles(

@@ -11,7 +11,7 @@ from optics.outline import Outline, Ring
 from planner.diagnostics import Report, Span
 from planner.inputs.census import Taken
 from planner.inputs.drawing import MAX_LISTED, MAX_UM, MIN_UM
-from planner.inputs.drawing_findings import counts_said
+from planner.inputs.drawing_findings import body_places, counts_said
 from planner.inputs.gds_cells import expand, held, reached
 from planner.inputs.gds_library import Library, read_library
 from planner.inputs.gds_records import GdsError
@@ -218,7 +218,8 @@ def _nested(
     if bodies > 1:
         count = Counter(ring.layer for ring in outline.rings)
         says = ", ".join(f"'{k}' {n}" for k, n in sorted(count.items()))
-        message = f"{name}: {bodies} separate outlines, a part is one"
+        message = f"{name}: {bodies} separate outlines, a part is one: "
+        message += body_places(outline.rings)
         hint = f"select the cell or layers of one; rings by layer: {says}"
         report.error("MP209", at, message, hint)
         return None

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from featuresel.routines import TargetKind
 from optics.outline import Outline, place
 from optics.scene import Layer
 from planner.inputs.task import Feature, Part, Post, Task
 from planner.inputs.workcell import Tool
-from planner.model.assembly import State, face_um, owner_of
+from planner.model.assembly import State, face_um, owner_of, part_pose
 from schemas.pose import Pose
 
 Box = tuple[float, float, float, float]
 
+ANGLE_SIGMAS = 3.0  # of an angle for which there must be room: trials end there
 JAWS_SEEN_UM = 60.0  # of the fingers behind the grip that a look takes in
 
 
@@ -52,11 +53,14 @@ def shape_of(task: Task, state: State, name: str) -> Shape | None:
         return _post(part, part.posts[inner], name)
     if inner:
         feature = part.features[inner]
-        return None if feature.kind == "notch" else declared_shape(part, feature, name)
+        if feature.kind == "notch":
+            return None
+        shape = declared_shape(part, feature, name)
+        return _as_turned(task, state, shape) if feature.kind == "outline" else shape
     teeth = [f for f in part.features.values() if f.kind == "teeth" and not f.avoid]
     if teeth:
         return _teeth(part, teeth[0], f"{owner}.{teeth[0].name}")
-    return _whole(part)
+    return _as_turned(task, state, _whole(part))
 
 
 def target_layers(task: Task, state: State, shape: Shape) -> tuple[Layer, ...]:
@@ -228,6 +232,29 @@ def _whole(part: Part) -> Shape:
         symmetry_broken_by="",
         parameters={"extent_um": extent},
     )
+
+
+def _as_turned(task: Task, state: State, shape: Shape) -> Shape:
+    """Return a whole outline with the box of all angles that it may have.
+
+    Over an interval of 2 delta a corner's place is at most 1 - cos(delta / 2) of its
+    way beyond that at the ends or the middle.
+    """
+    part, held = task.parts[shape.owner], state.parts[shape.owner]
+    known_rad = max(held.sigma_theta_rad, task.benchmark.pose_sigma_theta_rad)
+    delta = ANGLE_SIGMAS * known_rad
+    if delta >= math.pi / 4:
+        return shape
+    x0, y0, x1, y1 = part.outline.bounds_um
+    theta, half_x, half_y = (
+        part_pose(task, state, part.name).theta_rad, (x1 - x0) / 2, (y1 - y0) / 2,
+    )  # fmt: skip
+    more = math.hypot(half_x, half_y) * (1 - math.cos(delta / 2))
+    turns = [(abs(math.cos(t)), abs(math.sin(t)))
+             for t in (theta - delta, theta, theta + delta)]  # fmt: skip
+    x = max(c * half_x + s * half_y for c, s in turns) + more
+    y = max(s * half_x + c * half_y for c, s in turns) + more
+    return replace(shape, box_um=(-x, -y, x, y))
 
 
 def middle_um(part: Part) -> tuple[float, float]:

@@ -29,12 +29,13 @@ def _look_times(plan: Plan) -> list[str]:
         (word, [row.time_s for row in rows if row.what.startswith(word)])
         for word in ("zoom", "focus", "exposure")
     ]
-    known_s = sum(sum(times) for _, times in shares)
+    words = tuple(word for word, _ in shares)
+    axes_s = sum(row.time_s for row in rows if not row.what.startswith(words))
     total_s = sum(change.total_s for change in changes)
     said = ", ".join(f"{word} {sum(t):.3g} s ({len(t)})" for word, t in shares)
     text = (
         f"{len(changes)} looks take {total_s:.3g} s, each once: {said}, axes "
-        f"{total_s - known_s:.3g} s"
+        f"{axes_s:.3g} s"
     )
     return [text]
 

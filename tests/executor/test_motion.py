@@ -173,6 +173,16 @@ def test_no_sequence_of_moves_leaves_limits_steps_or_height(
         assert height_um >= margin_um - 1e-2
 
 
+def test_an_axis_may_creep_beside_one_with_a_long_way() -> None:
+    """The simulated stage lets all axes arrive together: .06 um beside 3 rad."""
+    found = cell()
+    found.truth.bodies.clear()
+    station = ruled(found, poll_s=0.5)
+    move = AxisMove(axes="stage", z_um=0.0625, theta_rad=3.0)
+    assert tried(station, move) is None
+    assert found.stage.reading().theta_rad == pytest.approx(3.0, abs=1e-3)
+
+
 class Shaky:
     """A camera that loses its first frames, or gives old ones."""
 
