@@ -132,7 +132,7 @@ def test_an_axis_that_stands_goes_back_or_was_not_told_is_stopped() -> None:
     watch = Progress(HOME, {"x_um": 10.0}, SETTLE)
     for now_s, x_um in ((0.0, 4.0), (0.9, 4.0), (1.0, 4.005)):
         watch.check("stage", replace(HOME, x_um=x_um), now_s)  # .005 is noise
-    with pytest.raises(ExecutorError, match=r"no closer for 1.1 s") as caught:
+    with pytest.raises(ExecutorError, match=r"come closer for 1.1 s") as caught:
         watch.check("stage", replace(HOME, x_um=4.0), 1.1)
 
 
