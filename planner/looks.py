@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from featuresel.bias_prediction import predict_bias
 from featuresel.case import LookCase
 from featuresel.contest import Contest, compete
-from featuresel.select import Selection
 from featuresel.trials import Map
 from featuresel.usable import usable_range
 from planner.cases import build_case
@@ -104,7 +103,7 @@ def compile_look(
             return job.finish_set(tried, sets)
         advice = sets.advice
         refused.append(_refused(view, advice))
-    _report_failure(request, view, tried.selection, advice, report)
+    _report_failure(request, view, tried, advice, report)
     return None
 
 
@@ -272,18 +271,19 @@ def _refused(view: ViewPlan, why: str) -> ZoomTried:
 def _report_failure(
     request: Request,
     view: ViewPlan,
-    selection: Selection,
+    tried: Tried,
     advice: str,
     report: Report,
 ) -> None:
     """Report that neither a chain nor a set of features is good enough."""
     reasons = "; ".join(
-        f"{' > '.join(chain)}: {why}" for chain, why in selection.reasons
+        f"{' > '.join(chain)}: {why}" for chain, why in tried.selection.reasons
     )
     report.refuse(
         "MP501",
         request.where,
         f"look {request.id!r}: no routine finds {request.target} well enough at "
-        f"{view.microscope.magnification:.4g} x: {reasons}",
+        f"{view.microscope.magnification:.4g} x, 2 sigma + |bias| within "
+        f"{tried.case.tolerance_um:.3g} um ({request.asked_by}): {reasons}",
         advice,
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from planner.diagnostics import Span
 from planner.inputs.task import Move, Step, Task
@@ -43,6 +43,7 @@ class Request:
     view_where: Span | None  # of the `view_um` that brought the target there
     divisible: bool = False  # nothing but this look happens: another may come before
     known: Known | None = None  # None: what the state knows
+    asked_by: str = ""  # where the tolerance comes from, in words
 
 
 def requests(
@@ -69,19 +70,38 @@ def requests(
         angle = here.at_look.parts.get(owner_of(step.target or ""))
         turned = angle is not None and angle.sigma_theta_rad > 0
         turn = _share(LOOK_SHARE, next_turn_rad(task, states, index))
-        return (_request(here, step.target, "", share, turn, angle=turned),)
+        asked = "a pixel: no later step asks for more"
+        if need is not None:
+            asked = f"half of the {need:.3g} um that a later step needs of it"
+        found = _request(here, step.target, "", share, turn, angle=turned)
+        return (replace(found, asked_by=asked),)
     if step.verb == "align":
         share = LOOK_SHARE * (tolerance_um or 0.0)
         turn = _share(LOOK_SHARE, step.tolerance_theta_rad)
-        return (_request(here, step.target, "", share, turn),)
+        found = _request(here, step.target, "", share, turn)
+        return (replace(found, asked_by=_asked_by(states, here, tolerance_um)),)
     if step.verb == "verify":
         share = VERIFY_SHARE * (step.within_um or 0.0)
         turn = _share(VERIFY_SHARE, step.within_rad)
-        return (
-            _request(here, step.target, "target", share, turn),
-            _request(here, step.on, "seat", share, turn),
+        return tuple(
+            replace(
+                _request(here, name, suffix, share, turn),
+                asked_by=f"a quarter of the {step.within_um or 0.0:.3g} um to verify",
+            )
+            for name, suffix in ((step.target, "target"), (step.on, "seat"))
         )
     return ()
+
+
+def _asked_by(
+    states: tuple[StepState, ...], align: StepState, tolerance_um: float | None
+) -> str:
+    """Return why an alignment's look must be so good."""
+    words = f"half of the {tolerance_um or 0.0:.3g} um to align to"
+    insert = insertion_after(states, align)
+    if align.step.tolerance_xy_um is None and insert is not None:
+        words += f", which the clearance of step {insert.id!r} asks for"
+    return words
 
 
 def next_turn_rad(
