@@ -275,6 +275,11 @@ REFUSED: dict[str, tuple[str, str]] = {
     "weight of 0": (
         dxf(spline(2, [0, 0, 0, 1, 1, 1], [(0, 0), (5, 9), (9, 0)], [1, 0, 1])), "MP214"
     ),
+    "spline that jumps": (
+        dxf(spline(1, [0, 0, 1, 2, 2, 3, 4, 4],
+                   [(0, 0), (90, 0), (90, 50), (95, 50), (95, 90), (0, 90)]),
+            line((0, 90), (0, 0))), "MP205",
+    ),
     "hatch cut short": (dxf(hatch(HATCH_SLOT[:-3])), "MP202"),
     "vertex alone": (dxf(entity("VERTEX", *xy(10, (0, 0)))), "MP202"),
     "polyline without end": (dxf(entity("POLYLINE"), circle((0, 0), 5)), "MP202"),
