@@ -16,14 +16,12 @@ from planner.model.assembly import (
     State,
     axes_of,
     inner_center,
-    locate_place,
     owner_of,
     part_pose,
 )
 from planner.model.moves import apply_reading
 from planner.model.shapes import hull
 from planner.model.steps import StepState
-from planner.model.sweep import ROUNDING_UM
 from planner.model.targets import middle_um
 
 Point = tuple[float, float]
@@ -120,17 +118,6 @@ def _is(state: StepState, verb: str, part: str) -> bool:
 
 def _owners(align: Step) -> set[str]:
     return {owner_of(name or "") for name in (align.target, align.to)}
-
-
-def offset_um(put: Putting) -> float:
-    """Return how far apart the moves leave what is to be in one place."""
-    after = put.release.after
-    target, on = (
-        locate_place(put.task, after, name or "").pose
-        for name in (put.verify.target, put.verify.on)
-    )
-    off_um = math.hypot(target.x_um - on.x_um, target.y_um - on.y_um)
-    return off_um if off_um > ROUNDING_UM else 0.0
 
 
 def moves_s(task: Task, steps: Sequence[StepState]) -> float:

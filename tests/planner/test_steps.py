@@ -11,6 +11,7 @@ from planner.checks.budget import Sighted
 from planner.control import control_of, tolerance_um
 from planner.diagnostics import Report
 from planner.inputs.task import Task
+from planner.inserting import apart
 from planner.leaving import moved_by, residual_of
 from planner.looks import Effects
 from planner.memory import Memory
@@ -169,3 +170,17 @@ def test_what_the_moves_leave_off_the_post_counts(file: Path, off_um: float) -> 
     change(file, f"move: [{down}]", f"move: [{sideways}, {down}]")
     rows = {row.term: row for row in inserted(file).step.budget.rows}
     assert rows["offset that the moves leave"].sigma_um == pytest.approx(off_um)
+
+
+def test_an_offset_keeps_its_direction(file: Path) -> None:
+    """The plate goes to -x and +y, so that the gear comes down to +x and -y of it."""
+    down = "{stage: {z_um: 0}}"
+    task, states = unfolded(file)
+    stage = named(states, "insert").after.stage
+    there = f"{{stage: {{x_um: {stage.x_um - 3}, y_um: {stage.y_um + 4}}}}}"
+    change(file, f"move: [{down}]", f"move: [{there}, {down}]")
+    task, states = unfolded(file)
+    state = named(states, "insert").after
+    off_um, way_rad = apart(task, state, "gear.bore", "shaft_plate.post")
+    assert off_um == pytest.approx(5.0)
+    assert way_rad == pytest.approx(math.atan2(-4, 3))
