@@ -9,11 +9,11 @@ from dataclasses import dataclass
 import shapely
 
 from planner.checks.budget import Sighted
+from planner.checks.view_times import move_times
 from planner.inputs.task import Move, Part, Step, Task
 from planner.memory import Memory
 from planner.model.assembly import (
     Carrier,
-    State,
     axes_of,
     inner_center,
     owner_of,
@@ -127,19 +127,13 @@ def moves_s(task: Task, steps: Sequence[StepState]) -> float:
         state = here.before
         for move in here.moves:
             after = apply_reading(task, state, move.axes, move.to)
-            total += _move_s(task, state, after, move.axes)
+            a, b = (
+                s.stage if move.axes == "stage" else s.robot for s in (state, after)
+            )
+            times = move_times(axes_of(task, move.axes), move.axes, a, b)
+            total += sum(row.time_s for row in times)
             state = after
     return total
-
-
-def _move_s(task: Task, before: State, after: State, carrier: Carrier) -> float:
-    axes = axes_of(task, carrier)
-    a, b = (s.stage if carrier == "stage" else s.robot for s in (before, after))
-    return axes.settle_s + max(
-        math.hypot(b.x_um - a.x_um, b.y_um - a.y_um) / axes.speed_xy_um_per_s,
-        abs(b.z_um - a.z_um) / axes.speed_z_um_per_s,
-        abs(b.theta_rad - a.theta_rad) / axes.speed_theta_rad_per_s,
-    )
 
 
 def moves_of(steps: Sequence[StepState], carrier: Carrier) -> list[Move]:
