@@ -270,10 +270,9 @@ def _most_looks(residual: Residual, turn: Turn | None) -> int:
     inside, more = residual.inside, 0
     if turn is not None:
         inside, more = inside * turn.inside, turn.most
-    outside = 1 - inside
-    if outside <= 0:
+    if inside >= 1:
         return 2 + more
-    return max(2, math.ceil(math.log(GIVE_UP) / math.log(outside)) + 1) + more
+    return max(2, math.ceil(math.log(GIVE_UP) / math.log1p(-inside)) + 1) + more
 
 
 def _from_fit(

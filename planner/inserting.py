@@ -10,7 +10,7 @@ from planner.checks.insert_budget import Left
 from planner.checks.insertion import Insertion
 from planner.checks.since import since_rows
 from planner.inputs.task import Task
-from planner.model.assembly import Carrier, axes_of, locate_place, owner_of
+from planner.model.assembly import Carrier, State, axes_of, locate_place, owner_of
 from planner.model.steps import StepState
 from planner.model.sweep import ROUNDING_UM
 
@@ -36,24 +36,28 @@ def insertion_of(
     cell = task.workcell
     blind = blind_rows(cell, travel_of(insert), hole, shaft, insert_s(task, insert))
     blind += since_rows(task, states, insert, (hole, shaft))
-    offset_um = off_um(task, insert)
+    offset_um, offset_rad = apart(
+        task, insert.after, insert.step.target or "", insert.step.onto or ""
+    )
     return Insertion(
         fit=fit,
         residual=left.residual,
         early=left.early,
         blind=blind,
         offset_um=offset_um,
+        offset_rad=offset_rad,
     )
 
 
-def off_um(task: Task, insert: StepState) -> float:
-    """Return how far hole and shaft are nominally apart once the moves are done."""
-    hole, shaft = (
-        locate_place(task, insert.after, name or "").pose
-        for name in (insert.step.target, insert.step.onto)
-    )
-    off_um = math.hypot(hole.x_um - shaft.x_um, hole.y_um - shaft.y_um)
-    return off_um if off_um > ROUNDING_UM else 0.0
+def apart(task: Task, state: State, name: str, other: str) -> tuple[float, float]:
+    """Return how far, um, and in which direction, rad, places are nominally apart.
+
+    (0, 0) where it is rounding.
+    """
+    here, there = (locate_place(task, state, n).pose for n in (name, other))
+    x_um, y_um = here.x_um - there.x_um, here.y_um - there.y_um
+    off_um = math.hypot(x_um, y_um)
+    return (off_um, math.atan2(y_um, x_um)) if off_um > ROUNDING_UM else (0.0, 0.0)
 
 
 def insert_s(task: Task, insert: StepState) -> float:

@@ -14,6 +14,7 @@ from planner.checks.placing import Placement, chance_beside, placing_budget, wit
 from planner.checks.since import since_rows
 from planner.checks.turning import Turning
 from planner.inputs.task import Task
+from planner.inserting import apart
 from planner.leaving import gain_of, left_by, moved_by, unaligned
 from planner.looks import Effects
 from planner.memory import Memory, method_taken
@@ -29,7 +30,6 @@ from planner.putting import (
     far_um,
     moves_of,
     moves_s,
-    offset_um,
     putting_of,
     way_um,
 )
@@ -90,12 +90,15 @@ def left_of(put: Putting) -> Left:
 
 def job_of(put: Putting, left: Left) -> Insertion:
     """Return the errors of the place, against the tolerance that is stated."""
+    names = (put.verify.target or "", put.verify.on or "")
+    offset_um, offset_rad = apart(put.task, put.release.after, *names)
     return Insertion(
         fit=within(put.verify.within_um or 0.0),
         residual=left.residual,
         early=left.early,
         blind=(*_blind(put), *_levers(put)),
-        offset_um=offset_um(put),
+        offset_um=offset_um,
+        offset_rad=offset_rad,
     )
 
 

@@ -9,21 +9,19 @@ from dataclasses import dataclass
 import shapely
 
 from planner.checks.budget import Sighted
+from planner.checks.view_times import move_times
 from planner.inputs.task import Move, Part, Step, Task
 from planner.memory import Memory
 from planner.model.assembly import (
     Carrier,
-    State,
     axes_of,
     inner_center,
-    locate_place,
     owner_of,
     part_pose,
 )
 from planner.model.moves import apply_reading
 from planner.model.shapes import hull
 from planner.model.steps import StepState
-from planner.model.sweep import ROUNDING_UM
 from planner.model.targets import middle_um
 
 Point = tuple[float, float]
@@ -122,17 +120,6 @@ def _owners(align: Step) -> set[str]:
     return {owner_of(name or "") for name in (align.target, align.to)}
 
 
-def offset_um(put: Putting) -> float:
-    """Return how far apart the moves leave what is to be in one place."""
-    after = put.release.after
-    target, on = (
-        locate_place(put.task, after, name or "").pose
-        for name in (put.verify.target, put.verify.on)
-    )
-    off_um = math.hypot(target.x_um - on.x_um, target.y_um - on.y_um)
-    return off_um if off_um > ROUNDING_UM else 0.0
-
-
 def moves_s(task: Task, steps: Sequence[StepState]) -> float:
     """Return how long the moves of steps take, settling included."""
     total = 0.0
@@ -140,19 +127,13 @@ def moves_s(task: Task, steps: Sequence[StepState]) -> float:
         state = here.before
         for move in here.moves:
             after = apply_reading(task, state, move.axes, move.to)
-            total += _move_s(task, state, after, move.axes)
+            a, b = (
+                s.stage if move.axes == "stage" else s.robot for s in (state, after)
+            )
+            times = move_times(axes_of(task, move.axes), move.axes, a, b)
+            total += sum(row.time_s for row in times)
             state = after
     return total
-
-
-def _move_s(task: Task, before: State, after: State, carrier: Carrier) -> float:
-    axes = axes_of(task, carrier)
-    a, b = (s.stage if carrier == "stage" else s.robot for s in (before, after))
-    return axes.settle_s + max(
-        math.hypot(b.x_um - a.x_um, b.y_um - a.y_um) / axes.speed_xy_um_per_s,
-        abs(b.z_um - a.z_um) / axes.speed_z_um_per_s,
-        abs(b.theta_rad - a.theta_rad) / axes.speed_theta_rad_per_s,
-    )
 
 
 def moves_of(steps: Sequence[StepState], carrier: Carrier) -> list[Move]:

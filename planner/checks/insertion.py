@@ -34,7 +34,8 @@ class Insertion:
     fit: Fit
     residual: Residual  # what the servo leaves
     blind: tuple[BudgetRow, ...]  # what it cannot see
-    offset_um: float = 0.0  # that nobody corrects; its direction is taken as x
+    offset_um: float = 0.0  # that nobody corrects
+    offset_rad: float = 0.0  # its direction in the world, as `along_rad` of the rows
     # share of alignments that end at their first look, and what those leave
     early: tuple[float, Residual] | None = None
 
@@ -54,7 +55,9 @@ class Insertion:
     @property
     def rest(self) -> Spread:
         """Return the law of what the servo cannot see, offset included."""
-        law = Spread(middle_um=(self.offset_um, 0.0), xx_um2=0.0, yy_um2=0.0)
+        off, way = self.offset_um, self.offset_rad
+        middle_um = (off * math.cos(way), off * math.sin(way))
+        law = Spread(middle_um=middle_um, xx_um2=0.0, yy_um2=0.0)
         for row in self.blind:
             law = law.plus(Spread.along(row.sigma_um or 0.0, row.along_rad))
         return law
@@ -81,7 +84,7 @@ class Insertion:
                 room.radius_um, room.flat_um, room.reach_um, rest.plus(left)
             )
         extra = math.sqrt((wide - narrow) * (wide + narrow))
-        return self._averaged(narrow, extra, angle)
+        return self._averaged(narrow, extra, angle - self.offset_rad)
 
     @property
     def sizes_um(self) -> dict[str, float]:
@@ -99,7 +102,7 @@ class Insertion:
         _, _, angle = self.rest.principal
         turns = {angle, angle + math.pi / 2} if self._leans else {0.0}
         return max(
-            replace(self._turned(-turn), offset_um=offset_um).miss for turn in turns
+            replace(self, offset_um=offset_um, offset_rad=turn).miss for turn in turns
         )
 
     @property
@@ -108,18 +111,11 @@ class Insertion:
         narrow, wide, _ = self.rest.principal
         return wide - narrow > ROUND * wide
 
-    def _turned(self, angle_rad: float) -> Insertion:
-        """Return the same insertion in a frame turned by -angle_rad."""
-        rows = tuple(
-            row
-            if row.along_rad is None
-            else replace(row, along_rad=row.along_rad + angle_rad)
-            for row in self.blind
-        )
-        return replace(self, blind=rows)
-
     def _averaged(self, narrow_um: float, extra_um: float, angle_rad: float) -> float:
-        """Return the mean chance over a shift along the wide axis."""
+        """Return the mean chance over a shift along the wide axis.
+
+        `angle_rad` is that axis' own, from the offset's direction on.
+        """
         if narrow_um < SMOOTH * extra_um:
             shifts, weights = self._pieces(extra_um, angle_rad)
             return min(1.0, self._mean(shifts, weights, narrow_um, angle_rad))

@@ -32,6 +32,8 @@ FAR_UM = 1e9  # a kilometre: beyond it doubles no longer resolve JOIN_UM well
 MAX_ENTITIES = 20_000  # with vertices, blocks expanded; 5 kB can ask for 1e9
 MAX_ARCS = 20_000  # of curves: `benchmarks.hostile` says what they cost
 
+_INEXACT = ("MP203", "MP214")  # nothing is damaged, but there is no exact reading
+
 # written on drawings, no part of what is drawn
 ANNOTATION = frozenset(
     (
@@ -76,6 +78,8 @@ class Drawn:
     taken: Counter[tuple[str, str]] = field(default_factory=Counter)
     skipped: Counter[tuple[str, str]] = field(default_factory=Counter)
     strokes: list[str] = field(default_factory=list)  # handles of lines with a width
+    # hatches without an exact reading, with their layers; beside lines none is needed
+    unread: list[tuple[str, Trouble]] = field(default_factory=list)
     arc_count: int = 0  # of curves
 
 
@@ -119,13 +123,21 @@ def draw(file: DxfFile, layers: frozenset[str], scale_um: float) -> Drawn:
     for entity in file.paper:
         if entity.layer.lower() in layers and entity.kind in READERS:
             drawn.skipped[entity.layer, f"{entity.kind} in paper space"] += 1
-    if drawn.pieces and drawn.hatched:
-        for layer, kind in [key for key in drawn.taken if key[1] == "HATCH"]:
-            beside = drawn.taken.pop((layer, kind))
-            drawn.skipped[layer, "HATCH beside linework"] += beside
-    elif not drawn.pieces:
-        drawn.pieces, drawn.hatched = drawn.hatched, []
+    _settle_hatches(drawn)
     return drawn
+
+
+def _settle_hatches(drawn: Drawn) -> None:
+    """Leave hatches out, read or not, beside lines; else take them for lines."""
+    if not drawn.pieces:
+        drawn.pieces, drawn.hatched = drawn.hatched, []
+        drawn.troubles += [trouble for _, trouble in drawn.unread]
+        return
+    beside = Counter(layer for layer, _ in drawn.unread)
+    for layer, kind in [key for key in drawn.taken if key[1] == "HATCH"]:
+        beside[layer] += drawn.taken.pop((layer, kind))
+    for layer, count in beside.items():
+        drawn.skipped[layer, "HATCH beside linework"] += count
 
 
 @dataclass(frozen=True, slots=True)
@@ -206,7 +218,11 @@ class _Walk:
         try:
             found = list(self._pieces(entity, layer, frame))
         except (ValueError, OverflowError, ZeroDivisionError) as error:
-            drawn.troubles.append(_trouble(entity, layer, error))
+            trouble = _trouble(entity, layer, error)
+            if entity.kind == "HATCH" and trouble.code in _INEXACT:
+                drawn.unread.append((layer, trouble))
+            else:
+                drawn.troubles.append(trouble)
             return
         if found:
             drawn.taken[layer, entity.kind] += 1

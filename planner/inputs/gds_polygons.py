@@ -47,9 +47,6 @@ def polygons(shape: Shape, mag: float = 1.0) -> list[shapely.Polygon]:
         message = f"a {shape.kind} on layer '{shape.layer}' is not closed"
         raise GdsError("MP233", shape.offset, message, "save it again")
     whole = shapely.Polygon(points)
-    if not whole.area:
-        message = f"a {shape.kind} on layer '{shape.layer}' encloses nothing"
-        raise GdsError("MP233", shape.offset, message, "delete it")
     return [whole] if whole.is_valid else _gone_round_once(shape, points)
 
 
@@ -84,6 +81,9 @@ def _gone_round_once(shape: Shape, points: FloatArray) -> list[shapely.Polygon]:
     edges = shapely.linestrings(ends)
     parts = shapely.get_parts(shapely.polygonize([shapely.union_all(edges)]))
     faces = [face for face in parts if isinstance(face, shapely.Polygon)]
+    if not faces:
+        message = f"a {shape.kind} on layer '{shape.layer}' encloses nothing"
+        raise GdsError("MP233", shape.offset, message, "delete it")
     if len(faces) * len(points) > MAX_WINDINGS:
         message = f"a {shape.kind} on layer '{shape.layer}' touches itself too often"
         raise GdsError("MP215", shape.offset, message)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from optics.outline import JOIN_UM, Arc, Edge, Point, Ring, Segment
@@ -51,6 +51,7 @@ def chain(pieces: Sequence[Piece]) -> Chained:
     paths = [[piece] for piece in kept if piece.closed]
     if not (branches or lonely):
         paths += _walk(loose, mates)
+    torn = [place for piece in kept for place in _torn(piece)]
     rings: list[Ring] = []
     gaps: list[float] = []
     for path in paths:
@@ -60,7 +61,7 @@ def chain(pieces: Sequence[Piece]) -> Chained:
     return Chained(
         rings=tuple(rings),
         handles=tuple(tuple(dict.fromkeys(p.handle for p in path)) for path in paths),
-        open=tuple(_open(loose, end) for end in lonely),
+        open=(*(_open(loose, end) for end in lonely), *torn),
         branches=tuple(_open(loose, end) for end in branches),
         gaps_um=tuple(gaps),
         doubled=doubled,
@@ -235,6 +236,15 @@ def _bridged(edges: Sequence[Edge], gaps: list[float]) -> tuple[Edge, ...]:
             gaps.append(gap)
             out.append(Segment(start=edge.end, end=after.start))
     return tuple(out)
+
+
+def _torn(piece: Piece) -> Iterator[OpenEnd]:
+    """Yield where a piece by itself has a gap that is too wide, as a spline may."""
+    after = (*piece.edges[1:], *(piece.edges[:1] if piece.closed else ()))
+    for a, b in zip(piece.edges, after, strict=False):
+        if math.dist(a.end, b.start) > GAP_UM:
+            yield OpenEnd(*a.end, piece.handle)
+            yield OpenEnd(*b.start, piece.handle)
 
 
 def _share(path: Sequence[Piece], layer: str) -> float:

@@ -56,7 +56,10 @@ def check_fits(task: Task, states: tuple[StepState, ...], report: Report) -> Non
 def _report_fit(step: Step, found: FitVerdict, report: Report) -> None:
     """Report a fit with its numbers, louder where some parts will not go."""
     words = fit_words(step.id, found)
-    if found.fit == "clearance":
+    if found.engaged_um <= 0:
+        hint = "end the moves where the hole is around the shaft"
+        report.refuse("MP610", step.where, words, hint)
+    elif found.fit == "clearance":
         report.note("MP610", step.where, words)
     else:
         hint = "widen the hole or thin the shaft, or make both closer to their drawings"

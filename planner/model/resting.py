@@ -22,8 +22,9 @@ class Resting:
 
     on: tuple[str, ...]  # owners, by name; () is the stage's own surface
     gap_um: float  # by which it falls
-    beyond_um: float  # of its hull over the edges of what it lies on
-    inside_um: float  # of its centre of area within what carries it; < 0: beyond
+    beyond_um: float  # of its hull over the outer edges of what it lies on
+    # of its centre of area within the edges that it may tip over; < 0: beyond them
+    inside_um: float
 
     @property
     def balanced(self) -> bool:
@@ -34,8 +35,8 @@ class Resting:
 def resting(task: Task, state: State, name: str) -> Resting:
     """Return how a part lies once it is let go in `state`.
 
-    Holes below a part count as solid, and supports that stand apart carry what bridges
-    them. The stage's surface has no edge.
+    Supports that stand apart, or on both sides of a hole, carry what bridges them. The
+    stage's surface has no edge.
     """
     everything = bodies(task, state)
     body = next(b for b in everything if b.name == name)
@@ -47,12 +48,12 @@ def resting(task: Task, state: State, name: str) -> Resting:
     on = [b for b in below if b.z_high_um >= top_um - ROUNDING_UM]
     if not on or top_um <= stage_um:
         return Resting(on=(), gap_um=gap_um, beyond_um=0.0, inside_um=math.inf)
-    carrier = shapely.union_all([_filled(polygon(b.outline)) for b in on])
+    carrier = shapely.union_all([polygon(b.outline) for b in on])
     carried = shape.intersection(carrier).convex_hull
     return Resting(
         on=tuple(sorted({b.owner for b in on})),
         gap_um=gap_um,
-        beyond_um=_beyond_um(body, carrier),
+        beyond_um=_beyond_um(body, _filled(carrier)),
         inside_um=_inside_um(shape, carried),
     )
 
@@ -62,14 +63,13 @@ def report_resting(
 ) -> None:
     """Report a part that is let go where it hangs over, or falls off."""
     found = resting(task, state, name)
-    if not found.on or found.beyond_um <= ROUNDING_UM:
-        return
-    under = " and ".join(found.on)
     spread = SIGMAS * math.hypot(*(part_sigma_um(state, n) for n in (name, *found.on)))
-    words = (
-        f"step {step.id!r}: {name} hangs {found.beyond_um:.3g} um over the edge of "
-        f"{under}, its centre "
-    )
+    hangs = found.beyond_um > ROUNDING_UM
+    if not found.on or not (hangs or found.inside_um < spread):
+        return
+    over = f"{found.beyond_um:.3g} um over the edge" if hangs else "over a hole"
+    under = " and ".join(found.on)
+    words = f"step {step.id!r}: {name} hangs {over} of {under}, its centre "
     if found.inside_um < spread:
         report.refuse(
             "MP308",
@@ -111,7 +111,13 @@ def _beyond_um(body: Body, carrier: BaseGeometry) -> float:
 
 
 def _inside_um(shape: BaseGeometry, carried: BaseGeometry) -> float:
-    """Return how far the centre of area is inside the hull of what is carried."""
+    """Return how far the centre of area is inside the hull of what is carried.
+
+    Where that ends with the part itself it tips over nothing: inf if all of it does.
+    """
     middle = shape.centroid
-    edge_um = float(carried.boundary.distance(middle)) if carried.area > 0 else 0.0
-    return edge_um if carried.contains(middle) else -edge_um
+    if not carried.contains(middle):
+        return -float(carried.distance(middle))
+    own = shape.convex_hull.boundary.buffer(ROUNDING_UM)
+    edges = carried.boundary.difference(own)
+    return math.inf if edges.is_empty else float(edges.distance(middle))

@@ -10,7 +10,9 @@ import pytest
 from planner.checks.budget import Sighted
 from planner.control import control_of, tolerance_um
 from planner.diagnostics import Report
+from planner.inputs.read_task import load_task
 from planner.inputs.task import Task
+from planner.inserting import apart
 from planner.leaving import moved_by, residual_of
 from planner.looks import Effects
 from planner.memory import Memory
@@ -169,3 +171,45 @@ def test_what_the_moves_leave_off_the_post_counts(file: Path, off_um: float) -> 
     change(file, f"move: [{down}]", f"move: [{sideways}, {down}]")
     rows = {row.term: row for row in inserted(file).step.budget.rows}
     assert rows["offset that the moves leave"].sigma_um == pytest.approx(off_um)
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("gear.bore, method: auto", "gear.bore, tolerance_xy_um: 0.0001"),
+        ("gear.bore, method: auto", "gear.bore, tolerance_theta_deg: 0.000001"),
+        ("speed_um_per_s: 20", "speed_um_per_s: 0.001"),
+    ],
+)
+def test_the_least_that_a_task_may_state_is_worked_out(
+    file: Path, old: str, new: str
+) -> None:
+    """Beside axes that repeat to 10 mm, and drift by 10 mm a minute."""
+    cell = file.with_name("workcell.yaml")
+    change(cell, "repeatability_xy_um: 1.0 ", "repeatability_xy_um: 10000 ")
+    change(cell, "drift_um_per_min: 0.1 ", "drift_um_per_min: 10000 ")
+    change(file, old, new)
+    task, states = unfolded(file)
+    align = named(states, "over_shaft")
+    within_um = tolerance_um(task, states, align, None, Report())
+    control = control_of(task, align, within_um)
+    assert math.isfinite(control.expected_cycles)
+    assert control.max_cycles >= control.expected_cycles
+    chance = inserted(file).step.budget.success_probability
+    assert 0 <= chance < 1e-3
+    change(file, new, new[:-1] + "01")
+    assert load_task(str(file), Report()) is None
+
+
+def test_an_offset_keeps_its_direction(file: Path) -> None:
+    """The plate goes to -x and +y, so that the gear comes down to +x and -y of it."""
+    down = "{stage: {z_um: 0}}"
+    task, states = unfolded(file)
+    stage = named(states, "insert").after.stage
+    there = f"{{stage: {{x_um: {stage.x_um - 3}, y_um: {stage.y_um + 4}}}}}"
+    change(file, f"move: [{down}]", f"move: [{there}, {down}]")
+    task, states = unfolded(file)
+    state = named(states, "insert").after
+    off_um, way_rad = apart(task, state, "gear.bore", "shaft_plate.post")
+    assert off_um == pytest.approx(5.0)
+    assert way_rad == pytest.approx(math.atan2(-4, 3))

@@ -38,11 +38,12 @@ def row(term: str, sigma_um: float, along_rad: float | None = None) -> BudgetRow
 
 def insertion(
     *rows: BudgetRow, residual: Residual = NONE, offset_um: float = 0.0,
-    tolerance_um: float = 0.0,
+    offset_rad: float = 0.0, tolerance_um: float = 0.0,
 ) -> Insertion:  # fmt: skip
     return Insertion(
-        fit=fit(3.0, tolerance_um), residual=residual, blind=rows, offset_um=offset_um
-    )
+        fit=fit(3.0, tolerance_um), residual=residual, blind=rows,
+        offset_um=offset_um, offset_rad=offset_rad,
+    )  # fmt: skip
 
 
 def drawn(job: Insertion, seed: int) -> int:
@@ -55,7 +56,8 @@ def drawn(job: Insertion, seed: int) -> int:
             count = int(outside.sum())
             error[outside] = rng.normal(0, job.residual.sigma_um, (count, 2))
             outside = np.hypot(error[:, 0], error[:, 1]) >= job.residual.within_um
-    error[:, 0] += job.offset_um
+    error[:, 0] += job.offset_um * math.cos(job.offset_rad)
+    error[:, 1] += job.offset_um * math.sin(job.offset_rad)
     for each in job.blind:
         if each.along_rad is None:
             error += rng.normal(0, each.sigma_um or 0.0, (SAMPLES, 2))
@@ -79,6 +81,11 @@ JOBS = [
     insertion(
         row("x", 0.8, 0.0), residual=Residual(sigma_um=1.2, within_um=math.inf),
         tolerance_um=0.3,
+    ),
+    insertion(row("y", 1.5, 1.5), residual=SERVOED, offset_um=1.8, offset_rad=1.2),
+    insertion(
+        row("x", 0.9, 0.0), row("all", 0.8), offset_um=1.8, offset_rad=2.0,
+        residual=Residual(sigma_um=0.5, within_um=math.inf),
     ),
 ]  # fmt: skip
 

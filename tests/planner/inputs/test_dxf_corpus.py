@@ -92,6 +92,10 @@ HATCH_ELLIPSE: Tags = [
     (92, 1), (93, 1), (72, 3), *xy(10, (0, 0)), *xy(11, (50, 0)), (40, 0.4),
     (50, 0.0), (51, 360.0), (73, 1),
 ]  # fmt: skip
+HATCH_PART: Tags = [
+    (92, 1), (93, 2), (72, 3), *xy(10, (0, 0)), *xy(11, (20, 0)), (40, 0.5), (50, 0.0),
+    (51, 180.0), (73, 1), (72, 1), *xy(10, (-20, 0)), *xy(11, (20, 0)),
+]  # fmt: skip
 HATCH_SPLINE: Tags = [
     (92, 1), (93, 2), (72, 4), (94, 2), (73, 0), (74, 0), (95, 6), (96, 3),
     *((40, k) for k in (0, 0, 0, 1, 1, 1)),
@@ -169,6 +173,9 @@ EXACT: dict[str, tuple[str, float, int, list[float]]] = {
     "hatch, ellipse": (dxf(hatch(HATCH_ELLIPSE)), 1000 * PI, 0, []),
     "hatch, spline": (dxf(hatch(HATCH_SPLINE)), 10000 / 3, 0, []),
     "hatch beside lines": (dxf(hatch(HATCH_SLOT), box(50, 50)), 2500, 0, []),
+    "half ellipse hatched beside lines": (
+        dxf(hatch(HATCH_PART), box(50, 50)), 2500, 0, []
+    ),
     "grid of blocks": (
         dxf(
             box(100, 60),
@@ -210,7 +217,8 @@ SAID = {  # findings that are no errors
     "wide line": ["MP224"], "wide corner": ["MP224"], "wide slot": ["MP224"],
     "wide box": ["MP224"], "arrow": ["MP224"], "donut": ["MP224"], "dot": ["MP224"],
     "hatch, ellipse": ["MP225"], "hatch, spline": ["MP225"],
-    "hatch beside lines": ["MP219"], "uneven block": ["MP225"],
+    "hatch beside lines": ["MP219"], "half ellipse hatched beside lines": ["MP219"],
+    "uneven block": ["MP225"],
     "shared side": ["MP213"], "shared arc": ["MP213"],
     "circle over its arc": ["MP213"], "side of a closed polyline": ["MP213"],
 }  # fmt: skip
@@ -275,6 +283,12 @@ REFUSED: dict[str, tuple[str, str]] = {
     "weight of 0": (
         dxf(spline(2, [0, 0, 0, 1, 1, 1], [(0, 0), (5, 9), (9, 0)], [1, 0, 1])), "MP214"
     ),
+    "spline that jumps": (
+        dxf(spline(1, [0, 0, 1, 2, 2, 3, 4, 4],
+                   [(0, 0), (90, 0), (90, 50), (95, 50), (95, 90), (0, 90)]),
+            line((0, 90), (0, 0))), "MP205",
+    ),
+    "half ellipse hatched alone": (dxf(hatch(HATCH_PART)), "MP203"),
     "hatch cut short": (dxf(hatch(HATCH_SLOT[:-3])), "MP202"),
     "vertex alone": (dxf(entity("VERTEX", *xy(10, (0, 0)))), "MP202"),
     "polyline without end": (dxf(entity("POLYLINE"), circle((0, 0), 5)), "MP202"),

@@ -353,6 +353,8 @@ def test_an_absurd_size_is_refused(tmp_path: Path) -> None:
         (path([(0, 0), (9000, 0)], 100, 4, ends=(-9000, 0)), "MP233"),
         (boundary([(0, 0), (9000, 0), (4000, 0)]), "MP233"),
         (boundary([(0, 0), (9000, 0)]), "MP233"),
+        (boundary([(0, 0), (9000, 0), (9000, 9000), (9000, 0)]), "MP233"),
+        (boundary([(0, 0), (9000, 9000), (9000, 0), (0, 9000)]), "MP208"),
         (element(0x08, short(0x0D, 1), short(0x0E, 0), xy(SQUARE)), "MP233"),
         (element(0x08, short(0x0D, 1), xy(SQUARE)), "MP230"),
         (

@@ -166,6 +166,8 @@ def test_without_friction_or_overlap_there_is_no_limit() -> None:
         ("parts/shaft_plate.dxf", "22.0", "25.5", [("MP601", "infeasible")]),
         ("workcell.yaml", "tilt_sigma_mrad: 2", "tilt_sigma_mrad: 200",
          [("MP610", "note"), ("MP611", "warning")]),
+        ("task.yaml", "move: [{stage: {z_um: 0}}], speed",
+         "move: [{stage: {z_um: -255}}], speed", [("MP610", "infeasible")]),
     ],
 )  # fmt: skip
 def test_fits_are_reported_with_their_numbers(

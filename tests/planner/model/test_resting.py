@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from itertools import pairwise
 
 import pytest
 
-from optics.outline import place
+from optics.outline import Outline, Ring, Segment, place
 from planner.diagnostics import Diagnostic, Report
 from planner.inputs.read_task import load_task
 from planner.inputs.task import Move, Reading, Step, Task
@@ -105,6 +106,45 @@ def test_a_part_on_two_plates_that_are_apart_rests_between_them(task: Task) -> N
     assert found.balanced  # a bridge; each alone would let it tip
     alone = replace(state, parts={k: v for k, v in state.parts.items() if k != "left"})
     assert not resting(apart, alone, "die").balanced
+
+
+@pytest.mark.parametrize("over_um", [-20.0, 20.0])
+def test_a_hole_below_carries_nothing(task: Task, over_um: float) -> None:
+    """A die over the rim of a large hole tips into it once its middle is beyond."""
+    state = lying(task, 0.0, 100.0)
+    plate = task.parts["submount"]
+    x = -over_um  # the hole begins there and ends beyond the die
+    corners = [(x, -100.0), (x, 300.0), (400.0, 300.0), (400.0, -100.0)]
+    sides = pairwise([*corners, corners[0]])
+    hole = Ring(edges=tuple(Segment(start=a, end=b) for a, b in sides), layer="H")
+    outer = max(plate.outline.rings, key=lambda ring: ring.signed_area_um2)
+    pierced = replace(plate, outline=Outline(rings=(outer, hole)))
+    changed = replace(task, parts={**task.parts, "submount": pierced})
+    found = released(changed, state)
+    assert resting(changed, state, "die").balanced is (over_um < 0)
+    assert [d.severity for d in found] == ["infeasible"] * (over_um > 0)
+
+
+def test_a_narrow_part_may_hang_over_lengthwise(task: Task) -> None:
+    """What lies under its long sides reaches beyond them: they are no edges to tip."""
+    state = lying(task, 450.0 - DIE_UM[0] / 2 + 40.0, 100.0)
+    narrow = replace(
+        task.parts["die"], outline=oblong(DIE_UM[0], 0.2)
+    )  # its middle is nearer to its sides than two sigma
+    changed = replace(task, parts={**task.parts, "die": narrow})
+    (told,) = released(changed, state)
+    assert (told.code, told.severity) == ("MP308", "warning")
+    inside = resting(changed, state, "die").inside_um
+    assert inside == pytest.approx(DIE_UM[0] / 2 - 40.0, rel=1e-6)
+
+
+def oblong(x_um: float, y_um: float) -> Outline:
+    """Return a bar about where the die is drawn."""
+    a, b = x_um / 2, y_um / 2
+    corners = [(-a, 145 - b), (a, 145 - b), (a, 145 + b), (-a, 145 + b)]
+    sides = pairwise([*corners, corners[0]])
+    edges = tuple(Segment(start=a, end=b) for a, b in sides)
+    return Outline(rings=(Ring(edges=edges, layer="A"),))
 
 
 @pytest.mark.parametrize(("y_um", "reaches"), [(-190.0, True), (-210.0, False)])
