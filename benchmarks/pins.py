@@ -100,7 +100,6 @@ def sightings(plan: Plan, until: str) -> dict[str, Sighted]:
                 name=look.target,
                 step=step.id,
                 sigma_um=look.sigma_xy_um,
-                bias_um=0.0,
                 magnification=look.view.magnification,
                 focus_um=look.view.focus_um,
                 distortion_sigma_um=0.0,  # of circles at the middle of the field

@@ -41,7 +41,6 @@ def remember(
         step=step,
         sigma_um=math.hypot(look.look.sigma_xy_um, moved_um),
         sigma_theta_rad=look.look.sigma_theta_rad,
-        bias_um=0.0,  # the executor takes the mean error off
         magnification=view.magnification,
         focus_um=view.focus_um,
         distortion_sigma_um=look.distortion_sigma_um,

@@ -29,7 +29,6 @@ class Sighted:
     name: str
     step: str  # id of the step that looked
     sigma_um: float
-    bias_um: float
     magnification: float
     focus_um: float
     distortion_sigma_um: float  # at the target's place
@@ -197,7 +196,7 @@ def release_budget(task: Task, tool: str) -> Budget:
         term="adhesion to the fingers",
         sigma_um=None,
         source=f"an interval of forces gives no chance (the step's verdict has it); "
-        f"stick_probability {stick:g} as the workcell states",
+        f"stick_probability {stick:g} of the workcell (0 unless stated)",
     )
     return Budget(
         rows=(row,),

@@ -20,6 +20,7 @@ from schemas.plan import Budget, BudgetRow
 from schemas.verdicts import BudgetAnalysis
 
 SIZE_TERM = "size of hole and shaft"
+OFFSET_TERM = "offset that the moves leave"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,17 +45,15 @@ def insert_budget(
     `goal` is the step's share of the task's, `methods` are other ways to align with
     the chances they would give. What the looks' settings bear is left open.
     """
-    bias_um = job.offset_um
-    offset = "offset that the moves leave" if bias_um else "measurement bias"
-    sizes = sizes_of(job, left.term, offset, SIZE_TERM)
+    sizes = sizes_of(job, left.term, OFFSET_TERM, SIZE_TERM)
     values = {name: size for name, _, size in sizes}
     rows = (
         BudgetRow(term=left.term, sigma_um=values[left.term], source=left.source),
         *job.blind,
         BudgetRow(
-            term=offset,
-            sigma_um=bias_um,
-            source="the task" if bias_um else "trials",
+            term=OFFSET_TERM,
+            sigma_um=job.offset_um,
+            source="the task's moves",
         ),
         BudgetRow(
             term=SIZE_TERM,

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from planner.checks.fit import Fit
-from planner.checks.insert_budget import Left, advice_of
+from planner.checks.insert_budget import OFFSET_TERM, Left, advice_of
 from planner.checks.insertion import SIZE, Insertion
 from planner.checks.offenders import YIELD_POINTS, changes, offenders, sizes_of
 from planner.checks.turning import Turning
@@ -17,9 +17,9 @@ from schemas.verdicts import BudgetAnalysis, PlacingVerdict, YieldCurve, YieldPo
 
 NOT_MODELLED = (
     ("sideways shift as the jaws open", "not modelled: no force has a known size"),
+    ("fall onto what it lands on", "not modelled: the step lets go above it"),
 )
 YIELD_SHARES = (0.25, 2.0)  # of the tolerance stated
-OFFSET_TERM = "offset that the moves leave"
 WIDEN = "allow {half:.3g} um more"
 QUANTILES = (0.5, 0.95)
 SHARP = 1e-3  # of a quantile
@@ -147,8 +147,11 @@ def placing_words(step: str, found: PlacingVerdict) -> str:
 
 def _rows(job: Insertion, left: Left, placed: Placement) -> tuple[BudgetRow, ...]:
     """Return every term of the place, what is left out last."""
-    stick = f"stick_probability {placed.stick_probability:g} as the workcell states"
-    left_out = (*NOT_MODELLED, ("adhesion to the fingers", f"counts in P: {stick}"))
+    stick = (
+        f"counts in P: stick_probability {placed.stick_probability:g} of the workcell "
+        "(0 unless stated)"
+    )
+    left_out = (*NOT_MODELLED, ("adhesion to the fingers", stick))
     return (
         BudgetRow(term=left.term, sigma_um=job.left_um, source=left.source),
         *job.blind,

@@ -37,8 +37,7 @@ def look(
     """Return a look at 5 x, at the middle of the field."""
     return Sighted(
         name=name, step=step, sigma_um=sigma_um, sigma_theta_rad=sigma_theta_rad,
-        bias_um=0.0, magnification=5.0, focus_um=0.0, distortion_sigma_um=0.0,
-        coherence_um=0.0,
+        magnification=5.0, focus_um=0.0, distortion_sigma_um=0.0, coherence_um=0.0,
     )  # fmt: skip
 
 

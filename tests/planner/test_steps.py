@@ -38,7 +38,6 @@ FINE_LOOK = Sighted(
     name="gear.bore",
     step="gear_in_fingers",
     sigma_um=0.05,
-    bias_um=0.0,
     magnification=6.9,
     focus_um=0.0,
     distortion_sigma_um=0.0,

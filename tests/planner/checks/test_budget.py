@@ -40,7 +40,6 @@ def seen(name: str, sigma_um: float, focus_um: float, magnification: float) -> S
         name=name,
         step="",
         sigma_um=sigma_um,
-        bias_um=0.0,
         magnification=magnification,
         focus_um=focus_um,
         distortion_sigma_um=0.0,

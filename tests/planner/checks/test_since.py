@@ -30,7 +30,6 @@ def sighted(name: str, step: str) -> Sighted:
         name=name,
         step=step,
         sigma_um=0.1,
-        bias_um=0.0,
         magnification=6.9,
         focus_um=0.0,
         distortion_sigma_um=0.0,
