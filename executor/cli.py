@@ -246,8 +246,13 @@ def _read_plan(path: Path) -> Plan:
     """Return the plan, or raise MP802."""
     try:
         return parse_plan(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, CodecError) as error:
-        raise ExecutorError("MP802", str(error)) from error
+    except OSError as error:
+        raise ExecutorError("MP802", f"cannot read {path}: {error.strerror}") from error
+    except (UnicodeDecodeError, CodecError) as error:
+        words = str(error)
+        if path.suffix in (".yaml", ".yml"):
+            words = f"{path} is a task, no plan: compile it first (microplan compile)"
+        raise ExecutorError("MP802", words) from error
 
 
 def _asker() -> Callable[[], bool] | None:

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import difflib
+from itertools import islice
 from pathlib import Path
 
 from planner.diagnostics import Report, Span
+
+MOST_NAMES = 1000  # of a folder that are looked through for a similar one
 
 
 def read_bytes(
@@ -31,12 +35,22 @@ def read_bytes(
             data = stream.read(most + 1)
     except (OSError, ValueError) as error:
         why = error.strerror if isinstance(error, OSError) else str(error)
-        report.error("MP001", at, f"cannot read {file}: {why}")
+        report.error("MP001", at, f"cannot read {file}: {why}", _beside(path))
         return None
     if len(data) > most:
         report.error("MP009", at, f"{file} is larger than {most} bytes")
         return None
     return data
+
+
+def _beside(path: Path) -> str:
+    """Return a file of a similar name in the same folder as a hint, "" if none is."""
+    try:
+        names = [entry.name for entry in islice(path.parent.iterdir(), MOST_NAMES)]
+    except (OSError, ValueError):
+        return ""
+    near = difflib.get_close_matches(path.name, sorted(names), n=1, cutoff=0.6)
+    return f"did you mean '{near[0]}'?" if near and near[0] != path.name else ""
 
 
 def named_file(

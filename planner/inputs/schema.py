@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Container, Iterable, Iterator, Mapping
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -211,7 +211,8 @@ def _fault(error: ValidationError, at: str) -> tuple[str, str, str]:
     if rule == "type":
         kinds = [limit] if isinstance(limit, str) else limit
         wanted = " or ".join(_TYPES[kind] for kind in kinds)
-        return "MP101", f"{at} must be {wanted}, got {show(value)}", ""
+        hint = _as_kind(kinds, value)
+        return "MP101", f"{at} must be {wanted}, got {show(value)}", hint
     if rule in ("enum", "const"):
         choices = [str(item) for item in ([limit] if rule == "const" else limit)]
         near = did_you_mean(value, choices) if isinstance(value, str) else ""
@@ -233,6 +234,16 @@ def _fault(error: ValidationError, at: str) -> tuple[str, str, str]:
         return "MP106", f"{at} lists the same thing twice", "remove one of them"
     says = _rule(error).get("description", f"{rule} {limit}")
     return "MP107", f"{at} cannot be {show(value)}", f"allowed: {says}"
+
+
+def _as_kind(kinds: Sequence[str], value: object) -> str:
+    """Return how a lone value is written as the kind wanted, "" if it cannot be."""
+    plain = isinstance(value, int | float) and not isinstance(value, bool)
+    if plain and "string" in kinds:
+        return f'write it in quotes: "{value}"'
+    if "array" in kinds and (plain or isinstance(value, str)):
+        return f"write [{value}]"
+    return ""
 
 
 def _rule(error: ValidationError) -> Any:

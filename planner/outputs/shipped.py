@@ -15,8 +15,9 @@ _STARTER = ("task.yaml", "workcell.yaml", "parts")
 
 
 def page(code: str) -> str | None:
-    """Return the page of a code such as MP104, None if there is no such code."""
+    """Return the page of a code such as MP104 or 104, None if there is none."""
     name = code.strip().upper()
+    name = f"MP{name}" if name.isdecimal() else name
     file = _folder("pages") / f"{name}.md"
     known = name.isalnum() and file.is_file()
     return file.read_text(encoding="utf-8") if known else None

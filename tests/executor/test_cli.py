@@ -178,6 +178,14 @@ def test_a_plan_that_cannot_be_read_is_refused(
     assert not (tmp_path / "run").exists()
 
 
+def test_a_task_is_no_plan(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "task.yaml").write_text("microplan: 1\n", encoding="utf-8")
+    assert run(tmp_path / "task.yaml", tmp_path / "run") == 2
+    assert "compile it first" in capsys.readouterr().err
+    assert run(tmp_path / "none.json", tmp_path / "run") == 2
+    assert "none.json: No such file" in capsys.readouterr().err
+
+
 def test_a_missing_world_and_a_missing_plan_are_the_callers_fault(
     built: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

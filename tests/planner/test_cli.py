@@ -136,6 +136,8 @@ def test_a_call_that_cannot_be_met_is_a_finding_too(
 
 
 def test_explain_shows_a_page_or_all_codes(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["explain", "404"]) == 0
+    assert "MP404" in capsys.readouterr().out
     assert main(["explain", "mp404"]) == 0
     assert capsys.readouterr().out.startswith("# MP404: nothing to render\n")
     assert main(["explain"]) == 0

@@ -44,6 +44,17 @@ def test_what_is_no_file_is_refused(tmp_path: Path) -> None:
         assert read(tmp_path / name) == (None, [("MP001", f"cannot read part: {why}")])
 
 
+def test_a_file_that_is_not_there_is_named_after_one_that_is(tmp_path: Path) -> None:
+    for name in ("gear18.dxf", "plate.dxf"):
+        (tmp_path / name).write_bytes(b"")
+    hints = []
+    for name in ("gear.dxf", "no/gear.dxf", "nothing"):
+        report = Report()
+        assert read_bytes(tmp_path / name, name, AT, report, most=9) is None
+        hints.append(report.found[0].hint)
+    assert hints == ["did you mean 'gear18.dxf'?", "", ""]
+
+
 def test_a_task_opens_every_file_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Nothing can change between a first look at a file and its reading."""
     opened: list[str] = []

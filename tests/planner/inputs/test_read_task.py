@@ -17,6 +17,7 @@ from planner.diagnostics import Report, Span, render_text
 from planner.inputs.read_task import load_task
 from planner.inputs.source import read_source
 from planner.inputs.task import Task
+from tests.planner.examples import change, copy_example
 
 ROOT = Path(__file__).parents[3]
 EXAMPLE = ROOT / "examples" / "gear_on_shaft"
@@ -410,3 +411,20 @@ def test_reading_a_task_loads_no_imaging_library() -> None:
         [sys.executable, "-c", code], capture_output=True, text=True, check=True
     )
     assert done.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "hint"),
+    [
+        ("layers: [OUTLINE, BORE]", "layers: [0, OUTLINE]", 'write it in quotes: "0"'),
+        ("layers: [OUTLINE, BORE]", "layers: OUTLINE", "write [OUTLINE]"),
+    ],
+)
+def test_a_value_of_another_kind_is_told_how_to_be_written(
+    tmp_path: Path, old: str, new: str, hint: str
+) -> None:
+    file = copy_example(tmp_path / "task")
+    change(file, old, new)
+    report = Report()
+    assert load_task(file, report) is None
+    assert hint in [finding.hint for finding in report.found]
