@@ -78,6 +78,7 @@ TITLES: Mapping[str, str] = {
     "MP306": "target is hidden or shaded",
     "MP307": "key has no effect",
     "MP308": "part hangs over what it is put on",
+    "MP309": "a start is exactly known",
     "MP401": "target does not stay inside the field",
     "MP402": "focus out of reach",
     "MP403": "feature too fine for the pixels",

@@ -14,6 +14,7 @@ from planner.model.assembly import (
     locate_place,
     owner_of,
 )
+from planner.model.certain import report_certain
 from planner.model.holding import grasp, release
 from planner.model.moves import apply_move
 from planner.model.unused import report_faces, report_unused
@@ -39,6 +40,7 @@ def unfold(task: Task, report: Report) -> tuple[StepState, ...]:
     """
     state, found = initial(task), []
     report_faces(task, report)
+    report_certain(task, report)
     for tool in list(task.tool_starts.values())[1:]:
         message = (
             f"{tool.name} is a second tool on the robot; one at a time is modelled"
