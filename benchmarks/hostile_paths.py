@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 import socket
+import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -72,7 +73,7 @@ def _instead(file: str, make: Callable[[Path], None]) -> Callable[[Path], None]:
 
 def _socket(path: Path) -> None:
     """Make a socket; its address may have 107 characters, so it is moved there."""
-    near = Path(f"/tmp/{os.getpid()}.socket")
+    near = Path(tempfile.gettempdir(), f"{os.getpid()}.socket")
     with socket.socket(socket.AF_UNIX) as made:
         made.bind(str(near))
     shutil.move(near, path)
