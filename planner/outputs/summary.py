@@ -10,12 +10,18 @@ def plan_summary(plan: Plan) -> str:
     """Return one line per step, and the verdict."""
     width = max((len(step.id) for step in plan.steps), default=4)
     lines = [f"{step.id:{width}}  {_step_line(step)}" for step in plan.steps]
-    goal = "" if plan.success_goal is None else f", goal {plan.success_goal:g}"
-    lines.append(
-        f"{plan.name}: {plan.status}, P(success) {plan.success_probability:.4f}{goal}"
-        " (simulated)"
-    )
+    lines.append(f"{plan.name}: {plan.status}, {_chance(plan)}")
     return "\n".join([*lines, *_look_times(plan), *_worst_effect(plan)])
+
+
+def _chance(plan: Plan) -> str:
+    """Return the chance of success, or where the plan ends before it is known."""
+    known = {step.id for step in plan.steps}
+    ends = next((r.step for r in plan.reasons if r.step and r.step not in known), None)
+    if ends is not None:
+        return f"ends before {ends!r}, so that P(success) is not worked out"
+    goal = "" if plan.success_goal is None else f", goal {plan.success_goal:g}"
+    return f"P(success) {plan.success_probability:.4f}{goal} (simulated)"
 
 
 def _look_times(plan: Plan) -> list[str]:

@@ -290,6 +290,7 @@ def test_what_cannot_be_done_is_written_and_ends_with_one(
     assert plan.status == "infeasible"
     assert code in {reason.code for reason in plan.reasons}
     assert len(plan.steps) == steps
+    assert ("P(success) is not worked out" in captured.out) is (code == "MP401")
 
 
 def test_a_task_at_fault_writes_nothing_and_ends_with_two(
