@@ -76,8 +76,10 @@ def compile_look(
 
     Magnifications are tried in order of preference until a chain of routines meets the
     tolerance on the target; if none does, until several features of its part do
-    together. `current` is the magnification that the microscope is at. With `once`
-    only the first magnification and the target are tried.
+    together. `current` is the magnification that the microscope is at. Before leaving
+    the one preferred, what the insertion after the look bears is tried there: another
+    zoom would cost it a parcentric jump. With `once` only the first magnification and
+    the target are tried.
     """
     settings = views(task, request, current, report)
     if not settings:
@@ -90,6 +92,8 @@ def compile_look(
         if tried.selection.chosen is not None:
             return job.finish(view, tried, found)
         refused.append(_refused(view, tried.selection.advice))
+        if view is settings[0] and (look := job.borne(view)) is not None:
+            return look
         if job.is_round:
             break  # no magnification gives it the angle that is needed
     advice = tried.selection.advice
@@ -142,6 +146,22 @@ class _Job:
             map=self.effects.map,
         )
         return Tried.of(case, fidelity, found), found
+
+    def borne(self, view: ViewPlan) -> CompiledLook | None:
+        """Return a look that only the insertion after it, not its share, allows."""
+        borne_um, asked_um = self.request.borne_um, self.request.tolerance_um
+        if borne_um is None or asked_um is None or borne_um <= asked_um:
+            return None
+        request = replace(
+            self.request,
+            tolerance_um=borne_um,
+            borne_um=None,
+            asked_by="what the insertion bears at this magnification",
+        )
+        job = replace(self, request=request)
+        tried, found = job.alone(view)
+        chosen = tried.selection.chosen
+        return None if chosen is None else job.finish(view, tried, found)
 
     def search(self, view: ViewPlan, tried: Tried, found: Contest) -> Search:
         """Return the search for several features beside the target."""

@@ -14,7 +14,7 @@ from planner.checks.mechanics import mechanical_rows
 from planner.checks.view_times import Setting, approach_times, view_change
 from planner.coarse_looks import compile_looks, waits_between
 from planner.conditions import conditions_of
-from planner.control import control_of, method_of, tolerance_um
+from planner.control import borne_um, control_of, method_of, tolerance_um
 from planner.diagnostics import Report
 from planner.inputs.task import Task
 from planner.looks import CompiledLook, Effects
@@ -57,7 +57,11 @@ def compile_step(
         within = tolerance_um(task, states, here, goal, report)
     looks: list[CompiledLook] = []
     before = memory.seen.get(owner_of(here.step.target or ""))
-    for request in requests(task, states, index, within):
+    asked = requests(task, states, index, within)
+    if within is not None:
+        borne = borne_um(task, states, here, within, memory.seen)
+        asked = tuple(replace(request, borne_um=borne) for request in asked)
+    for request in asked:
         found = compile_looks(task, request, effects, memory.magnification, report)
         if not found:
             return None

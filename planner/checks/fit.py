@@ -130,11 +130,10 @@ def servo_tolerance_um(
 
     The loosest tolerance at which misses use up at most SERVO_SHARE of the failures
     that `goal` allows; never below EASY_SIGMAS stage sigmas, where looks are cheap, nor
-    above half the drawn capture radius, where the answer would hang on the tail.
+    above half the capture radius, where the answer would hang on the tail.
     """
     allowed = SERVO_SHARE * (1 - goal)
-    drawn_um = fit.capture_um + fit.taper_um
-    ceiling = max(drawn_um / 2, LEAST_SIGMAS * move_sigma_um)
+    ceiling = max(fit.capture_um / 2, LEAST_SIGMAS * move_sigma_um)
     floor = min(EASY_SIGMAS * move_sigma_um, ceiling)
     steps = np.linspace(ceiling, floor, 33)
     for within in steps:

@@ -54,7 +54,7 @@ def offenders(job: Insertion, sizes: Sizes, goal: float) -> tuple[Offender, ...]
             size_um=size,
             slope_per_um=_slope(job, key, size),
             halved_probability=1 - job.scaled(key, 0.5).miss,
-            largest_um=_largest(job, key, size, goal),
+            largest_um=largest_um(job, key, size, goal),
         )
         for name, key, size in sizes
         if size > 0
@@ -142,7 +142,7 @@ def _slope(job: Insertion, key: str, size_um: float) -> float:
     return (less - more) / (2 * STEP * size_um)
 
 
-def _largest(job: Insertion, key: str, size_um: float, goal: float) -> float | None:
+def largest_um(job: Insertion, key: str, size_um: float, goal: float) -> float | None:
     """Return the largest size of a term that gives the goal, None if 0 does not."""
 
     def spare(size: float) -> float:

@@ -44,6 +44,9 @@ class Request:
     divisible: bool = False  # nothing but this look happens: another may come before
     known: Known | None = None  # None: what the state knows
     asked_by: str = ""  # where the tolerance comes from, in words
+    # 2 sigma + |bias| with which the insertion after it would still have its share of
+    # the goal, at the present zoom; None: no insertion follows, or none would do
+    borne_um: float | None = None
 
 
 def requests(

@@ -1,0 +1,35 @@
+"""Which zoom a look is compiled at, by what is asked of it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from planner.diagnostics import Report
+from planner.looks import CompiledLook, Effects, compile_look
+from planner.model.requests import Request, requests
+from planner.model.steps import unfold
+from planner.presets import PRESETS
+from tests.planner.examples import copy_example, one_look, read
+
+
+def test_a_look_stays_at_its_zoom_if_the_insertion_after_it_bears_that(
+    tmp_path: Path,
+) -> None:
+    """A nanometre is beyond every routine, a micrometre beyond none."""
+    file = copy_example(tmp_path / "task")
+    one_look(file)
+    task, report = read(file), Report()
+    (asked,) = requests(task, unfold(task, report), 0, None)
+    effects = Effects(effort=PRESETS["fast"], max_image_error=0.01, map=map)
+    low, _ = task.workcell.optics.magnification
+
+    def compiled(request: Request) -> CompiledLook | None:
+        return compile_look(task, request, effects, low, report, once=True)
+
+    short = replace(asked, tolerance_um=1e-3)
+    assert compiled(short) is None
+    kept = compiled(replace(short, borne_um=1.0))
+    assert kept is not None
+    assert kept.look.view.magnification == low
+    assert 1e-3 < 2 * kept.look.sigma_xy_um < 1.0
