@@ -77,6 +77,10 @@ def named_file(
     except (OSError, RuntimeError, ValueError) as error:  # loops, odd characters
         report.error("MP010", at, f"'{text}' is no usable path: {error}")
         return None
+    if text.endswith("/"):  # pathlib drops the slash, and would read a file
+        hint = "leave the / at its end out"
+        report.error("MP010", at, f"'{text}' names a folder, a file is needed", hint)
+        return None
     if not inside or Path(text).is_absolute() or "\\" in text:
         message = f"'{text}' leads out of the folder of {at.file}"
         hint = "keep the file in that folder, name it with / and without .."

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from planner.diagnostics import Report, Span
-from planner.inputs.files import read_bytes
+from planner.inputs.files import named_file, read_bytes
 from planner.inputs.read_task import load_task
 from tests.planner.examples import EXAMPLE
 
@@ -53,6 +53,17 @@ def test_a_file_that_is_not_there_is_named_after_one_that_is(tmp_path: Path) -> 
         assert read_bytes(tmp_path / name, name, AT, report, most=9) is None
         hints.append(report.found[0].hint)
     assert hints == ["did you mean 'gear18.dxf'?", "", ""]
+
+
+def test_a_name_that_ends_in_a_slash_is_no_file(tmp_path: Path) -> None:
+    (tmp_path / "part").write_bytes(b"")
+    report = Report()
+    assert named_file("part", AT, tmp_path, report) == (tmp_path / "part", "part")
+    assert named_file("part/", AT, tmp_path, report) is None
+    (found,) = report.found
+    assert (found.code, found.message) == (
+        "MP010", "'part/' names a folder, a file is needed"
+    )  # fmt: skip
 
 
 def test_a_task_opens_every_file_once(monkeypatch: pytest.MonkeyPatch) -> None:
