@@ -158,7 +158,7 @@ class _Job:
             borne_um=None,
             asked_by="what the insertion bears at this magnification",
         )
-        job = replace(self, request=request)
+        job = replace(self, request=request, refused=())
         tried, found = job.alone(view)
         chosen = tried.selection.chosen
         return None if chosen is None else job.finish(view, tried, found)

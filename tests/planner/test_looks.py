@@ -32,4 +32,6 @@ def test_a_look_stays_at_its_zoom_if_the_insertion_after_it_bears_that(
     kept = compiled(replace(short, borne_um=1.0))
     assert kept is not None
     assert kept.look.view.magnification == low
+    assert kept.look.verdict is not None
+    assert kept.look.verdict.zoom.refused == ()
     assert 1e-3 < 2 * kept.look.sigma_xy_um < 1.0
