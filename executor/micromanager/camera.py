@@ -25,6 +25,7 @@ class MMCamera:
         self, core: CMMCorePlus, label: str, clock: Clock, *, exposure_ms: float | None
     ) -> None:
         self._core, self._label, self._clock = core, label, clock
+        core.setCameraDevice(label)
         if exposure_ms is not None:
             core.setExposure(label, exposure_ms)
         self.model, self.serial = describe(core, label), label

@@ -102,8 +102,11 @@ def rendered_hub(*, world: str, seed: int = 0, **options: Any) -> RenderedHub:
     table = Table(FILE, "", options)
     label = table.table("camera").text("device")
 
+    def lead() -> None:
+        made[0].lead()  # there is one before there is a picture
+
     def prepare(core: Any) -> None:
-        camera = RenderedCamera(cell, lambda _core: made[0].lead())
+        camera = RenderedCamera(cell, lead)
         core.loadPyDevice(label, camera)
         core.initializeDevice(label)
 

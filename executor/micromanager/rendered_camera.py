@@ -7,6 +7,7 @@ picture is the simulated cell's: its own blur law, noise, and errors of a drawn 
 from __future__ import annotations
 
 import time
+import weakref
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,6 +20,8 @@ from pymmcore_plus.experimental.unicore import SimpleCameraDevice
 from executor.drivers import AxisReading, Counts
 
 if TYPE_CHECKING:
+    from pymmcore_plus import CMMCorePlus
+
     from executor.simulated.cell import Cell
     from executor.simulated.following import Readings
 
@@ -35,7 +38,7 @@ class Labels:
     focus: str = ""
     magnification: float | None = None
 
-    def readings(self, core: Any, start: AxisReading) -> Readings:
+    def readings(self, core: CMMCorePlus, start: AxisReading) -> Readings:
         """Return where the devices of a core are."""
         from executor.simulated.following import Readings
 
@@ -62,20 +65,19 @@ class RenderedCamera(SimpleCameraDevice):
     cell : Cell
         What it shows.
     lead : callable
-        Given the core, brings the cell to where the core's devices are; called before
-        each picture.
+        Brings the cell to where the core's devices are; called before each picture.
     """
 
-    def __init__(self, cell: Cell, lead: Callable[[Any], None]) -> None:
+    def __init__(self, cell: Cell, lead: Callable[[], None]) -> None:
         super().__init__()
         self._cell, self._lead = cell, lead
         self._exposure_ms = 1000 * cell.truth.world.optics.frame_time_s
 
     @classmethod
     def of_plan(
-        cls, plan_folder: Path, labels: Labels, *, seed: int = 0
+        cls, plan_folder: Path, core: CMMCorePlus, labels: Labels, *, seed: int = 0
     ) -> RenderedCamera:
-        """Return the camera of a plan folder's world.json.
+        """Return the camera of a plan folder's world.json, for `core.loadPyDevice`.
 
         Raises
         ------
@@ -88,9 +90,12 @@ class RenderedCamera(SimpleCameraDevice):
 
         cell = build_cell(read_world(plan_folder / "world.json"), seed)
         start, began_s = cell.stage.reading(), time.monotonic()
+        found = weakref.ref(core)  # the core has the camera: no ring of the two
 
-        def lead(core: Any) -> None:
-            follow(cell, labels.readings(core, start), time.monotonic() - began_s)
+        def lead() -> None:
+            core = found()
+            if core is not None:
+                follow(cell, labels.readings(core, start), time.monotonic() - began_s)
 
         return cls(cell, lead)
 
@@ -114,6 +119,6 @@ class RenderedCamera(SimpleCameraDevice):
     def snap(self, buffer: Counts) -> Mapping[str, Any]:
         """Lead the cell to where the devices are, and draw it."""
         with self._cell.timeline.lock:
-            self._lead(self.core)
+            self._lead()
             buffer[:] = self._cell.camera.grab(None).counts
         return {}
