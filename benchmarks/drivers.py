@@ -1,8 +1,11 @@
-"""How long the calls of the drivers take: Micro-Manager's demo devices, a serial line."""
+"""The drivers' calls: how long they take, and how a process with devices ends."""
 
 from __future__ import annotations
 
+import signal
 import statistics
+import subprocess
+import sys
 import time
 import tomllib
 from collections.abc import Callable, Iterator
@@ -19,6 +22,8 @@ NAMES = (
     "drivers.micromanager.start_ms",
     "drivers.micromanager.stop_ms",
     "drivers.micromanager.grab_ms",
+    "drivers.micromanager.aborted_unclosed",
+    "drivers.micromanager.aborted",
     "drivers.serial.reading_ms",
     "drivers.serial.stop_ms",
 )
@@ -40,6 +45,23 @@ speed = 1000
 [camera]
 device = "Camera"
 exposure_ms = {EXPOSURE_MS}
+"""
+
+PROCESSES = 10
+UNCLOSED = """
+from mm_test_adapters import device_adapter_path
+from pymmcore_plus import CMMCorePlus
+core = CMMCorePlus()
+core.setDeviceAdapterSearchPaths([device_adapter_path()])
+core.loadDevice("XY", "DemoCamera", "DXYStage")
+core.initializeDevice("XY")
+core.setXYPosition("XY", 1e5, 0.0)
+"""
+CLOSED = f"""
+import tomllib
+from executor.micromanager.hub import hub
+found = hub(**tomllib.loads({DEVICES!r}))
+found.core.setXYPosition("XY", 1e5, 0.0)
 """
 
 
@@ -64,8 +86,8 @@ def measure(_options: Options) -> Iterator[Figure]:
             opening_um=(0.0, 200.0),
         )
         jaws = found.jaws
-        yield Figure(name=NAMES[4], value=median_ms(jaws.reading), unit="ms")
-        yield Figure(name=NAMES[5], value=median_ms(jaws.stop), unit="ms")
+        yield Figure(name=NAMES[6], value=median_ms(jaws.reading), unit="ms")
+        yield Figure(name=NAMES[7], value=median_ms(jaws.stop), unit="ms")
         found.close()
 
 
@@ -97,6 +119,16 @@ def _micromanager() -> Iterator[Figure]:
         floor=EXPOSURE_MS,
     )
     found.close()
+    for name, program in ((NAMES[4], UNCLOSED), (NAMES[5], CLOSED)):
+        ended = [_status(program) for _ in range(PROCESSES)]
+        aborted = sum(status == -signal.SIGABRT for status in ended)
+        yield Figure(name=name, value=aborted / PROCESSES, unit="1")
+
+
+def _status(program: str) -> int:
+    """Return the status of a Python process that ends while a stage moves."""
+    command = [sys.executable, "-c", program]
+    return subprocess.run(command, capture_output=True, check=False).returncode
 
 
 BENCHMARK = Benchmark(names=NAMES, measure=measure)

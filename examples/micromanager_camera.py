@@ -2,7 +2,7 @@
 
     python examples/micromanager_camera.py gear-on-shaft.plan pictures
 
-needs microplan[micromanager] and mm-test-adapters. In napari-micromanager, load the same
+needs microplan[micromanager] and mm-test-adapters. In napari-micromanager, load this
 camera into the core of its main window.
 """
 

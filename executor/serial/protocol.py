@@ -1,8 +1,8 @@
 """The serial protocol: numbered questions and answers, a line each, with a checksum.
 
-    >3A go focus 12.500000*7C        question: number, verb, words
-    <3A ok*F1                        answer: the same number, ok and words,
-    <3A err range*09                 or err and why
+    >3A go focus 12.500000*06        question: number, verb, words
+    <3A ok*1E                        answer: the same number, ok and words,
+    <3A err range*9D                 or err and why
 
 The number is two hexadecimal digits that the asker counts up; the checksum is the
 CRC-8 of all between mark and star. A line ends with a line feed; a carriage return

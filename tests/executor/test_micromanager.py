@@ -80,6 +80,21 @@ def test_limits_are_the_drivers_because_the_core_has_none(found: Hub) -> None:
     assert found.stage.reading().z_um == 0.0
 
 
+def test_a_wait_that_is_over_leaves_the_axis_moving_and_a_stop_does_not() -> None:
+    """Why the driver never waits: the core's own wait gives up and stops nothing."""
+    with demo() as found:
+        assert found.stage is not None
+        assert found.core.getTimeoutMs() == 5000
+        found.core.setTimeoutMs(50)
+        found.stage.start(x_um=400.0)  # takes .4 s
+        with pytest.raises(RuntimeError, match="timed out"):
+            found.core.waitForDevice("XY")
+        assert found.stage.moving()
+        found.stage.stop()
+        assert not found.stage.moving()
+        assert found.stage.reading().x_um < 400.0
+
+
 def test_an_order_of_one_axis_keeps_the_other_where_it_was_sent(found: Hub) -> None:
     """The demo stage rounds to .015 um, downwards when it is read."""
     assert found.stage is not None

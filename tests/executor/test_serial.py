@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import pty
+import re
 import threading
 import time
 import tty
@@ -244,6 +245,14 @@ def test_no_line_with_a_flipped_bit_is_an_answer(
 def test_noise_is_no_answer_and_no_error(noise: bytes) -> None:
     found = answer(noise)
     assert found is None or b"<" in noise
+
+
+def test_the_lines_of_the_documentation_have_right_checksums() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "drivers.md").read_text("utf-8")
+    lines = re.findall(r"^    ([<>])(\w\w .*)\*(..)$", page, re.MULTILINE)
+    assert len(lines) == 6
+    for _, body, checksum in lines:
+        assert _check(body.encode("ascii")).decode("ascii") == checksum
 
 
 def test_words_that_cannot_be_sent_are_refused() -> None:
