@@ -56,6 +56,7 @@ class RenderedHub:
                 opening_um=opening_um,
                 magnification=magnification,
                 focus_um=focus_um,
+                level=found.light.level if found.light else None,
             )
             follow(self.cell, readings, time.monotonic() - self._began_s)
 

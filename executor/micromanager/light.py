@@ -42,6 +42,7 @@ class MMLight:
             check_property(core, label, property_name)
         self.model = describe(core, label or shutter)
         self.serial = label or shutter
+        self.level: float | None = None  # what was set last
 
     def set_level(self, level: float) -> None:
         """Set the brightness; ValueError if it cannot be had."""
@@ -55,3 +56,4 @@ class MMLight:
             raise ValueError(f"{self.serial} is a shutter: level 0 or 1, not {level:g}")
         if self._shutter:
             self._core.setShutterOpen(self._shutter, level > 0)
+        self.level = level

@@ -5,6 +5,10 @@ from __future__ import annotations
 import importlib.util
 import json
 import re
+import signal
+import subprocess
+import sys
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -94,6 +98,36 @@ def test_a_plan_runs_from_its_first_grab_to_its_verification(
     assert [e["step"] for e in events if e["event"] == "done"] == [
         step.id for step in plan.steps
     ]
+
+
+@needs_it
+def test_a_run_that_is_told_to_end_stops_and_does_not_abort(tmp_path: Path) -> None:
+    maker = Folder(tmp_path / "gear.plan")
+    path, log = maker.write(assembly(maker), quiet(world())), tmp_path / "events"
+    call = [str(path), "--station", str(EXAMPLE), "--run-dir", str(log), "--no-frames"]
+    program = f"import sys\nfrom executor.cli import main\nsys.exit(main({call!r}))"
+    with subprocess.Popen(
+        [sys.executable, "-c", program],
+        cwd=EXAMPLE.parents[2],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as run:
+        until_s = time.monotonic() + 60.0
+        while '"move"' not in _told(log / "events.jsonl"):  # a robot on its way
+            assert time.monotonic() < until_s
+            time.sleep(0.02)
+        run.send_signal(signal.SIGTERM)
+        _, wrong = run.communicate(timeout=60.0)
+    assert run.returncode == 4, wrong
+    assert wrong.startswith("error[MP860]: stopped; nothing moves any more")
+    assert "FATAL" not in wrong
+    assert '"moved"' not in _told(log / "events.jsonl").splitlines()[-1]
+
+
+def _told(log: Path) -> str:
+    """Return what a journal holds by now."""
+    return log.read_text(encoding="utf-8") if log.is_file() else ""
 
 
 @needs_it
