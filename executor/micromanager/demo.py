@@ -16,6 +16,7 @@ from executor.wall_clock import WallClock
 
 ARRIVE_S = 30.0  # to the plan's start, for each device
 POLL_S = 0.01
+DEMO = ("DemoCamera", "SequenceTester", "Utilities")  # adapters without any hardware
 
 
 class RenderedHub:
@@ -94,6 +95,8 @@ def rendered_hub(*, world: str, seed: int = 0, **options: Any) -> RenderedHub:
     ------
     ExecutorError
         MP803 if the world cannot be read; as `hub` for the rest.
+    ValueError
+        If a device is not of the adapters `DEMO`.
     """
     from pymmcore_plus.experimental.unicore import UniMMCore  # an extra
 
@@ -113,12 +116,24 @@ def rendered_hub(*, world: str, seed: int = 0, **options: Any) -> RenderedHub:
 
     found = make_hub(table, make=UniMMCore, prepare=prepare)
     try:
+        _check_demo(found, label)
         _to_start(found, cell)
         made.append(RenderedHub(found, cell))
     except BaseException:
         found.close()
         raise
     return made[0]
+
+
+def _check_demo(found: Hub, camera: str) -> None:
+    """Raise ValueError if a device may be a real one: nobody watches the way there."""
+    for label in found.core.getLoadedDevices():
+        library = found.core.getDeviceLibrary(label)
+        if label not in ("Core", camera) and library not in DEMO:
+            raise ValueError(
+                f"{label} is of {library}: a rendered hub moves only devices of "
+                + ", ".join(DEMO)
+            )
 
 
 def _to_start(found: Hub, cell: Cell) -> None:

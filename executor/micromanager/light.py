@@ -6,7 +6,8 @@ import math
 from typing import TYPE_CHECKING
 
 from executor.micromanager.core import describe
-from executor.micromanager.drives import check_limits, check_property, property_limits
+from executor.micromanager.drives import check_limits
+from executor.micromanager.properties import check_property, property_limits
 
 if TYPE_CHECKING:
     from pymmcore_plus import CMMCorePlus

@@ -9,16 +9,15 @@ from typing import TYPE_CHECKING, Any
 from executor.micromanager.core import LoadedDevice, describe
 from executor.micromanager.drives import (
     Drive,
-    PropertyDrive,
     Scale,
     Speed,
     StageDrive,
-    StateDrive,
     XYDrive,
 )
 from executor.micromanager.light import MMLight
 from executor.micromanager.movers import Moved
 from executor.micromanager.paced import Paced
+from executor.micromanager.properties import PropertyDrive, StateDrive
 from executor.tables import Table
 
 if TYPE_CHECKING:

@@ -16,8 +16,10 @@ import numpy as np
 import pytest
 
 from executor.cli import main
+from executor.errors import ExecutorError
 from executor.simulated.cell import build_cell
 from executor.simulated.following import Readings, follow
+from executor.station_file import read_station
 from featuresel.routines import FloatArray
 from schemas.codec import to_data
 from schemas.plan import InsertAction, Plan
@@ -128,6 +130,36 @@ def test_a_run_that_is_told_to_end_stops_and_does_not_abort(tmp_path: Path) -> N
 def _told(log: Path) -> str:
     """Return what a journal holds by now."""
     return log.read_text(encoding="utf-8") if log.is_file() else ""
+
+
+@needs_it
+def test_a_rendered_hub_moves_only_demo_devices(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from executor.micromanager import demo
+
+    (tmp_path / "world.json").write_text(json.dumps(to_data(world())), encoding="utf-8")
+    monkeypatch.setattr(demo, "DEMO", ("SequenceTester",))
+    with pytest.raises(ExecutorError, match="XY is of DemoCamera") as told:
+        read_station(EXAMPLE, tmp_path)
+    assert told.value.code == "MP813"
+
+
+@needs_it
+def test_the_light_is_in_the_picture(tmp_path: Path) -> None:
+    (tmp_path / "world.json").write_text(
+        json.dumps(to_data(quiet(world()))), encoding="utf-8"
+    )
+    loaded = read_station(hasty_station(tmp_path), tmp_path)
+    station = loaded.station
+    means = []
+    for level in (1.0, 0.5, 0.0):
+        station.light.set_level(level)
+        now_s = station.clock.now_s()
+        means.append(station.camera.grab(None, after_s=now_s).counts.mean())
+    loaded.hubs["mm"].close()
+    assert means[1] == pytest.approx(means[0] / 2, rel=0.02)
+    assert means[2] < 0.5  # of 255: what reading noise leaves above 0
 
 
 @needs_it
