@@ -9,6 +9,7 @@ from executor.serial.link import ANSWER_S, Link
 from executor.serial.port import Port
 
 Interval = tuple[float, float]
+_Name = tuple[str, str]  # model and serial number
 ZOOM, FOCUS, JAWS = "zoom", "focus", "jaws"  # what the controller calls its axes
 
 
@@ -51,15 +52,15 @@ class Controller:
             FOCUS: _interval("focus_um", focus_um),
             JAWS: _interval("opening_um", opening_um),
         }
-        self._link = Link(Port(port, baud), answer_s=answer_s)
+        self._link = link = Link(Port(port, baud), answer_s=answer_s)
         try:
-            model, serial = _two("id", self._link.ask("id"))
+            name = _two("id", link.ask("id"))
         except BaseException:
-            self._link.close()
+            link.close()
             raise
-        axes = {name: _Axis(self._link, name, limits[name]) for name in limits}
-        self.lens = SerialLens(axes[ZOOM], axes[FOCUS], model, serial)
-        self.jaws = SerialGripper(axes[JAWS], model, serial)
+        axes = {axis: _Axis(link, axis, limits[axis]) for axis in limits}
+        self.lens = SerialLens(link, axes[ZOOM], axes[FOCUS], name)
+        self.jaws = SerialGripper(link, axes[JAWS], name)
 
     def close(self) -> None:
         """Close the port."""
@@ -87,17 +88,13 @@ class _Axis:
             raise ValueError(f"{self._name}: moving is {moving!r}, not 0 or 1")
         return (float(value), moving == "1")
 
-    def stop(self) -> None:
-        """Stop."""
-        self._link.ask("stop", self._name)
-
 
 class SerialLens:
     """Zoom and focus of the controller."""
 
-    def __init__(self, zoom: _Axis, focus: _Axis, model: str, serial: str) -> None:
-        self._zoom, self._focus = zoom, focus
-        self.model, self.serial = model, f"{serial} lens"
+    def __init__(self, link: Link, zoom: _Axis, focus: _Axis, name: _Name) -> None:
+        self._link, self._zoom, self._focus = link, zoom, focus
+        self.model, self.serial = name[0], f"{name[1]} lens"
 
     def start_magnification(self, magnification: float) -> None:
         """Begin to zoom; see `executor.drivers.Lens`."""
@@ -116,19 +113,16 @@ class SerialLens:
         return self._zoom.state()[1] or self._focus.state()[1]
 
     def stop(self) -> None:
-        """Stop both; one that fails keeps the other from nothing."""
-        try:
-            self._zoom.stop()
-        finally:
-            self._focus.stop()
+        """Stop both, by one line."""
+        self._link.ask("stop", ZOOM, FOCUS)
 
 
 class SerialGripper:
     """Jaws of the controller."""
 
-    def __init__(self, axis: _Axis, model: str, serial: str) -> None:
-        self._axis = axis
-        self.model, self.serial = model, f"{serial} jaws"
+    def __init__(self, link: Link, axis: _Axis, name: _Name) -> None:
+        self._link, self._axis = link, axis
+        self.model, self.serial = name[0], f"{name[1]} jaws"
 
     def start(self, opening_um: float) -> None:
         """Begin to open or close; see `executor.drivers.Gripper`."""
@@ -144,7 +138,7 @@ class SerialGripper:
 
     def stop(self) -> None:
         """Stop."""
-        self._axis.stop()
+        self._link.ask("stop", JAWS)
 
 
 def _two(what: str, words: tuple[str, ...]) -> tuple[str, str]:

@@ -127,7 +127,8 @@ class FakeController:
                 continue
             *lines, rest = (rest + os.read(self._master, 1024)).split(b"\n")
             for line in lines:
-                self._take(line)
+                if not self._ended.is_set():
+                    self._take(line)
 
     def _take(self, line: bytes) -> None:
         """Do what a line says, and answer."""
@@ -151,11 +152,12 @@ class FakeController:
         if verb == "at":
             return self._reading(words[1], fault)
         self.orders.append(" ".join(words))
-        axis = self._axes[words[1]]
-        place, _ = axis.now()
         if verb == "stop":
-            self._axes[words[1]] = _Axis(place, place)
+            for name in words[1:]:
+                place, _ = self._axes[name].now()
+                self._axes[name] = _Axis(place, place)
             return "ok"
+        place, _ = self._axes[words[1]].now()
         if fault == "refuses":
             return "err E07 overload"
         goal = float(words[2])

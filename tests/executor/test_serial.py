@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import os
 import pty
 import re
+import textwrap
 import threading
 import time
 import tty
@@ -26,8 +28,10 @@ from executor.serial.protocol import LONGEST, Answer, answer, crc8, question
 from executor.simulated.cell import build_cell
 from executor.simulated.controller import FAULTS, FakeController, _check, _line
 from executor.station import Station
+from executor.station_file import read_station
 from executor.testing import Bench, conforms
 from executor.wall_clock import WallClock
+from schemas.codec import to_data
 from tests.executor.bench import quiet, world
 
 LIMITS: dict[str, Any] = {
@@ -123,6 +127,28 @@ def test_every_fault_has_its_code_and_its_row_in_the_documentation() -> None:
     for fault, what in FAULTS.items():
         code = CODES.get(fault, "MP845; jaws MP849") or "none"
         assert f"| `{fault}` | {what} | {code} |" in page
+
+
+def test_the_documented_hub_is_one_of_a_station_file(
+    fake: FakeController, tmp_path: Path
+) -> None:
+    root = Path(__file__).parents[2]
+    page = (root / "docs" / "drivers.md").read_text("utf-8")
+    block = page[page.index("    [hubs.controller]") :].split("\n\n    [devices]")[0]
+    text = (root / "examples" / "stations" / "simulated.toml").read_text("utf-8")
+    text = text.replace("[devices]", textwrap.dedent(block) + "\n[devices]", 1)
+    text = text.replace("/dev/ttyUSB0", fake.path)
+    for role in ("lens", "jaws"):
+        text = text.replace(
+            f'{role} = {{ hub = "cell" }}', f'{role} = {{ hub = "controller" }}'
+        )
+    (tmp_path / "station.toml").write_text(text, encoding="utf-8")
+    (tmp_path / "world.json").write_text(json.dumps(to_data(world())), encoding="utf-8")
+    loaded = read_station(tmp_path / "station.toml", tmp_path)
+    told = loaded.station.devices()
+    assert told["lens"] == "fake-zoom-3 SN17 lens"
+    assert told["jaws"] == "fake-zoom-3 SN17 jaws"
+    loaded.hubs["controller"].close()
 
 
 def test_a_late_answer_is_not_taken_for_the_next_one(fake: FakeController) -> None:
