@@ -137,7 +137,7 @@ def test_a_motion_that_nobody_watches_stands() -> None:
     with demo() as found:
         assert found.stage is not None
         found.stage.start(z_um=200.0)  # takes .5 s
-        time.sleep(1.0)
+        time.sleep(0.3)
         assert found.core.getPosition("Z") == 0.0
         found.stage.reading()
         assert found.core.getPosition("Z") * 1.0 <= 0.1 * 400 + 1e-9  # LONGEST_S of it
@@ -228,6 +228,47 @@ def test_states_are_pairs_each_once() -> None:
 def test_a_device_that_does_not_load_leaves_nothing_loaded() -> None:
     with pytest.raises(RuntimeError, match="DXYStag"):
         hub(**options(DEVICES.replace('"DXYStage"', '"DXYStag"')))
+
+
+CONFIGURED = """
+adapters = "test"
+config = "{folder}/MMConfig_demo.cfg"
+[stage]
+xy = {{ device = "XY", limits_x_um = [-9, 9], limits_y_um = [-9, 9], speed = 1e4 }}
+z = {{ device = "Z", limits = [-9, 9], speed = 100, paced = true }}
+[lens]
+zoom = {{ device = "Objective", states = [[10, 1], [20, 3], [40, 0]] }}
+focus = {{ device = "Autofocus", property = "Dichroic", limits = [0, 1], speed = 1 }}
+[camera]
+device = "Camera"
+"""
+
+
+def test_a_configuration_of_micro_manager_is_loaded() -> None:
+    from mm_test_adapters import device_adapter_path
+
+    text = CONFIGURED.format(folder=device_adapter_path())
+    with pytest.raises(ValueError, match="no property 'Dichroic', only"):
+        hub(**options(text))
+    lens, camera = text.index("[lens]"), text.index("[camera]")
+    with demo(text[:lens] + text[camera:]) as found:
+        assert found.lens is None
+        assert found.stage is not None
+        assert found.stage.reading().x_um == 0.0
+        assert found.stage.serial == "stage XY+Z"
+    focus = 'focus = { device = "Z", limits = [-9, 9], speed = 10 }\n'
+    zoom = text[lens : text.index("focus =")]
+    with demo(text[: text.index("[stage]")] + zoom + focus) as found:
+        assert found.lens is not None
+        found.lens.start_magnification(20.0)
+        found.lens.start_focus_um(5.0)
+        assert found.lens.reading() == (20.0, 5.0)
+        assert found.core.getState("Objective") == 3
+        with pytest.raises(ValueError, match="Objective has no 21, only 10, 20, 40"):
+            found.lens.start_magnification(21.0)
+        found.core.setState("Objective", 2)
+        with pytest.raises(RuntimeError, match="state 2, which has no value"):
+            found.lens.reading()
 
 
 ENDS = {
