@@ -6,6 +6,7 @@ from benchmarks import (
     coherence,
     compiling,
     costs,
+    drivers,
     error_maps,
     example,
     extremes,
@@ -53,4 +54,5 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     compiling.BENCHMARK,
     runs.BENCHMARK,
     placing.BENCHMARK,
+    drivers.BENCHMARK,
 )
