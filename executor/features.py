@@ -6,8 +6,9 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from executor.artifacts import key_of
+from executor.artifacts import Stages, key_of
 from executor.errors import ExecutorError
+from executor.near import Found, Near, guess_from, nearest_routine
 from executor.rig import Rig
 from featuresel.routines import Failure, FloatArray, Guess, Measurement
 from featuresel.routines.chain import measure_chain
@@ -24,6 +25,7 @@ class Picture:
     expected: Pose  # of the look's target, world
     believed: Believed | None  # the part's angle, None if nothing is known of it
     dz_um: float  # of the focus from the look's own
+    near: Near | None = None  # what a look just before found, a correction ago
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,16 +36,26 @@ class Shown:
     score: float
     spread_um: float  # the routine's own estimate, one sigma per axis
     routines: tuple[str, ...]
+    pixels: Measurement  # what the last of them said, in the look's region
+
+    @property
+    def found(self) -> Found:
+        """Return what a look after a small correction starts from."""
+        return Found(x_um=self.seen.x_um, y_um=self.seen.y_um, pixels=self.pixels)
 
 
 def look_for(rig: Rig, look: Look, measure: Measure, picture: Picture) -> Shown:
     """Return where a picture shows a feature: its chain, then the fallback.
+
+    Where a look just before has found it, the end of the chain alone comes first.
 
     Raises
     ------
     ExecutorError
         MP820 if no routine finds it; MP821..MP823, MP825 if an answer fails a gate.
     """
+    if (shown := _from_near(rig, look, measure, picture)) is not None:
+        return shown
     try:
         return _measured(rig, look, measure, measure.chain, picture)
     except ExecutorError as error:
@@ -113,6 +125,44 @@ def _measured(
         theta_assumed=True,
     )
     stages = rig.artifacts.stages(key_of(look, measure), uses)
+    return _answer(rig, look, measure, stages, start, picture)
+
+
+def _from_near(
+    rig: Rig, look: Look, measure: Measure, picture: Picture
+) -> Shown | None:
+    """Return what the end of the chain finds where the feature must be, if anything."""
+    name, near = measure.feature or look.target, picture.near
+    before = None if near is None else near.features.get(name)
+    if near is None or before is None:
+        return None
+    routine = nearest_routine(measure.chain, near, before, look.view.um_per_px)
+    if routine is None:
+        return None
+    frame = rig.frame_of(look)
+    guess = guess_from(
+        before,
+        frame.to_pixel(*picture.expected.apply(*measure.offset_um)),
+        frame.to_pixel(before.x_um, before.y_um),
+        picture.expected.theta_rad + measure.turn_rad,
+    )
+    ((_, arrays),) = rig.artifacts.stages(key_of(look, measure), measure.chain[-1:])
+    try:
+        return _answer(rig, look, measure, [(routine, arrays)], guess, picture)
+    except ExecutorError as error:
+        rig.journal.write("not_near", look=look.id, code=error.code, why=str(error))
+        return None
+
+
+def _answer(
+    rig: Rig,
+    look: Look,
+    measure: Measure,
+    stages: Stages,
+    start: Guess,
+    picture: Picture,
+) -> Shown:
+    """Return what routines find from `start`, if it passes the gates."""
     found = measure_chain(picture.image, stages, start)
     name = measure.feature or look.target
     if isinstance(found, Failure):
@@ -122,7 +172,7 @@ def _measured(
             cause=found.code,
         )
     shown = _shown(rig, look, measure, found, picture)
-    shown = replace(shown, routines=tuple(use.id for use in uses))
+    shown = replace(shown, routines=tuple(routine for routine, _ in stages))
     _pass_gates(f"look {look.id}: {name}", measure, shown, picture)
     return shown
 
@@ -156,6 +206,7 @@ def _shown(
         score=found.score,
         spread_um=found.spread_px * look.view.um_per_px,
         routines=(),
+        pixels=found,
     )
 
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from executor.drivers import Counts
 from executor.errors import MACHINE, STOPPED, ExecutorError
 from executor.features import Picture, Shown, look_for
+from executor.near import Found, Near
 from executor.reach import readings_for
 from executor.rig import Rig
 from featuresel.routines import Failure, FloatArray
@@ -29,9 +30,16 @@ class Sighting:
     sigma_theta_rad: float | None  # by the trials; None: the angle was not measured
     routines: tuple[str, ...]
     frames: int  # grabbed until it was found
+    features: Mapping[str, Found]  # each that was found, by its name
 
 
-def look_at(rig: Rig, look: Look, on_failure: Sequence[OnFailure] = ()) -> Sighting:
+def look_at(
+    rig: Rig,
+    look: Look,
+    on_failure: Sequence[OnFailure] = (),
+    *,
+    near: Near | None = None,
+) -> Sighting:
     """Measure a look's target and update the beliefs.
 
     Parameters
@@ -44,6 +52,9 @@ def look_at(rig: Rig, look: Look, on_failure: Sequence[OnFailure] = ()) -> Sight
         How often a failure's code, or the routine's own, may be tried again. Every
         try takes the view's next focus stop, and each stop is tried once at least.
         Features that one stop shows and the next does not still count.
+    near : Near, optional
+        What the same look has found, if a correction is all that happened since: the
+        first try starts there.
 
     Raises
     ------
@@ -54,7 +65,7 @@ def look_at(rig: Rig, look: Look, on_failure: Sequence[OnFailure] = ()) -> Sight
     while True:
         tries += 1
         try:
-            sighting = _sight(rig, look, tries, kept)
+            sighting = _sight(rig, look, tries, kept, near if tries == 1 else None)
         except ExecutorError as error:
             rig.journal.write("not_seen", look=look.id, code=error.code, why=str(error))
             further = len(look.view.focus_stops_um)
@@ -128,7 +139,9 @@ def _retries(error: ExecutorError, on_failure: Sequence[OnFailure]) -> int:
     )
 
 
-def _sight(rig: Rig, look: Look, tries: int, kept: dict[str, Shown]) -> Sighting:
+def _sight(
+    rig: Rig, look: Look, tries: int, kept: dict[str, Shown], near: Near | None
+) -> Sighting:
     """Look once at every feature of the look; `kept` are those of tries before.
 
     Features that disagree are forgotten: one of them is wrong.
@@ -143,11 +156,12 @@ def _sight(rig: Rig, look: Look, tries: int, kept: dict[str, Shown]) -> Sighting
         expected=rig.beliefs.world(look.target, rig.readings()),
         believed=rig.beliefs.angle(look.target, rig.readings()),
         dz_um=focus_um - look.view.focus_um,
+        near=near,
     )
     _show(rig, look, picture, kept)
     try:
         names = [measure.feature or look.target for measure in look.measures]
-        found = [kept[name] for name in names if name in kept]
+        found = {name: kept[name] for name in names if name in kept}
         return _fused(look, found, picture, tries)
     except ExecutorError:
         kept.clear()
@@ -172,9 +186,10 @@ def _show(rig: Rig, look: Look, picture: Picture, kept: dict[str, Shown]) -> Non
 
 
 def _fused(
-    look: Look, shown: Sequence[Shown], picture: Picture, tries: int
+    look: Look, found: Mapping[str, Shown], picture: Picture, tries: int
 ) -> Sighting:
     """Return the target's pose by all features found."""
+    shown = tuple(found.values())
     pose = fuse([each.seen for each in shown], picture.believed)
     if isinstance(pose, Failure):
         raise ExecutorError(
@@ -192,4 +207,5 @@ def _fused(
         sigma_theta_rad=pose.sigma_theta_rad,
         routines=tuple(name for each in shown for name in each.routines),
         frames=tries,
+        features={name: each.found for name, each in found.items()},
     )

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from executor.errors import ExecutorError
-from executor.look import look_at
+from executor.look import Sighting, look_at
+from executor.near import Near
 from executor.reach import readings_for
 from executor.rig import Rig
 from schemas.plan import AlignAction, AxisMove, Control, Look, OnFailure
@@ -50,8 +51,9 @@ def align(
     approach(rig, action, control)
     rig.phase = "servo"
     errors_um: list[float] = []
+    near: Near | None = None
     while True:
-        seen = look_at(rig, look, on_failure)
+        seen = look_at(rig, look, on_failure, near=near)
         if control.tolerance_theta_rad is not None and seen.theta_rad is None:
             raise ExecutorError("MP824", f"look {look.id} gives no angle")
         error_um, turn_rad = _error(rig, action)
@@ -67,6 +69,15 @@ def align(
         rig.move(correction(rig, action, control, control.gain if servo else 1.0))
         if not servo:
             return ended
+        near = _near(seen, look, control)
+
+
+def _near(seen: Sighting, look: Look, control: Control) -> Near | None:
+    """Return where a look's features must be after a correction, if that is known."""
+    if control.move_sigma_um is None:
+        return None
+    sigma_um = math.hypot(control.move_sigma_um, look.measure.sigma_xy_um)
+    return Near(features=seen.features, sigma_um=sigma_um)
 
 
 def approach(rig: Rig, action: AlignAction, control: Control) -> None:

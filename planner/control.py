@@ -160,6 +160,7 @@ def control_of(
         floor_s=floor_s,
         ratio_to_floor=(approach_s + option.expected_s) / floor_s,
         choice=choice,
+        move_sigma_um=axes_of(task, carrier).repeatability_xy_um,
     )
 
 

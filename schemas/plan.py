@@ -23,7 +23,7 @@ from schemas.verdicts import (
 )
 from schemas.views import CoarseFirst, ViewVerdict
 
-FORMAT_VERSION = "2.2"
+FORMAT_VERSION = "2.3"
 
 AxesName = Literal["stage", "robot"]
 
@@ -402,6 +402,9 @@ class Control:
     floor_s: float | None = None  # moves, settling and exposures alone
     ratio_to_floor: float | None = None  # of approach_s + expected_s
     choice: MethodChoice | None = None
+    # a corrected target lands so near, per axis: what a look after it starts from;
+    # None: not known, every look searches anew
+    move_sigma_um: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
