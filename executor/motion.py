@@ -40,10 +40,17 @@ class Motion:
     ----------
     pause : callable
         Called before and after every motion; it may wait, or raise MP860.
+    caller : Caller or None
+        Makes the calls of devices; None: each kind of trouble with its code.
     """
 
-    def __init__(self, pause: Callable[[], None] = lambda: None) -> None:
-        self._caller = Caller()
+    def __init__(
+        self,
+        pause: Callable[[], None] = lambda: None,
+        *,
+        caller: Caller | None = None,
+    ) -> None:
+        self._caller = caller or Caller()
         self._pause = pause
         self._fault: ExecutorError | None = None
 
@@ -51,6 +58,16 @@ class Motion:
         """Return where an axis group is; MP847 if a number is not finite."""
         with self.guarded(station):
             return self._reading(station, group)[0]
+
+    def opening(self, station: Station) -> float:
+        """Return what the jaws read, um; MP847 if it is not finite."""
+        with self.guarded(station):
+            return self._opening(station)
+
+    def magnification(self, station: Station) -> float:
+        """Return what the zoom reads; MP847 if it is not finite."""
+        with self.guarded(station):
+            return self._lens(station, 0)
 
     def travel(self, station: Station, move: AxisMove, phase: Phase) -> None:
         """Move one axis group and wait until it has settled.
