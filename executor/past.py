@@ -78,7 +78,16 @@ class Found:
 
 
 def read_past(path: Path) -> Found:
-    """Return what a journal tells.
+    """Return what a journal tells; see `past_in`."""
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise ExecutorError("MP867", f"{path}: {error.strerror}") from error
+    return past_in(data, str(path))
+
+
+def past_in(data: bytes, name: str = FILE) -> Found:
+    """Return what the bytes of a journal tell.
 
     The last line may be torn or damaged: it was not yet on the disk when the executor
     died, so what it tells of had not begun, or is seen from the readings.
@@ -89,10 +98,6 @@ def read_past(path: Path) -> Found:
         MP867 if another line is damaged, missing or not understood; MP868 if there is
         no whole line.
     """
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise ExecutorError("MP867", f"{path}: {error.strerror}") from error
     lines, seq, chain, size = data.splitlines(keepends=True), 0, 0, 0
     records = []
     for number, line in enumerate(lines, start=1):
@@ -100,15 +105,15 @@ def read_past(path: Path) -> Found:
         if found is None or found[0].get("seq") != number:
             if number == len(lines):
                 break
-            raise ExecutorError("MP867", f"{path}: line {number} is damaged")
+            raise ExecutorError("MP867", f"{name}: line {number} is damaged")
         records.append(found[0])
         seq, chain, size = number, found[1], size + len(line)
     if not records:
-        raise ExecutorError("MP868", f"{path} tells nothing: nothing had begun")
+        raise ExecutorError("MP868", f"{name} tells nothing: nothing had begun")
     try:
         header, past = _told(records)
-    except (CodecError, KeyError, IndexError, TypeError) as error:
-        raise ExecutorError("MP867", f"{path}: {error}") from error
+    except (CodecError, KeyError, TypeError) as error:
+        raise ExecutorError("MP867", f"{name}: {error}") from error
     return Found(header=header, past=past, seq=seq, chain=chain, size=size)
 
 

@@ -17,6 +17,7 @@ from executor.past import Found, Header, is_open, read_past
 
 EVENTS = "events.jsonl"
 LOCK = "lock"
+SUMMARY = "summary.json"
 CELL = "cell.json"  # the simulated cell's own
 STATION = "station.toml"
 
@@ -154,7 +155,8 @@ def old_run(path: Path) -> Iterator[RunFolder]:
         raise ExecutorError("MP868", f"{path} holds no {FILE}")
     with held(path / LOCK, str(path)):
         found = read_past(path / FILE)
-        if found.past.ended and found.past.code is None:
+        done = found.past.ended and found.past.code is None
+        if done and (path / SUMMARY).is_file():  # the last thing that is written
             raise ExecutorError("MP868", f"the run in {path} was done")
         yield RunFolder(path=path, found=found)
 
