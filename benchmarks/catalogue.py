@@ -6,6 +6,7 @@ from benchmarks import (
     coherence,
     compiling,
     costs,
+    crashes,
     error_maps,
     example,
     extremes,
@@ -52,5 +53,6 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     example.BENCHMARK,
     compiling.BENCHMARK,
     runs.BENCHMARK,
+    crashes.BENCHMARK,
     placing.BENCHMARK,
 )

@@ -24,7 +24,8 @@ FORMAT = 1
 # names of motions that a resumed step makes again where it needs them
 REPEATED = ("", "near", "back")
 EXACT = 17  # significant digits that give back every float64
-HEAD = len('{"crc": "00000000", ')
+MARK = b'{"crc": "'  # how a line begins
+HEAD = len(MARK + b'00000000", ')
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -9,7 +9,7 @@ from typing import Any
 
 from executor.beliefs import Known
 from executor.errors import ExecutorError
-from executor.intents import FILE, FORMAT, REPEATED, Intent, Standing, opened
+from executor.intents import FILE, FORMAT, MARK, REPEATED, Intent, Standing, opened
 from executor.outcome import StepResult
 from executor.safety import Phase
 from schemas.codec import CodecError, from_data
@@ -103,7 +103,7 @@ def past_in(data: bytes, name: str = FILE) -> Found:
     for number, line in enumerate(lines, start=1):
         found = opened(line, chain) if line.endswith(b"\n") else None
         if found is None or found[0].get("seq") != number:
-            if number == len(lines):
+            if number == len(lines) and MARK not in line[1:]:
                 break
             raise ExecutorError("MP867", f"{name}: line {number} is damaged")
         records.append(found[0])
@@ -118,14 +118,18 @@ def past_in(data: bytes, name: str = FILE) -> Found:
 
 
 def is_open(folder: Path) -> bool:
-    """Return whether a folder holds a run that was begun and did not end."""
+    """Return whether a folder holds a run that was begun and not brought to an end.
+
+    One that the operator stopped counts: it is there to go on with.
+    """
     path = folder / FILE
     if not path.exists():
         return False
     try:
-        return not read_past(path).past.ended
+        past = read_past(path).past
     except ExecutorError as error:
         return error.code != "MP868"  # a damaged one tells of no end
+    return not past.ended or past.code == "MP860"
 
 
 def _told(records: Sequence[Mapping[str, Any]]) -> tuple[Header, Past]:

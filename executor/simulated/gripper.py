@@ -91,7 +91,7 @@ class SimGripper:
 
     def restore(self, data: Mapping[str, Any]) -> None:
         """Be where `state` says."""
-        self._commanded = data["commanded_um"]
+        self._commanded, self._target_um = data["commanded_um"], data["target_um"]
         if data["left_s"] is not None:
             self._begin(data["left_s"], data["target_um"])
 

@@ -107,8 +107,10 @@ class SimLens:
         self._commanded = _pair(data["commanded"])
         self.magnification, self.focus_um = data["magnification"], data["focus_um"]
         self._jump = _pair(data["jump_um"])
+        name, value = data["target"]
+        self._target = (name, value)
         if data["left_s"] is not None:
-            self._begin(data["left_s"], *data["target"])
+            self._begin(data["left_s"], name, value)
 
     @property
     def shift_um(self) -> tuple[float, float]:
