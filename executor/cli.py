@@ -25,6 +25,7 @@ from executor.rig import Rig
 from executor.run import RunResult, run_plan
 from executor.run_folder import (
     EVENTS,
+    SUMMARY,
     RunFolder,
     check_free,
     check_same,
@@ -128,6 +129,8 @@ def _parse(argv: Sequence[str] | None) -> _Call:
         + ", ".join(FAULTS),
     )
     found = parser.parse_args(argv)
+    if found.resume and (found.discard or found.mode != "run"):
+        parser.error("--resume goes with neither --discard nor another --mode than run")
     return _Call(
         plan_file=found.plan / "plan.json" if found.plan.is_dir() else found.plan,
         station=found.station,
@@ -251,7 +254,10 @@ def keep_world(cell: Cell, path: Path) -> None:
     """Have a simulated cell keep its world beside the journal."""
     from executor.simulated.keeping import keep  # optics only for the simulated cell
 
-    keep(cell, path)
+    try:
+        keep(cell, path)
+    except OSError as error:
+        raise ExecutorError("MP863", f"{path}: {error}") from error
 
 
 def _watch(rig: Rig, cell: Cell | None) -> dict[str, float]:
@@ -313,8 +319,14 @@ def _write_summary(
         "true_look_error_um": to_data(errors),
     }
     text = summary_json(plan, result, extra)
-    (folder / "summary.json").write_text(text, encoding="utf-8")
-    (folder / "summary.txt").write_text(table(result, errors) + "\n", encoding="utf-8")
+    try:
+        words = table(result, errors) + "\n"
+        (folder / "summary.txt").write_text(words, encoding="utf-8")
+        (folder / SUMMARY).write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise ExecutorError(
+            "MP863", f"the run has ended; its summary: {error}"
+        ) from error
 
 
 def _verdict(plan: Plan, cell: Cell) -> Verdict | None:

@@ -30,6 +30,7 @@ from executor.simulated.camera import SimCamera
 from executor.simulated.cell import Cell, build_cell
 from executor.station import Station
 from schemas.plan import InsertAction, Plan
+from schemas.views import CoarseFirst
 from schemas.world import World
 from tests.executor.bench import Folder, assembly, quiet, world
 from tests.executor.pictures import remembered
@@ -220,9 +221,18 @@ class Job:
 
 
 def small_job(folder: Path) -> Job:
-    """Return the hand-built assembly in a world without spreads."""
+    """Return the hand-built assembly in a world without spreads.
+
+    Its first look is made in two: after a coarse one the gear is brought elsewhere, and
+    back after the fine one.
+    """
     maker = Folder(folder)
     plan = assembly(maker)
+    find, *others = plan.steps
+    way = CoarseFirst(look="wide", axes="stage", at_um=(5.0, 3.0), most_um=40.0)
+    fine = replace(find.looks[0], coarse=way)
+    looks = (replace(find.looks[0], id="wide"), fine)
+    plan = replace(plan, steps=(replace(find, looks=looks), *others))
     artifacts = Artifacts.from_folder(plan, maker.folder)
     return Job(plan=plan, artifacts=artifacts, world=quiet(world()))
 
@@ -339,6 +349,7 @@ class Outcome:
 
     fates: tuple[Fate, ...]
     ends: tuple[End, ...]
+    orders: tuple[str, ...]  # all that reached the cell
     asked: bool
     wrong: tuple[str, ...]
 
@@ -372,7 +383,11 @@ def outcome(job: Job, fates: tuple[Fate, ...]) -> Outcome:
         ends.append(live(job, ledger, ask=lambda _: True))
     ledger.wrong += _final(ends[-1], cell)
     return Outcome(
-        fates=fates, ends=tuple(ends), asked=asked, wrong=tuple(ledger.wrong)
+        fates=fates,
+        ends=tuple(ends),
+        orders=tuple(ledger.orders),
+        asked=asked,
+        wrong=tuple(ledger.wrong),
     )
 
 

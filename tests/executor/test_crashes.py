@@ -8,6 +8,7 @@ import pytest
 
 from executor.simulated.cell import build_cell
 from tests.executor.crashing import (
+    ORDER_HOWS,
     Fate,
     Job,
     Ledger,
@@ -19,7 +20,7 @@ from tests.executor.crashing import (
     small_job,
 )
 
-EVERY = 11  # benchmarks/crashes.py takes every one
+EVERY = 13  # benchmarks/crashes.py takes every one
 TWICE = 12
 
 
@@ -57,6 +58,20 @@ def test_executors_killed_while_they_recover_are_followed_too(
     found = [outcome(job, pair) for pair in pairs(fates, TWICE)]
     assert [(o.fates, o.wrong) for o in found if o.wrong] == []
     assert sum(o.met for o in found) > TWICE / 2
+
+
+def test_axes_that_were_brought_near_a_look_are_taken_back(job: Job) -> None:
+    whole = outcome(job, (Fate(0, "before"),)).orders
+    moves = [i for i, order in enumerate(whole) if order.startswith("stage")]
+    assert "-594.99" in whole[moves[0]]
+    assert "'x_um': -600.0, 'y_um': 0.0" in whole[moves[1]]
+    for number in moves[:2]:
+        for how in ORDER_HOWS:
+            found = outcome(job, (Fate(number, how),))
+            assert not found.wrong
+            stage = [order for order in found.orders if order.startswith("stage")]
+            first = next(i for i, order in enumerate(stage) if "-180" in order)
+            assert stage[first - 1] == whole[moves[1]]
 
 
 def test_a_half_done_insertion_is_asked_about_and_nothing_moves(job: Job) -> None:
