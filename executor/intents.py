@@ -74,7 +74,8 @@ class FileStore:
     def __init__(
         self, path: Path, size: int = 0, *, sync: Callable[[int], None] = os.fsync
     ) -> None:
-        self._file = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
+        flags = os.O_RDWR | os.O_CREAT | getattr(os, "O_BINARY", 0)
+        self._file = os.open(path, flags, 0o644)
         self._sync = sync
         os.ftruncate(self._file, size)
         os.lseek(self._file, size, os.SEEK_SET)

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from typing import TypeVar
 
 from executor.calls import Caller, call_all
-from executor.drivers import AxisReading, Frame
+from executor.drivers import AxisReading, Frame, Mover
 from executor.errors import ExecutorError
 from executor.safety import (
     AXES,
@@ -68,6 +68,20 @@ class Motion:
         """Return what the zoom reads; MP847 if it is not finite."""
         with self.guarded(station):
             return self._lens(station, 0)
+
+    def rest(self, station: Station) -> None:
+        """Stop everything and wait until it stands; MP841, MP844, MP845 if it does not.
+
+        A drive that is stopped still takes its way to a stand.
+        """
+        with self.guarded(station):
+            left = self.stop(station)
+            if left:
+                raise ExecutorError("MP841", "not stopped: " + "; ".join(left))
+            for name, device in _movers(station).items():
+                self._wait_until_still(station, name, device.moving, lambda _: 0.0)
+            rules = station.rules
+            station.clock.wait(max(rules.stage.dwell_s, rules.robot.dwell_s))
 
     def travel(self, station: Station, move: AxisMove, phase: Phase) -> None:
         """Move one axis group and wait until it has settled.
@@ -173,13 +187,7 @@ class Motion:
 
     def stop(self, station: Station) -> list[str]:
         """Stop all devices at the same time; return what could not be stopped."""
-        named = {
-            "stage": station.stage,
-            "robot": station.robot,
-            "jaws": station.gripper,
-            "lens": station.lens,
-        }
-        calls = ((f"{n}.stop", d.stop) for n, d in named.items() if d is not None)
+        calls = ((f"{n}.stop", d.stop) for n, d in _movers(station).items())
         return call_all(calls, station.rules.safety.call_s)
 
     @contextmanager
@@ -333,6 +341,17 @@ class Motion:
         )
         check_finite("camera", {"exposed_s": frame.exposed_s})
         return frame
+
+
+def _movers(station: Station) -> dict[str, Mover]:
+    """Return what can move, by name."""
+    named = {
+        "stage": station.stage,
+        "robot": station.robot,
+        "jaws": station.gripper,
+        "lens": station.lens,
+    }
+    return {name: device for name, device in named.items() if device is not None}
 
 
 def _check_inside(station: Station, group: AxesName, reading: AxisReading) -> None:

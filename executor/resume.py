@@ -41,13 +41,11 @@ def take_up(rig: Rig, past: Past, ask: Ask | None = None) -> None:
     Raises
     ------
     ExecutorError
-        MP841 if something cannot be stopped; MP864 if an irreversible motion is half
-        done and nobody says that it may go on; MP865 if the station is not where the
-        journal left it; codes of readings.
+        MP841 or MP845 if something cannot be stopped; MP864 if an irreversible motion
+        is half done and nobody says that it may go on; MP865 if the station is not
+        where the journal left it; codes of readings.
     """
-    left = rig.motion.stop(rig.station)
-    if left:
-        raise ExecutorError("MP841", "not stopped: " + "; ".join(left))
+    rig.motion.rest(rig.station)
     now = rig.standing()
     was = decide(past, now, rig.station.rules)
     intent = past.opened
