@@ -123,7 +123,7 @@ def is_open(folder: Path) -> bool:
     One that the operator stopped counts: it is there to go on with.
     """
     path = folder / FILE
-    if not path.exists():
+    if not path.is_file():
         return False
     try:
         past = read_past(path).past

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import io
+import json
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -186,12 +187,22 @@ class Life:
         ledger.orders.append(told)
         if self.failed:
             ledger.wrong.append(f"{told} after a fault")
+        if device in ("stage", "robot", "gripper") and not self._announced(args, named):
+            ledger.wrong.append(f"{told} without an intent on the disk")
         if device == "gripper" and cell.jaws.reading() == args[0]:
             ledger.wrong.append(f"{told} although the jaws did that")
         if device == "stage" and named.get("z_um") in self._depths:
             now_um = cell.truth.stage.commanded["z_um"]
             if now_um not in STARTS_UM and not self.allowed:
                 ledger.wrong.append(f"{told} begun at {now_um:.6g}")
+
+    def _announced(self, args: tuple[Any, ...], named: dict[str, Any]) -> bool:
+        """Return whether the journal's last line says what is now ordered."""
+        disk = bytes(self.ledger.disk)
+        last = json.loads(disk[disk.rfind(b"\n", 0, -1) + 1 :])
+        target = dict(zip(("opening_um",), args, strict=False))
+        target |= {k: v for k, v in named.items() if k != "speed_um_per_s"}
+        return bool(last["kind"] == "intent" and last["intent"]["target"] == target)
 
 
 STARTS_UM = (-260.0,)  # where the insertion of `tests.executor.bench.assembly` begins

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import shutil
@@ -17,6 +18,7 @@ import pytest
 
 from executor.cli import main
 from executor.errors import CODES
+from executor.intents import FileStore
 from executor.lock import held
 from tests.executor.bench import Folder, assembly, world
 from tests.executor.test_cli import STATION_TOML, events, summary
@@ -113,6 +115,32 @@ def test_a_new_run_does_not_delete_one_that_was_killed(
     assert (copy / "journal.jsonl").read_bytes() == before
     assert run(built, copy, "--discard", "--seed", "3") == 0
     assert [e["event"] for e in events(copy)].count("resumed") == 0
+
+
+def test_a_disk_that_fills_stops_the_run_before_the_motion(
+    built: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    append, folder = FileStore.append, tmp_path / "run"
+
+    def fill(store: FileStore, line: bytes) -> None:
+        if INSERTING.encode() in line:
+            append(store, line[: len(line) // 2])
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        append(store, line)
+
+    with monkeypatch.context() as full:
+        full.setattr(FileStore, "append", fill)
+        assert code_of(capsys, run(built, folder, "--seed", "3")) == "MP863"
+    found = summary(folder)
+    assert (found["code"], found["step"]) == ("MP863", "insert")
+    stage = json.loads((folder / "cell.json").read_text("utf-8"))["devices"]["stage"]
+    assert stage["commanded"]["z_um"] == -260.0
+    assert code_of(capsys, run(built, folder)) == "MP862"
+    assert run(built, folder, "--resume") == 0
+    assert summary(folder)["cell_verdict"]["success"]
 
 
 def change_plan(plan: Path, _: Path) -> None:
