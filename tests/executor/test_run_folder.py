@@ -213,6 +213,28 @@ def test_what_does_not_fit_is_refused_and_nothing_changes(
     assert after == before
 
 
+@pytest.mark.parametrize(("answer", "status"), [("y", 0), ("n", 4)])
+def test_at_a_terminal_the_operator_decides_on_a_half_done_insertion(
+    answer: str, status: int, built: Path, copy: Path
+) -> None:
+    stop_half_way(built, copy)
+    mine, its = os.openpty()
+    os.write(mine, f"{answer}\n".encode())
+    words = [str(built), "--station", "sim", "--run-dir", str(copy), "--no-frames"]
+    call = [sys.executable, "-m", "executor.cli", *words, "--resume"]
+    ended = subprocess.run(
+        call, stdin=its, stderr=its, stdout=subprocess.PIPE, text=True, check=False
+    )
+    os.close(its)
+    told = os.read(mine, 1 << 16).decode()
+    os.close(mine)
+    way = "stage.z_um is at -130 on its way from -260 to 0; may it go on?"
+    assert way in told
+    assert ended.returncode == status, told
+    assert ("MP864" in told) == (status == 4)
+    assert ("seated, offset" in ended.stdout) == (status == 0)
+
+
 def test_a_run_folder_in_use_is_refused(
     built: Path, copy: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
