@@ -6,6 +6,7 @@ from benchmarks import (
     coherence,
     compiling,
     costs,
+    crashes,
     drivers,
     error_maps,
     example,
@@ -53,6 +54,7 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     example.BENCHMARK,
     compiling.BENCHMARK,
     runs.BENCHMARK,
+    crashes.BENCHMARK,
     placing.BENCHMARK,
     drivers.BENCHMARK,
 )

@@ -8,7 +8,7 @@ the axes carry them along.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 from executor.drivers import AxisReading
@@ -71,6 +71,14 @@ class Readings:
         return now
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Known:
+    """All that a record of beliefs holds at one moment."""
+
+    owners: tuple[Belief, ...]
+    held: Mapping[str, str]  # part -> tool
+
+
 class Beliefs:
     """The one changing record of where things are thought to be."""
 
@@ -80,6 +88,15 @@ class Beliefs:
         self._owners = {b.name: b for b in beliefs}
         self._features = {f.name: f for f in features}
         self._held: dict[str, str] = {}  # part -> tool
+
+    def known(self) -> Known:
+        """Return all that is believed now."""
+        return Known(owners=tuple(self._owners.values()), held=dict(self._held))
+
+    def restore(self, known: Known) -> None:
+        """Believe what `known` says, and nothing else."""
+        self._owners = {b.name: b for b in known.owners}
+        self._held = dict(known.held)
 
     def owner(self, name: str) -> str:
         """Return the part or tool that `name` is, or belongs to.

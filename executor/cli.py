@@ -5,10 +5,10 @@ from __future__ import annotations
 import argparse
 import math
 import os
-import shutil
 import sys
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,10 +19,23 @@ from executor.frames import Frames
 from executor.journal import Journal
 from executor.motion import Motion
 from executor.operator import Operator
+from executor.past import Header
+from executor.resume import begin, take_up
 from executor.rig import Rig
 from executor.run import RunResult, run_plan
+from executor.run_folder import (
+    EVENTS,
+    SUMMARY,
+    RunFolder,
+    check_free,
+    check_same,
+    lock_beside,
+    new_run,
+    old_run,
+    sha256,
+)
 from executor.simulated.faults import FAULTS
-from executor.site import Site, find_site
+from executor.site import SIMULATED, Site, find_site
 from executor.station import preflight
 from executor.summary import summary_json, table
 from schemas.codec import CodecError, to_data
@@ -39,16 +52,23 @@ class _Call:
 
     plan_file: Path
     station: str
-    seed: int
+    seed: int | None  # None: 0, or that of the run that is resumed
     mode: str
     run_dir: Path | None
     frames: bool
     faults: tuple[str, ...]
+    resume: bool
+    discard: bool
 
     @property
     def folder(self) -> Path:
         """Return the plan folder."""
         return self.plan_file.parent
+
+    @property
+    def station_file(self) -> Path | None:
+        """Return the station's file, None for the simulated cell."""
+        return None if self.station == SIMULATED else Path(self.station)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -84,7 +104,7 @@ def _parse(argv: Sequence[str] | None) -> _Call:
         "--station", required=True, help="sim: the simulated cell; or a station.toml"
     )
     parser.add_argument(
-        "--seed", type=seed_number, default=0, help="of the simulated cell"
+        "--seed", type=seed_number, help="of the simulated cell; default: 0"
     )
     parser.add_argument(
         "--mode",
@@ -93,6 +113,12 @@ def _parse(argv: Sequence[str] | None) -> _Call:
         help="check: read and compare only; dry-run: list what would be done",
     )
     parser.add_argument("--run-dir", type=Path, help="default: <plan name>.run beside")
+    parser.add_argument(
+        "--resume", action="store_true", help="go on with the run of the run folder"
+    )
+    parser.add_argument(
+        "--discard", action="store_true", help="throw away a run that did not end"
+    )
     parser.add_argument("--no-frames", action="store_true", help="keep no images")
     parser.add_argument(
         "--inject",
@@ -103,6 +129,8 @@ def _parse(argv: Sequence[str] | None) -> _Call:
         + ", ".join(FAULTS),
     )
     found = parser.parse_args(argv)
+    if found.resume and (found.discard or found.mode != "run"):
+        parser.error("--resume goes with neither --discard nor another --mode than run")
     return _Call(
         plan_file=found.plan / "plan.json" if found.plan.is_dir() else found.plan,
         station=found.station,
@@ -111,6 +139,8 @@ def _parse(argv: Sequence[str] | None) -> _Call:
         run_dir=found.run_dir,
         frames=not found.no_frames,
         faults=tuple(found.inject),
+        resume=found.resume,
+        discard=found.discard,
     )
 
 
@@ -125,24 +155,67 @@ def seed_number(text: str) -> int:
 def _run(call: _Call) -> int:
     """Do what was asked; errors are the caller's to report."""
     plan = _read_plan(call.plan_file)
-    site = find_site(call.station, call.folder, seed=call.seed, faults=call.faults)
-    preflight(plan, site.station)
+    path = call.run_dir or call.folder.parent / f"{plan.name}.run"
+    with ExitStack() as stack:
+        if call.station_file is not None and call.station_file.is_file():
+            stack.enter_context(lock_beside(call.station_file))
+        if call.mode == "run" and call.resume:
+            return _resume(call, plan, stack.enter_context(old_run(path)))
+        if call.mode == "run":
+            check_free(path, discard=call.discard)
+        site = _site(call, call.seed or 0, call.faults, None)
+        preflight(plan, site.station)
+        artifacts = Artifacts.from_folder(plan, call.folder)
+        if call.mode == "check":
+            _say(f"{plan.name}: {len(plan.steps)} steps fit the station")
+            return DONE
+        if call.mode == "dry-run":
+            _say("\n".join(_listing(plan)))
+            return DONE
+        run = stack.enter_context(new_run(path, discard=call.discard))
+        run.begin(call.plan_file, call.station_file)
+        return _perform(call, plan, site, artifacts, run)
+
+
+def _resume(call: _Call, plan: Plan, run: RunFolder) -> int:
+    """Go on with the run of a folder."""
+    then = run.header
+    seed = then.seed if call.seed is None else call.seed
+    faults = call.faults or then.faults
+    call = replace(call, seed=seed, faults=faults)
+    check_same(_header(call, then.devices), then)  # before a driver is touched
+    site = _site(call, seed, faults, run.cell)
+    check_same(_header(call, site.station.devices()), then)
+    preflight(plan, site.station, begun=True)
     artifacts = Artifacts.from_folder(plan, call.folder)
-    if call.mode == "check":
-        _say(f"{plan.name}: {len(plan.steps)} steps fit the station")
-        return DONE
-    if call.mode == "dry-run":
-        _say("\n".join(_listing(plan)))
-        return DONE
-    return _perform(call, plan, site, artifacts)
+    return _perform(call, plan, site, artifacts, run)
 
 
-def _perform(call: _Call, plan: Plan, site: Site, artifacts: Artifacts) -> int:
+def _site(call: _Call, seed: int, faults: tuple[str, ...], left: Path | None) -> Site:
+    """Return the station that was asked for."""
+    return find_site(call.station, call.folder, seed=seed, faults=faults, left=left)
+
+
+def _header(call: _Call, devices: Mapping[str, str]) -> Header:
+    """Return what a run is begun with."""
+    file = call.station_file
+    return Header(
+        plan_sha256=sha256(call.plan_file),
+        station=SIMULATED if file is None else sha256(file),
+        seed=call.seed or 0,
+        faults=call.faults,
+        devices=devices,
+    )
+
+
+def _perform(
+    call: _Call, plan: Plan, site: Site, artifacts: Artifacts, run: RunFolder
+) -> int:
     """Run the plan, write the run folder and print the outcome."""
-    folder, station = _run_folder(call, plan), site.station
-    log = folder / "events.jsonl"
+    folder, station, seq = run.path, site.station, run.last_event()
     with (
-        log.open("w", encoding="utf-8", newline="\n") as stream,
+        (folder / EVENTS).open("a", encoding="utf-8", newline="\n") as stream,
+        run.intents() as intents,
         Operator(_asker()) as operator,
     ):
         rig = Rig(
@@ -150,12 +223,19 @@ def _perform(call: _Call, plan: Plan, site: Site, artifacts: Artifacts) -> int:
             station=station,
             beliefs=Beliefs(plan.beliefs, plan.features),
             artifacts=artifacts,
-            journal=Journal(stream, station.clock),
+            journal=Journal(stream, station.clock, seq=seq),
             frames=Frames(folder / "frames" if call.frames else None),
             motion=Motion(operator.pause),
+            intents=intents,
         )
         errors = _watch(rig, site.cell)
+        if site.cell is not None and call.station_file is None:
+            keep_world(site.cell, run.cell)
         try:
+            if run.found is None:
+                begin(rig, _header(call, station.devices()))
+            else:
+                take_up(rig, run.found.past, _question())
             result = run_plan(rig)
         except KeyboardInterrupt:
             left = "; ".join(rig.motion.stop(station)) or "nothing moves any more"
@@ -168,6 +248,16 @@ def _perform(call: _Call, plan: Plan, site: Site, artifacts: Artifacts) -> int:
     _write_summary(folder, call, site, plan, result, verdict, errors)
     _say(table(result, errors))
     return _report(call, plan, result, verdict, folder)
+
+
+def keep_world(cell: Cell, path: Path) -> None:
+    """Have a simulated cell keep its world beside the journal."""
+    from executor.simulated.keeping import keep  # optics only for the simulated cell
+
+    try:
+        keep(cell, path)
+    except OSError as error:
+        raise ExecutorError("MP863", f"{path}: {error}") from error
 
 
 def _watch(rig: Rig, cell: Cell | None) -> dict[str, float]:
@@ -223,14 +313,20 @@ def _write_summary(
     """Write summary.json and the table."""
     extra: dict[str, Any] = {
         "station": site.name,
-        "seed": call.seed,
+        "seed": call.seed or 0,
         "faults": list(call.faults),
         "cell_verdict": None if verdict is None else to_data(verdict),
         "true_look_error_um": to_data(errors),
     }
     text = summary_json(plan, result, extra)
-    (folder / "summary.json").write_text(text, encoding="utf-8")
-    (folder / "summary.txt").write_text(table(result, errors) + "\n", encoding="utf-8")
+    try:
+        words = table(result, errors) + "\n"
+        (folder / "summary.txt").write_text(words, encoding="utf-8")
+        (folder / SUMMARY).write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise ExecutorError(
+            "MP863", f"the run has ended; its summary: {error}"
+        ) from error
 
 
 def _verdict(plan: Plan, cell: Cell) -> Verdict | None:
@@ -267,18 +363,16 @@ def _asker() -> Callable[[], bool] | None:
     return ask
 
 
-def _run_folder(call: _Call, plan: Plan) -> Path:
-    """Return an empty run folder; one that holds something else is not touched."""
-    folder = call.run_dir or call.folder.parent / f"{plan.name}.run"
-    try:
-        if folder.exists():
-            if any(folder.iterdir()) and not (folder / "events.jsonl").is_file():
-                raise ExecutorError("MP804", f"{folder} exists and is no run folder")
-            shutil.rmtree(folder)
-        folder.mkdir(parents=True)
-    except OSError as error:
-        raise ExecutorError("MP804", f"{folder}: {error}") from error
-    return folder
+def _question() -> Callable[[str], bool] | None:
+    """Return how to put a question to the operator, None if nobody sits there."""
+    if not (sys.stdin.isatty() and sys.stderr.isatty()):
+        return None
+
+    def ask(question: str) -> bool:
+        print(f"{question} y goes on, anything else stops", file=sys.stderr)
+        return sys.stdin.readline().strip() == "y"
+
+    return ask
 
 
 def _listing(plan: Plan) -> list[str]:

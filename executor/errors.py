@@ -51,6 +51,14 @@ CODES: Mapping[str, tuple[str, int]] = {
     "MP855": ("the plan acts but never verifies", FAILED),
     "MP856": ("verify: the part is turned against its seat", FAILED),
     "MP860": ("the operator stopped the run", STOPPED),
+    "MP861": ("another executor is at work", MACHINE),
+    "MP862": ("the run folder holds a run that did not end", BAD_INPUT),
+    "MP863": ("the run's journal cannot be written", MACHINE),
+    "MP864": ("an action that must not be done twice was interrupted", STOPPED),
+    "MP865": ("the station does not stand where the journal left it", MACHINE),
+    "MP866": ("plan, station or devices are not those the run began with", BAD_INPUT),
+    "MP867": ("the run's journal is damaged", BAD_INPUT),
+    "MP868": ("there is no run to resume", BAD_INPUT),
 }
 
 

@@ -82,6 +82,7 @@ def look_at(
             sighting.sigma_theta_rad,
         )
         rig.journal.write("seen", look=look.id, at=sighting)
+        rig.keep_beliefs()
         if rig.watch is not None:
             rig.watch(look.target, sighting.x_um, sighting.y_um)
         return sighting
@@ -119,9 +120,9 @@ def look_near(
             f"seen, the {first.axes} may bring it {first.most_um:.3g} um",
         )
     back = readings.reading(first.axes)
-    rig.move(readings_for(first.axes, readings, here, first.at_um))
+    rig.move(readings_for(first.axes, readings, here, first.at_um), "near")
     seen = look_at(rig, look, on_failure)
-    rig.move(AxisMove(axes=first.axes, x_um=back.x_um, y_um=back.y_um))
+    rig.move(AxisMove(axes=first.axes, x_um=back.x_um, y_um=back.y_um), "back")
     return seen
 
 

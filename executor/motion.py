@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from typing import TypeVar
 
 from executor.calls import Caller, call_all
-from executor.drivers import AxisReading, Frame
+from executor.drivers import AxisReading, Frame, Mover
 from executor.errors import ExecutorError
 from executor.safety import (
     AXES,
@@ -40,10 +40,17 @@ class Motion:
     ----------
     pause : callable
         Called before and after every motion; it may wait, or raise MP860.
+    caller : Caller or None
+        Makes the calls of devices; None: each kind of trouble with its code.
     """
 
-    def __init__(self, pause: Callable[[], None] = lambda: None) -> None:
-        self._caller = Caller()
+    def __init__(
+        self,
+        pause: Callable[[], None] = lambda: None,
+        *,
+        caller: Caller | None = None,
+    ) -> None:
+        self._caller = caller or Caller()
         self._pause = pause
         self._fault: ExecutorError | None = None
 
@@ -51,6 +58,30 @@ class Motion:
         """Return where an axis group is; MP847 if a number is not finite."""
         with self.guarded(station):
             return self._reading(station, group)[0]
+
+    def opening(self, station: Station) -> float:
+        """Return what the jaws read, um; MP847 if it is not finite."""
+        with self.guarded(station):
+            return self._opening(station)
+
+    def magnification(self, station: Station) -> float:
+        """Return what the zoom reads; MP847 if it is not finite."""
+        with self.guarded(station):
+            return self._lens(station, 0)
+
+    def rest(self, station: Station) -> None:
+        """Stop everything and wait until it stands; MP841, MP844, MP845 if it does not.
+
+        A drive that is stopped still takes its way to a stand.
+        """
+        with self.guarded(station):
+            left = self.stop(station)
+            if left:
+                raise ExecutorError("MP841", "not stopped: " + "; ".join(left))
+            for name, device in _movers(station).items():
+                self._wait_until_still(station, name, device.moving, lambda _: 0.0)
+            rules = station.rules
+            station.clock.wait(max(rules.stage.dwell_s, rules.robot.dwell_s))
 
     def travel(self, station: Station, move: AxisMove, phase: Phase) -> None:
         """Move one axis group and wait until it has settled.
@@ -156,13 +187,7 @@ class Motion:
 
     def stop(self, station: Station) -> list[str]:
         """Stop all devices at the same time; return what could not be stopped."""
-        named = {
-            "stage": station.stage,
-            "robot": station.robot,
-            "jaws": station.gripper,
-            "lens": station.lens,
-        }
-        calls = ((f"{n}.stop", d.stop) for n, d in named.items() if d is not None)
+        calls = ((f"{n}.stop", d.stop) for n, d in _movers(station).items())
         return call_all(calls, station.rules.safety.call_s)
 
     @contextmanager
@@ -316,6 +341,17 @@ class Motion:
         )
         check_finite("camera", {"exposed_s": frame.exposed_s})
         return frame
+
+
+def _movers(station: Station) -> dict[str, Mover]:
+    """Return what can move, by name."""
+    named = {
+        "stage": station.stage,
+        "robot": station.robot,
+        "jaws": station.gripper,
+        "lens": station.lens,
+    }
+    return {name: device for name, device in named.items() if device is not None}
 
 
 def _check_inside(station: Station, group: AxesName, reading: AxisReading) -> None:

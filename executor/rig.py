@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from typing import Literal
 
 from executor.artifacts import Artifacts
 from executor.beliefs import Beliefs, Readings
@@ -11,9 +13,12 @@ from executor.calibration import LookFrame, look_frame
 from executor.drivers import Counts
 from executor.errors import ExecutorError
 from executor.frames import Frames
+from executor.intents import Intent, Intents, Standing
 from executor.journal import Journal
 from executor.motion import Motion
-from executor.safety import Phase
+from executor.outcome import StepResult
+from executor.past import Past
+from executor.safety import Phase, targets
 from executor.station import Station
 from schemas.plan import AxisMove, Look, Plan, Region, View
 
@@ -38,6 +43,20 @@ class Rig:
     on_step: Callable[[str], None] | None = None  # told of every step that begins
     motion: Motion = field(default_factory=Motion)
     phase: Phase = "approach"  # what moves are for now: it sets their limits
+    intents: Intents = field(default_factory=Intents)
+    past: Past = field(default_factory=Past)  # empty unless the run is resumed
+
+    def enter(self, step: str) -> None:
+        """Begin a step; what an earlier executor did of another is no longer asked."""
+        if self.past.step != step:
+            self.past = Past()
+        self.intents.write("begin", step=step)
+
+    def finish(self, result: StepResult) -> None:
+        """Have in the journal that a step is done, and all that the next one needs."""
+        self.intents.write(
+            "step", result=result, known=self.beliefs.known(), phase=self.phase
+        )
 
     def readings(self) -> Readings:
         """Return where the axes are now."""
@@ -48,17 +67,81 @@ class Rig:
             theta_axis_um=self.plan.requirements.theta_axis_um,
         )
 
-    def move(self, move: AxisMove) -> None:
-        """Move one axis group and note it."""
+    def standing(self) -> Standing:
+        """Return what axes and jaws read now."""
+        readings = self.readings()
+        jaws = self.station.gripper
+        return Standing(
+            stage=readings.stage,
+            robot=readings.robot,
+            opening_um=None if jaws is None else self.motion.opening(self.station),
+        )
+
+    def move(self, move: AxisMove, name: str = "") -> None:
+        """Move one axis group and note it.
+
+        A motion with a name is not made again if an earlier executor finished it; one
+        that it left on the way goes on to where it was meant to go.
+        """
+        if name in self.past.finished:
+            return
+        again = self.past.again
+        if again is not None and name == again.name:
+            move = AxisMove(
+                axes=move.axes, speed_um_per_s=move.speed_um_per_s, **again.target
+            )
         self.journal.write("move", to=move)
-        self.motion.travel(self.station, move, self.phase)
+        with self._intended(name, move.axes, targets(move)):
+            self.motion.travel(self.station, move, self.phase)
         self.journal.write("moved", axes=move.axes)
 
     def grip(self, opening_um: float) -> None:
-        """Move the jaws and note it."""
+        """Move the jaws and note it, unless an earlier executor did."""
+        if "jaws" in self.past.finished:
+            return
         self.journal.write("jaws", opening_um=opening_um)
-        reading_um = self.motion.grip(self.station, opening_um)
+        with self._intended("jaws", "jaws", {"opening_um": opening_um}):
+            reading_um = self.motion.grip(self.station, opening_um)
         self.journal.write("jaws_moved", reading_um=reading_um)
+
+    def go_back(self) -> None:
+        """Take the axes back from where an earlier executor left them for a look."""
+        away = self.past.away
+        if away is None or away.device == "jaws":
+            return
+        before = away.before.stage if away.device == "stage" else away.before.robot
+        if before is not None:
+            way = {axis: getattr(before, axis) for axis in away.target}
+            self.move(AxisMove(axes=away.device, **way), "back")
+        self.past.away = None
+
+    def keep_beliefs(self) -> None:
+        """Have what is believed now in the journal."""
+        self.intents.write("known", known=self.beliefs.known())
+
+    @contextmanager
+    def _intended(
+        self,
+        name: str,
+        device: Literal["stage", "robot", "jaws"],
+        target: Mapping[str, float],
+    ) -> Iterator[None]:
+        """Have the intent on disk before the motion inside, and that it is done after.
+
+        A motion that fails stays open: the next executor looks how far it went.
+        """
+        intent = Intent(
+            step=self.journal.step,
+            name=name,
+            device=device,
+            target=target,
+            phase=self.phase,
+            irreversible=device == "jaws" or self.phase == "insert",
+            before=self.standing(),
+        )
+        self.intents.write("intent", intent=intent)
+        yield
+        self.intents.write("done", name=name, standing=self.standing())
 
     def set_view(self, view: View, *, focus_um: float | None = None) -> None:
         """Set zoom, focus and light, each only if it changes."""
@@ -66,6 +149,7 @@ class Rig:
         old = self.view
         if old is None or old.magnification != view.magnification:
             self.journal.write("zoom", magnification=view.magnification)
+            self.intents.write("view", view=view)
             self.motion.zoom(self.station, view.magnification)
         if old is None or old.focus_um != focus:
             self.journal.write("focus", focus_um=focus)

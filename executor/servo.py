@@ -50,7 +50,7 @@ def align(
     rig.phase = "approach"
     approach(rig, action, control)
     rig.phase = "servo"
-    errors_um: list[float] = []
+    errors_um = list(rig.past.errors_um)  # before the executor was killed
     near: Near | None = None
     while True:
         seen = look_at(rig, look, on_failure, near=near)
@@ -62,6 +62,7 @@ def align(
             cycles=len(errors_um), error_um=error_um, spread_um=seen.spread_um
         )
         rig.journal.write("error", error_um=error_um, turn_rad=turn_rad)
+        rig.intents.write("error", error_um=error_um)
         if _inside(error_um, turn_rad, control):
             return ended
         _check(errors_um, turn_rad, control, action)
@@ -90,7 +91,8 @@ def approach(rig: Rig, action: AlignAction, control: Control) -> None:
                 x_um=final.x_um if "x" in axes else None,
                 y_um=final.y_um if "y" in axes else None,
                 theta_rad=final.theta_rad if number == 0 else None,
-            )
+            ),
+            f"approach {number + 1}",
         )
 
 

@@ -79,8 +79,10 @@ class Station:
         return self.gripper
 
 
-def preflight(plan: Plan, station: Station) -> None:
+def preflight(plan: Plan, station: Station, *, begun: bool = False) -> None:
     """Refuse a plan that this station cannot run.
+
+    Where its run has `begun`, the axes need not stand at its start.
 
     Raises
     ------
@@ -98,7 +100,8 @@ def preflight(plan: Plan, station: Station) -> None:
     _check_calibration(plan, station.offer.calibration)
     _check_speeds(plan, station.rules)
     _check_routines(plan)
-    _check_start(plan, station)
+    if not begun:
+        _check_start(plan, station)
 
 
 def _check_camera(plan: Plan, offer: Offer) -> None:

@@ -21,6 +21,7 @@ from schemas.plan import dump_plan, parse_plan
 from tests.executor.bench import Folder, assembly, world
 
 STEPS = 12
+STATION_TOML = Path(__file__).parents[2] / "examples" / "stations" / "simulated.toml"
 
 
 @pytest.fixture(scope="module")

@@ -11,13 +11,13 @@ import pytest
 
 from executor.artifacts import Artifacts
 from executor.errors import CODES
-from executor.simulated.camera import FloatArray, SimCamera
+from executor.simulated.camera import SimCamera
 from executor.simulated.faults import FAULTS
 from executor.station import Station
-from optics.scene import Window
 from schemas.plan import Plan
 from schemas.world import World
 from tests.executor.bench import Folder, assembly, quiet, world
+from tests.executor.pictures import remembered
 from tests.executor.recorder import Run, run
 
 GOLDEN = Path(__file__).parents[1] / "golden" / "executor"
@@ -64,27 +64,7 @@ def _pictures(monkeypatch: pytest.MonkeyPatch) -> None:
 
     The noise of a frame is drawn afresh.
     """
-    monkeypatch.setattr(SimCamera, "_image", _remembered)
-
-
-_RENDER = SimCamera._image
-_SEEN: dict[tuple[object, ...], FloatArray] = {}
-
-
-def _remembered(
-    camera: SimCamera, window: Window | None, *, height_px: int | None = None
-) -> FloatArray:
-    truth, lens, light = camera._truth, camera._lens, camera._light
-    bodies = ((n, truth.pose(b), truth.under_um(b)) for n, b in truth.bodies.items())
-    key = (
-        *bodies, truth.grip_pose(), truth.grip_z_um(), truth.opening_um, truth.tool,
-        truth.stage_z_um(), lens.magnification, lens.focus_um, lens.shift_um,
-        light.now(), camera._microscope(height_px), window,
-    )  # fmt: skip
-    hashed = tuple(map(repr, key))
-    if hashed not in _SEEN:
-        _SEEN[hashed] = _RENDER(camera, window, height_px=height_px)
-    return _SEEN[hashed]
+    monkeypatch.setattr(SimCamera, "_image", remembered)
 
 
 def impatient(station: Station) -> Station:
