@@ -2,59 +2,27 @@
 
 from __future__ import annotations
 
-import argparse
-import math
 import os
-import shutil
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 from executor.artifacts import Artifacts
-from executor.beliefs import Beliefs
+from executor.asked import Call, parse
 from executor.errors import BUG, CODES, DONE, ExecutorError
-from executor.frames import Frames
-from executor.journal import Journal
-from executor.motion import Motion
-from executor.operator import Operator
-from executor.rig import Rig
-from executor.run import RunResult, run_plan
-from executor.simulated.faults import FAULTS
-from executor.site import Site, find_site
+from executor.listing import plan_lines
+from executor.plan_file import read_plan
+from executor.site import find_site
 from executor.station import preflight
-from executor.summary import summary_json, table
-from schemas.codec import CodecError, to_data
-from schemas.plan import Measure, Plan, VerifyAction, parse_plan
-
-if TYPE_CHECKING:
-    from executor.simulated.cell import Cell
-    from executor.simulated.judging import Verdict
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Call:
-    """What was asked for on the command line."""
-
-    plan_file: Path
-    station: str
-    seed: int
-    mode: str
-    run_dir: Path | None
-    frames: bool
-    faults: tuple[str, ...]
-
-    @property
-    def folder(self) -> Path:
-        """Return the plan folder."""
-        return self.plan_file.parent
+from executor.summary import table
+from executor.whole_run import Ended, perform
+from schemas.plan import Plan
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Return the exit status: 0 done, 1 no, 2 input, 3 machine, 4 stopped, 70 a bug."""
     try:
-        call = _parse(argv)
+        call = parse(argv)
     except SystemExit as leaving:  # argparse: 0 after --help, 2 for a wrong call
         return int(leaving.code or 0)
     try:
@@ -71,60 +39,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         return BUG
 
 
-def _parse(argv: Sequence[str] | None) -> _Call:
-    """Read the command line."""
-    parser = argparse.ArgumentParser(
-        prog="microplan-run",
-        description="Run an augmented plan on a station.",
-        epilog="Exit status: 0 done, 1 the answer is no, 2 input or call at fault, "
-        "3 machine trouble, 4 stopped, 70 a bug.",
-    )
-    parser.add_argument("plan", type=Path, help="plan.json, or the folder it is in")
-    parser.add_argument(
-        "--station", required=True, help="sim: the simulated cell; or a station.toml"
-    )
-    parser.add_argument(
-        "--seed", type=seed_number, default=0, help="of the simulated cell"
-    )
-    parser.add_argument(
-        "--mode",
-        choices=["run", "check", "dry-run"],
-        default="run",
-        help="check: read and compare only; dry-run: list what would be done",
-    )
-    parser.add_argument("--run-dir", type=Path, help="default: <plan name>.run beside")
-    parser.add_argument("--no-frames", action="store_true", help="keep no images")
-    parser.add_argument(
-        "--inject",
-        action="append",
-        default=[],
-        metavar="FAULT[@STEP]",
-        help="a simulated fault, from the start on or in one step: "
-        + ", ".join(FAULTS),
-    )
-    found = parser.parse_args(argv)
-    return _Call(
-        plan_file=found.plan / "plan.json" if found.plan.is_dir() else found.plan,
-        station=found.station,
-        seed=found.seed,
-        mode=found.mode,
-        run_dir=found.run_dir,
-        frames=not found.no_frames,
-        faults=tuple(found.inject),
-    )
-
-
-def seed_number(text: str) -> int:
-    """Return a seed, a whole number from 0 on."""
-    value = int(text)
-    if value < 0:
-        raise ValueError("a seed is not negative")
-    return value
-
-
-def _run(call: _Call) -> int:
+def _run(call: Call) -> int:
     """Do what was asked; errors are the caller's to report."""
-    plan = _read_plan(call.plan_file)
+    file = read_plan(call.plan_file)
+    plan = file.plan
     site = find_site(call.station, call.folder, seed=call.seed, faults=call.faults)
     preflight(plan, site.station)
     artifacts = Artifacts.from_folder(plan, call.folder)
@@ -132,68 +50,16 @@ def _run(call: _Call) -> int:
         _say(f"{plan.name}: {len(plan.steps)} steps fit the station")
         return DONE
     if call.mode == "dry-run":
-        _say("\n".join(_listing(plan)))
+        _say("\n".join(plan_lines(plan)))
         return DONE
-    return _perform(call, plan, site, artifacts)
+    return _report(call, plan, perform(call, file, site, artifacts, _asker()))
 
 
-def _perform(call: _Call, plan: Plan, site: Site, artifacts: Artifacts) -> int:
-    """Run the plan, write the run folder and print the outcome."""
-    folder, station = _run_folder(call, plan), site.station
-    log = folder / "events.jsonl"
-    with (
-        log.open("w", encoding="utf-8", newline="\n") as stream,
-        Operator(_asker()) as operator,
-    ):
-        rig = Rig(
-            plan=plan,
-            station=station,
-            beliefs=Beliefs(plan.beliefs, plan.features),
-            artifacts=artifacts,
-            journal=Journal(stream, station.clock),
-            frames=Frames(folder / "frames" if call.frames else None),
-            motion=Motion(operator.pause),
-        )
-        errors = _watch(rig, site.cell)
-        try:
-            result = run_plan(rig)
-        except KeyboardInterrupt:
-            left = "; ".join(rig.motion.stop(station)) or "nothing moves any more"
-            rig.journal.write("stopped", why=left)
-            raise ExecutorError("MP860", f"stopped; {left}") from None
-        except BaseException:  # a bug must not leave anything in motion either
-            rig.motion.stop(station)
-            raise
-    verdict = None if site.cell is None else _verdict(plan, site.cell)
-    _write_summary(folder, call, site, plan, result, verdict, errors)
-    _say(table(result, errors))
-    return _report(call, plan, result, verdict, folder)
-
-
-def _watch(rig: Rig, cell: Cell | None) -> dict[str, float]:
-    """Return a record, filled while the rig runs: step -> its last look's true error.
-
-    Only a simulated cell knows the truth; a plan never sees it.
-    """
-    errors: dict[str, float] = {}
-    if cell is None:
-        return errors
-    shown_um = cell.shown_um
-
-    def note(target: str, x_um: float, y_um: float) -> None:
-        owner, offset = rig.beliefs.anchor(target)
-        true_x, true_y = shown_um(owner, *offset)
-        errors[rig.journal.step] = math.hypot(x_um - true_x, y_um - true_y)
-
-    rig.watch, rig.on_step = note, cell.faults.enter
-    return errors
-
-
-def _report(
-    call: _Call, plan: Plan, result: RunResult, verdict: Verdict | None, folder: Path
-) -> int:
-    """Print findings and verdicts; return the exit status."""
-    _say(f"run folder: {folder}")
+def _report(call: Call, plan: Plan, ended: Ended) -> int:
+    """Print table, findings and verdicts; return the exit status."""
+    result, verdict = ended.result, ended.verdict
+    _say(table(result, ended.errors_um))
+    _say(f"run folder: {ended.folder}")
     if verdict is not None:
         truly = "seated" if verdict.success else "not seated"
         _say(
@@ -211,50 +77,6 @@ def _report(
     return CODES[result.code][1]
 
 
-def _write_summary(
-    folder: Path,
-    call: _Call,
-    site: Site,
-    plan: Plan,
-    result: RunResult,
-    verdict: Verdict | None,
-    errors: dict[str, float],
-) -> None:
-    """Write summary.json and the table."""
-    extra: dict[str, Any] = {
-        "station": site.name,
-        "seed": call.seed,
-        "faults": list(call.faults),
-        "cell_verdict": None if verdict is None else to_data(verdict),
-        "true_look_error_um": to_data(errors),
-    }
-    text = summary_json(plan, result, extra)
-    (folder / "summary.json").write_text(text, encoding="utf-8")
-    (folder / "summary.txt").write_text(table(result, errors) + "\n", encoding="utf-8")
-
-
-def _verdict(plan: Plan, cell: Cell) -> Verdict | None:
-    """Return what truly became of what the last verify step is about."""
-    checks = [s.action for s in plan.steps if isinstance(s.action, VerifyAction)]
-    if not checks or checks[-1].target.partition(".")[0] not in cell.truth.bodies:
-        return None
-    last = checks[-1]
-    return cell.judge(last.target, last.on, last.within_um, last.within_rad)
-
-
-def _read_plan(path: Path) -> Plan:
-    """Return the plan, or raise MP802."""
-    try:
-        return parse_plan(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ExecutorError("MP802", f"cannot read {path}: {error.strerror}") from error
-    except (UnicodeDecodeError, CodecError) as error:
-        words = str(error)
-        if path.suffix in (".yaml", ".yml"):
-            words = f"{path} is a task, no plan: compile it first (microplan compile)"
-        raise ExecutorError("MP802", words) from error
-
-
 def _asker() -> Callable[[], bool] | None:
     """Return how to ask the operator, None if nobody sits there."""
     if not (sys.stdin.isatty() and sys.stderr.isatty()):
@@ -265,46 +87,6 @@ def _asker() -> Callable[[], bool] | None:
         return sys.stdin.readline() == "\n"  # "" is the end of the input: nobody there
 
     return ask
-
-
-def _run_folder(call: _Call, plan: Plan) -> Path:
-    """Return an empty run folder; one that holds something else is not touched."""
-    folder = call.run_dir or call.folder.parent / f"{plan.name}.run"
-    try:
-        if folder.exists():
-            if any(folder.iterdir()) and not (folder / "events.jsonl").is_file():
-                raise ExecutorError("MP804", f"{folder} exists and is no run folder")
-            shutil.rmtree(folder)
-        folder.mkdir(parents=True)
-    except OSError as error:
-        raise ExecutorError("MP804", f"{folder}: {error}") from error
-    return folder
-
-
-def _listing(plan: Plan) -> list[str]:
-    """Return one line for every move, look and action of the plan."""
-    lines = []
-    for step in plan.steps:
-        lines.append(f"{step.id}: {step.verb}")
-        lines += [f"  move {_targets(to_data(move))}" for move in step.moves]
-        lines += [
-            f"  look at {look.target} at {look.view.magnification:g} x, focus "
-            f"{look.view.focus_um:g} um: {'; '.join(map(_found_by, look.measures))}"
-            for look in step.looks
-        ]
-    return lines
-
-
-def _found_by(measure: Measure) -> str:
-    """Return the routines that find a feature, and which, if it is not the target."""
-    names = ", ".join(use.id for use in measure.chain)
-    return f"{names} on {measure.feature}" if measure.feature else names
-
-
-def _targets(move: dict[str, Any]) -> str:
-    """Return the axes a move names, with their values."""
-    axes = move.pop("axes")
-    return " ".join(f"{axes}.{k}={v:g}" for k, v in move.items() if v is not None)
 
 
 def _say(text: str) -> None:

@@ -21,6 +21,7 @@ from schemas.plan import dump_plan, parse_plan
 from tests.executor.bench import Folder, assembly, world
 
 STEPS = 12
+STATION = Path(__file__).parents[2] / "examples" / "stations" / "simulated.toml"
 
 
 @pytest.fixture(scope="module")
@@ -93,6 +94,18 @@ def test_the_run_folder_holds_log_frames_and_summary(ran: tuple[Path, str]) -> N
     assert len(frames) == 2 * STEPS
     assert frames[:2] == ["01_find_gear_first.png", "01_find_gear_last.png"]
     assert "check_seated" in (folder / "summary.txt").read_text(encoding="utf-8")
+
+
+def test_the_run_folder_holds_plan_and_station_file_as_they_were_read(
+    built: Path, ran: tuple[Path, str], tmp_path: Path
+) -> None:
+    plan = (built / "plan.json").read_bytes()
+    assert (ran[0] / "plan.json").read_bytes() == plan
+    assert not (ran[0] / "station.toml").exists()
+    file, folder = tmp_path / "here.toml", tmp_path / "run"
+    file.write_bytes(STATION.read_bytes().replace(b"\n", b"\r\n"))
+    main([str(built), "--station", str(file), "--run-dir", str(folder), "--no-frames"])
+    assert (folder / "station.toml").read_bytes() == file.read_bytes()
 
 
 def test_the_same_seed_gives_the_same_bytes(built: Path, tmp_path: Path) -> None:
