@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import io
 import zipfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -16,10 +18,16 @@ Stages = Sequence[tuple[str, Artifact]]
 
 
 class Artifacts:
-    """Chains ready for `featuresel.routines.chain.measure_chain`."""
+    """Chains ready for `featuresel.routines.chain.measure_chain`.
 
-    def __init__(self, found: Mapping[tuple[str, str | None], Artifact]) -> None:
+    `sha256` is of the files that the arrays were read from, in the plan's order.
+    """
+
+    def __init__(
+        self, found: Mapping[tuple[str, str | None], Artifact], sha256: str = ""
+    ) -> None:
         self._found = dict(found)
+        self.sha256 = sha256
 
     @classmethod
     def from_folder(cls, plan: Plan, folder: Path) -> Artifacts:
@@ -31,14 +39,15 @@ class Artifacts:
             MP803 if a file is missing or damaged; MP810 if a routine's version differs.
         """
         found: dict[tuple[str, str | None], Artifact] = {}
+        digest = hashlib.sha256()
         for step in plan.steps:
             for look in step.looks:
                 for measure in look.measures:
                     key = key_of(look, measure)
                     for use in (*measure.chain, *measure.fallback):
                         _check_version(use)
-                        found[key, use.arrays or use.id] = _read(use, folder)
-        return cls(found)
+                        found[key, use.arrays or use.id] = _read(use, folder, digest)
+        return cls(found, digest.hexdigest())
 
     def stages(self, key: str, uses: Sequence[RoutineUse]) -> Stages:
         """Return the routines of one chain, coarse to fine; `key` is `key_of` its
@@ -61,15 +70,17 @@ def _check_version(use: RoutineUse) -> None:
         )
 
 
-def _read(use: RoutineUse, folder: Path) -> Artifact:
-    """Return one routine's numbers and arrays."""
+def _read(use: RoutineUse, folder: Path, digest: hashlib._Hash) -> Artifact:
+    """Return one routine's numbers and arrays; what was read goes into the digest."""
     if use.arrays is None:
         return Artifact(parameters=use.parameters)
     path = folder / use.arrays
     if not path.resolve().is_relative_to(folder.resolve()):
         raise ExecutorError("MP803", f"{use.arrays} leaves the plan folder")
     try:
-        with np.load(path, allow_pickle=False) as data:
+        source = path.read_bytes()
+        digest.update(source)
+        with np.load(io.BytesIO(source), allow_pickle=False) as data:
             arrays = {name: np.asarray(data[name]) for name in data.files}
     except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
         raise ExecutorError("MP803", f"{use.arrays}: {error}") from error

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import stat
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -11,10 +12,12 @@ from executor.artifacts import Artifacts
 from executor.asked import Call, parse
 from executor.errors import BUG, CODES, DONE, ExecutorError
 from executor.listing import plan_lines
-from executor.plan_file import read_plan
+from executor.plan_file import PlanFile, read_plan
+from executor.replay import replay
 from executor.site import find_site
 from executor.station import preflight
 from executor.summary import table
+from executor.tape import read_record
 from executor.whole_run import Ended, perform
 from schemas.plan import Plan
 
@@ -42,6 +45,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _run(call: Call) -> int:
     """Do what was asked; errors are the caller's to report."""
     file = read_plan(call.plan_file)
+    if call.record is not None:
+        return _replay(call, file, call.record)
     plan = file.plan
     site = find_site(call.station, call.folder, seed=call.seed, faults=call.faults)
     preflight(plan, site.station)
@@ -52,7 +57,9 @@ def _run(call: Call) -> int:
     if call.mode == "dry-run":
         _say("\n".join(plan_lines(plan)))
         return DONE
-    return _report(call, plan, perform(call, file, site, artifacts, _asker()))
+    gate = _gate() if call.stepwise else None
+    ended = perform(call, file, site, artifacts, _asker(), gate)
+    return _report(call, plan, ended)
 
 
 def _report(call: Call, plan: Plan, ended: Ended) -> int:
@@ -77,6 +84,19 @@ def _report(call: Call, plan: Plan, ended: Ended) -> int:
     return CODES[result.code][1]
 
 
+def _replay(call: Call, file: PlanFile, folder: Path) -> int:
+    """Run the plan on a record and say whether the commands are the same."""
+    artifacts = Artifacts.from_folder(file.plan, call.folder)
+    recorded = read_record(folder)
+    found = replay(file, artifacts, recorded, anyway=call.anyway)
+    _say(f"{found.same} of {found.commands} commands are the same")
+    if found.difference:
+        raise ExecutorError("MP876", found.difference)
+    ended = "the record breaks off there" if found.broken_off else found.result.code
+    _say(f"{file.plan.name}: replayed, {ended or 'done'}")
+    return DONE
+
+
 def _asker() -> Callable[[], bool] | None:
     """Return how to ask the operator, None if nobody sits there."""
     if not (sys.stdin.isatty() and sys.stderr.isatty()):
@@ -87,6 +107,28 @@ def _asker() -> Callable[[], bool] | None:
         return sys.stdin.readline() == "\n"  # "" is the end of the input: nobody there
 
     return ask
+
+
+def _gate() -> Callable[[str], None]:
+    """Return what tells the next step and waits; MP804 if nobody can answer.
+
+    Answers are lines of a terminal, a pipe or a file: an empty one goes on. Whatever
+    else comes, the end of the input too, stops.
+    """
+    if sys.stdin is None or sys.stdin.closed:
+        raise ExecutorError("MP804", "--step needs somebody who answers")
+    mode = os.fstat(sys.stdin.fileno()).st_mode
+    if not (sys.stdin.isatty() or stat.S_ISFIFO(mode) or stat.S_ISREG(mode)):
+        raise ExecutorError(
+            "MP804", "--step needs a terminal, or answers from a pipe, a line each"
+        )
+
+    def wait(what: str) -> None:
+        print(f"next: {what}\nEnter goes on, q stops", file=sys.stderr, flush=True)
+        if sys.stdin.readline() not in ("\n", "\r\n"):
+            raise ExecutorError("MP860", "stopped by the operator before this")
+
+    return wait
 
 
 def _say(text: str) -> None:

@@ -51,6 +51,10 @@ CODES: Mapping[str, tuple[str, int]] = {
     "MP855": ("the plan acts but never verifies", FAILED),
     "MP856": ("verify: the part is turned against its seat", FAILED),
     "MP860": ("the operator stopped the run", STOPPED),
+    "MP876": ("the replay gives other commands than the run", FAILED),
+    "MP877": ("a record cannot be replayed", BAD_INPUT),
+    "MP878": ("pictures of a look cannot be used", BAD_INPUT),
+    "MP879": ("runs cannot be compared", BAD_INPUT),
 }
 
 

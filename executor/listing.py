@@ -5,7 +5,17 @@ from __future__ import annotations
 from typing import Any
 
 from schemas.codec import to_data
-from schemas.plan import Measure, Plan, Step
+from schemas.plan import (
+    Action,
+    AlignAction,
+    GraspAction,
+    InsertAction,
+    Measure,
+    Plan,
+    ReleaseAction,
+    Step,
+    VerifyAction,
+)
 
 
 def plan_lines(plan: Plan) -> list[str]:
@@ -22,7 +32,31 @@ def step_lines(step: Step) -> list[str]:
         f"{look.view.focus_um:g} um: {'; '.join(map(_found_by, look.measures))}"
         for look in step.looks
     ]
-    return lines
+    words = action_line(step)
+    return [*lines, f"  {words}"] if words else lines
+
+
+def action_line(step: Step) -> str:
+    """Return what a step's action does, "" if it only looks or moves."""
+    words = _action(step.action)
+    return f"{words} (cannot be undone)" if step.irreversible else words
+
+
+def _action(action: Action) -> str:
+    """Return an action in words."""
+    match action:
+        case AlignAction():
+            return f"align {action.target} to {action.to} by the {action.axes}"
+        case GraspAction():
+            return f"close {action.tool} to {action.opening_um:g} um on {action.target}"
+        case InsertAction():
+            moves = "; ".join(_targets(to_data(move)) for move in action.moves)
+            return f"put {action.target} onto {action.onto}: {moves}"
+        case ReleaseAction():
+            return f"open {action.tool} to {action.opening_um:g} um: {action.target}"
+        case VerifyAction():
+            return f"verify that {action.target} sits on {action.on}"
+    return ""
 
 
 def _found_by(measure: Measure) -> str:

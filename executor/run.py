@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from executor.errors import ExecutorError
+from executor.listing import action_line, step_lines
 from executor.look import look_near
 from executor.rig import Rig
 from executor.safety import Phase
@@ -75,7 +76,7 @@ def run_plan(rig: Rig) -> RunResult:
 
     After a fault nothing moves any more: the jaws keep what they hold.
     """
-    began_s = rig.station.clock.now_s()
+    began_s = rig.worked_s()
     results: list[StepResult] = []
     rig.journal.write(
         "run",
@@ -94,7 +95,7 @@ def run_plan(rig: Rig) -> RunResult:
             break
     rig.frames.leave()
     rig.journal.enter("")
-    ended = _result(rig, results, rig.station.clock.now_s() - began_s)
+    ended = _result(rig, results, rig.worked_s() - began_s)
     rig.journal.write("end", code=ended.code, why=ended.message)
     return ended
 
@@ -121,10 +122,11 @@ def acts_unverified(plan: Plan) -> bool:
 
 def _run_step(rig: Rig, step: Step) -> StepResult:
     """Run one step and say how it went."""
-    began_s = rig.station.clock.now_s()
+    began_s = rig.worked_s()
     rig.journal.write("begin", verb=step.verb, key=step.key)
     outcome, code, message = _Outcome(), None, ""
     try:
+        rig.announce("\n".join(step_lines(step)))
         _keep_frame(rig, step)
         rig.phase = _phase(rig, step)
         for move in step.moves:
@@ -137,9 +139,7 @@ def _run_step(rig: Rig, step: Step) -> StepResult:
         rig.journal.write("failed", code=code, why=message)
     else:
         rig.journal.write("done")
-    return _step_result(
-        step, outcome, code, message, rig.station.clock.now_s() - began_s
-    )
+    return _step_result(step, outcome, code, message, rig.worked_s() - began_s)
 
 
 def _phase(rig: Rig, step: Step) -> Phase:
@@ -160,6 +160,8 @@ def _keep_frame(rig: Rig, step: Step) -> None:
 def _act(rig: Rig, step: Step) -> _Outcome:
     """Perform the step's own action."""
     action = step.action
+    if step.irreversible and step.moves:  # else it was announced a moment ago
+        rig.announce(f"{step.id}: {action_line(step)}")
     match action:
         case LocateAction():
             look, retries = _look(step, action.look), step.conditions.on_failure

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,10 +18,12 @@ from executor.journal import Journal
 from executor.motion import Motion
 from executor.operator import Operator
 from executor.plan_file import PlanFile
+from executor.recording import CALLS, Record
 from executor.rig import Rig
 from executor.run import RunResult, run_plan
 from executor.run_folder import EVENTS, make_run_folder
 from executor.site import Site
+from executor.station import Station
 from executor.summary import summary_json, table
 from schemas.codec import to_data
 from schemas.plan import Plan, VerifyAction
@@ -46,6 +49,7 @@ def perform(
     site: Site,
     artifacts: Artifacts,
     ask: Callable[[], bool] | None,
+    gate: Callable[[str], None] | None = None,
 ) -> Ended:
     """Run the plan and write the run folder.
 
@@ -61,6 +65,8 @@ def perform(
         The plan's routines.
     ask : callable or None
         Return whether the operator goes on; None where nobody can be asked.
+    gate : callable or None
+        See `Rig.gate`.
 
     Raises
     ------
@@ -70,25 +76,57 @@ def perform(
     plan, station = file.plan, site.station
     folder = call.run_dir or call.folder.parent / f"{plan.name}.run"
     make_run_folder(folder, file.source, site.source)
+    frames = Frames(folder if call.frames else None)
     with (
         (folder / EVENTS).open("w", encoding="utf-8", newline="\n") as stream,
+        _recorded(folder, frames, station, _facts(file, site, artifacts)) as record,
         Operator(ask) as operator,
     ):
         rig = Rig(
             plan=plan,
-            station=station,
+            station=station if record is None else record.station(),
             beliefs=Beliefs(plan.beliefs, plan.features),
             artifacts=artifacts,
             journal=Journal(stream, station.clock),
-            frames=Frames(folder / "frames" if call.frames else None),
+            frames=frames,
             motion=Motion(operator.pause),
+            gate=gate,
         )
         errors_um = _watch(rig, site.cell)
         result = _run(rig)
+        if record is not None:
+            record.close(result.code, result.message)
     verdict = None if site.cell is None else _verdict(plan, site.cell)
     ended = Ended(folder=folder, result=result, verdict=verdict, errors_um=errors_um)
     _write_summary(call, site, plan, ended)
     return ended
+
+
+@contextmanager
+def _recorded(
+    folder: Path, frames: Frames, station: Station, facts: Mapping[str, Any]
+) -> Iterator[Record | None]:
+    """Give the record of a run, None without frames: nothing could answer from it."""
+    if not frames.wanted:
+        yield None
+        return
+    with (folder / CALLS).open("w", encoding="utf-8", newline="\n") as stream:
+        record = Record(stream, frames, station, facts)
+        try:
+            yield record
+        except ExecutorError as error:  # an interrupt: MP860
+            record.close(error.code, error.message)
+            raise
+
+
+def _facts(file: PlanFile, site: Site, artifacts: Artifacts) -> dict[str, Any]:
+    """Return what a record says of its run beside the devices."""
+    return {
+        "plan": file.plan.name,
+        "plan_sha256": file.sha256,
+        "arrays_sha256": artifacts.sha256,
+        "station": site.name,
+    }
 
 
 def _run(rig: Rig) -> RunResult:

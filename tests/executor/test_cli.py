@@ -91,8 +91,21 @@ def test_the_run_folder_holds_log_frames_and_summary(ran: tuple[Path, str]) -> N
         count = sum(e["event"] == before for e in log)
         assert count == sum(e["event"] == after for e in log) > 0
     frames = sorted(p.name for p in (folder / "frames").iterdir())
-    assert len(frames) == 2 * STEPS
-    assert frames[:2] == ["01_find_gear_first.png", "01_find_gear_last.png"]
+    assert frames[0] == "01_find_gear_001.png"
+    index = [
+        json.loads(line)
+        for line in (folder / "frames" / "index.jsonl").read_text("utf-8").splitlines()
+    ]
+    assert [Path(line["file"]).name for line in index] == frames[:-1]
+    assert frames[-1] == "index.jsonl"
+    assert {line["step"] for line in index} == {e["step"] for e in log if e["step"]}
+    first = index[0]
+    assert first["look"] == "find_gear"
+    assert first["stage"]["x_um"] == pytest.approx(-600.0)
+    assert first["magnification"] == pytest.approx(6.9)
+    grabs = [e for e in log if e["event"] == "grab"]
+    assert [e["look"] for e in grabs] == [line["look"] for line in index]
+    assert sum(e["event"] == "light" for e in log) > 0
     assert "check_seated" in (folder / "summary.txt").read_text(encoding="utf-8")
 
 
