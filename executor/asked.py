@@ -31,6 +31,7 @@ class Call:
     pictures: Path | None = None  # replay: a folder of pictures of `look`
     look: str = ""
     bits: int | None = None  # of the pictures
+    still: bool = False  # nothing moved between the pictures
     turn_rad: float | None = None  # of the target in them, None: not known
     marked: Path | None = None  # where the marked pictures go
     runs: tuple[Path, ...] = ()  # compare
@@ -69,6 +70,7 @@ def parse(argv: Sequence[str] | None) -> Call:
         pictures=found.pictures,
         look=found.look,
         bits=found.bits,
+        still=found.still,
         turn_rad=None if found.turn_deg is None else math.radians(found.turn_deg),
         marked=found.marked,
         runs=tuple(found.runs),
@@ -174,6 +176,11 @@ def _add_replay(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--look", default="", help="the look that the pictures show")
     group.add_argument(
         "--bits", type=bit_number, help="of the pictures' full scale; default: theirs"
+    )
+    group.add_argument(
+        "--still",
+        action="store_true",
+        help="nothing was moved between the pictures: judge how they scatter",
     )
     group.add_argument(
         "--turn-deg",

@@ -6,12 +6,16 @@ import os
 import stat
 import sys
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from executor.artifacts import Artifacts
 from executor.asked import Call, parse
-from executor.errors import BUG, CODES, DONE, ExecutorError
+from executor.errors import BUG, CODES, DONE, FAILED, ExecutorError
 from executor.listing import plan_lines
+from executor.marking import mark, write_marked
+from executor.picture_report import report_json, report_text, together
+from executor.pictures import files_of, find_in, viewer
 from executor.plan_file import PlanFile, read_plan
 from executor.replay import replay
 from executor.site import find_site
@@ -47,6 +51,8 @@ def _run(call: Call) -> int:
     file = read_plan(call.plan_file)
     if call.record is not None:
         return _replay(call, file, call.record)
+    if call.pictures is not None:
+        return _look_at_pictures(call, file.plan, call.pictures)
     plan = file.plan
     site = find_site(call.station, call.folder, seed=call.seed, faults=call.faults)
     preflight(plan, site.station)
@@ -95,6 +101,30 @@ def _replay(call: Call, file: PlanFile, folder: Path) -> int:
     ended = "the record breaks off there" if found.broken_off else found.result.code
     _say(f"{file.plan.name}: replayed, {ended or 'done'}")
     return DONE
+
+
+def _look_at_pictures(call: Call, plan: Plan, pictures: Path) -> int:
+    """Measure a folder of pictures; 0 if the target was found in all of them."""
+    artifacts = Artifacts.from_folder(plan, call.folder)
+    seer = viewer(
+        plan, call.folder, artifacts, call.look, turn_rad=call.turn_rad, bits=call.bits
+    )
+    files = files_of(pictures)
+    marked = call.marked or pictures.absolute().with_name(f"{call.look}.marked")
+    if marked.absolute() == pictures.absolute():
+        raise ExecutorError("MP878", f"{marked} holds the pictures themselves")
+    findings = []
+    for path in files:
+        found = find_in(seer, path)
+        picture = mark(seer, found, call.folder)
+        if picture is not None:
+            write_marked(marked, path.name, picture)
+        findings.append(replace(found, image=None))
+    overall = together(seer, findings, still=call.still)
+    tell = report_json if call.format == "json" else report_text
+    _say(tell(seer, findings, overall))
+    print(f"marked pictures: {marked}", file=sys.stderr)
+    return DONE if all(f.found for f in findings) else FAILED
 
 
 def _asker() -> Callable[[], bool] | None:
