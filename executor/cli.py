@@ -11,6 +11,8 @@ from pathlib import Path
 
 from executor.artifacts import Artifacts
 from executor.asked import Call, parse
+from executor.comparison import compare, read_runs
+from executor.comparison_report import comparison_json, comparison_text
 from executor.errors import BUG, CODES, DONE, FAILED, ExecutorError
 from executor.listing import plan_lines
 from executor.marking import mark, write_marked
@@ -49,6 +51,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _run(call: Call) -> int:
     """Do what was asked; errors are the caller's to report."""
     file = read_plan(call.plan_file)
+    if call.mode == "compare":
+        return _compare(call, file)
     if call.record is not None:
         return _replay(call, file, call.record)
     if call.pictures is not None:
@@ -125,6 +129,14 @@ def _look_at_pictures(call: Call, plan: Plan, pictures: Path) -> int:
     _say(tell(seer, findings, overall))
     print(f"marked pictures: {marked}", file=sys.stderr)
     return DONE if all(f.found for f in findings) else FAILED
+
+
+def _compare(call: Call, file: PlanFile) -> int:
+    """Join runs of the plan; 1 if they refute what it predicted."""
+    found = compare(file.plan, read_runs(call.runs, file))
+    tell = comparison_json if call.format == "json" else comparison_text
+    _say(tell(file.plan, found))
+    return FAILED if found.refuted else DONE
 
 
 def _asker() -> Callable[[], bool] | None:

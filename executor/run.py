@@ -226,7 +226,7 @@ def _step_result(
         code=code,
         message=message,
         time_s=time_s,
-        expected_s=None if control is None else control.expected_s,
+        expected_s=None if control is None else control.approach_s + control.expected_s,
         cycles=outcome.cycles,
         expected_cycles=None if control is None else control.expected_cycles,
         error_um=outcome.error_um,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import cache
 
 _TINY = 1e-300  # keeps Lentz's ratios finite
 _EPS = 1e-15
@@ -15,6 +16,7 @@ def chi_square_above(value: float, freedom: float) -> float:
     return _gamma_above(freedom / 2, value / 2)
 
 
+@cache
 def chi_square_quantile(chance: float, freedom: float) -> float:
     """Return what a chi-square of `freedom` stays below with `chance`."""
     high = freedom + 10.0
@@ -23,6 +25,7 @@ def chi_square_quantile(chance: float, freedom: float) -> float:
     return _root(lambda x: 1 - chi_square_above(x, freedom) - chance, 0.0, high)
 
 
+@cache
 def student_quantile(chance: float, freedom: float) -> float:
     """Return what Student's t of `freedom` stays below with `chance`, from .5 up."""
 
@@ -35,6 +38,14 @@ def student_quantile(chance: float, freedom: float) -> float:
     return _root(lambda t: below(t) - chance, 0.0, high)
 
 
+def student_above(value: float, freedom: float) -> float:
+    """Return the chance of Student's t of `freedom` above `value`."""
+    if math.isinf(value):
+        return 0.0 if value > 0 else 1.0
+    tail = beta_below(freedom / 2, 0.5, freedom / (freedom + value * value)) / 2
+    return tail if value > 0 else 1 - tail
+
+
 def binomial_at_most(hits: int, trials: int, chance: float) -> float:
     """Return the chance of `hits` or fewer in `trials` of `chance` each."""
     if hits < 0:
@@ -44,6 +55,7 @@ def binomial_at_most(hits: int, trials: int, chance: float) -> float:
     return beta_below(trials - hits, hits + 1, 1 - chance)
 
 
+@cache
 def binomial_bounds(hits: int, trials: int, level: float) -> tuple[float, float]:
     """Return the interval of chances that do not refute `hits` in `trials`.
 

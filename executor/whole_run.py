@@ -98,7 +98,7 @@ def perform(
             record.close(result.code, result.message)
     verdict = None if site.cell is None else _verdict(plan, site.cell)
     ended = Ended(folder=folder, result=result, verdict=verdict, errors_um=errors_um)
-    _write_summary(call, site, plan, ended)
+    _write_summary(call, site, file, ended)
     return ended
 
 
@@ -161,17 +161,18 @@ def _watch(rig: Rig, cell: Cell | None) -> dict[str, float]:
     return errors
 
 
-def _write_summary(call: Call, site: Site, plan: Plan, ended: Ended) -> None:
+def _write_summary(call: Call, site: Site, file: PlanFile, ended: Ended) -> None:
     """Write summary.json and the table."""
     verdict, errors_um = ended.verdict, ended.errors_um
     extra: dict[str, Any] = {
+        "plan_sha256": file.sha256,
         "station": site.name,
         "seed": call.seed,
         "faults": list(call.faults),
         "cell_verdict": None if verdict is None else to_data(verdict),
         "true_look_error_um": to_data(errors_um),
     }
-    text = summary_json(plan, ended.result, extra)
+    text = summary_json(file.plan, ended.result, extra)
     (ended.folder / "summary.json").write_text(text, encoding="utf-8")
     words = table(ended.result, errors_um) + "\n"
     (ended.folder / "summary.txt").write_text(words, encoding="utf-8")

@@ -12,6 +12,7 @@ from executor.tails import (
     binomial_bounds,
     chi_square_above,
     chi_square_quantile,
+    student_above,
     student_quantile,
 )
 
@@ -41,6 +42,8 @@ def test_quantiles_are_scipys(freedom: int, chance: float) -> None:
     assert student_quantile(chance, freedom) == pytest.approx(
         wanted, rel=1e-8, abs=1e-7
     )
+    assert student_above(wanted, freedom) == pytest.approx(1 - chance, rel=1e-8)
+    assert student_above(-wanted, freedom) == pytest.approx(chance, rel=1e-8)
     wanted = float(stats.chi2.ppf(chance, freedom))
     assert chi_square_quantile(chance, freedom) == pytest.approx(wanted, rel=1e-8)
 
