@@ -7,7 +7,6 @@ import hashlib
 import json
 import math
 import threading
-import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any, TextIO
@@ -49,7 +48,7 @@ class Record:
         self, stream: TextIO, frames: Frames, station: Station, facts: Mapping[str, Any]
     ) -> None:
         self._stream, self._frames, self._found = stream, frames, station
-        self._lock = threading.Lock()
+        self._lock = threading.RLock()
         self._count = 0
         self._state: dict[str, Any] = {}  # what the index tells of a frame
         self._begun: dict[int, dict[str, Any]] = {}  # calls that have not returned
@@ -76,10 +75,11 @@ class Record:
 
     def close(self, code: str | None, why: str = "") -> None:
         """Write how the run ended; calls that come later are not noted."""
-        for row in list(self._begun.values()):
-            self._write({**row, "hung": True})
-        self._write({"ended": code, "why": why})
         with self._lock:
+            for row in self._begun.values():
+                self._write({**row, "hung": True})
+            self._begun.clear()
+            self._write({"ended": code, "why": why})
             self._open = False
 
     def call(
@@ -90,34 +90,37 @@ class Record:
         method = name.partition(".")[2]
         if method in COMMANDS:
             row["with"] = _given(args, named)
-        began_s = time.monotonic()
-        self._begun[row["n"]] = dict(row)
+        with self._lock:
+            self._begun[row["n"]] = row
         try:
             answer = call(*args, **named)
         except Exception as error:
             row["raised"] = [type(error).__name__, str(error)]
-            self._finish(row, began_s)
+            self._finish(row)
             raise
         row["gave"] = self._answer(name, answer, row.get("with", {}))
-        self._finish(row, began_s)
+        self._finish(row)
         return answer
 
     def stop(self, name: str, stop: Callable[[], None]) -> None:
-        """Stop a device, then note it; a stop must not fail for that."""
+        """Stop a device, then note it; a stop must not fail for that.
+
+        Nothing but a stop overlaps a call: one that has not returned was given up.
+        """
+        with self._lock:
+            for row in self._begun.values():
+                row["hung"] = True
         stop()
         try:
             self._write({"n": self._next(), "call": name})
         except (OSError, ValueError, ExecutorError):
             return
 
-    def _finish(self, row: dict[str, Any], began_s: float) -> None:
-        """Write a row; one that took longer than is waited for was given up."""
-        self._begun.pop(row["n"], None)
-        safety = self._found.rules.safety
-        camera = row["call"].startswith("camera.")
-        if time.monotonic() - began_s > (safety.grab_s if camera else safety.call_s):
-            row["hung"] = True
-        self._write(row)
+    def _finish(self, row: dict[str, Any]) -> None:
+        """Write the row of a call that has returned."""
+        with self._lock:
+            if self._begun.pop(row["n"], None) is not None:
+                self._write(row)
 
     def _answer(self, name: str, answer: Any, given: Mapping[str, Any]) -> Any:
         """Return a call's answer as JSON data; frames are kept as files."""

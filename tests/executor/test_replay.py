@@ -16,6 +16,7 @@ import pytest
 from executor.artifacts import Artifacts
 from executor.beliefs import Beliefs
 from executor.cli import main
+from executor.drivers import Clock
 from executor.frames import Frames, read_png, write_png
 from executor.journal import Journal
 from executor.plan_file import PlanFile
@@ -25,7 +26,7 @@ from executor.rig import Rig
 from executor.run import run_plan
 from executor.simulated.cell import build_cell
 from executor.simulated.hub import read_world
-from executor.station import Offer
+from executor.station import Offer, Station
 from executor.tape import Tape, read_record
 from schemas.codec import from_data
 from schemas.plan import Plan, dump_plan, parse_plan
@@ -225,33 +226,58 @@ def test_a_device_that_did_not_answer_does_not_answer_again(
     built: Path, tmp_path: Path
 ) -> None:
     plan = parse_plan((built / "plan.json").read_text("utf-8"))
-    found = recorded(plan, built, tmp_path / "run", "lens_hangs")
+    cell = build_cell(world(), 0, ("lens_hangs",))
+    rules = cell.station.rules
+    soon = replace(rules, safety=replace(rules.safety, call_s=0.2))
+    found = recorded(plan, built, tmp_path / "run", replace(cell.station, rules=soon))
     assert found.result.code == "MP844"
     assert not found.difference
 
 
-def recorded(plan: Plan, folder: Path, run: Path, fault: str) -> Replayed:
-    """Run a plan on a cell whose calls are given up soon; return its replay."""
-    cell, artifacts = (
-        build_cell(world(), 0, (fault,)),
-        Artifacts.from_folder(plan, folder),
-    )
-    rules = cell.station.rules
-    soon = replace(
-        cell.station, rules=replace(rules, safety=replace(rules.safety, call_s=0.2))
-    )
+class Creeping:
+    """A clock that goes on between any two questions, as a real one does."""
+
+    def __init__(self, clock: Clock) -> None:
+        self._clock, self._asked = clock, 0
+
+    def now_s(self) -> float:
+        """Return the time, some microseconds later than it would be."""
+        self._asked += 1
+        return self._clock.now_s() + 1.7e-5 * self._asked
+
+    def wait(self, seconds: float) -> None:
+        """Let time pass."""
+        self._clock.wait(seconds)
+
+
+def test_a_run_by_a_real_clock_is_replayed_to_the_same_commands(
+    built: Path, tmp_path: Path
+) -> None:
+    plan = parse_plan((built / "plan.json").read_text("utf-8"))
+    station = build_cell(read_world(built / "world.json"), 1).station
+    station = replace(station, clock=Creeping(station.clock))
+    found = recorded(plan, built, tmp_path / "run", station)
+    assert found.difference == ""
+    assert found.result.code is None
+    assert found.same == found.commands > 10
+    assert found.apart == 0  # the same machine, the same numbers
+
+
+def recorded(plan: Plan, folder: Path, run: Path, station: Station) -> Replayed:
+    """Run a plan on a station; return the replay of its record."""
+    artifacts = Artifacts.from_folder(plan, folder)
     run.mkdir()
     file = PlanFile(plan=plan, source=b"")
     facts = {"plan_sha256": file.sha256, "arrays_sha256": artifacts.sha256}
     frames = Frames(run)
     with (run / "calls.jsonl").open("w", encoding="utf-8") as stream:
-        record = Record(stream, frames, soon, facts)
+        record = Record(stream, frames, station, facts)
         rig = Rig(
             plan=plan,
             station=record.station(),
             beliefs=Beliefs(plan.beliefs, plan.features),
             artifacts=artifacts,
-            journal=Journal(io.StringIO(), cell.clock),
+            journal=Journal(io.StringIO(), station.clock),
             frames=frames,
         )
         record.close(run_plan(rig).code)
