@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from executor.errors import ExecutorError
-from featuresel.routines import Artifact, load
+from featuresel.routines import REGISTRY, Artifact, load
 from schemas.plan import Look, Measure, Plan, RoutineUse
 
 Stages = Sequence[tuple[str, Artifact]]
@@ -36,7 +36,8 @@ class Artifacts:
         Raises
         ------
         ExecutorError
-            MP803 if a file is missing or damaged; MP810 if a routine's version differs.
+            MP803 if a file is missing or damaged; MP810 if a routine is not installed
+            or of another version.
         """
         found: dict[tuple[str, str | None], Artifact] = {}
         digest = hashlib.sha256()
@@ -62,6 +63,8 @@ def key_of(look: Look, measure: Measure) -> str:
 
 def _check_version(use: RoutineUse) -> None:
     """Refuse a routine that is not the one the plan was measured with."""
+    if use.id not in REGISTRY:
+        raise ExecutorError("MP810", f"the plan needs routine {use.id!r}")
     installed = load(use.id).VERSION
     if installed != use.version:
         raise ExecutorError(

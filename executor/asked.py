@@ -80,15 +80,19 @@ def parse(argv: Sequence[str] | None) -> Call:
 
 def _contradiction(found: argparse.Namespace) -> str:
     """Return what is wrong with a call as a whole, "" if nothing is."""
-    mode = found.mode
+    mode, pictures, record = found.mode, found.pictures, found.record
     if mode not in NO_STATION and not found.station:
         return f"--mode {mode} needs --station"
-    if mode == "replay" and (found.record is None) == (found.pictures is None):
+    if mode in NO_STATION and (found.station or found.inject):
+        return f"--mode {mode} touches no device: leave --station and --inject out"
+    if mode == "replay" and (record is None) == (pictures is None):
         return "--mode replay needs --from RUN, or --pictures FOLDER and --look LOOK"
-    if found.pictures is not None and not found.look:
-        return "--pictures needs --look: the id of the look that they show"
-    if mode == "compare" and not found.runs:
-        return "--mode compare needs --runs RUN ..."
+    if mode != "replay" and not (record is None and pictures is None):
+        return "--from and --pictures are for --mode replay"
+    if (pictures is None) != (not found.look):
+        return "--pictures and --look belong together: the look that they show"
+    if (mode == "compare") != bool(found.runs):
+        return "--mode compare and --runs RUN ... belong together"
     if found.step and mode != "run":
         return "--step is for --mode run"
     return ""

@@ -28,8 +28,9 @@ _ARC_PX = 2.0  # between points of an arc that is drawn
 def mark(seer: Viewer, finding: Finding, folder: Path) -> Marked | None:
     """Return a picture with region, cross, outline and words; None without a picture.
 
-    Green is what was accepted, red what was refused, grey where the plan has the
-    target. The outline is that of the plan folder's world.json, if it is there.
+    Green is what was accepted, red what was refused; grey is where the plan has the
+    features, with a circle about the range in which they can be found. The outline is
+    that of the plan folder's world.json, if it is there.
     """
     import cv2  # heavy, and only this mode draws
 
@@ -47,7 +48,12 @@ def mark(seer: Viewer, finding: Finding, folder: Path) -> Marked | None:
         first = place.on_picture(-0.5, -0.5)
         last = place.on_picture(region.columns - 0.5, region.rows - 0.5)
         cv2.rectangle(picture, first, last, YELLOW, 1)
-    _cross(picture, place.of_world(seer.expected.x_um, seer.expected.y_um), GREY, 5)
+    for measure in seer.look.measures:
+        at = place.of_world(*seer.expected.apply(*measure.offset_um))
+        _cross(picture, at, GREY, 5)
+        reach_px = times * measure.capture_um / seer.look.view.um_per_px
+        if reach_px < max(picture.shape):
+            cv2.circle(picture, at, round(reach_px), GREY, 1)
     for attempt in finding.attempts:
         _draw(picture, place, attempt, folder)
     _words(picture, finding)

@@ -117,9 +117,16 @@ def viewer(
 
 
 def files_of(folder: Path) -> list[Path]:
-    """Return the files of a folder by name; MP878 if there are none, or too many."""
+    """Return the files of a folder by name; MP878 if there are none, or too many.
+
+    Those whose names begin with a dot are the file manager's.
+    """
     try:
-        found = sorted(path for path in folder.iterdir() if path.is_file())
+        found = sorted(
+            path
+            for path in folder.iterdir()
+            if path.is_file() and not path.name.startswith(".")
+        )
     except OSError as error:
         raise ExecutorError("MP878", f"{folder}: {error.strerror}") from error
     if not found:

@@ -258,6 +258,40 @@ def test_no_folder_no_file_and_no_look_are_refused(
     assert main([str(built), *words, "--look", LOOK, "--marked", str(tmp_path)]) == 2
 
 
+def test_a_routine_that_is_not_installed_is_told(
+    built: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    other = tmp_path / "other.plan"
+    other.mkdir()
+    text = (built / "plan.json").read_text("utf-8")
+    spoilt_text = text.replace('"id": "circle_caliper"', '"id": "crystal_ball"')
+    assert spoilt_text != text
+    (other / "plan.json").write_text(spoilt_text, "utf-8")
+    assert call(other, tmp_path) == 3
+    assert "error[MP810]" in capfd.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["--mode", "run", "--station", "sim", "--from", "x"],
+        ["--mode", "replay", "--from", "x", "--pictures", "y", "--look", "z"],
+        ["--mode", "replay", "--from", "x", "--look", "z"],
+        ["--mode", "replay", "--from", "x", "--station", "sim"],
+        ["--mode", "replay"],
+        ["--mode", "compare"],
+        ["--mode", "check", "--station", "sim", "--runs", "x"],
+        ["--mode", "replay", "--pictures", "x", "--look", "z", "--bits", "17"],
+        ["--mode", "replay", "--pictures", "x", "--look", "z", "--turn-deg", "nan"],
+    ],
+)
+def test_a_call_that_contradicts_itself_is_wrong(
+    built: Path, words: list[str], capfd: pytest.CaptureFixture[str]
+) -> None:
+    assert main([str(built), *words]) == 2
+    assert "usage: microplan-run" in capfd.readouterr().err
+
+
 def seen_at(x_um: float, y_um: float) -> Finding:
     """Return a finding as from a picture; what its chain did is left out."""
     found = Finding(name="", code=None, why="", x_um=x_um, y_um=y_um)
