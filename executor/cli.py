@@ -11,7 +11,7 @@ from pathlib import Path
 
 from executor.artifacts import Artifacts
 from executor.asked import Call, parse
-from executor.comparison import compare, read_runs
+from executor.comparison import compare
 from executor.comparison_report import comparison_json, comparison_text
 from executor.errors import BUG, CODES, DONE, FAILED, ExecutorError
 from executor.listing import plan_lines
@@ -20,6 +20,7 @@ from executor.picture_report import report_json, report_text, together
 from executor.pictures import files_of, find_in, viewer
 from executor.plan_file import PlanFile, read_plan
 from executor.replay import replay
+from executor.run_summaries import read_runs
 from executor.site import find_site
 from executor.station import preflight
 from executor.summary import table

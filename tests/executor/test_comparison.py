@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 
 from executor.cli import main
-from executor.comparison import Run, compare, predicted_s
+from executor.comparison import compare, predicted_s
 from executor.plan_file import read_plan
+from executor.run_summaries import Run
 from schemas.plan import AlignAction, Plan, parse_plan
 from tests.executor.bench import Folder, assembly, world
 

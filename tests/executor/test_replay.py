@@ -21,13 +21,14 @@ from executor.frames import Frames, read_png, write_png
 from executor.journal import Journal
 from executor.plan_file import PlanFile
 from executor.recording import Record, plain
-from executor.replay import Replayed, replay, tape_station
+from executor.replay import Replayed, replay
 from executor.rig import Rig
 from executor.run import run_plan
 from executor.simulated.cell import build_cell
 from executor.simulated.hub import read_world
 from executor.station import Offer, Station
 from executor.tape import Tape, read_record
+from executor.tape_station import tape_station
 from schemas.codec import from_data
 from schemas.plan import Plan, dump_plan, parse_plan
 from tests.executor.bench import Folder, assembly, world
