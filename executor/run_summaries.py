@@ -103,5 +103,5 @@ def _same(run: Run) -> list[object]:
     """Return what tells a run from others: a simulated one is its seed."""
     found: list[object] = [run.folder.resolve()]
     if run.data.get("station") == "sim":
-        found.append((run.data.get("seed"), str(run.data.get("faults"))))
+        found.append(f"seed {run.data.get('seed')} {run.data.get('faults')}")
     return found

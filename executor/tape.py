@@ -245,18 +245,21 @@ def _row(path: Path, number: int, line: str) -> dict[str, Any]:
         row = json.loads(line)
     except (ValueError, RecursionError) as error:
         raise ExecutorError("MP877", f"{path}:{number}: {error}") from error
-    called = isinstance(row, dict) and "call" in row
-    if not isinstance(row, dict) or (
-        called
-        and not (
-            isinstance(row["call"], str)
-            and isinstance(row.get("n"), int)
-            and isinstance(row.get("with", {}), dict)
-            and _fault_told(row.get("raised"))
-        )
-    ):
+    if not isinstance(row, dict) or not _is_row(row):
         raise ExecutorError("MP877", f"{path}:{number}: it is no call of a device")
     return row
+
+
+def _is_row(row: Mapping[str, Any]) -> bool:
+    """Return whether a line's keys are what they should be."""
+    if not isinstance(row.get("ended"), str | None):
+        return False
+    return "call" not in row or (
+        isinstance(row["call"], str)
+        and isinstance(row.get("n"), int)
+        and isinstance(row.get("with", {}), dict)
+        and _fault_told(row.get("raised"))
+    )
 
 
 def _fault_told(raised: Any) -> bool:

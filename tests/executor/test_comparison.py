@@ -187,6 +187,8 @@ def test_the_same_run_twice_is_refused(
     for names in ((first, first), (first, second)):
         assert main([str(built), "--mode", "compare", "--runs", *names]) == 2
         assert "are the same run" in capsys.readouterr().err
+    odd = written(built / "plan.json", tmp_path / "odd", {**data, "seed": {"a": []}})
+    assert main([str(built), "--mode", "compare", "--runs", first, str(odd)]) in (0, 1)
     (tmp_path / "c").mkdir()
     (tmp_path / "c" / "summary.json").write_text("[" * 100_000, "utf-8")
     assert main([str(built), "--mode", "compare", "--runs", str(tmp_path / "c")]) == 2

@@ -164,6 +164,7 @@ def test_a_frame_that_is_missing_or_damaged_has_a_code(
         lambda text: text.replace('"width_px":640', '"width_px":null'),
         lambda text: text.replace('"camera.grab"', '"camera.grab', 1),
         lambda text: text.replace('"frame":"frames/', '"frame":"../frames/'),
+        lambda text: text.replace('"ended":null', '"ended":5'),
         lambda text: "[" * 100_000 + "\n",
     ],
 )  # fmt: skip
