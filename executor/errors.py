@@ -59,6 +59,10 @@ CODES: Mapping[str, tuple[str, int]] = {
     "MP866": ("plan, station or devices are not those the run began with", BAD_INPUT),
     "MP867": ("the run's journal is damaged", BAD_INPUT),
     "MP868": ("there is no run to resume", BAD_INPUT),
+    "MP876": ("the replay gives other commands than the run", FAILED),
+    "MP877": ("a record cannot be replayed", BAD_INPUT),
+    "MP878": ("pictures of a look cannot be used", BAD_INPUT),
+    "MP879": ("runs cannot be compared", BAD_INPUT),
 }
 
 

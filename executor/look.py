@@ -151,7 +151,7 @@ def _sight(
     stops = (look.view.focus_um, *look.view.focus_stops_um)
     focus_um = stops[(tries - 1) % len(stops)]
     rig.set_view(look.view, focus_um=focus_um)
-    counts = rig.grab(look.measure.region)
+    counts = rig.grab(look.measure.region, look=look.id)
     picture = Picture(
         image=to_unit(counts, rig.plan.requirements.bits),
         expected=rig.beliefs.world(look.target, rig.readings()),

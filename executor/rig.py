@@ -29,7 +29,8 @@ class Rig:
 
     `watch` is told of every accepted sighting: a simulated cell compares it with the
     truth. `on_step` is told of every step: a simulated cell begins and ends its faults.
-    Nothing in a run depends on either.
+    Nothing in a run depends on either. `gate` is told what comes next, before every
+    step and before what cannot be undone; it may wait, or raise MP860.
     """
 
     plan: Plan
@@ -41,6 +42,8 @@ class Rig:
     view: View | None = None
     watch: Callable[[str, float, float], None] | None = None  # target, x um, y um
     on_step: Callable[[str], None] | None = None  # told of every step that begins
+    gate: Callable[[str], None] | None = None
+    waited_s: float = 0.0  # at the gate, no part of the work
     motion: Motion = field(default_factory=Motion)
     phase: Phase = "approach"  # what moves are for now: it sets their limits
     intents: Intents = field(default_factory=Intents)
@@ -57,6 +60,19 @@ class Rig:
         self.intents.write(
             "step", result=result, known=self.beliefs.known(), phase=self.phase
         )
+
+    def announce(self, what: str) -> None:
+        """Say what comes next, and go on when the gate lets it."""
+        if self.gate is None:
+            return
+        began_s = self.station.clock.now_s()
+        self.journal.write("asked", what=what)
+        self.gate(what)
+        self.waited_s += self.station.clock.now_s() - began_s
+
+    def worked_s(self) -> float:
+        """Return the station's time without what was spent at the gate."""
+        return self.station.clock.now_s() - self.waited_s
 
     def readings(self) -> Readings:
         """Return where the axes are now."""
@@ -155,30 +171,35 @@ class Rig:
             self.journal.write("focus", focus_um=focus)
             self.motion.focus(self.station, focus)
         if old is None or old.light != view.light:
+            self.journal.write("light", level=view.light)
             self.motion.light(self.station, view.light)
         self.view = replace(view, focus_um=focus)
 
-    def grab(self, region: Region | None, *, keep: bool = True) -> Counts:
-        """Return a frame of `region`.
+    def grab(
+        self, region: Region | None, *, keep: bool = True, look: str = ""
+    ) -> Counts:
+        """Return a frame of `region`, and note it with the look it is for.
 
-        Where frames are kept for the record, the whole frame is taken, kept, and the
-        region cut out of it.
+        Where frames are kept for the record the whole frame is taken and the region
+        cut out of it, unless `keep` says that nobody wants to see it.
 
         Raises
         ------
         ExecutorError
             MP841 if the camera returns another size.
         """
-        if region is None or not (keep and self.frames.wanted):
-            counts = self._checked(region)
-            if keep:
-                self.frames.keep(counts)
+        whole = region is None or (keep and self.frames.wanted)
+        if self.frames.wanted:
+            self.readings()  # the index tells where the axes were
+        self.journal.write("grab", look=look, region=region)
+        self.frames.expect(look, region)
+        counts = self._checked(None if whole else region)
+        self.journal.write("grabbed", frame=self.frames.last)
+        if region is None or not whole:
             return counts
-        whole = self._checked(None)
-        self.frames.keep(whole)
         rows = slice(region.row, region.row + region.rows)
         columns = slice(region.column, region.column + region.columns)
-        return whole[rows, columns]
+        return counts[rows, columns]
 
     def _checked(self, region: Region | None) -> Counts:
         """Return the camera's frame if it has the size that was asked for."""

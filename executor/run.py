@@ -6,6 +6,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 
 from executor.errors import ExecutorError
+from executor.listing import action_line, step_lines
 from executor.look import look_near
 from executor.outcome import RunResult as RunResult
 from executor.outcome import StepResult as StepResult
@@ -42,7 +43,7 @@ def run_plan(rig: Rig) -> RunResult:
 
     After a fault nothing moves any more: the jaws keep what they hold.
     """
-    began_s = rig.station.clock.now_s()
+    began_s = rig.worked_s()
     results = list(rig.past.results)  # of steps that an earlier executor finished
     finished, before_s = len(results), sum(result.time_s for result in results)
     rig.journal.write(
@@ -64,7 +65,7 @@ def run_plan(rig: Rig) -> RunResult:
             break
     rig.frames.leave()
     rig.journal.enter("")
-    time_s = before_s + rig.station.clock.now_s() - began_s
+    time_s = before_s + rig.worked_s() - began_s
     return _noted(rig, _result(rig, results, time_s))
 
 
@@ -101,10 +102,10 @@ def acts_unverified(plan: Plan) -> bool:
 
 def _run_step(rig: Rig, step: Step) -> StepResult:
     """Run one step and say how it went."""
-    clock = rig.station.clock
-    began_s = clock.now_s()
+    began_s = rig.worked_s()
     try:
         rig.journal.write("begin", verb=step.verb, key=step.key)
+        rig.announce("\n".join(step_lines(step)))
         rig.enter(step.id)
         _keep_frame(rig, step)
         rig.phase = _phase(rig, step)
@@ -113,7 +114,7 @@ def _run_step(rig: Rig, step: Step) -> StepResult:
             rig.move(move, f"move {number}")
         outcome = _act(rig, step)
         _keep_frame(rig, step)
-        done = _step_result(step, outcome, None, "", clock.now_s() - began_s)
+        done = _step_result(step, outcome, None, "", rig.worked_s() - began_s)
         rig.finish(done)
         rig.journal.write("done")
         return done
@@ -122,7 +123,7 @@ def _run_step(rig: Rig, step: Step) -> StepResult:
         rig.motion.halt(rig.station, error)
         with suppress(ExecutorError):  # a full disk is told already
             rig.journal.write("failed", code=code, why=message)
-        return _step_result(step, _Outcome(), code, message, clock.now_s() - began_s)
+        return _step_result(step, _Outcome(), code, message, rig.worked_s() - began_s)
 
 
 def _phase(rig: Rig, step: Step) -> Phase:
@@ -143,6 +144,8 @@ def _keep_frame(rig: Rig, step: Step) -> None:
 def _act(rig: Rig, step: Step) -> _Outcome:
     """Perform the step's own action."""
     action = step.action
+    if step.irreversible and step.moves:  # else it was announced a moment ago
+        rig.announce(f"{step.id}: {action_line(step)}")
     match action:
         case LocateAction():
             look, retries = _look(step, action.look), step.conditions.on_failure
@@ -207,7 +210,7 @@ def _step_result(
         code=code,
         message=message,
         time_s=time_s,
-        expected_s=None if control is None else control.expected_s,
+        expected_s=None if control is None else control.approach_s + control.expected_s,
         cycles=outcome.cycles,
         expected_cycles=None if control is None else control.expected_cycles,
         error_um=outcome.error_um,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import shutil
 from collections.abc import Iterator
@@ -19,6 +18,7 @@ EVENTS = "events.jsonl"
 LOCK = "lock"
 SUMMARY = "summary.json"
 CELL = "cell.json"  # the simulated cell's own
+PLAN = "plan.json"
 STATION = "station.toml"
 
 
@@ -47,10 +47,17 @@ class RunFolder:
         """Return where a simulated cell keeps its world."""
         return self.path / CELL
 
-    def begin(self, plan_file: Path, station_file: Path | None) -> None:
+    def begin(self, plan_file: Path, plan: bytes, station: bytes | None) -> None:
         """Empty the folder, and keep what the run is begun with.
 
         The journal goes last: while it is there, this is a run folder.
+
+        Parameters
+        ----------
+        plan_file : Path
+            Where the plan is: never in the run folder.
+        plan, station : bytes
+            The files as they were read; no station file on the simulated cell.
 
         Raises
         ------
@@ -66,9 +73,9 @@ class RunFolder:
                 elif path.name not in (LOCK, FILE):
                     path.unlink()
             (self.path / FILE).write_bytes(b"")
-            shutil.copyfile(plan_file, self.path / "plan.json")
-            if station_file is not None:
-                shutil.copyfile(station_file, self.path / STATION)
+            (self.path / PLAN).write_bytes(plan)
+            if station is not None:
+                (self.path / STATION).write_bytes(station)
         except OSError as error:
             raise ExecutorError("MP804", f"{self.path}: {error}") from error
 
@@ -87,6 +94,12 @@ class RunFolder:
             yield Intents(store, seq=seq, chain=chain)
         finally:
             store.close()
+
+    @property
+    def executors(self) -> int:
+        """Return how many executors have worked on the run before this one."""
+        calls = len(list(self.path.glob("calls*.jsonl")))
+        return 0 if self.found is None else max(calls, 1)
 
     def last_event(self) -> int:
         """Return the number of the last event, 0 for none; a torn one is cut off."""
@@ -181,11 +194,3 @@ def check_same(now: Header, then: Header) -> None:
             raise ExecutorError(
                 "MP866", f"the {role} was {was!r}, now it is {is_now!r}"
             )
-
-
-def sha256(path: Path) -> str:
-    """Return the digest of a file; MP804 if it cannot be read."""
-    try:
-        return hashlib.sha256(path.read_bytes()).hexdigest()
-    except OSError as error:
-        raise ExecutorError("MP804", f"{path}: {error.strerror}") from error

@@ -25,6 +25,7 @@ class Site:
     name: str
     station: Station
     cell: Cell | None
+    source: bytes | None = None  # of the station file, as it was read
 
 
 def find_site(
@@ -67,7 +68,10 @@ def find_site(
     loaded = read_station(Path(asked), plan_folder)
     cells = [hub for hub in loaded.hubs.values() if hasattr(hub, "judge")]
     return Site(
-        name=loaded.name, station=loaded.station, cell=cells[0] if cells else None
+        name=loaded.name,
+        station=loaded.station,
+        cell=cells[0] if cells else None,
+        source=loaded.source,
     )
 
 

@@ -28,6 +28,7 @@ class Loaded:
     """A station as its file describes it; `hubs` are what serves several devices."""
 
     name: str
+    source: bytes  # the file as it was read
     station: Station
     hubs: Mapping[str, Any]
 
@@ -44,7 +45,8 @@ def read_station(path: Path, plan_folder: Path) -> Loaded:
         MP812 with file, key, what was found and what is allowed; MP813 if a driver
         cannot be loaded.
     """
-    top = Table(str(path), "", _parsed(path))
+    source, data = _parsed(path)
+    top = Table(str(path), "", data)
     version = top.whole("microplan_station")
     if version != FORMAT:
         top.refuse("microplan_station", f"found {version}", f"allowed: {FORMAT}")
@@ -73,13 +75,14 @@ def read_station(path: Path, plan_folder: Path) -> Loaded:
         offer=offer,
         rules=rules,
     )
-    return Loaded(name=name, station=station, hubs=hubs)
+    return Loaded(name=name, source=source, station=station, hubs=hubs)
 
 
-def _parsed(path: Path) -> dict[str, Any]:
-    """Return the file's data."""
+def _parsed(path: Path) -> tuple[bytes, dict[str, Any]]:
+    """Return the file's bytes and its data."""
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        source = path.read_bytes()
+        return source, tomllib.loads(source.decode("utf-8").replace("\r\n", "\n"))
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise ExecutorError("MP812", f"{path}: {error}") from error
     except RecursionError as error:

@@ -125,7 +125,8 @@ def _score_at(
     from featuresel.routines.focus import ring_mask, score  # as above
 
     rig.set_view(look.view, focus_um=focus_um)
-    counts = rig.grab(look.measure.region, keep=False)  # mostly blurred
+    region = look.measure.region
+    counts = rig.grab(region, keep=False, look=look.id)  # mostly blurred
     image = to_unit(counts, rig.plan.requirements.bits)
     mask = None
     if search.ring_radius_um:

@@ -21,7 +21,7 @@ from schemas.plan import dump_plan, parse_plan
 from tests.executor.bench import Folder, assembly, world
 
 STEPS = 12
-STATION_TOML = Path(__file__).parents[2] / "examples" / "stations" / "simulated.toml"
+STATION = Path(__file__).parents[2] / "examples" / "stations" / "simulated.toml"
 
 
 @pytest.fixture(scope="module")
@@ -91,9 +91,34 @@ def test_the_run_folder_holds_log_frames_and_summary(ran: tuple[Path, str]) -> N
         count = sum(e["event"] == before for e in log)
         assert count == sum(e["event"] == after for e in log) > 0
     frames = sorted(p.name for p in (folder / "frames").iterdir())
-    assert len(frames) == 2 * STEPS
-    assert frames[:2] == ["01_find_gear_first.png", "01_find_gear_last.png"]
+    assert frames[0] == "01_find_gear_001.png"
+    index = [
+        json.loads(line)
+        for line in (folder / "frames" / "index.jsonl").read_text("utf-8").splitlines()
+    ]
+    assert [Path(line["file"]).name for line in index] == frames[:-1]
+    assert frames[-1] == "index.jsonl"
+    assert {line["step"] for line in index} == {e["step"] for e in log if e["step"]}
+    first = index[0]
+    assert first["look"] == "find_gear"
+    assert first["stage"]["x_um"] == pytest.approx(-600.0)
+    assert first["magnification"] == pytest.approx(6.9)
+    grabs = [e for e in log if e["event"] == "grab"]
+    assert [e["look"] for e in grabs] == [line["look"] for line in index]
+    assert sum(e["event"] == "light" for e in log) > 0
     assert "check_seated" in (folder / "summary.txt").read_text(encoding="utf-8")
+
+
+def test_the_run_folder_holds_plan_and_station_file_as_they_were_read(
+    built: Path, ran: tuple[Path, str], tmp_path: Path
+) -> None:
+    plan = (built / "plan.json").read_bytes()
+    assert (ran[0] / "plan.json").read_bytes() == plan
+    assert not (ran[0] / "station.toml").exists()
+    file, folder = tmp_path / "here.toml", tmp_path / "run"
+    file.write_bytes(STATION.read_bytes().replace(b"\n", b"\r\n"))
+    main([str(built), "--station", str(file), "--run-dir", str(folder), "--no-frames"])
+    assert (folder / "station.toml").read_bytes() == file.read_bytes()
 
 
 def test_the_same_seed_gives_the_same_bytes(built: Path, tmp_path: Path) -> None:

@@ -21,7 +21,7 @@ from executor.errors import CODES
 from executor.intents import FileStore
 from executor.lock import held
 from tests.executor.bench import Folder, assembly, world
-from tests.executor.test_cli import STATION_TOML, events, summary
+from tests.executor.test_cli import STATION, events, summary
 
 # the command, killed when a line of its journal is on the disk
 KILLED = """
@@ -247,7 +247,7 @@ def test_a_station_of_a_file_is_locked_and_a_run_on_it_resumed(
     built: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     station, folder = tmp_path / "station.toml", tmp_path / "run"
-    text = STATION_TOML.read_text(encoding="utf-8")
+    text = STATION.read_text(encoding="utf-8")
     kept = 'seed = 0\nkept = "{station}/world.kept"'
     station.write_text(text.replace("seed = 0", kept, 1), encoding="utf-8")
     with held(tmp_path / "station.toml.lock", "station"):
