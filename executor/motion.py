@@ -104,6 +104,11 @@ class Motion:
             self._pause()
             return after_um
 
+    def opening(self, station: Station) -> float:
+        """Return the jaws' reading, um; MP844, MP847 if there is none."""
+        with self.guarded(station):
+            return self._opening(station)
+
     def zoom(self, station: Station, magnification: float) -> None:
         """Set the magnification; MP844, MP845, MP847 if that does not work."""
         window = station.rules.zoom_window * abs(magnification)

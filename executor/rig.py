@@ -12,6 +12,7 @@ from executor.drivers import Counts
 from executor.errors import ExecutorError
 from executor.frames import Frames
 from executor.journal import Journal
+from executor.keep_out import KeepOut, Moment
 from executor.motion import Motion
 from executor.safety import Phase
 from executor.station import Station
@@ -38,6 +39,8 @@ class Rig:
     on_step: Callable[[str], None] | None = None  # told of every step that begins
     motion: Motion = field(default_factory=Motion)
     phase: Phase = "approach"  # what moves are for now: it sets their limits
+    probed: float | None = None  # magnification at which the axes were probed last
+    _keep_out: KeepOut | None = None
 
     def readings(self) -> Readings:
         """Return where the axes are now."""
@@ -48,15 +51,38 @@ class Rig:
             theta_axis_um=self.plan.requirements.theta_axis_um,
         )
 
+    @property
+    def keep_out(self) -> KeepOut:
+        """Return what a motion must not touch."""
+        if self._keep_out is None:
+            surface_um = self.station.rules.stage_datum_z_um
+            self._keep_out = KeepOut(self.plan, surface_um)
+        return self._keep_out
+
+    def moment(self, *openings_um: float) -> Moment:
+        """Return where everything is now; the jaws may go on to other openings."""
+        first = (
+            () if self.station.gripper is None else (self.motion.opening(self.station),)
+        )
+        return Moment(
+            beliefs=self.beliefs,
+            readings=self.readings(),
+            openings_um=(*first, *openings_um) or (0.0,),
+        )
+
     def move(self, move: AxisMove) -> None:
         """Move one axis group and note it."""
         self.journal.write("move", to=move)
+        if self.keep_out.known:
+            self.keep_out.check(move, self.moment(), self.journal.step)
         self.motion.travel(self.station, move, self.phase)
         self.journal.write("moved", axes=move.axes)
 
     def grip(self, opening_um: float) -> None:
         """Move the jaws and note it."""
         self.journal.write("jaws", opening_um=opening_um)
+        if self.keep_out.known:
+            self.keep_out.check_jaws(self.moment(opening_um), self.journal.step)
         reading_um = self.motion.grip(self.station, opening_um)
         self.journal.write("jaws_moved", reading_um=reading_um)
 
@@ -67,6 +93,7 @@ class Rig:
         if old is None or old.magnification != view.magnification:
             self.journal.write("zoom", magnification=view.magnification)
             self.motion.zoom(self.station, view.magnification)
+            self.probed = None
         if old is None or old.focus_um != focus:
             self.journal.write("focus", focus_um=focus)
             self.motion.focus(self.station, focus)

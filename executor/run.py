@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from executor.errors import ExecutorError
 from executor.look import look_near
+from executor.probe import look_probed
 from executor.rig import Rig
 from executor.safety import Phase
 from executor.servo import align
@@ -163,7 +164,7 @@ def _act(rig: Rig, step: Step) -> _Outcome:
     match action:
         case LocateAction():
             look, retries = _look(step, action.look), step.conditions.on_failure
-            seen = look_near(rig, step.looks, look, retries)
+            seen = look_near(rig, step.looks, look, retries, look_probed)
             return _Outcome(spread_um=seen.spread_um)
         case AlignAction():
             return _align(rig, step, action)

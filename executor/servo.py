@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from executor.errors import ExecutorError
-from executor.look import look_at
+from executor.probe import look_probed
 from executor.reach import readings_for
 from executor.rig import Rig
 from schemas.plan import AlignAction, AxisMove, Control, Look, OnFailure
@@ -44,14 +44,14 @@ def align(
     ------
     ExecutorError
         MP830 after `max_cycles` looks, MP831 if the error grows beyond what
-        noise explains, MP832 if a correction is too large; codes of `look_at`.
+        noise explains, MP832 if a correction is too large; codes of `look_probed`.
     """
     rig.phase = "approach"
     approach(rig, action, control)
     rig.phase = "servo"
     errors_um: list[float] = []
     while True:
-        seen = look_at(rig, look, on_failure)
+        seen = look_probed(rig, look, on_failure)
         if control.tolerance_theta_rad is not None and seen.theta_rad is None:
             raise ExecutorError("MP824", f"look {look.id} gives no angle")
         error_um, turn_rad = _error(rig, action)

@@ -18,7 +18,7 @@ Interval = tuple[float, float]
 _MATCH = 1e-5  # relative: plan numbers carry six digits
 # A first approach goes by beliefs over some 1000 um, and must end within the 20 um that
 # looks are sure to search: a turn or scale of the image up to 2 % does.
-_ALIGNED = 0.02
+ALIGNED = 0.02
 _START_UM = 1e-3  # readings are commands read back: a nanometre is rounding
 
 
@@ -157,11 +157,11 @@ def _check_calibration(plan: Plan, found: Calibration | None) -> None:
         for row, plain in zip(rows, IDENTITY, strict=True)
         for a, b in zip(row, plain, strict=True)
     )
-    if apart > _ALIGNED:
+    if apart > ALIGNED:
         raise ExecutorError(
             "MP814",
             f"the image follows the stage by {rows}, the plan needs {IDENTITY} within "
-            f"{_ALIGNED:g}",
+            f"{ALIGNED:g}",
         )
     for step in plan.steps:
         for look in step.looks:

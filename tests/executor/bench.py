@@ -29,6 +29,7 @@ from planner.diagnostics import Report
 from planner.inputs.read_task import load_task
 from planner.inputs.task import Task
 from planner.model.shapes import squeeze_minima_rad
+from planner.outputs.solids import finger_solids, part_solids
 from schemas.codec import to_data
 from schemas.plan import (
     FORMAT_VERSION,
@@ -598,6 +599,7 @@ def plan_of(steps: Sequence[Step]) -> Plan:
             opening_um=(96.0, 130.0),
             travel={"stage.x_um": (-600.0, 100.0), "robot.z_um": (30.0, 400.0)},
             theta_axis_um=(0.0, 0.0),
+            repeatability_um={"robot": 0.4, "stage": 1.0},
         ),
         beliefs=(
             _belief("gear", "stage", 600.0, 30.0),
@@ -616,6 +618,8 @@ def plan_of(steps: Sequence[Step]) -> Plan:
         success_probability=0.9,
         success_goal=None,
         steps=tuple(steps),
+        parts=part_solids(task()),
+        fingers=finger_solids(task()),
     )
 
 
