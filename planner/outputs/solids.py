@@ -80,29 +80,33 @@ def few_corners(corners: FloatArray, most: int = MOST_CORNERS) -> FloatArray:
         raise ValueError(f"a polygon needs room for 4 corners, got {most}")
     left = corners
     while len(left) > most:
-        gone = [_without_edge(left, k) for k in range(len(left))]
-        best = min(range(len(left)), key=lambda k: gone[k][0])
-        if math.isinf(gone[best][0]):  # no edge can go
+        areas, tips = _tips(left)
+        k = int(areas.argmin())
+        if math.isinf(areas[k]):  # no edge can go
             break
-        left = gone[best][1]
+        left = np.roll(left, -k, axis=0)  # edge k is now the first
+        left = np.concatenate((tips[k : k + 1], left[2:]))
     return left
 
 
-def _without_edge(corners: FloatArray, k: int) -> tuple[float, FloatArray]:
-    """Return the area added, and the corners, if the edge from corner k goes."""
-    n = len(corners)
-    before, start, end, after = (corners[(k + i) % n] for i in (-1, 0, 1, 2))
-    out, ahead, way = start - before, after - end, end - start
-    cross = out[0] * ahead[1] - out[1] * ahead[0]
-    if cross <= _PARALLEL * np.hypot(*out) * np.hypot(*ahead):  # they never meet
-        return math.inf, corners
-    share = (way[0] * ahead[1] - way[1] * ahead[0]) / cross
-    tip = start + share * out
-    area = abs(way[0] * (tip - start)[1] - way[1] * (tip - start)[0]) / 2
-    kept = np.array([corners[i] for i in range(n) if i not in (k, (k + 1) % n)])
-    # the tip takes the place of corners k and k + 1
-    at = 0 if k == n - 1 else k
-    return float(area), np.insert(kept, at, tip, axis=0)
+def _tips(corners: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the area that each edge's going adds, (N,), and where its neighbours
+    meet, (N, 2)."""
+    start, end = corners, np.roll(corners, -1, axis=0)
+    out, ahead = start - np.roll(corners, 1, axis=0), np.roll(corners, -2, axis=0) - end
+    way, cross = end - start, _cross(out, ahead)
+    lengths = np.hypot(*out.T) * np.hypot(*ahead.T)
+    meet = cross > _PARALLEL * lengths
+    share = _cross(way, ahead) / np.where(meet, cross, 1.0)
+    tips = start + share[:, None] * out
+    areas = np.where(meet, np.abs(_cross(way, tips - start)) / 2, np.inf)
+    return areas, tips
+
+
+def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Return the cross products of plane vectors, (N, 2) each, (N,)."""
+    crossed: FloatArray = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+    return crossed
 
 
 def _prism(outline: Outline, low_um: float, high_um: float) -> Prism:

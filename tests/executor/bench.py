@@ -65,6 +65,7 @@ from schemas.plan import (
     dump_plan,
 )
 from schemas.pose import Pose
+from schemas.solids import Fingers, Solid
 from schemas.world import (
     World,
     WorldAxes,
@@ -495,7 +496,7 @@ def measure(
         sigma_theta_rad=0.01 if any(u.id == "tooth_notch" for u in uses) else None,
         limit_xy_um=None,
         gates=Gates(min_score=0.3, max_shift_um=max_shift_um, max_turn_rad=None),
-        capture_um=40.0,
+        capture_um=25.0,
         symmetry=1,
         symmetry_broken_by="",
         usable_focus_um=(-5.0, 5.0),
@@ -618,9 +619,15 @@ def plan_of(steps: Sequence[Step]) -> Plan:
         success_probability=0.9,
         success_goal=None,
         steps=tuple(steps),
-        parts=part_solids(task()),
-        fingers=finger_solids(task()),
+        parts=_room()[0],
+        fingers=_room()[1],
     )
+
+
+@cache
+def _room() -> tuple[tuple[Solid, ...], tuple[Fingers, ...]]:
+    """Return the room that parts and fingers take up."""
+    return part_solids(task()), finger_solids(task())
 
 
 def _belief(name: str, carrier: str, x_um: float, sigma_um: float) -> Belief:

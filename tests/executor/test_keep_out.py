@@ -327,3 +327,33 @@ def test_a_plan_that_tells_no_room_lets_everything_pass() -> None:
     plan = replace(job(), parts=(), fingers=())
     now = moment(plan, at(0, 0, 0), at(0, 0, 10))
     assert KeepOut(plan, 0.0).met(AxisMove(axes="robot", x_um=300.0), now) is None
+
+
+def test_few_moves_are_refused_without_need() -> None:
+    rng, plan = np.random.default_rng(0), job()
+    keep, told = KeepOut(plan, -1e9), {"passed": 0, "needless": 0, "refused": 0}
+    for _ in range(120):
+        places = [
+            at(
+                *rng.uniform(-250, 250, 2),
+                rng.uniform(-60, 160),
+                rng.uniform(-1.2, 1.2),
+            )
+            for _ in range(3)
+        ]
+        now = moment(plan, places[0], places[1], held=bool(rng.integers(2)))
+        to = {
+            name: getattr(places[2], name)
+            for name in ("x_um", "y_um", "z_um", "theta_rad")
+            if rng.random() < 0.5
+        }
+        move = AxisMove(axes="stage" if rng.integers(2) else "robot", **to)
+        collides = truly_meets(plan, now, move)
+        if keep.met(move, now) is None:
+            assert not collides
+            told["passed"] += 1
+        else:
+            told["refused" if collides else "needless"] += 1
+    assert told["passed"] > 60
+    assert told["refused"] > 20
+    assert told["needless"] <= 6
