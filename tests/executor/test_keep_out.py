@@ -31,7 +31,7 @@ from schemas.pose import Pose
 from schemas.solids import Fingers, Prism, Solid
 from tests.executor.bench import plan_of, step
 
-SAMPLES = 7  # places of each axis on its way, all combined
+SAMPLES = 5  # places of each axis on its way, all combined
 ANGLE = 0.7
 AXIS = (40.0, -30.0)
 
@@ -124,7 +124,9 @@ def moved(prism: Prism, pose: Pose) -> shapely.Polygon:
     return affine_transform(corners, [c, -s, s, c, pose.x_um, pose.y_um])
 
 
-def truly_meets(plan: Plan, now: Moment, move: AxisMove) -> bool:
+def truly_meets(
+    plan: Plan, now: Moment, move: AxisMove, samples: int = SAMPLES
+) -> bool:
     """Return whether bodies overlap in any sampled place between a move's ends.
 
     Every axis goes its way on its own: all combinations of places are tried.
@@ -135,7 +137,7 @@ def truly_meets(plan: Plan, now: Moment, move: AxisMove) -> bool:
     for name in axes:
         first, last = getattr(start, name), getattr(move, name)
         same = last is None or last == first
-        ways.append([first] if same else np.linspace(first, last, SAMPLES).tolist())
+        ways.append([first] if same else np.linspace(first, last, samples).tolist())
     for values in itertools.product(*ways):
         reading = AxisReading(**dict(zip(axes, values, strict=True)))
         stage = reading if move.axes == "stage" else now.readings.stage
@@ -225,7 +227,7 @@ def test_a_clear_move_passes_and_the_same_one_lower_does_not() -> None:
         now = moment(plan, at(0, 0, 0), at(-100, 0, z_um))
         met = keep.met(across, now)
         assert (met is not None) == refused
-        assert truly_meets(plan, now, across) == refused
+        assert truly_meets(plan, now, across, 41) == refused
         if met is not None:
             assert set(met) == {"tool", "base"}
 
@@ -332,10 +334,11 @@ def test_a_plan_that_tells_no_room_lets_everything_pass() -> None:
 def test_few_moves_are_refused_without_need() -> None:
     rng, plan = np.random.default_rng(0), job()
     keep, told = KeepOut(plan, -1e9), {"passed": 0, "needless": 0, "refused": 0}
-    for _ in range(120):
+    for _ in range(60):
         places = [
             at(
-                *rng.uniform(-250, 250, 2),
+                rng.uniform(-250, 250),
+                rng.uniform(-250, 250),
                 rng.uniform(-60, 160),
                 rng.uniform(-1.2, 1.2),
             )
@@ -354,6 +357,6 @@ def test_few_moves_are_refused_without_need() -> None:
             told["passed"] += 1
         else:
             told["refused" if collides else "needless"] += 1
-    assert told["passed"] > 60
-    assert told["refused"] > 20
-    assert told["needless"] <= 6
+    assert told["passed"] > 30
+    assert told["refused"] > 10
+    assert told["needless"] <= 3

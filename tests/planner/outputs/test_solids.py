@@ -65,8 +65,8 @@ def test_prisms_are_convex_run_counter_clockwise_and_have_few_corners(
 @given(st.integers(0, 2**32 - 1), st.integers(3, 60))
 def test_fewer_corners_hold_the_polygon(seed: int, count: int) -> None:
     points = np.random.default_rng(seed).normal(size=(count, 2)) * (1.0, 30.0)
-    convex = shapely.geometry.polygon.orient(shapely.MultiPoint(points).convex_hull)
-    corners = shapely.get_coordinates(convex.exterior)[:-1]
+    convex = shapely.MultiPoint(points).convex_hull
+    corners = shapely.get_coordinates(convex.normalize())[:-1][::-1]
     for most in (4, 16):
         fewer = few_corners(corners, most)
         assert len(fewer) <= most
