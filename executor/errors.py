@@ -37,6 +37,7 @@ CODES: Mapping[str, tuple[str, int]] = {
     "MP834": ("the image is out of scale", MACHINE),
     "MP835": ("the target was lost by the probe", MACHINE),
     "MP836": ("a motion would bring two bodies together", MACHINE),
+    "MP837": ("a servo gain is not stable on this station", MACHINE),
     "MP840": ("an axis was sent beyond its limits", MACHINE),
     "MP841": ("a device failed", MACHINE),
     "MP842": ("the fingers would come too close to the stage", MACHINE),

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from executor.calibration import IDENTITY, Calibration
 from executor.drivers import Axes, AxisReading, Camera, Clock, Gripper, Lens, Light
 from executor.errors import ExecutorError
+from executor.gain import check_gains
 from executor.safety import Rules
 from featuresel.routines import REGISTRY
 from schemas.plan import AxesName, AxisMove, InsertAction, Look, Plan
@@ -36,6 +37,7 @@ class Offer:
     travel: Mapping[str, Interval]  # "stage.x_um" -> least, most
     theta_axis_um: tuple[float, float]
     calibration: Calibration | None = None  # None: as the plan assumes it
+    latency_frames: int = 0  # looks by which a frame is older than it seems
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,7 +87,8 @@ def preflight(plan: Plan, station: Station) -> None:
     Raises
     ------
     ExecutorError
-        The first of MP801, MP805..MP811, MP814, MP815 that holds, with both values.
+        The first of MP801, MP805..MP811, MP814, MP815, MP837 that holds, with both
+        values.
     """
     if plan.status != "feasible":
         why = "; ".join(f"{r.code} in {r.step}: {r.message}" for r in plan.reasons)
@@ -97,6 +100,7 @@ def preflight(plan: Plan, station: Station) -> None:
     _check_axis(plan, station.offer)
     _check_calibration(plan, station.offer.calibration)
     _check_speeds(plan, station.rules)
+    check_gains(plan, station.offer.latency_frames, station.offer.calibration)
     _check_routines(plan)
     _check_start(plan, station)
 
