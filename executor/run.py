@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from executor.errors import ExecutorError
+from executor.inserting import insert
 from executor.look import look_near
 from executor.probe import look_probed
 from executor.rig import Rig
@@ -174,9 +175,7 @@ def _act(rig: Rig, step: Step) -> _Outcome:
                 action.target, action.tool, rig.readings(), action.across_um
             )
         case InsertAction():
-            rig.phase = "insert"
-            for move in action.moves:
-                rig.move(move)
+            insert(rig, action, step.conditions.retreat)
         case ReleaseAction():
             rig.grip(action.opening_um)
             rig.beliefs.release(action.target, rig.readings())

@@ -10,6 +10,7 @@ from executor.errors import ExecutorError
 from executor.probe import look_probed
 from executor.reach import readings_for
 from executor.rig import Rig
+from executor.verify import UNSEEN
 from schemas.plan import AlignAction, AxisMove, Control, Look, OnFailure
 
 # A tolerance below .6 move sigmas is refused by the compiler, so sigma <= t / .6; after
@@ -38,7 +39,8 @@ def align(
     The first approach goes by beliefs along `action.path`; every correction moves by
     gain times the measured error. Nothing moves once the raw error is inside the
     tolerance: correcting for ever is noisier. `look_then_move` corrects once, fully,
-    without another look.
+    without another look. A target that is lost after a correction is looked for once
+    more from where it was seen last.
 
     Raises
     ------
@@ -50,8 +52,19 @@ def align(
     approach(rig, action, control)
     rig.phase = "servo"
     errors_um: list[float] = []
+    seen_at: AxisMove | None = None  # where the axes stood when the target was seen
+    lost = False
     while True:
-        seen = look_probed(rig, look, on_failure)
+        try:
+            seen = look_probed(rig, look, on_failure)
+        except ExecutorError as error:
+            if lost or seen_at is None or error.code not in UNSEEN:
+                raise
+            lost = True
+            rig.journal.write("lost", look=look.id, code=error.code, back=seen_at)
+            rig.move(seen_at)
+            continue
+        seen_at = _standing(rig, action)
         if control.tolerance_theta_rad is not None and seen.theta_rad is None:
             raise ExecutorError("MP824", f"look {look.id} gives no angle")
         error_um, turn_rad = _error(rig, action)
@@ -101,6 +114,14 @@ def correction(
         here.y_um + gain * (goal.y_um - here.y_um),
     )
     return readings_for(action.axes, readings, here, wanted, turn_rad)
+
+
+def _standing(rig: Rig, action: AlignAction) -> AxisMove:
+    """Return the readings of the alignment's axes, as a move back to them."""
+    now = rig.readings().reading(action.axes)
+    return AxisMove(
+        axes=action.axes, x_um=now.x_um, y_um=now.y_um, theta_rad=now.theta_rad
+    )
 
 
 def _error(rig: Rig, action: AlignAction) -> tuple[float, float]:
