@@ -29,6 +29,7 @@ ENOUGH = 5.0  # what it must be: a wrong direction is then told from a right one
 LIMIT = 4.5  # sigmas: all four numbers of a matrix are beyond once in 40 000 probes
 REACH = 0.7  # of the look's capture range: trials succeed there as they do inside
 MOST_UM = 100.0  # beyond, lens distortion and lean of the axes come in
+DECIMALS = 1  # of the places that a probe goes to, um
 CLEAR = 3.0  # sigmas that a probe stays away from everything
 # A tolerance below .6 move sigmas is refused by the compiler.
 TOLERANCE_PER_SIGMA = 0.6
@@ -108,9 +109,13 @@ def probe(
     home = rig.readings().reading(axes)
     at = (home.x_um, home.y_um)
     middle = look.measure.reference.pose
-    inward = (middle.x_um - seen.x_um, middle.y_um - seen.y_um)
-    first = (at[0] + math.copysign(step_um, inward[0]), at[1])
-    second = (first[0], at[1] + math.copysign(step_um, inward[1]))
+    # rounded, so that the noise of a look does not change what is ordered
+    inward = (
+        round(middle.x_um - seen.x_um, DECIMALS),
+        round(middle.y_um - seen.y_um, DECIMALS),
+    )
+    first = (at[0] + _toward(inward[0], step_um), at[1])
+    second = (first[0], at[1] + _toward(inward[1], step_um))
     for place in (first, second):
         why = in_the_way(rig, look, axes, place)
         if why:
@@ -271,6 +276,11 @@ def _step(
         ) from error
     track.readings.append(place)
     track.places.append((seen.x_um, seen.y_um))
+
+
+def _toward(way_um: float, step_um: float) -> float:
+    """Return a step with the sign of a way; up where there is none to go."""
+    return -step_um if way_um < 0 else step_um
 
 
 def _around(middle: Point, reach_um: float) -> Iterator[Point]:
