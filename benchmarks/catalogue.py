@@ -25,6 +25,7 @@ from benchmarks import (
     same_meaning,
     selection,
     selector,
+    servo_gain,
     shading,
     vectors,
 )
@@ -39,6 +40,7 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     selector.BENCHMARK,
     layers.BENCHMARK,
     shading.BENCHMARK,
+    servo_gain.BENCHMARK,
     coherence.BENCHMARK,
     polarity.BENCHMARK,
     selection.BENCHMARK,

@@ -13,12 +13,11 @@ import numpy as np
 
 from executor.calibration import IDENTITY
 from executor.errors import MACHINE, STOPPED, ExecutorError
+from executor.following import Followed, check_directions, check_scale, followed
 from executor.look import Sighting, look_at
 from executor.rig import Rig
 from executor.safety import check_step, check_travel, targets
-from executor.station import ALIGNED
 from executor.verify import in_view
-from featuresel.routines import FloatArray
 from schemas.plan import AlignAction, AxesName, AxisMove, Look, OnFailure
 
 Point = tuple[float, float]
@@ -26,24 +25,12 @@ Point = tuple[float, float]
 LEAST_UM = 3.0  # a first move: what any stage can do and any eye can see
 WANTED = 10.0  # sigmas of a first move's own scatter: what it is to be
 ENOUGH = 5.0  # what it must be: a wrong direction is then told from a right one
-LIMIT = 4.5  # sigmas: all four numbers of a matrix are beyond once in 40 000 probes
 REACH = 0.7  # of the look's capture range: trials succeed there as they do inside
 MOST_UM = 100.0  # beyond, lens distortion and lean of the axes come in
 DECIMALS = 1  # of the places that a probe goes to, um
 CLEAR = 3.0  # sigmas that a probe stays away from everything
 # A tolerance below .6 move sigmas is refused by the compiler.
 TOLERANCE_PER_SIGMA = 0.6
-
-# what a matrix near one of these means; the other four signs are the turns
-_TWISTS: dict[tuple[int, int, int, int], str] = {
-    (-1, 0, 0, 1): "x is mirrored: a mirrored camera, or x of the axes is reversed",
-    (1, 0, 0, -1): "y is mirrored: a mirrored camera, or y of the axes is reversed",
-    (0, 1, 1, 0): "x and y are swapped",
-    (0, -1, -1, 0): "x and y are swapped and both reversed",
-    (-1, 0, 0, -1): "it is turned by 180 deg: the camera is, or both axes are reversed",
-    (0, -1, 1, 0): "it is turned by 90 deg",
-    (0, 1, -1, 0): "it is turned by -90 deg",
-}
 
 
 @dataclass(slots=True)
@@ -52,14 +39,6 @@ class Track:
 
     readings: list[Point] = field(default_factory=list)
     places: list[Point] = field(default_factory=list)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Followed:
-    """How the image follows the axes, over what the calibration says: 1 is right."""
-
-    matrix: FloatArray  # (2, 2), a move of the axes to one of the image
-    sigma: FloatArray  # (2, 2), one standard deviation of each number
 
 
 def look_probed(rig: Rig, look: Look, on_failure: Sequence[OnFailure] = ()) -> Sighting:
@@ -190,59 +169,6 @@ def in_the_way(rig: Rig, look: Look, axes: AxesName, place: Point) -> str:
     return f"{met[0]} would come nearer than {margin_um:.3g} um to {met[1]}"
 
 
-def check_directions(found: Followed, look: Look) -> None:
-    """Raise MP833 unless the image goes the way of the axes."""
-    flat = found.matrix.ravel()
-    nearest = min(
-        ((1, 0, 0, 1), *_TWISTS), key=lambda twist: float(np.hypot.reduce(flat - twist))
-    )
-    if nearest in _TWISTS:
-        raise ExecutorError("MP833", f"{_told(found, look)}: {_TWISTS[nearest]}")
-    across = np.abs(found.matrix - np.diag(np.diag(found.matrix)))
-    if (across > ALIGNED + LIMIT * found.sigma).any():
-        turn_rad = math.atan2(flat[2] - flat[1], flat[0] + flat[3])
-        raise ExecutorError(
-            "MP833",
-            f"{_told(found, look)}: it is turned by {math.degrees(turn_rad):.3g} deg",
-        )
-
-
-def check_scale(found: Followed, look: Look) -> None:
-    """Raise MP834 unless the image goes as far as the axes, in x, y and on average."""
-    scales, sigma = np.diag(found.matrix), np.diag(found.sigma)
-    for name, scale, spread in (
-        ("x", scales[0], sigma[0]),
-        ("y", scales[1], sigma[1]),
-        ("both", scales.mean(), np.hypot(*sigma) / 2),
-    ):
-        limit = ALIGNED + LIMIT * spread
-        if not abs(scale - 1) <= limit:
-            raise ExecutorError(
-                "MP834",
-                f"{_told(found, look)}: {name} {scale:.4g} of the calibrated scale, "
-                f"within {limit:.2g} of 1",
-            )
-
-
-def followed(
-    readings: Sequence[Point], places: Sequence[Point], sigma_um: float
-) -> Followed:
-    """Return the matrix from moves to places by least squares, and its spread.
-
-    Parameters
-    ----------
-    readings, places : (N, 2) sequence of float
-        um; N >= 3, not on one line.
-    sigma_um : float
-        Of each place per axis, the axes' landing included.
-    """
-    moves, seen = np.array(readings), np.array(places)
-    moves, seen = moves - moves.mean(axis=0), seen - seen.mean(axis=0)
-    inverse = np.linalg.inv(moves.T @ moves)
-    sigma = sigma_um * np.sqrt(np.diag(inverse))
-    return Followed(matrix=(inverse @ moves.T @ seen).T, sigma=np.stack((sigma, sigma)))
-
-
 def _followed(rig: Rig, axes: AxesName, track: Track, sigma_um: float) -> Followed:
     """Return how the image followed, the calibration's own matrix taken off."""
     calibration = rig.station.offer.calibration
@@ -299,12 +225,3 @@ def _near_tool(rig: Rig, look: Look) -> str:
         if held or in_view(grip, look.view.field_um):
             return f"{belief.name} is near"
     return ""
-
-
-def _told(found: Followed, look: Look) -> str:
-    """Return what was seen, in words."""
-    (a, b), (c, d) = found.matrix
-    return (
-        f"look {look.id}: by a move of 1 um in x the image goes ({a:.3g}, {c:.3g}) um, "
-        f"in y ({b:.3g}, {d:.3g}) um"
-    )

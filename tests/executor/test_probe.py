@@ -13,7 +13,8 @@ import pytest
 from executor.calibration import Calibration, ZoomPoint
 from executor.drivers import Counts
 from executor.errors import ExecutorError
-from executor.probe import LIMIT, axis_sigma_um, followed, look_probed
+from executor.following import LIMIT, followed
+from executor.probe import axis_sigma_um, look_probed
 from executor.rig import Rig
 from executor.safety import PhaseLimit
 from executor.simulated.cell import Cell, build_cell
