@@ -103,9 +103,13 @@ class KeepOut:
         """Return the owners that a move brings closer than a margin, None if none."""
         travel = _travel(move, now.readings)
         other: AxesName = "robot" if move.axes == "stage" else "stage"
-        carried = list(self._carried(move.axes, now))
-        swept = [room for each in carried for room in travel.covered(each)]
         still = list(_standing(self._carried(other, now), other, now.readings))
+        swept = [
+            room
+            for each in self._carried(move.axes, now)
+            if any(_level(travel.heights_um(each), room, margin_um) for room in still)
+            for room in travel.covered(each)
+        ]
         met = _meeting(swept, still, allowed, margin_um)
         return self._sunk(move, travel, now, allowed) if met is None else met
 
@@ -182,7 +186,7 @@ def _room(
     ]
     return Room(
         owner=owner,
-        corners_um=hull(np.array(corners)),
+        corners_um=np.array(corners) if len(shifts) == 1 else hull(np.array(corners)),
         low_um=belief.z_um + prism.low_um,
         high_um=belief.z_um + prism.high_um,
     )
@@ -220,6 +224,12 @@ def _standing(
 def _pivot_um(axes: AxesName, readings: Readings) -> tuple[float, float]:
     """Return the point that an axis group turns about at reading 0."""
     return readings.theta_axis_um if axes == "stage" else (0.0, 0.0)
+
+
+def _level(heights_um: tuple[float, float], room: Room, margin_um: float) -> bool:
+    """Return whether a range of heights comes within a margin of a room's."""
+    low_um, high_um = heights_um
+    return max(low_um - room.high_um, room.low_um - high_um) < margin_um
 
 
 def _meeting(

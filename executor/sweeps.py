@@ -40,22 +40,27 @@ class Travel:
     end: AxisReading
     pivot_um: tuple[float, float] = (0.0, 0.0)  # at reading 0; travels along
 
+    def heights_um(self, room: Room) -> tuple[float, float]:
+        """Return the least and the greatest height that `room` reaches on the way."""
+        ends = (self.start.z_um, self.end.z_um)
+        return room.low_um + min(ends), room.high_um + max(ends)
+
     def covered(self, room: Room) -> Iterator[Room]:
         """Yield rooms that together hold all that `room` covers on the way.
 
         `room` is where it is with the axes at reading 0.
         """
         a, b = self.start, self.end
-        low_um = room.low_um + min(a.z_um, b.z_um)
-        high_um = room.high_um + max(a.z_um, b.z_um)
+        low_um, high_um = self.heights_um(room)
         pivot = np.array(self.pivot_um)
         xs, ys = sorted({a.x_um, b.x_um}), sorted({a.y_um, b.y_um})
         shifts = [pivot + np.array((x, y)) for x in xs for y in ys]
         for arcs in _turned(room.corners_um - pivot, a.theta_rad, b.theta_rad):
             corners = np.concatenate([arcs + shift for shift in shifts])
+            turned_only = len(corners) == len(room.corners_um)  # convex as it was
             yield Room(
                 owner=room.owner,
-                corners_um=hull(corners),
+                corners_um=corners if turned_only else hull(corners),
                 low_um=low_um,
                 high_um=high_um,
             )

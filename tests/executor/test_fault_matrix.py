@@ -23,6 +23,7 @@ from tests.executor.recorder import Run, run
 GOLDEN = Path(__file__).parents[1] / "golden" / "executor"
 # steps of the plan in which a device does something
 AXES = (
+    "find_gear",  # the probe
     "fingers_in", "bring_between", "lift", "find_shaft", "over_shaft", "insert",
     "retract",
 )  # fmt: skip
