@@ -16,6 +16,7 @@ from schemas.solids import MOST_CORNERS, Fingers, Prism, Solid
 FloatArray = npt.NDArray[np.float64]
 
 ROUNDING = 4  # decimals, um: far within CHORD_UM, by which every prism is wider
+TIE = 1e-6  # relative: areas that differ by less are equal but for rounding
 _PARALLEL = 1e-12  # of the lengths' product: edges whose neighbours never meet
 
 
@@ -81,9 +82,10 @@ def few_corners(corners: FloatArray, most: int = MOST_CORNERS) -> FloatArray:
     left = corners
     while len(left) > most:
         areas, tips = _tips(left)
-        k = int(areas.argmin())
-        if math.isinf(areas[k]):  # no edge can go
+        least = float(areas.min())
+        if math.isinf(least):  # no edge can go
             break
+        k = int(np.argmax(areas <= least * (1 + TIE)))  # the first of the least
         left = np.roll(left, -k, axis=0)  # edge k is now the first
         left = np.concatenate((tips[k : k + 1], left[2:]))
     return left
