@@ -10,7 +10,7 @@ import numpy as np
 
 from executor.beliefs import Beliefs, Readings
 from executor.errors import ExecutorError
-from executor.safety import targets
+from executor.safety import check_finite, targets
 from executor.sweeps import ROUNDING_UM, Room, Travel, first_meeting, hull
 from schemas.codec import to_data
 from schemas.plan import AxesName, AxisMove, GraspAction, InsertAction, Plan
@@ -67,7 +67,11 @@ class KeepOut:
         return bool(self._parts)
 
     def check(self, move: AxisMove, now: Moment, step: str) -> None:
-        """Raise MP836 if a move would bring two bodies together."""
+        """Raise MP836 if a move would bring two bodies together.
+
+        MP847 if it goes to where no number is.
+        """
+        check_finite(move.axes, targets(move))
         met = self.met(move, now, self.allowed(step))
         if met is not None:
             data = to_data(move)

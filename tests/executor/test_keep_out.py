@@ -325,6 +325,13 @@ def test_a_room_without_a_belief_is_refused() -> None:
     assert refused.value.code == "MP802"
 
 
+def test_a_target_that_is_no_number_is_refused_as_such() -> None:
+    now = moment(job(), at(0, 0, 0), at(0, 0, 200))
+    with pytest.raises(ExecutorError) as refused:
+        KeepOut(job(), 0.0).check(AxisMove(axes="robot", x_um=math.nan), now, "")
+    assert refused.value.code == "MP847"
+
+
 def test_a_plan_that_tells_no_room_lets_everything_pass() -> None:
     plan = replace(job(), parts=(), fingers=())
     now = moment(plan, at(0, 0, 0), at(0, 0, 10))
