@@ -90,6 +90,19 @@ def check_scale(found: Followed, look: Look) -> None:
             )
 
 
+def check_turn(told_rad: float, seen_rad: float, sigma_rad: float, look: Look) -> None:
+    """Raise MP833 unless the image turns as the axes were told to."""
+    apart_rad = abs(math.remainder(seen_rad - told_rad, math.tau))
+    if not apart_rad <= ALIGNED * abs(told_rad) + LIMIT * sigma_rad:
+        told, seen = math.degrees(told_rad), math.degrees(seen_rad)
+        way = "the other way: an axis is reversed" if told * seen < 0 else "too far off"
+        raise ExecutorError(
+            "MP833",
+            f"look {look.id}: told to turn by {told:.3g} deg, the image turned by "
+            f"{seen:.3g} deg, {way}",
+        )
+
+
 def _told(found: Followed, look: Look) -> str:
     """Return what was seen, in words."""
     (a, b), (c, d) = found.matrix

@@ -13,12 +13,18 @@ import numpy as np
 
 from executor.calibration import IDENTITY
 from executor.errors import MACHINE, STOPPED, ExecutorError
-from executor.following import Followed, check_directions, check_scale, followed
+from executor.following import (
+    Followed,
+    check_directions,
+    check_scale,
+    check_turn,
+    followed,
+)
 from executor.look import Sighting, look_at
+from executor.probe_limits import axis_sigma_um, in_the_way, steers_angle
+from executor.reach import readings_for
 from executor.rig import Rig
-from executor.safety import check_step, check_travel, targets
-from executor.verify import in_view
-from schemas.plan import AlignAction, AxesName, AxisMove, Look, OnFailure
+from schemas.plan import AxesName, AxisMove, Look, OnFailure
 
 Point = tuple[float, float]
 
@@ -27,10 +33,9 @@ WANTED = 10.0  # sigmas of a first move's own scatter: what it is to be
 ENOUGH = 5.0  # what it must be: a wrong direction is then told from a right one
 REACH = 0.7  # of the look's capture range: trials succeed there as they do inside
 MOST_UM = 100.0  # beyond, lens distortion and lean of the axes come in
+LEAST_RAD = math.radians(1.0)  # of a turn, as LEAST_UM
+MOST_RAD = math.radians(8.0)  # less than half a tooth of 20 deg
 DECIMALS = 1  # of the places that a probe goes to, um
-CLEAR = 3.0  # sigmas that a probe stays away from everything
-# A tolerance below .6 move sigmas is refused by the compiler.
-TOLERANCE_PER_SIGMA = 0.6
 
 
 @dataclass(slots=True)
@@ -39,6 +44,23 @@ class Track:
 
     readings: list[Point] = field(default_factory=list)
     places: list[Point] = field(default_factory=list)
+
+    def note(self, reading: Point, seen: Sighting) -> None:
+        """Add a reading and where the target was seen."""
+        self.readings.append(reading)
+        self.places.append((seen.x_um, seen.y_um))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Job:
+    """What a probe works on, and what it has seen."""
+
+    rig: Rig
+    look: Look
+    axes: AxesName  # that carry the look's target
+    sigma_um: float  # of a place per axis, the axes' landing included
+    on_failure: tuple[OnFailure, ...]
+    track: Track = field(default_factory=Track)
 
 
 def look_probed(rig: Rig, look: Look, on_failure: Sequence[OnFailure] = ()) -> Sighting:
@@ -79,129 +101,144 @@ def probe(
     ExecutorError
         See `look_probed`.
     """
-    axes = rig.beliefs.belief(look.target).carrier
-    sigma_um = math.hypot(axis_sigma_um(rig, axes), look.sigma_xy_um)
+    job = _job(rig, look, on_failure)
+    sigma_um = math.sqrt(2) * job.sigma_um  # of a move, by its two ends
     reach_um = min(REACH * min(m.capture_um for m in look.measures), MOST_UM)
-    step_um = min(max(LEAST_UM, WANTED * math.sqrt(2) * sigma_um), reach_um)
-    if step_um < ENOUGH * math.sqrt(2) * sigma_um:
+    step_um = min(max(LEAST_UM, WANTED * sigma_um), reach_um)
+    if step_um < ENOUGH * sigma_um:
         return f"a move of {step_um:.3g} um does not stand out of {sigma_um:.3g} um"
-    home = rig.readings().reading(axes)
-    at = (home.x_um, home.y_um)
-    middle = look.measure.reference.pose
-    # rounded, so that the noise of a look does not change what is ordered
-    inward = (
-        round(middle.x_um - seen.x_um, DECIMALS),
-        round(middle.y_um - seen.y_um, DECIMALS),
-    )
-    first = (at[0] + _toward(inward[0], step_um), at[1])
-    second = (first[0], at[1] + _toward(inward[1], step_um))
+    home = rig.readings().reading(job.axes)
+    x_um, y_um = home.x_um, home.y_um
+    way_x, way_y = _inward(look, seen)
+    first = (x_um + _toward(way_x, step_um), y_um)
+    second = (first[0], y_um + _toward(way_y, step_um))
     for place in (first, second):
-        why = in_the_way(rig, look, axes, place)
+        why = in_the_way(rig, look, _to(job.axes, place))
         if why:
             return why
-    track = Track([at], [(seen.x_um, seen.y_um)])
+    job.track.note((x_um, y_um), seen)
     for place in (first, second):
-        _step(rig, look, axes, place, track, on_failure)
-    check_directions(_followed(rig, axes, track, sigma_um), look)
-    for place in _around((at[0] + inward[0], at[1] + inward[1]), reach_um):
-        if in_the_way(rig, look, axes, place):
-            continue
-        try:
-            _step(rig, look, axes, place, track, on_failure)
-        except ExecutorError as error:
-            if error.code != "MP835":
-                raise
-            rig.journal.write("probe_unseen", look=look.id, why=str(error))
-    found = _followed(rig, axes, track, sigma_um)
-    rig.journal.write(
-        "probe",
-        look=look.id,
-        axes=axes,
-        matrix=found.matrix.ravel().tolist(),
-        sigma=found.sigma.ravel().tolist(),
-        looks=len(track.places),
-    )
-    check_directions(found, look)
-    check_scale(found, look)
-    rig.move(AxisMove(axes=axes, x_um=at[0], y_um=at[1]))
+        _step(job, place)
+    check_directions(_followed(job), look)
+    _reach_out(job, (x_um + way_x, y_um + way_y), reach_um)
+    _judge(job)
+    rig.move(_to(job.axes, (x_um, y_um)))
+    if seen.theta_rad is not None and steers_angle(rig, job.axes):
+        _probe_turn(job, seen.theta_rad)
     return ""
 
 
-def axis_sigma_um(rig: Rig, axes: AxesName) -> float:
-    """Return one sigma per axis of where an axis group lands.
+def _job(rig: Rig, look: Look, on_failure: Sequence[OnFailure]) -> _Job:
+    """Return what a probe works on."""
+    axes = rig.beliefs.belief(look.target).carrier
+    sigma_um = math.hypot(axis_sigma_um(rig, axes), look.sigma_xy_um)
+    return _Job(
+        rig=rig, look=look, axes=axes, sigma_um=sigma_um, on_failure=tuple(on_failure)
+    )
 
-    As the plan tells; else the most that its alignments' tolerances allow.
+
+def _inward(look: Look, seen: Sighting) -> Point:
+    """Return the way from where a target is to the middle of its look's range.
+
+    Rounded, so that the noise of a look does not change what is ordered.
     """
-    told = rig.plan.requirements.repeatability_um
-    if told is not None and axes in told:
-        return told[axes]
-    tolerances = [
-        step.control.tolerance_xy_um
-        for step in rig.plan.steps
-        if isinstance(step.action, AlignAction)
-        and step.action.axes == axes
-        and step.control is not None
-    ]
-    return min(tolerances, default=0.0) / TOLERANCE_PER_SIGMA
+    middle = look.measure.reference.pose
+    return (
+        round(middle.x_um - seen.x_um, DECIMALS),
+        round(middle.y_um - seen.y_um, DECIMALS),
+    )
 
 
-def in_the_way(rig: Rig, look: Look, axes: AxesName, place: Point) -> str:
-    """Return what forbids a probe's move to a reading, "" if nothing does.
-
-    Besides limits and steps a probe stays clear of everything by CLEAR sigmas, also of
-    what it is meant to touch later. Where the plan tells no room, nothing may be held
-    and the tool must be out of view.
-    """
-    move = AxisMove(axes=axes, x_um=place[0], y_um=place[1])
-    try:
-        check_travel(axes, targets(move), rig.station.offer.travel)
-        limit = rig.station.rules.safety.phase(rig.phase)
-        check_step(move, rig.readings().reading(axes), rig.phase, limit)
-    except ExecutorError as error:
-        return error.message
-    if not rig.keep_out.known:
-        return _near_tool(rig, look)
-    spread_um = max(belief.sigma_xy_um for belief in rig.plan.beliefs)
-    margin_um = CLEAR * math.hypot(spread_um, axis_sigma_um(rig, axes))
-    met = rig.keep_out.met(move, rig.moment(), margin_um=margin_um)
-    if met is None:
-        return ""
-    return f"{met[0]} would come nearer than {margin_um:.3g} um to {met[1]}"
+def _step(job: _Job, place: Point) -> None:
+    """Move, look and note; MP835 if the target is not seen there."""
+    job.track.note(place, _moved(job, _to(job.axes, place)))
 
 
-def _followed(rig: Rig, axes: AxesName, track: Track, sigma_um: float) -> Followed:
+def _reach_out(job: _Job, middle: Point, reach_um: float) -> None:
+    """Look from four places about a middle, as far as nothing is in the way."""
+    for place in _around(middle, reach_um):
+        if in_the_way(job.rig, job.look, _to(job.axes, place)):
+            continue
+        try:
+            _step(job, place)
+        except ExecutorError as error:
+            if error.code != "MP835":
+                raise
+            why = str(error)
+            job.rig.journal.write("probe_unseen", look=job.look.id, why=why)
+
+
+def _judge(job: _Job) -> None:
+    """Note how the image followed, and raise if it did not."""
+    found = _followed(job)
+    job.rig.journal.write(
+        "probe",
+        look=job.look.id,
+        axes=job.axes,
+        matrix=found.matrix.ravel().tolist(),
+        sigma=found.sigma.ravel().tolist(),
+        looks=len(job.track.places),
+    )
+    check_directions(found, job.look)
+    check_scale(found, job.look)
+
+
+def _followed(job: _Job) -> Followed:
     """Return how the image followed, the calibration's own matrix taken off."""
-    calibration = rig.station.offer.calibration
+    calibration = job.rig.station.offer.calibration
     meant = IDENTITY
-    if axes == "stage" and calibration is not None:
+    if job.axes == "stage" and calibration is not None:
         meant = calibration.camera_from_stage
-    found = followed(track.readings, track.places, sigma_um)
+    found = followed(job.track.readings, job.track.places, job.sigma_um)
     return replace(found, matrix=found.matrix @ np.linalg.inv(np.array(meant)))
 
 
-def _step(
-    rig: Rig,
-    look: Look,
-    axes: AxesName,
-    place: Point,
-    track: Track,
-    on_failure: Sequence[OnFailure],
-) -> None:
-    """Move, look and note; MP835 if the target is not seen there."""
-    rig.move(AxisMove(axes=axes, x_um=place[0], y_um=place[1]))
+def _moved(job: _Job, move: AxisMove) -> Sighting:
+    """Move and look; MP835 if the target is not seen there."""
+    rig, look = job.rig, job.look
+    rig.move(move)
     try:
-        seen = look_at(rig, look, on_failure)
+        return look_at(rig, look, job.on_failure)
     except ExecutorError as error:
         if error.exit_status in (MACHINE, STOPPED):
             raise
         raise ExecutorError(
             "MP835",
             f"look {look.id}: {look.target} was lost after a probe's move of the "
-            f"{axes} to ({place[0]:.6g}, {place[1]:.6g}) um: {error} [{error.code}]",
+            f"{move.axes} to ({move.x_um:.6g}, {move.y_um:.6g}) um: {error} "
+            f"[{error.code}]",
             cause=error.cause,
         ) from error
-    track.readings.append(place)
-    track.places.append((seen.x_um, seen.y_um))
+
+
+def _probe_turn(job: _Job, theta_rad: float) -> None:
+    """Turn a little about the target, look, and turn back."""
+    rig, look, axes = job.rig, job.look, job.axes
+    sigma_rad = math.sqrt(2) * (look.sigma_theta_rad or 0.0)
+    gate_rad = look.measure.gates.max_turn_rad
+    most_rad = MOST_RAD if gate_rad is None else min(MOST_RAD, gate_rad / 2)
+    turn_rad = min(max(LEAST_RAD, WANTED * sigma_rad), most_rad)
+    readings = rig.readings()
+    home, here = readings.reading(axes), rig.beliefs.world(look.target, readings)
+    move = readings_for(axes, readings, here, (here.x_um, here.y_um), turn_rad)
+    why = in_the_way(rig, look, move)
+    if turn_rad < ENOUGH * sigma_rad:
+        why = f"a turn by {turn_rad:.3g} rad does not stand out of {sigma_rad:.3g} rad"
+    if why:
+        rig.journal.write("probe_turn_skipped", look=look.id, why=why)
+        return
+    seen = _moved(job, move)
+    if seen.theta_rad is None:
+        raise ExecutorError("MP824", f"look {look.id} gives no angle")
+    turned_rad = math.remainder(seen.theta_rad - theta_rad, math.tau)
+    rig.journal.write("probe_turn", look=look.id, told=turn_rad, seen=turned_rad)
+    check_turn(turn_rad, turned_rad, sigma_rad, look)
+    rig.move(replace(_to(axes, (home.x_um, home.y_um)), theta_rad=home.theta_rad))
+
+
+def _to(axes: AxesName, place: Point) -> AxisMove:
+    """Return a move to readings in x and y."""
+    return AxisMove(axes=axes, x_um=place[0], y_um=place[1])
 
 
 def _toward(way_um: float, step_um: float) -> float:
@@ -213,15 +250,3 @@ def _around(middle: Point, reach_um: float) -> Iterator[Point]:
     """Yield four places about a middle, each axis from end to end."""
     for dx, dy in ((1, 0), (-1, 0), (0, 1), (0, -1)):
         yield middle[0] + dx * reach_um, middle[1] + dy * reach_um
-
-
-def _near_tool(rig: Rig, look: Look) -> str:
-    """Return whether a tool holds something or is in view; "" if neither."""
-    for belief in rig.plan.beliefs:
-        if rig.station.robot is None or belief.carrier != "robot":
-            continue
-        grip = rig.beliefs.world(belief.name, rig.readings())
-        held = rig.beliefs.held_by(belief.name)
-        if held or in_view(grip, look.view.field_um):
-            return f"{belief.name} is near"
-    return ""

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from executor.errors import ExecutorError
+from executor.look import Sighting
 from executor.probe import look_probed
 from executor.reach import readings_for
 from executor.rig import Rig
@@ -52,19 +53,9 @@ def align(
     approach(rig, action, control)
     rig.phase = "servo"
     errors_um: list[float] = []
-    seen_at: AxisMove | None = None  # where the axes stood when the target was seen
-    lost = False
+    watch = _Watch(action)
     while True:
-        try:
-            seen = look_probed(rig, look, on_failure)
-        except ExecutorError as error:
-            if lost or seen_at is None or error.code not in UNSEEN:
-                raise
-            lost = True
-            rig.journal.write("lost", look=look.id, code=error.code, back=seen_at)
-            rig.move(seen_at)
-            continue
-        seen_at = _standing(rig, action)
+        seen = watch.look(rig, look, on_failure)
         if control.tolerance_theta_rad is not None and seen.theta_rad is None:
             raise ExecutorError("MP824", f"look {look.id} gives no angle")
         error_um, turn_rad = _error(rig, action)
@@ -80,6 +71,30 @@ def align(
         rig.move(correction(rig, action, control, control.gain if servo else 1.0))
         if not servo:
             return ended
+
+
+class _Watch:
+    """Looks of one alignment; a target that was seen may be lost once."""
+
+    def __init__(self, action: AlignAction) -> None:
+        self._action = action
+        self._seen_at: AxisMove | None = None
+        self._lost = False
+
+    def look(self, rig: Rig, look: Look, on_failure: Sequence[OnFailure]) -> Sighting:
+        """Look; a target that is lost is looked for where it was seen last."""
+        try:
+            seen = look_probed(rig, look, on_failure)
+        except ExecutorError as error:
+            back = self._seen_at
+            if self._lost or back is None or error.code not in UNSEEN:
+                raise
+            self._lost = True
+            rig.journal.write("lost", look=look.id, code=error.code, back=back)
+            rig.move(back)
+            seen = look_probed(rig, look, on_failure)
+        self._seen_at = _standing(rig, self._action)
+        return seen
 
 
 def approach(rig: Rig, action: AlignAction, control: Control) -> None:

@@ -14,7 +14,8 @@ from executor.calibration import Calibration, ZoomPoint
 from executor.drivers import Counts
 from executor.errors import ExecutorError
 from executor.following import LIMIT, followed
-from executor.probe import axis_sigma_um, look_probed
+from executor.probe import look_probed
+from executor.probe_limits import axis_sigma_um
 from executor.rig import Rig
 from executor.safety import PhaseLimit
 from executor.simulated.cell import Cell, build_cell
