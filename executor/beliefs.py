@@ -126,6 +126,10 @@ class Beliefs:
         x_um, y_um = pose.apply(*self._offset(name))
         return Pose(x_um=x_um, y_um=y_um, theta_rad=pose.theta_rad)
 
+    def belief(self, name: str) -> Belief:
+        """Return what is believed of the part or tool that `name` is or belongs to."""
+        return self._owners[self.owner(name)]
+
     def knows_angle(self, name: str) -> bool:
         """Return whether anything is known of the owner's angle."""
         return self._owners[self.owner(name)].sigma_theta_rad < ANY_ANGLE_RAD
@@ -200,4 +204,9 @@ class Beliefs:
         """Note the world pose `world` of `owner` in the frame of `carrier`."""
         pose = readings.carrier(carrier).inverse().compose(world)
         pose = replace(pose, theta_rad=math.remainder(pose.theta_rad, 2 * math.pi))
-        self._owners[owner] = replace(self._owners[owner], carrier=carrier, pose=pose)
+        belief = self._owners[owner]
+        if carrier != belief.carrier:  # it changes hands where it is
+            lower_um = readings.reading(carrier).z_um
+            under_um = readings.reading(belief.carrier).z_um + belief.z_um
+            belief = replace(belief, z_um=under_um - lower_um)
+        self._owners[owner] = replace(belief, carrier=carrier, pose=pose)

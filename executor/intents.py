@@ -22,7 +22,8 @@ from schemas.codec import to_data
 FILE = "journal.jsonl"
 FORMAT = 1
 # names of motions that a resumed step makes again where it needs them
-REPEATED = ("", "near", "back")
+AWAY = {"near": "back", "probe": "probe back"}  # for a look, and what ends it
+REPEATED = ("", *AWAY, *AWAY.values())
 EXACT = 17  # significant digits that give back every float64
 MARK = b'{"crc": "'  # how a line begins
 HEAD = len(MARK + b'00000000", ')

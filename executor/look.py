@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from executor.drivers import Counts
@@ -88,10 +88,19 @@ def look_at(
         return sighting
 
 
+Seeing = Callable[[Rig, Look, Sequence[OnFailure]], Sighting]
+
+
 def look_near(
-    rig: Rig, looks: Sequence[Look], look: Look, on_failure: Sequence[OnFailure] = ()
+    rig: Rig,
+    looks: Sequence[Look],
+    look: Look,
+    on_failure: Sequence[OnFailure] = (),
+    seeing: Seeing = look_at,
 ) -> Sighting:
     """Measure a look's target, coarsely first and brought near where the plan says so.
+
+    `seeing` is how each look is made.
 
     The coarse look's pose is the belief by which the target is centred and expected by
     the fine look. The axes then go back to their readings: what comes after finds them
@@ -105,11 +114,11 @@ def look_near(
     """
     first = look.coarse
     if first is None:
-        return look_at(rig, look, on_failure)
+        return seeing(rig, look, on_failure)
     coarse = next((each for each in looks if each.id == first.look), None)
     if coarse is None:
         raise ExecutorError("MP802", f"look {look.id} names no look {first.look!r}")
-    look_at(rig, coarse, on_failure)
+    seeing(rig, coarse, on_failure)
     readings = rig.readings()
     here = rig.beliefs.world(look.target, readings)
     way_um = math.dist((here.x_um, here.y_um), first.at_um)
@@ -121,7 +130,7 @@ def look_near(
         )
     back = readings.reading(first.axes)
     rig.move(readings_for(first.axes, readings, here, first.at_um), "near")
-    seen = look_at(rig, look, on_failure)
+    seen = seeing(rig, look, on_failure)
     rig.move(AxisMove(axes=first.axes, x_um=back.x_um, y_um=back.y_um), "back")
     return seen
 

@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TypeVar
 
+from executor.arrival import arrive
 from executor.calls import Caller, call_all
 from executor.drivers import AxisReading, Frame, Mover
 from executor.errors import ExecutorError
 from executor.safety import (
     AXES,
     Phase,
-    Progress,
     check_fingers,
     check_finite,
     check_step,
     check_travel,
-    outside,
     targets,
 )
 from executor.station import Station
@@ -27,7 +25,6 @@ from schemas.plan import AxesName, AxisMove, Region
 T = TypeVar("T")
 
 FRAMES = 3  # a frame that was dropped or is old is asked for again so often, in all
-_SHORTEST_S = 1e-3  # a wait that moves any clock on
 
 
 class Motion:
@@ -107,7 +104,11 @@ class Motion:
             )
             away = {a: abs(v - getattr(now, a)) for a, v in target.items()}
             seconds = rules.speeds(move.axes).seconds(away, speed)
-            self._arrive(station, move.axes, now, target, seconds)
+
+            def read() -> tuple[AxisReading, bool]:
+                return self._reading(station, move.axes)
+
+            arrive(station, move.axes, read, now, target, seconds)
             self._pause()
 
     def grip(self, station: Station, opening_um: float) -> float:
@@ -240,40 +241,6 @@ class Motion:
         surface_um = rules.stage_datum_z_um + stage
         check_fingers(robot, surface_um, phase, rules.safety)
 
-    def _arrive(
-        self,
-        station: Station,
-        group: AxesName,
-        start: AxisReading,
-        target: dict[str, float],
-        seconds: float,
-    ) -> None:
-        """Wait until the readings have stayed at the target; watch them meanwhile."""
-        settle, clock = station.rules.settle(group), station.clock
-        progress = Progress(start, target, settle)
-        there = all(getattr(start, axis) == value for axis, value in target.items())
-        dwell_s = 0.0 if there else settle.dwell_s
-        began_s = clock.now_s()
-        inside_s, rest_s = math.inf, math.inf  # since when inside, since when at rest
-        while True:
-            reading, moving = self._reading(station, group)
-            now_s = clock.now_s()
-            _check_inside(station, group, reading)
-            away = dict(outside(reading, target, settle))
-            inside_s = math.inf if away else min(inside_s, now_s)
-            rest_s = math.inf if moving or not away else min(rest_s, now_s)
-            if not (away or moving) and now_s - inside_s >= dwell_s:
-                return
-            late = now_s - began_s > seconds + settle.timeout_s
-            if late or now_s - rest_s > settle.stall_s / 2:
-                raise ExecutorError("MP845", _not_there(group, away, now_s - began_s))
-            progress.check(group, reading, now_s)
-            left_s = inside_s + dwell_s - now_s  # may be infinite
-            wait_s = min(
-                station.rules.safety.poll_s, left_s if left_s > 0 else math.inf
-            )
-            clock.wait(max(wait_s, _SHORTEST_S))
-
     def _drive(
         self,
         station: Station,
@@ -354,20 +321,6 @@ def _movers(station: Station) -> dict[str, Mover]:
     return {name: device for name, device in named.items() if device is not None}
 
 
-def _check_inside(station: Station, group: AxesName, reading: AxisReading) -> None:
-    """Raise MP840 if a moving axis is beyond its limits by more than its window."""
-    settle = station.rules.settle(group)
-    for axis in AXES:
-        name = f"{group}.{axis}"
-        if name not in station.offer.travel:
-            continue
-        low, high = station.offer.travel[name]
-        window = settle.window(axis)
-        check_travel(
-            group, {axis: getattr(reading, axis)}, {name: (low - window, high + window)}
-        )
-
-
 def _check_jaws(
     before_um: float, after_um: float, target_um: float, window_um: float
 ) -> None:
@@ -382,11 +335,3 @@ def _check_jaws(
             f"the jaws read {after_um:.6g} um, were told {target_um:.6g} um and were "
             f"at {before_um:.6g} um",
         )
-
-
-def _not_there(group: str, away: dict[str, float], after_s: float) -> str:
-    """Return what is wrong with a motion that should have ended."""
-    if not away:
-        return f"{group} still says that it moves after {after_s:.3g} s"
-    off = ", ".join(f"{axis} by {value:.4g}" for axis, value in away.items())
-    return f"{group} is off its target after {after_s:.3g} s: {off}"

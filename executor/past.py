@@ -9,7 +9,16 @@ from typing import Any
 
 from executor.beliefs import Known
 from executor.errors import ExecutorError
-from executor.intents import FILE, FORMAT, MARK, REPEATED, Intent, Standing, opened
+from executor.intents import (
+    AWAY,
+    FILE,
+    FORMAT,
+    MARK,
+    REPEATED,
+    Intent,
+    Standing,
+    opened,
+)
 from executor.outcome import StepResult
 from executor.safety import Phase
 from schemas.codec import CodecError, from_data
@@ -53,9 +62,9 @@ class Past:
     def done(self, name: str, standing: Standing) -> None:
         """Note that the motion begun last has ended at its target."""
         self.opened, self.standing = None, standing
-        if name == "back":
+        if self.away is not None and name == AWAY[self.away.name]:
             self.away = None
-        elif name not in REPEATED:
+        if name not in REPEATED:
             self.finished.add(name)
 
     def close(self, done: bool, standing: Standing) -> None:  # noqa: FBT001 - a fact
@@ -151,7 +160,7 @@ def _begin(past: Past, record: Mapping[str, Any]) -> None:
 
 def _intent(past: Past, record: Mapping[str, Any]) -> None:
     past.opened = from_data(Intent, record["intent"])
-    if past.opened.name == "near":
+    if past.opened.name in AWAY and past.away is None:
         past.away = past.opened
 
 
@@ -161,6 +170,10 @@ def _done(past: Past, record: Mapping[str, Any]) -> None:
 
 def _resumed(past: Past, record: Mapping[str, Any]) -> None:
     past.close(record["was"] == "done", from_data(Standing, record["standing"]))
+
+
+def _undone(past: Past, record: Mapping[str, Any]) -> None:
+    past.finished.discard(record["name"])
 
 
 def _known(past: Past, record: Mapping[str, Any]) -> None:
@@ -187,5 +200,6 @@ def _end(past: Past, record: Mapping[str, Any]) -> None:
 
 _KINDS = {
     "begin": _begin, "intent": _intent, "done": _done, "resumed": _resumed,
-    "known": _known, "error": _error, "view": _view, "step": _step, "end": _end,
+    "undone": _undone, "known": _known, "error": _error, "view": _view,
+    "step": _step, "end": _end,
 }  # fmt: skip

@@ -13,8 +13,9 @@ from executor.calibration import LookFrame, look_frame
 from executor.drivers import Counts
 from executor.errors import ExecutorError
 from executor.frames import Frames
-from executor.intents import Intent, Intents, Standing
+from executor.intents import AWAY, Intent, Intents, Standing
 from executor.journal import Journal
+from executor.keep_out import KeepOut, Moment
 from executor.motion import Motion
 from executor.outcome import StepResult
 from executor.past import Past
@@ -74,6 +75,9 @@ class Rig:
         """Return the station's time without what was spent at the gate."""
         return self.station.clock.now_s() - self.waited_s
 
+    probed: float | None = None  # magnification at which the axes were probed last
+    _keep_out: KeepOut | None = None
+
     def readings(self) -> Readings:
         """Return where the axes are now."""
         station = self.station
@@ -93,8 +97,27 @@ class Rig:
             opening_um=None if jaws is None else self.motion.opening(self.station),
         )
 
+    @property
+    def keep_out(self) -> KeepOut:
+        """Return what a motion must not touch."""
+        if self._keep_out is None:
+            surface_um = self.station.rules.stage_datum_z_um
+            self._keep_out = KeepOut(self.plan, surface_um)
+        return self._keep_out
+
+    def moment(self, *openings_um: float) -> Moment:
+        """Return where everything is now; the jaws may go on to other openings."""
+        first = (
+            () if self.station.gripper is None else (self.motion.opening(self.station),)
+        )
+        return Moment(
+            beliefs=self.beliefs,
+            readings=self.readings(),
+            openings_um=(*first, *openings_um) or (0.0,),
+        )
+
     def move(self, move: AxisMove, name: str = "") -> None:
-        """Move one axis group and note it.
+        """Move one axis group and note it; what it would hit is refused before.
 
         A motion with a name is not made again if an earlier executor finished it; one
         that it left on the way goes on to where it was meant to go.
@@ -107,6 +130,8 @@ class Rig:
                 axes=move.axes, speed_um_per_s=move.speed_um_per_s, **again.target
             )
         self.journal.write("move", to=move)
+        if self.keep_out.known:
+            self.keep_out.check(move, self.moment(), self.journal.step)
         with self._intended(name, move.axes, targets(move)):
             self.motion.travel(self.station, move, self.phase)
         self.journal.write("moved", axes=move.axes)
@@ -116,6 +141,8 @@ class Rig:
         if "jaws" in self.past.finished:
             return
         self.journal.write("jaws", opening_um=opening_um)
+        if self.keep_out.known:
+            self.keep_out.check_jaws(self.moment(opening_um), self.journal.step)
         with self._intended("jaws", "jaws", {"opening_um": opening_um}):
             reading_um = self.motion.grip(self.station, opening_um)
         self.journal.write("jaws_moved", reading_um=reading_um)
@@ -128,7 +155,7 @@ class Rig:
         before = away.before.stage if away.device == "stage" else away.before.robot
         if before is not None:
             way = {axis: getattr(before, axis) for axis in away.target}
-            self.move(AxisMove(axes=away.device, **way), "back")
+            self.move(AxisMove(axes=away.device, **way), AWAY[away.name])
         self.past.away = None
 
     def keep_beliefs(self) -> None:
@@ -167,6 +194,7 @@ class Rig:
             self.journal.write("zoom", magnification=view.magnification)
             self.intents.write("view", view=view)
             self.motion.zoom(self.station, view.magnification)
+            self.probed = None
         if old is None or old.focus_um != focus:
             self.journal.write("focus", focus_um=focus)
             self.motion.focus(self.station, focus)

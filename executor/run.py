@@ -6,10 +6,12 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 
 from executor.errors import ExecutorError
+from executor.inserting import insert
 from executor.listing import action_line, step_lines
 from executor.look import look_near
 from executor.outcome import RunResult as RunResult
 from executor.outcome import StepResult as StepResult
+from executor.probe import look_probed
 from executor.rig import Rig
 from executor.safety import Phase
 from executor.servo import align
@@ -149,7 +151,7 @@ def _act(rig: Rig, step: Step) -> _Outcome:
     match action:
         case LocateAction():
             look, retries = _look(step, action.look), step.conditions.on_failure
-            seen = look_near(rig, step.looks, look, retries)
+            seen = look_near(rig, step.looks, look, retries, look_probed)
             return _Outcome(spread_um=seen.spread_um)
         case AlignAction():
             return _align(rig, step, action)
@@ -159,9 +161,7 @@ def _act(rig: Rig, step: Step) -> _Outcome:
                 action.target, action.tool, rig.readings(), action.across_um
             )
         case InsertAction():
-            rig.phase = "insert"
-            for number, move in enumerate(action.moves, start=1):
-                rig.move(move, f"insert {number}")
+            insert(rig, action, step.conditions.retreat)
         case ReleaseAction():
             rig.grip(action.opening_um)
             rig.beliefs.release(action.target, rig.readings())

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from executor.calibration import IDENTITY, Calibration
 from executor.drivers import Axes, AxisReading, Camera, Clock, Gripper, Lens, Light
 from executor.errors import ExecutorError
+from executor.gain import check_gains
 from executor.safety import Rules
 from featuresel.routines import REGISTRY
 from schemas.plan import AxesName, AxisMove, InsertAction, Look, Plan
@@ -18,7 +19,7 @@ Interval = tuple[float, float]
 _MATCH = 1e-5  # relative: plan numbers carry six digits
 # A first approach goes by beliefs over some 1000 um, and must end within the 20 um that
 # looks are sure to search: a turn or scale of the image up to 2 % does.
-_ALIGNED = 0.02
+ALIGNED = 0.02
 _START_UM = 1e-3  # readings are commands read back: a nanometre is rounding
 
 
@@ -36,6 +37,7 @@ class Offer:
     travel: Mapping[str, Interval]  # "stage.x_um" -> least, most
     theta_axis_um: tuple[float, float]
     calibration: Calibration | None = None  # None: as the plan assumes it
+    latency_frames: int = 0  # looks by which a frame is older than it seems
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,7 +89,8 @@ def preflight(plan: Plan, station: Station, *, begun: bool = False) -> None:
     Raises
     ------
     ExecutorError
-        The first of MP801, MP805..MP811, MP814, MP815 that holds, with both values.
+        The first of MP801, MP805..MP811, MP814, MP815, MP837 that holds, with both
+        values.
     """
     if plan.status != "feasible":
         why = "; ".join(f"{r.code} in {r.step}: {r.message}" for r in plan.reasons)
@@ -99,6 +102,7 @@ def preflight(plan: Plan, station: Station, *, begun: bool = False) -> None:
     _check_axis(plan, station.offer)
     _check_calibration(plan, station.offer.calibration)
     _check_speeds(plan, station.rules)
+    check_gains(plan, station.offer.latency_frames, station.offer.calibration)
     _check_routines(plan)
     if not begun:
         _check_start(plan, station)
@@ -160,11 +164,11 @@ def _check_calibration(plan: Plan, found: Calibration | None) -> None:
         for row, plain in zip(rows, IDENTITY, strict=True)
         for a, b in zip(row, plain, strict=True)
     )
-    if apart > _ALIGNED:
+    if apart > ALIGNED:
         raise ExecutorError(
             "MP814",
             f"the image follows the stage by {rows}, the plan needs {IDENTITY} within "
-            f"{_ALIGNED:g}",
+            f"{ALIGNED:g}",
         )
     for step in plan.steps:
         for look in step.looks:

@@ -146,6 +146,7 @@ def _offer(top: Table, roles: tuple[str, ...]) -> Offer:
         height_px=camera.whole("height_px"),
         pitch_um=camera.number("pitch_um", above=0),
         bits=camera.whole("bits"),
+        latency_frames=_latency(camera),
         magnification=lens.interval("magnification"),
         focus_um=lens.interval("focus_um"),
         opening_um=None if jaws is None else jaws.interval("opening_um"),
@@ -155,6 +156,12 @@ def _offer(top: Table, roles: tuple[str, ...]) -> Offer:
     )
     camera.finish()
     return offer
+
+
+def _latency(camera: Table) -> int:
+    """Return by how many looks a frame is older than it seems, 0 if nothing is told."""
+    name = "latency_frames"
+    return camera.whole(name, least=0) if camera.has(name) else 0
 
 
 def _travel(group: Table, name: str) -> dict[str, tuple[float, float]]:

@@ -23,6 +23,7 @@ from tests.executor.recorder import Run, run
 GOLDEN = Path(__file__).parents[1] / "golden" / "executor"
 # steps of the plan in which a device does something
 AXES = (
+    "find_gear",  # the probe
     "fingers_in", "bring_between", "lift", "find_shaft", "over_shaft", "insert",
     "retract",
 )  # fmt: skip
@@ -143,7 +144,18 @@ def test_a_fault_from_the_start_on_ends_in_its_code(
     if FAULTS[name].may_stand and found.result.done:
         assert found.cell.judge("gear", "shaft_plate.post").success
         return
-    assert found.result.code in FAULTS[name].codes
+    assert found.result.code in (FAULTS[name].from_start or FAULTS[name].codes)
+    check_journal(found)
+
+
+@pytest.mark.parametrize("name", ["mirror_camera", "swap_camera", "reversed_axis"])
+def test_wrong_geometry_is_caught_by_the_probe_before_the_part_is_at_risk(
+    name: str, job: tuple[Plan, Artifacts, World]
+) -> None:
+    found = run(*job, [name])
+    assert (found.result.code, found.result.step) == ("MP833", "find_gear")
+    moved = {c.device for c in found.recorder.calls if c.method == "start"}
+    assert moved == {"stage"}  # the fingers stayed away
     check_journal(found)
 
 
@@ -191,4 +203,6 @@ def test_the_page_about_the_executor_has_the_table_of_faults() -> None:
     page = (Path(__file__).parents[2] / "docs" / "executor.md").read_text("utf-8")
     for name, fault in FAULTS.items():
         ends = ", ".join(fault.codes) + (", or well" if fault.may_stand else "")
+        if fault.from_start:
+            ends = f"from the start {', '.join(fault.from_start)}; later {ends}"
         assert f"| `{name}` | {fault.what} | {ends} |" in page
