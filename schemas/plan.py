@@ -399,7 +399,7 @@ class Control:
     max_cycles: int
     expected_cycles: float
     expected_s: float  # looks and settling, after the first approach
-    approach_s: float = 0.0  # the first approach
+    approach_s: float = 0.0  # the first approach, zoom and focus set
     floor_s: float | None = None  # moves, settling and exposures alone
     ratio_to_floor: float | None = None  # of approach_s + expected_s
     choice: MethodChoice | None = None
