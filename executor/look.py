@@ -16,6 +16,9 @@ from featuresel.routines import Failure, FloatArray
 from featuresel.routines.fusion import fuse
 from schemas.plan import AxisMove, Look, OnFailure
 
+# a look that ends so did not see what it looks for
+UNSEEN = ("MP820", "MP821", "MP822", "MP823", "MP825", "MP826")
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sighting:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from executor.calibration import IDENTITY
-from executor.errors import MACHINE, STOPPED, ExecutorError
+from executor.errors import ExecutorError
 from executor.following import (
     Followed,
     check_directions,
@@ -20,7 +20,7 @@ from executor.following import (
     check_turn,
     followed,
 )
-from executor.look import Sighting, look_at
+from executor.look import UNSEEN, Sighting, look_at
 from executor.near import Near
 from executor.probe_limits import axis_sigma_um, in_the_way, steers_angle
 from executor.reach import readings_for
@@ -209,7 +209,7 @@ def _moved(job: _Job, move: AxisMove) -> Sighting:
     try:
         return look_at(rig, look, job.on_failure)
     except ExecutorError as error:
-        if error.exit_status in (MACHINE, STOPPED):
+        if error.code not in UNSEEN:
             raise
         raise ExecutorError(
             "MP835",

@@ -7,12 +7,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from executor.errors import ExecutorError
-from executor.look import Sighting
+from executor.look import UNSEEN, Sighting
 from executor.near import Near
 from executor.probe import look_probed
 from executor.reach import readings_for
 from executor.rig import Rig
-from executor.verify import UNSEEN
 from schemas.plan import AlignAction, AxisMove, Control, Look, OnFailure
 
 # A tolerance below .6 move sigmas is refused by the compiler, so sigma <= t / .6; after

@@ -8,13 +8,10 @@ from dataclasses import dataclass
 
 from executor.errors import ExecutorError
 from executor.focus_sweep import Height, height_by_sweep
-from executor.look import Sighting, look_at
+from executor.look import UNSEEN, Sighting, look_at
 from executor.rig import Rig
 from schemas.plan import HeightSearch, Look, OnFailure, VerifyAction
 from schemas.pose import Pose
-
-# a look that ends so did not see what it looks for
-UNSEEN = ("MP820", "MP821", "MP822", "MP823", "MP825", "MP826")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -85,9 +85,11 @@ def test_steps_and_what_cannot_be_undone_wait(
     log = [e["event"] for e in events(tmp_path / "run")]
     asked = [k for k, name in enumerate(log) if name == "asked"]
     assert len(asked) == 3
-    # asked before the step's first look, before its move, and between that and the jaws
-    assert asked[0] < log.index("look") < asked[1] < log.index("move")
-    assert log.index("moved") < asked[2] < log.index("jaws")
+    # asked before the first look and its probe, before the next step's move, and
+    # between that and the jaws
+    assert asked[0] < log.index("look") < log.index("probe") < asked[1]
+    move = log.index("move", asked[1])
+    assert asked[1] < move < log.index("moved", move) < asked[2] < log.index("jaws")
 
 
 @pytest.mark.parametrize("text", ["\n\nq\n", "\n\n", "\n\nyes\n"])
