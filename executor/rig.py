@@ -13,7 +13,7 @@ from executor.errors import ExecutorError
 from executor.frames import Frames
 from executor.journal import Journal
 from executor.motion import Motion
-from executor.safety import Phase
+from executor.safety import Phase, check_finite, targets
 from executor.station import Station
 from schemas.plan import AxisMove, Look, Plan, Region, View
 
@@ -49,7 +49,9 @@ class Rig:
         )
 
     def move(self, move: AxisMove) -> None:
-        """Move one axis group and note it."""
+        """Move one axis group and note it; MP847 if a target is not finite."""
+        with self.motion.guarded(self.station):  # the journal holds finite numbers only
+            check_finite(move.axes, targets(move))
         self.journal.write("move", to=move)
         self.motion.travel(self.station, move, self.phase)
         self.journal.write("moved", axes=move.axes)
