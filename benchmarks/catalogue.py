@@ -8,6 +8,8 @@ from benchmarks import (
     costs,
     error_maps,
     example,
+    executor_control,
+    executor_measuring,
     extremes,
     feature_sets,
     fit,
@@ -51,6 +53,8 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     imports.BENCHMARK,
     example.BENCHMARK,
     compiling.BENCHMARK,
+    executor_control.BENCHMARK,
+    executor_measuring.BENCHMARK,
     runs.BENCHMARK,
     placing.BENCHMARK,
 )
