@@ -15,6 +15,7 @@ FloatArray = npt.NDArray[np.float64]
 
 CONFIDENCE = 0.95
 DRAWS = 1_000_000  # a quantile's own noise is then below .3 % of it
+NOTHING_LOST = 700.0  # exp of more is no double
 EVEN = 100.0  # a law this much wider than its cut is even inside it
 
 
@@ -58,13 +59,13 @@ def cut_off(
 
     def over(sigma_um: float) -> float:
         a = within_um**2 / (2 * sigma_um**2)
-        return sigma_um * math.sqrt(1 - a / math.expm1(a)) - rms_um
+        lost = a / math.expm1(a) if a < NOTHING_LOST else 0.0
+        return sigma_um * math.sqrt(1 - lost) - rms_um
 
     sigma_um = EVEN * within_um
     if rms_um < most_um * (1 - 1 / EVEN**2):
-        low_um = rms_um  # the cut only takes away; exp(a) stays a double above
-        low_um = max(low_um, within_um / math.sqrt(2 * 700))
-        sigma_um = low_um if over(low_um) >= 0 else brentq(over, low_um, sigma_um)
+        # the cut only takes away: the law's own sigma is no less than what is left
+        sigma_um = rms_um if over(rms_um) >= 0 else brentq(over, rms_um, sigma_um)
     a = within_um**2 / (2 * sigma_um**2)
     radius_um = sigma_um * np.sqrt(-2 * np.log1p(rng.random(count) * math.expm1(-a)))
     angle_rad = rng.uniform(0, math.tau, count)

@@ -56,7 +56,7 @@ def answered(tried: Tried, noise_um: np.ndarray, scale: float = 1.0) -> Tried:
                 theta_rad=0.0,
                 score=1.0,
                 spread_um=0.01,
-            )  # fmt: skip
+            )
         )
     return replace(tried, outcomes=tuple(outcomes))
 
