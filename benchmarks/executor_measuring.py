@@ -5,29 +5,32 @@ from __future__ import annotations
 import io
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
 
 from benchmarks.example import compile_s, given
-from benchmarks.executor_looks import fine_looks
+from benchmarks.executor_looks import Fine, fine_looks
 from benchmarks.figures import Benchmark, Figure, Options
-from executor.artifacts import Artifacts, key_of
+from executor.artifacts import Artifacts
 from executor.beliefs import Beliefs
+from executor.drivers import Camera, Counts, Frame
 from executor.frames import Frames
 from executor.journal import Journal
+from executor.look import to_unit
 from executor.rig import Rig
 from executor.run import run_plan
 from executor.simulated.cell import Cell, build_cell
 from executor.simulated.hub import read_world
-from featuresel.routines import Artifact
-from schemas.plan import Look, Plan, Step, VerifyAction, parse_plan
+from featuresel.routines import Failure, Guess
+from featuresel.routines.chain import measure_chain
+from schemas.plan import Look, Plan, Region, Step, VerifyAction, parse_plan
 from schemas.world import World, WorldAxes
 
 SHARE = 0.95
-RUNS = 60  # of the seeds given, at most: every run is made twice
+RUNS = 60  # of the seeds given, at most
 LOOKS = (
     "find_gear", "see_fingers", "bring_between", "gear_in_fingers", "find_shaft",
     "over_shaft", "check_seated.target", "check_seated.seat",
@@ -35,11 +38,19 @@ LOOKS = (
 NAMES = (
     "executor.measurement_error_p95_um",
     "executor.measurement_error_plan_p95_um",
+    "executor.measurement_failed",
     *(f"executor.measured.{name}.plan_p95_um" for name in LOOKS),
     *(f"executor.measured.{name}.likelihood_p95_um" for name in LOOKS),
 )
 
-Errors = Mapping[str, Sequence[float]]  # look -> |measured - true|, um
+
+@dataclass(slots=True)
+class Found:
+    """Errors of looks, |measured - true|, um, by look."""
+
+    plan: dict[str, list[float]] = field(default_factory=dict)
+    fine: dict[str, list[float]] = field(default_factory=dict)
+    failed: int = 0  # of the likelihood chain, aloud
 
 
 def still(world: World) -> World:
@@ -69,37 +80,97 @@ def _exact(axes: WorldAxes) -> WorldAxes:
 
 
 def errors_um(
-    plan: Plan, artifacts: Artifacts, world: World, seeds: Sequence[int]
-) -> dict[str, list[float]]:
-    """Return the errors of every accepted look, by look, over runs of a plan."""
-    found: dict[str, list[float]] = {}
+    plan: Plan,
+    artifacts: Artifacts,
+    world: World,
+    seeds: Sequence[int],
+    fine: Mapping[str, Fine],
+) -> Found:
+    """Return the errors of every accepted look over runs of a plan.
+
+    The plan's own chain leads the run; the likelihood chain measures the same frame.
+    """
+    found = Found()
     for seed in seeds:
         cell, log = build_cell(world, seed), io.StringIO()
+        camera = _Kept(cell.station.camera)
         rig = Rig(
             plan=plan,
-            station=cell.station,
+            station=replace(cell.station, camera=camera),
             beliefs=Beliefs(plan.beliefs, plan.features),
             artifacts=artifacts,
             journal=Journal(log, cell.clock),
             frames=Frames(None),
         )
-        rig.watch = _Watching(rig, cell, found)
+        rig.watch = _Watching(rig, cell, camera, fine, found)
         run_plan(rig)
     return found
 
 
-class _Watching:
-    """Notes how far a sighting is from the truth, under the name of its look."""
+class _Kept:
+    """A camera whose last frame is kept."""
 
-    def __init__(self, rig: Rig, cell: Cell, found: dict[str, list[float]]) -> None:
-        self._rig, self._cell, self._found = rig, cell, found
+    def __init__(self, camera: Camera) -> None:
+        self._camera = camera
+        self.model, self.serial = camera.model, camera.serial
+        self.last: Counts | None = None
+
+    def grab(self, region: Region | None = None, *, after_s: float = 0.0) -> Frame:
+        """Return the camera's frame, and keep it."""
+        frame = self._camera.grab(region, after_s=after_s)
+        self.last = frame.counts
+        return frame
+
+
+class _Watching:
+    """Notes how far a sighting is from the truth, by the plan's chain and the other."""
+
+    def __init__(
+        self,
+        rig: Rig,
+        cell: Cell,
+        camera: _Kept,
+        fine: Mapping[str, Fine],
+        found: Found,
+    ) -> None:
+        self._rig, self._cell, self._camera = rig, cell, camera
+        self._fine, self._found = fine, found
 
     def __call__(self, target: str, x_um: float, y_um: float) -> None:
-        step = next(s for s in self._rig.plan.steps if s.id == self._rig.journal.step)
+        rig = self._rig
+        step = next(s for s in rig.plan.steps if s.id == rig.journal.step)
         look = next(look for look in step.looks if look.target == target)
-        owner, offset = self._rig.beliefs.anchor(target)
-        x, y = self._cell.shown_um(owner, *offset)
-        self._found.setdefault(look.id, []).append(math.hypot(x_um - x, y_um - y))
+        owner, offset = rig.beliefs.anchor(target)
+        true = self._cell.shown_um(owner, *offset)
+        error_um = math.dist((x_um, y_um), true)
+        self._found.plan.setdefault(look.id, []).append(error_um)
+        other = self._fine.get(look.id)
+        if other is None:
+            return
+        place = self._measured(look, other)
+        if place is None:
+            self._found.failed += 1
+            return
+        self._found.fine.setdefault(look.id, []).append(math.dist(place, true))
+
+    def _measured(self, look: Look, fine: Fine) -> tuple[float, float] | None:
+        """Return where the likelihood chain finds the target, um; nothing taken off."""
+        region, counts = look.measure.region, self._camera.last
+        if counts is None or fine.look.measure.region != region:
+            raise RuntimeError(f"{look.id}: another region than the plan's")
+        known = self._rig.beliefs.angle(look.target, self._rig.readings())
+        start = Guess(
+            column=fine.look.measure.reference.column,
+            row=fine.look.measure.reference.row,
+            theta_rad=None if known is None else known.theta_rad,
+            theta_assumed=True,
+        )
+        stages = [(name, fine.artifacts[name]) for name in fine.chain]
+        image = to_unit(counts, self._rig.plan.requirements.bits)
+        answer = measure_chain(image, stages, start)
+        if isinstance(answer, Failure):
+            return None
+        return self._rig.frame_of(look).to_world(answer.column, answer.row)
 
 
 def _without_height(step: Step) -> Step:
@@ -109,35 +180,7 @@ def _without_height(step: Step) -> Step:
     return replace(step, action=replace(step.action, height=None))
 
 
-def _likelihood(plan: Plan, found: Artifacts) -> tuple[Plan, Artifacts, set[str]]:
-    """Return the plan with the likelihood chain wherever a look can use it."""
-    fine = fine_looks(plan)
-    arrays: dict[tuple[str, str | None], Artifact] = {}
-    steps = []
-    for step in plan.steps:
-        looks = []
-        for look in step.looks:
-            better = fine.get(look.id)
-            looks.append(look if better is None else better.look)
-            arrays |= _kept(look, found)
-            if better is not None:
-                ready = better.artifacts.items()
-                arrays |= {(look.id, name): made for name, made in ready}
-        steps.append(replace(step, looks=tuple(looks)))
-    return replace(plan, steps=tuple(steps)), Artifacts(arrays), set(fine)
-
-
-def _kept(look: Look, found: Artifacts) -> dict[tuple[str, str | None], Artifact]:
-    """Return the artifacts of the plan's own chains."""
-    kept: dict[tuple[str, str | None], Artifact] = {}
-    for measure in look.measures:
-        key, uses = key_of(look, measure), (*measure.chain, *measure.fallback)
-        for use, (_, artifact) in zip(uses, found.stages(key, uses), strict=True):
-            kept[key, use.arrays or use.id] = artifact
-    return kept
-
-
-def _p95(errors: Errors, name: str) -> float:
+def _p95(errors: Mapping[str, Sequence[float]], name: str) -> float:
     return float(np.quantile(errors[name], SHARE))
 
 
@@ -152,22 +195,20 @@ def _measure(options: Options) -> Iterator[Figure]:
         world = still(read_world(path.parent / "world.json"))
         artifacts = Artifacts.from_folder(plan, path.parent)
         seeds = options.seeds[:RUNS]
-        own = errors_um(plan, artifacts, world, seeds)
-        better, more, changed = _likelihood(plan, artifacts)
-        fine = errors_um(better, more, world, seeds)
-    worst = {look: _p95(fine, look) for look in LOOKS if look in changed}
-    yield Figure(name=NAMES[0], value=max(worst.values()), unit="um")
-    plans = {look: _p95(own, look) for look in LOOKS}
-    yield Figure(name=NAMES[1], value=max(plans.values()), unit="um")
+        found = errors_um(plan, artifacts, world, seeds, fine_looks(plan))
+    plans = {look: _p95(found.plan, look) for look in LOOKS}
+    fine = {look: _p95(found.fine, look) for look in LOOKS}
+    yield _one("measurement_error_p95_um", max(fine.values()))
+    yield _one("measurement_error_plan_p95_um", max(plans.values()))
+    yield Figure(name=NAMES[2], value=found.failed, unit="looks")
     for look in LOOKS:
-        yield Figure(
-            name=f"executor.measured.{look}.plan_p95_um", value=plans[look], unit="um"
-        )
+        yield _one(f"measured.{look}.plan_p95_um", plans[look])
     for look in LOOKS:
-        value = worst.get(look, plans[look])
-        yield Figure(
-            name=f"executor.measured.{look}.likelihood_p95_um", value=value, unit="um"
-        )
+        yield _one(f"measured.{look}.likelihood_p95_um", fine[look])
+
+
+def _one(name: str, value: float) -> Figure:
+    return Figure(name=f"executor.{name}", value=value, unit="um")
 
 
 BENCHMARK = Benchmark(names=NAMES, measure=_measure)
