@@ -163,7 +163,7 @@ class _Watching:
             column=fine.look.measure.reference.column,
             row=fine.look.measure.reference.row,
             theta_rad=None if known is None else known.theta_rad,
-            theta_assumed=True,
+            theta_assumed=known is None,  # an earlier look measured it
         )
         stages = [(name, fine.artifacts[name]) for name in fine.chain]
         image = to_unit(counts, self._rig.plan.requirements.bits)
@@ -197,14 +197,16 @@ def _measure(options: Options) -> Iterator[Figure]:
         seeds = options.seeds[:RUNS]
         found = errors_um(plan, artifacts, world, seeds, fine_looks(plan))
     plans = {look: _p95(found.plan, look) for look in LOOKS}
-    fine = {look: _p95(found.fine, look) for look in LOOKS}
+    fine = {look: _p95(found.fine, look) for look in LOOKS if look in found.fine}
     yield _one("measurement_error_p95_um", max(fine.values()))
     yield _one("measurement_error_plan_p95_um", max(plans.values()))
     yield Figure(name=NAMES[2], value=found.failed, unit="looks")
     for look in LOOKS:
         yield _one(f"measured.{look}.plan_p95_um", plans[look])
     for look in LOOKS:
-        yield _one(f"measured.{look}.likelihood_p95_um", fine[look])
+        # where nothing answered, what the plan's own chain does stands
+        value = fine.get(look, plans[look])
+        yield _one(f"measured.{look}.likelihood_p95_um", value)
 
 
 def _one(name: str, value: float) -> Figure:
