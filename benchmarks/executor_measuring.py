@@ -56,7 +56,8 @@ class Found:
 def still(world: World) -> World:
     """Return a world whose axes land where they are sent and whose image never shifts.
 
-    Zoom scale, focus, blur law, aperture, light, noise and sizes err as they did.
+    Neither as a whole, nor by its scale away from the axis. Focus, blur law, aperture,
+    light, noise and sizes err as they did.
     """
     return replace(
         world,
@@ -65,7 +66,10 @@ def still(world: World) -> World:
         stage_tilt_sigma_rad=0.0,
         stage_drift_um_per_min=0.0,
         optics=replace(
-            world.optics, parcentric_sigma_um=0.0, lateral_sigma_um_per_um=0.0
+            world.optics,
+            parcentric_sigma_um=0.0,
+            lateral_sigma_um_per_um=0.0,
+            scale_sigma=0.0,
         ),
     )
 
