@@ -19,7 +19,7 @@ from executor.keep_out import KeepOut, Moment
 from executor.motion import Motion
 from executor.outcome import StepResult
 from executor.past import Past
-from executor.safety import Phase, targets
+from executor.safety import Phase, check_finite, targets
 from executor.station import Station
 from schemas.plan import AxisMove, Look, Plan, Region, View
 
@@ -129,6 +129,8 @@ class Rig:
             move = AxisMove(
                 axes=move.axes, speed_um_per_s=move.speed_um_per_s, **again.target
             )
+        with self.motion.guarded(self.station):  # the journal holds finite numbers only
+            check_finite(move.axes, targets(move))
         self.journal.write("move", to=move)
         if self.keep_out.known:
             self.keep_out.check(move, self.moment(), self.journal.step)

@@ -8,8 +8,6 @@ import json
 import os
 import shutil
 import signal
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -281,28 +279,3 @@ def test_ctrl_c_lets_the_motion_end_and_stops_where_nobody_can_be_asked(
     names = [e["event"] for e in log]
     assert names.count("move") - names.count("moved") in (0, 1)
     assert summary(tmp_path / "run")["code"] == "MP860"
-
-
-def test_the_executor_loads_numpy_and_the_standard_library_only() -> None:
-    code = (
-        "import sys, executor, executor.cli\n"
-        "ours = {'executor', 'schemas', 'featuresel', 'numpy'}\n"
-        "known = ours | set(sys.stdlib_module_names)\n"
-        "tops = {m.partition('.')[0] for m in sys.modules}\n"
-        "before = set(sys.argv[1].split(','))\n"
-        "print(sorted(tops - known - before))"
-    )
-    bare = subprocess.run(
-        [sys.executable, "-c", "import sys; print(','.join(sys.modules))"],
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    started = ",".join({m.partition(".")[0] for m in bare.stdout.strip().split(",")})
-    found = subprocess.run(
-        [sys.executable, "-c", code, started],
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    assert found.stdout.strip() == "[]"
