@@ -319,7 +319,7 @@ def borne_um(
     if step is None or before is None or goal <= 0 or before.sigma_um <= 0:
         return None
     here = next(s for s in states if s.step is step)
-    look = replace(before, step=align.step.id)
+    look = replace(before, step=align.step.id, steady_um=None)
     left = left_by(task, align, "servo", within_um, before)
     job = insertion_of(task, states, here, left, {**seen, owner: look})
     if job is None or look.term not in job.sizes_um:

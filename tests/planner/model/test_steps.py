@@ -182,7 +182,7 @@ def test_a_grasp_centres_the_part_and_turns_it_flat(tmp_path: Path) -> None:
     ("file", "old", "new", "code", "step"),
     [
         # the robot comes down on the gear, which is at the grip already
-        ("task.yaml", "{stage: {y_um: -180}}, ", "", "MP303", "see_fingers"),
+        ("task.yaml", "{stage: {y_um: -250}}, ", "", "MP303", "see_fingers"),
         # jaws that start too close leave no way in
         ("task.yaml", "z_um: 400, opening_um: 130", "z_um: 400, opening_um: 102",
          "MP303", "bring_between"),
