@@ -55,7 +55,7 @@ def test_all_twelve_steps_follow_each_other() -> None:
 # after each step: the gear's place and underside, the post's face, the jaws, who holds
 TABLE = [
     ("find_gear", (0, 0, 0), (-600, 0, 250), 130, None),
-    ("see_fingers", (0, -180, 0), (-600, -180, 250), 130, None),
+    ("see_fingers", (0, -250, 0), (-600, -250, 250), 130, None),
     ("bring_between", (0, 0, 0), (-600, 0, 250), 130, None),
     ("grasp", (0, 0, 0), (-600, 0, 250), 96, "gear"),
     ("lift", (0, 0, 0), (-600, 0, -10), 96, "gear"),
