@@ -20,7 +20,7 @@ _MATCH = 1e-5  # relative: plan numbers carry six digits
 # A first approach goes by beliefs over some 1000 um, and must end within the 20 um that
 # looks are sure to search: a turn or scale of the image up to 2 % does.
 ALIGNED = 0.02
-_START_UM = 1e-3  # readings are commands read back: a nanometre is rounding
+_POINT_UM = 1e-3  # between two points that are the same: a nanometre is rounding
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -146,7 +146,7 @@ def _check_travel(plan: Plan, offer: Offer) -> None:
 def _check_axis(plan: Plan, offer: Offer) -> None:
     """The stage must turn about the point the plan was computed with."""
     need, found = plan.requirements.theta_axis_um, offer.theta_axis_um
-    if math.dist(need, found) > _START_UM:
+    if math.dist(need, found) > _POINT_UM:
         raise ExecutorError(
             "MP809", f"the plan turns about {need} um, the stage about {found} um"
         )
@@ -235,19 +235,22 @@ def _check_start(plan: Plan, station: Station) -> None:
     starts = [m for m in (plan.stage_start, plan.robot_start) if m is not None]
     for start in starts:
         reading = station.axes(start.axes).reading()
+        settle = station.rules.settle(start.axes)
         for name, wanted, found in _pairs(start, reading):
-            if abs(wanted - found) > _START_UM:
+            if not abs(wanted - found) <= settle.window(name) + _MATCH * abs(wanted):
                 raise ExecutorError(
                     "MP811",
                     f"{start.axes}.{name} reads {found:g}, the plan starts at "
                     f"{wanted:g}",
                 )
-    opening = plan.opening_start_um
-    if opening is not None and abs(station.jaws().reading() - opening) > _START_UM:
+    opening_um = plan.opening_start_um
+    if opening_um is None:
+        return
+    reads_um, window_um = station.jaws().reading(), station.rules.jaws_window_um
+    if not abs(reads_um - opening_um) <= window_um + _MATCH * abs(opening_um):
         raise ExecutorError(
             "MP811",
-            f"the jaws read {station.jaws().reading():g} um, the plan starts at "
-            f"{opening:g} um",
+            f"the jaws read {reads_um:g} um, the plan starts at {opening_um:g} um",
         )
 
 
