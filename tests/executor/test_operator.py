@@ -78,9 +78,8 @@ def test_interrupts_go_back_to_whom_they_were() -> None:
 
 
 def test_a_terminal_that_is_closed_stops_at_once() -> None:
-    with Operator() as operator, pytest.raises(KeyboardInterrupt):
-        os.kill(os.getpid(), signal.SIGHUP)
-        operator.pause()
+    with Operator(), pytest.raises(KeyboardInterrupt):
+        signal.raise_signal(signal.SIGHUP)
 
 
 def test_a_run_that_is_to_outlive_its_terminal_goes_on() -> None:

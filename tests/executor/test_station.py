@@ -155,6 +155,6 @@ def test_a_device_whose_serial_number_cannot_be_read_is_told() -> None:
         def model(self) -> str:
             raise OSError("no answer")
 
-    with pytest.raises(ExecutorError, match="light.model: OSError: no answer") as told:
+    with pytest.raises(ExecutorError, match=r"light\.model: OSError: no") as told:
         check_role(Silent(), "light", "light")
     assert told.value.code == "MP813"
