@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
@@ -109,7 +110,8 @@ class RunFolder:
         try:
             data = path.read_bytes()
             whole = data[: data.rfind(b"\n") + 1]
-            path.write_bytes(whole)
+            if len(whole) < len(data):  # never written anew: the disk may be full
+                os.truncate(path, len(whole))
             lines = whole.splitlines()
             return int(json.loads(lines[-1])["seq"]) if lines else 0
         except (OSError, ValueError, KeyError, TypeError) as error:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal, TextIO
 
 from executor.artifacts import Artifacts
 from executor.asked import Call
@@ -92,7 +92,7 @@ def perform(
     frames = Frames(run.path if call.frames else None, tag=tag)
     calls = run.path / (f"calls-{before + 1}.jsonl" if before else CALLS)
     with (
-        (run.path / EVENTS).open("a", encoding="utf-8", newline="\n") as stream,
+        _open(run.path / EVENTS, "a") as stream,
         run.intents() as intents,
         _recorded(calls, frames, station, _facts(file, site, artifacts)) as record,
         Operator(asking.pause) as operator,
@@ -158,13 +158,27 @@ def _recorded(
     if not frames.wanted:
         yield None
         return
-    with path.open("w", encoding="utf-8", newline="\n") as stream:
+    with _open(path, "w") as stream:
         record = Record(stream, frames, station, facts)
         try:
             yield record
         except ExecutorError as error:  # an interrupt: MP860
             record.close(error.code, error.message)
             raise
+
+
+@contextmanager
+def _open(path: Path, mode: Literal["a", "w"]) -> Iterator[TextIO]:
+    """Give a file to write lines to; MP863 if it cannot be opened."""
+    try:
+        stream = path.open(mode, encoding="utf-8", newline="\n")
+    except OSError as error:
+        raise ExecutorError("MP863", f"{path}: {error}") from error
+    try:
+        yield stream
+    finally:
+        with suppress(OSError):  # what was not written is told where it was lost
+            stream.close()
 
 
 def _facts(file: PlanFile, site: Site, artifacts: Artifacts) -> dict[str, Any]:
@@ -232,8 +246,10 @@ def _write_summary(call: Call, site: Site, file: PlanFile, ended: Ended) -> None
         text = summary_json(file.plan, ended.result, extra)
         (ended.folder / SUMMARY).write_text(text, encoding="utf-8")
     except OSError as error:
+        found = ended.result
+        how = "done" if found.code is None else f"in {found.code}: {found.message}"
         raise ExecutorError(
-            "MP863", f"the run has ended; its summary: {error}"
+            "MP863", f"the run has ended {how}; its summary: {error}"
         ) from error
 
 
