@@ -81,7 +81,7 @@ def _on_station(call: Call, file: PlanFile, stack: ExitStack) -> int:
         return _resume(call, file, stack.enter_context(old_run(path)))
     if call.mode == "run":
         check_free(path, discard=call.discard)
-    site = _site(call, None)
+    site = _site(call, plan, None)
     preflight(plan, site.station)
     artifacts = Artifacts.from_folder(plan, call.folder)
     if call.mode == "check":
@@ -102,7 +102,7 @@ def _resume(call: Call, file: PlanFile, run: RunFolder) -> int:
     seed = then.seed if call.seed is None else call.seed
     call = replace(call, seed=seed, faults=call.faults or then.faults)
     check_same(header_of(call, file, then.devices), then)  # before a driver is touched
-    site = _site(call, run.cell)
+    site = _site(call, file.plan, run.cell)
     check_same(header_of(call, file, site.station.devices()), then)
     preflight(file.plan, site.station, begun=True)
     artifacts = Artifacts.from_folder(file.plan, call.folder)
@@ -110,9 +110,14 @@ def _resume(call: Call, file: PlanFile, run: RunFolder) -> int:
     return _report(call, file.plan, ended)
 
 
-def _site(call: Call, left: Path | None) -> Site:
+def _site(call: Call, plan: Plan, left: Path | None) -> Site:
     """Return the station that was asked for; `left` is a simulated cell's world."""
     seed, faults = call.seed or 0, call.faults
+    steps = {step.id for step in plan.steps}
+    for fault in faults:
+        step = fault.partition("@")[2]
+        if step and step not in steps:
+            raise ExecutorError("MP804", f"{fault}: the plan has no step {step!r}")
     return find_site(call.station, call.folder, seed=seed, faults=faults, left=left)
 
 
