@@ -151,6 +151,8 @@ def _replay(call: Call, file: PlanFile, folder: Path) -> int:
     _say(f"{found.same} of {found.commands} commands are the same")
     if found.difference:
         raise ExecutorError("MP876", found.difference)
+    if recorded.others:
+        _say("not replayed, by who resumed the run: " + ", ".join(recorded.others))
     ended = "the record breaks off there" if found.broken_off else found.result.code
     _say(f"{file.plan.name}: replayed, {ended or 'done'}")
     return DONE

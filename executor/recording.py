@@ -19,6 +19,7 @@ from executor.station import Station
 
 FORMAT = 1
 CALLS = "calls.jsonl"
+MORE_CALLS = "calls-*.jsonl"  # of executors that resumed the run
 ROLES: Mapping[str, str] = {  # field of a station -> name of the device
     "stage": "stage", "robot": "robot", "gripper": "jaws", "lens": "lens",
     "light": "light", "camera": "camera", "clock": "clock",

@@ -16,7 +16,7 @@ from executor.frames import FOLDER
 from executor.intents import FILE, FileStore, Intents
 from executor.lock import held
 from executor.past import Found, Header, is_open, read_past
-from executor.recording import CALLS
+from executor.recording import CALLS, MORE_CALLS
 
 EVENTS = "events.jsonl"
 LOCK = "lock"
@@ -27,7 +27,6 @@ STATION = "station.toml"
 # what a run leaves in its folder: nothing else is ever deleted
 OURS = {LOCK, EVENTS, FILE, SUMMARY, CELL, PLAN, STATION, FOLDER, CALLS,
         "summary.txt", "cell.new"}  # fmt: skip
-MORE_CALLS = "calls-*.jsonl"  # of executors that resumed it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from executor.errors import ExecutorError
-from executor.recording import CALLS, COMMANDS, FORMAT
+from executor.recording import CALLS, COMMANDS, FORMAT, MORE_CALLS
 
 # Far below what any axis resolves, above what other processors round otherwise.
 SAME_UM = 1e-6
@@ -30,6 +30,7 @@ class Recorded:
     rows: tuple[Mapping[str, Any], ...]
     broken_off: bool  # nobody wrote how it ended
     ended: str | None  # its code, None: done
+    others: tuple[str, ...] = ()  # records of executors that resumed the run
 
     @property
     def unfinished(self) -> bool:
@@ -68,6 +69,7 @@ def read_record(folder: Path) -> Recorded:
         rows=tuple(rows),
         broken_off=not ends,
         ended=ends[-1]["ended"] if ends else None,
+        others=tuple(sorted(each.name for each in folder.glob(MORE_CALLS))),
     )
 
 

@@ -192,6 +192,10 @@ def test_a_run_that_broke_off_is_replayed_as_far_as_its_record_goes(
     (run / "calls.jsonl").write_text(text[: len(text) // 2], "utf-8")
     assert again(built, run) == 0
     assert "the record breaks off there" in capsys.readouterr().out
+    (run / "calls-2.jsonl").write_text("", "utf-8")  # the run went on, in there
+    assert again(built, run) == 0
+    told = capsys.readouterr().out
+    assert "not replayed, by who resumed the run: calls-2.jsonl" in told
 
 
 def test_a_command_that_was_not_given_again_is_told(
