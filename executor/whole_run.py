@@ -44,6 +44,7 @@ class Ended:
     result: RunResult
     verdict: Verdict | None
     errors_um: dict[str, float]  # step -> true error of its last look
+    executors: int = 1  # that worked on it: more than one if it was resumed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -115,7 +116,13 @@ def perform(
         if record is not None:
             record.close(result.code, result.message)
     verdict = None if site.cell is None else _verdict(file.plan, site.cell)
-    ended = Ended(folder=run.path, result=result, verdict=verdict, errors_um=errors_um)
+    ended = Ended(
+        folder=run.path,
+        result=result,
+        verdict=verdict,
+        errors_um=errors_um,
+        executors=before + 1,
+    )
     _write_summary(call, site, file, ended)
     return ended
 
@@ -236,6 +243,7 @@ def _write_summary(call: Call, site: Site, file: PlanFile, ended: Ended) -> None
         "plan_sha256": file.sha256,
         "station": site.name,
         "seed": call.seed or 0,
+        "executors": ended.executors,
         "faults": list(call.faults),
         "cell_verdict": None if verdict is None else to_data(verdict),
         "true_look_error_um": to_data(errors_um),
