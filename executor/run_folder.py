@@ -21,12 +21,13 @@ from executor.recording import CALLS, MORE_CALLS
 EVENTS = "events.jsonl"
 LOCK = "lock"
 SUMMARY = "summary.json"
+FRESH = "summary.new"  # until it is whole
 CELL = "cell.json"  # the simulated cell's own
 PLAN = "plan.json"
 STATION = "station.toml"
 # what a run leaves in its folder: nothing else is ever deleted
 OURS = {LOCK, EVENTS, FILE, SUMMARY, CELL, PLAN, STATION, FOLDER, CALLS,
-        "summary.txt", "cell.new"}  # fmt: skip
+        FRESH, "summary.txt", "cell.new"}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

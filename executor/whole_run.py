@@ -24,7 +24,7 @@ from executor.recording import CALLS, Record
 from executor.resume import begin, take_up
 from executor.rig import Rig
 from executor.run import RunResult, run_plan
-from executor.run_folder import EVENTS, SUMMARY, RunFolder
+from executor.run_folder import EVENTS, FRESH, SUMMARY, RunFolder
 from executor.site import SIMULATED, Site
 from executor.station import Station
 from executor.summary import summary_json, table
@@ -252,7 +252,9 @@ def _write_summary(call: Call, site: Site, file: PlanFile, ended: Ended) -> None
         words = table(ended.result, errors_um) + "\n"
         (ended.folder / "summary.txt").write_text(words, encoding="utf-8")
         text = summary_json(file.plan, ended.result, extra)
-        (ended.folder / SUMMARY).write_text(text, encoding="utf-8")
+        fresh = ended.folder / FRESH  # as a whole or not at all: it says that it ended
+        fresh.write_text(text, encoding="utf-8")
+        fresh.replace(ended.folder / SUMMARY)
     except OSError as error:
         found = ended.result
         how = "done" if found.code is None else f"in {found.code}: {found.message}"

@@ -157,6 +157,18 @@ def test_a_file_that_cannot_be_opened_is_no_bug(
     assert main([str(built), *words]) == 0
 
 
+def test_a_summary_that_was_lost_is_written_by_a_resumed_run(
+    built: Path, copy: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (copy / "summary.new").mkdir()
+    assert code_of(capsys, run(built, copy, "--resume")) == "MP863"
+    assert not (copy / "summary.json").exists()
+    (copy / "summary.new").rmdir()
+    assert run(built, copy, "--resume") == 0
+    assert summary(copy)["cell_verdict"]["success"]
+    assert code_of(capsys, run(built, copy, "--resume")) == "MP868"
+
+
 def change_plan(plan: Path, _: Path) -> None:
     text = (plan / "plan.json").read_text(encoding="utf-8")
     (plan / "plan.json").write_text(text + "\n", encoding="utf-8")
