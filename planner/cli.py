@@ -161,6 +161,35 @@ def _progress(step: str) -> None:
         print(f"measuring {step} ...", file=sys.stderr)
 
 
+def _diff(call: argparse.Namespace) -> int:
+    """Compare two plans: 0 for the same, 1 for different."""
+    from planner.diffing import DiffCall, DiffError, diff
+    from planner.outputs.changes import changes_json, changes_text, findings_of
+
+    try:
+        found = diff(
+            DiffCall(
+                old=call.old,
+                new=call.new,
+                rules=call.tolerance,
+                fail_on=call.fail_on,
+                pictures=not call.no_images,
+            )
+        )
+    except DiffError as error:
+        report = Report()
+        report.error(error.code, Span(file=error.file), str(error))
+        return _tell(call, report, "")
+    if call.format in ("text", "json"):
+        told = changes_text(found.changes, tell_all=call.all)
+        if call.format == "json":
+            told = changes_json(found.changes, str(call.old), str(call.new))
+        _say(told, sys.stdout)
+        return NO if found.failing else DONE
+    report = Report(found=findings_of(found.changes, found.failing, str(call.new)))
+    return _tell(call, report, f"{len(found.changes)} differences")
+
+
 def _explain(call: argparse.Namespace) -> int:
     """Print the page of a code, or all codes."""
     from planner.outputs.shipped import page
@@ -237,7 +266,7 @@ def _say(text: str, stream: TextIO) -> None:
 
 _RUNS = {
     "init": _init, "check": _check, "compile": _compile, "render": _render,
-    "tradeoff": _tradeoff, "explain": _explain, "schema": _schema,
+    "tradeoff": _tradeoff, "diff": _diff, "explain": _explain, "schema": _schema,
 }  # fmt: skip
 
 

@@ -100,6 +100,8 @@ TITLES: Mapping[str, str] = {
     "MP701": "not a plan folder",
     "MP702": "output cannot be written",
     "MP703": "file is there already",
+    "MP704": "plan cannot be read",
+    "MP710": "plans differ",
 }
 
 # infeasible: understood, but the answer is no (exit status 1)
