@@ -32,6 +32,7 @@ from schemas.codec import to_data
 from schemas.pose import Pose
 
 UNLIKELY = "MP602"  # every step can be done, together they succeed too rarely
+PLACES = 6  # decimals of a feature, um: a picometre, as in `sweep.ROUNDING_UM`
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -98,7 +99,7 @@ def build_plan(
         provenance=_provenance(task, preset, limit),
         requirements=requirements(task, states, compiled),
         beliefs=_beliefs(task, start),
-        features=_features(task),
+        features=feature_places(task),
         stage_start=p.AxisMove(
             axes="stage",
             x_um=start.stage.x_um,
@@ -242,7 +243,7 @@ def _beliefs(task: Task, start: State) -> tuple[p.Belief, ...]:
     return tuple(found)
 
 
-def _features(task: Task) -> tuple[p.FeaturePlace, ...]:
+def feature_places(task: Task) -> tuple[p.FeaturePlace, ...]:
     """Return where named features sit in their owners."""
     centers = {
         f"{part.name}.{name}": (part.name, center)
@@ -254,7 +255,12 @@ def _features(task: Task) -> tuple[p.FeaturePlace, ...]:
         )
     }
     return tuple(
-        p.FeaturePlace(name=name, owner=owner, x_um=center[0], y_um=center[1])
+        p.FeaturePlace(
+            name=name,
+            owner=owner,
+            x_um=round(center[0], PLACES),  # what sums leave below means nothing
+            y_um=round(center[1], PLACES),
+        )
         for name, (owner, center) in sorted(centers.items())
     )
 

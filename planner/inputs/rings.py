@@ -277,6 +277,8 @@ def _joined(a: Edge, b: Edge) -> Edge | None:
             return None
         gap = math.remainder(b.start_rad - a.start_rad - a.sweep_rad, math.tau)
         sweep = a.sweep_rad + gap + b.sweep_rad
+        if (abs(sweep) - math.tau) * a.radius_um > JOIN_UM:
+            return None  # one runs over the other: no circle, whatever they are
         if abs(sweep) > math.tau - 1e-9:  # both are needed only to close the circle
             return replace(a, sweep_rad=math.copysign(math.tau, sweep))
         return replace(a, sweep_rad=sweep)

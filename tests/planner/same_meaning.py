@@ -26,6 +26,7 @@ import numpy as np
 import numpy.typing as npt
 
 from optics.outline import flatten
+from planner.compiler import feature_places
 from planner.diagnostics import Report
 from planner.inputs.read_task import load_task
 from planner.model.check import check_fits
@@ -33,6 +34,7 @@ from planner.model.requests import requests
 from planner.model.scenes import world_scene
 from planner.model.sightings import views
 from planner.model.steps import unfold
+from schemas.codec import to_data
 from tests.planner.random_jobs import Form, turned
 
 FloatArray = npt.NDArray[np.float64]
@@ -58,7 +60,9 @@ def look_at(file: Path, form: Form) -> Seen:
     numbers: dict[str, FloatArray] = {}
     normalised = ""
     if task is not None:
-        normalised = json.dumps(task.normalised, sort_keys=True)
+        places = {f.name: (f.x_um, f.y_um) for f in feature_places(task)}
+        whole = {"task": task.normalised, "places": to_data(places)}
+        normalised = json.dumps(whole, sort_keys=True)
         states = unfold(task, report)
         if not report.failed:
             check_fits(task, states, report)

@@ -102,3 +102,23 @@ def test_many_tiny_gaps_do_not_add_up() -> None:
     found = chain(loose)  # each gap is 0.05 nm, below what a ring allows
     assert found.gaps_um == ()
     assert found.rings[0].signed_area_um2 == pytest.approx(math.pi * 2500, rel=1e-12)
+
+
+def test_a_path_that_runs_over_its_own_circle_stays_closed() -> None:
+    """A quarter drawn twice, a chord between: over the seam that is 450 degrees."""
+    quarter = [
+        Arc(center=(0.0, 0.0), radius_um=10.0, start_rad=k * math.pi / 2,
+            sweep_rad=math.pi / 2)
+        for k in range(4)
+    ]  # fmt: skip
+    chord = Segment(start=quarter[0].end, end=quarter[0].start)
+    piece = Piece(
+        edges=(quarter[0], chord, *quarter), handle="1", layer="A", closed=True
+    )
+    (ring,) = chain([piece]).rings
+    ends = [edge.end for edge in ring.edges]
+    starts = [edge.start for edge in ring.edges]
+    assert max(map(math.dist, ends, [*starts[1:], starts[0]])) < 1e-9
+    # the circle, and what the first quarter cuts off beyond the chord
+    area = math.pi * 100 + (math.pi * 100 / 4 - 50)
+    assert ring.signed_area_um2 == pytest.approx(area, rel=1e-12)
