@@ -42,6 +42,19 @@ def _add_task(parser: argparse.ArgumentParser) -> None:
     _add_format(parser)
 
 
+def _add_tolerance(parser: argparse.ArgumentParser) -> None:
+    """Add by how much values of two plans may differ."""
+    parser.add_argument(
+        "--tolerance",
+        action="append",
+        default=[],
+        type=parse_rule,
+        metavar="PATTERN=VALUE",
+        help="0.1, 5%% or ignore, where a value's path ends as the pattern says: "
+        "control/gain=5%%",
+    )
+
+
 def _add_format(parser: argparse.ArgumentParser) -> None:
     """Add how findings are written."""
     parser.add_argument(
@@ -66,6 +79,11 @@ def _add_compile(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--max-image-error", type=share, help="of unit contrast, above 0 and below 1"
     )
+    parser.add_argument(
+        "--golden", type=Path, metavar="PLAN", help="compare with this plan or folder"
+    )
+    parser.add_argument("--update", action="store_true", help="renew the golden plan")
+    _add_tolerance(parser)
     _add_task(parser)
 
 
@@ -103,15 +121,7 @@ def _add_diff(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `microplan diff`."""
     parser.add_argument("old", type=Path, help="plan.json, or the folder it is in")
     parser.add_argument("new", type=Path, help="plan.json, or the folder it is in")
-    parser.add_argument(
-        "--tolerance",
-        action="append",
-        default=[],
-        type=parse_rule,
-        metavar="PATTERN=VALUE",
-        help="0.1, 5%% or ignore, where a value's path ends as the pattern says: "
-        "control/gain=5%%",
-    )
+    _add_tolerance(parser)
     parser.add_argument(
         "--fail-on",
         type=kinds,

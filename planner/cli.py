@@ -8,10 +8,13 @@ import re
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Protocol, TextIO
+from typing import TYPE_CHECKING, Protocol, TextIO
 
 from planner.arguments import build_parser
 from planner.diagnostics import TITLES, Report, Span
+
+if TYPE_CHECKING:
+    from schemas.plan import Plan
 
 DONE, NO, BAD_INPUT, BUG = 0, 1, 2, 70
 # all control characters but tabs and line ends, and those that turn text round
@@ -70,6 +73,7 @@ def _check(call: argparse.Namespace) -> int:
 def _compile(call: argparse.Namespace) -> int:
     """Compile a task into a plan folder."""
     from planner.compiler import Options, compile_task
+    from planner.diffing import DiffError, read_plan
     from planner.inputs.read_task import load_task
     from planner.outputs.emit import check_folder, write_folder
     from planner.outputs.errors import OutputError
@@ -82,6 +86,8 @@ def _compile(call: argparse.Namespace) -> int:
     folder: Path = call.out or Path(call.task).parent / f"{task.name}.plan"
     try:
         check_folder(folder)
+        if call.golden is not None and not call.update:
+            read_plan(call.golden)  # what cannot be compared need not be compiled
         files = compile_task(
             task,
             report,
@@ -94,9 +100,33 @@ def _compile(call: argparse.Namespace) -> int:
         if files is None:
             return _tell(call, report, "")
         write_folder(files, folder)
+        said = f"{plan_summary(files.plan)}\nplan folder: {folder}"
+        if call.golden is not None:
+            said += "\n" + _golden(call, files.plan, folder, report)
     except OutputError as error:
         return _refuse(call, report, error)
-    return _tell(call, report, f"{plan_summary(files.plan)}\nplan folder: {folder}")
+    except DiffError as error:
+        report.error(error.code, Span(file=error.file), str(error))
+        return _tell(call, report, "")
+    return _tell(call, report, said)
+
+
+def _golden(call: argparse.Namespace, plan: Plan, folder: Path, report: Report) -> str:
+    """Return how a new plan compares with the golden one, renewed if asked for."""
+    from planner.diffing import diff_with_golden, plan_file, renew_golden
+    from planner.outputs.changes import changes_text
+
+    golden: Path = call.golden
+    if call.update:
+        renew_golden(folder, golden)
+        return f"golden plan: {golden}"
+    changes = diff_with_golden(plan, folder, golden, call.tolerance)
+    if changes:
+        where = Span(file=str(plan_file(golden)))
+        hint = "meant? compile again with --update"
+        message = f"{len(changes)} differences from the golden plan"
+        report.refuse("MP710", where, message, hint)
+    return changes_text(changes)
 
 
 def _render(call: argparse.Namespace) -> int:

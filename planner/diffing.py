@@ -10,6 +10,7 @@ from planner.comparing.changes import Change, Kind
 from planner.comparing.compare import compare_plans
 from planner.comparing.pictures import compare_pictures
 from planner.comparing.tolerances import Rule
+from planner.outputs.emit import replace_file, replace_folder
 from schemas.codec import CodecError
 from schemas.plan import Plan, parse_plan
 
@@ -58,6 +59,41 @@ def diff(call: DiffCall) -> Difference:
         changes += compare_pictures(old, folders[0], new, folders[1])
     failing = tuple(c for c in changes if _fails(c, call.fail_on))
     return Difference(changes=tuple(changes), failing=failing)
+
+
+def diff_with_golden(
+    plan: Plan, folder: Path, golden: Path, rules: Sequence[Rule] = ()
+) -> tuple[Change, ...]:
+    """Return in what a plan just compiled differs from a golden one.
+
+    Pictures are compared if the golden plan's folder has any: a plan.json may be kept
+    alone.
+
+    Raises
+    ------
+    DiffError
+        MP704 if the golden plan cannot be read.
+    """
+    old = read_plan(golden)
+    changes = [*compare_plans(old, plan, rules)]
+    kept = plan_file(golden).parent
+    if (kept / "images").is_dir():
+        changes += compare_pictures(old, kept, plan, folder)
+    return tuple(changes)
+
+
+def renew_golden(folder: Path, golden: Path) -> None:
+    """Put a plan folder, or its plan.json, in the place of the golden one.
+
+    Raises
+    ------
+    OutputError
+        MP701 if what is there is no plan, MP702 if it cannot be written.
+    """
+    if golden.suffix == ".json":
+        replace_file(folder / "plan.json", golden)
+    else:
+        replace_folder(folder, golden)
 
 
 def plan_file(path: Path) -> Path:
