@@ -82,6 +82,11 @@ def _add_compile(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--golden", type=Path, metavar="PLAN", help="compare with this plan or folder"
     )
+    parser.add_argument(
+        "--timings",
+        action="store_true",
+        help="say on standard error what took how long",
+    )
     parser.add_argument("--update", action="store_true", help="renew the golden plan")
     _add_tolerance(parser)
     _add_task(parser)

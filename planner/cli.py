@@ -77,7 +77,7 @@ def _compile(call: argparse.Namespace) -> int:
     from planner.inputs.read_task import load_task
     from planner.outputs.emit import check_folder, write_folder
     from planner.outputs.errors import OutputError
-    from planner.outputs.summary import plan_summary
+    from planner.outputs.summary import plan_summary, times_summary
 
     report = Report()
     task = load_task(call.task, report)
@@ -95,12 +95,15 @@ def _compile(call: argparse.Namespace) -> int:
                 preset=call.preset,
                 max_image_error=call.max_image_error,
                 jobs=call.jobs,
+                tell=_tell_step,
             ),
         )
         if files is None:
             return _tell(call, report, "")
         write_folder(files, folder)
         said = f"{plan_summary(files.plan)}\nplan folder: {folder}"
+        if call.timings:
+            _say(times_summary(files.timings), sys.stderr)
         if call.golden is not None:
             said += "\n" + _golden(call, files.plan, folder, report)
     except OutputError as error:
@@ -183,6 +186,12 @@ def _tradeoff(call: argparse.Namespace) -> int:
     except (OutputError, RenderError) as error:
         return _refuse(call, report, error)
     return _tell(call, report, found)
+
+
+def _tell_step(done: int, count: int, step: str) -> None:
+    """Say which step is being compiled, on a terminal only."""
+    if sys.stderr.isatty():
+        print(f"compiling {step} ({done + 1} of {count}) ...", file=sys.stderr)
 
 
 def _progress(step: str) -> None:

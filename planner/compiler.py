@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -42,6 +42,7 @@ class Options:
     preset: Preset | None = None
     max_image_error: float | None = None
     jobs: int = 1
+    tell: Callable[[int, int, str], None] = lambda _done, _all, _step: None
 
 
 def compile_task(task: Task, report: Report, options: Options) -> PlanFiles | None:
@@ -60,7 +61,7 @@ def compile_task(task: Task, report: Report, options: Options) -> PlanFiles | No
     limit = options.max_image_error or task.optimise.image_error(preset)
     with mapper(options.jobs) as spread:
         effects = Effects(effort=PRESETS[preset], max_image_error=limit, map=spread)
-        steps, timings = _steps(task, states, effects, report)
+        steps, timings = _steps(task, states, effects, report, options.tell)
     plan = build_plan(task, states, steps, report, preset=preset, limit=limit)
     looks = [look for step in steps for look in step.looks]
     return PlanFiles(
@@ -126,15 +127,23 @@ def mapper(jobs: int) -> Iterator[Map]:
 
 
 def _steps(
-    task: Task, states: tuple[StepState, ...], effects: Effects, report: Report
+    task: Task,
+    states: tuple[StepState, ...],
+    effects: Effects,
+    report: Report,
+    tell: Callable[[int, int, str], None],
 ) -> tuple[list[CompiledStep], dict[str, float]]:
-    """Return the steps up to the first that cannot be done, and their times."""
+    """Return the steps up to the first that cannot be done, and their times.
+
+    `tell` is told how many steps are done, of how many, and which one comes next.
+    """
     low, _ = task.workcell.optics.magnification
     memory = Memory(magnification=low, seen={}, within_um=0.0, key="")
     found: list[CompiledStep] = []
     timings: dict[str, float] = {}
     for index, here in enumerate(states):
         started = time.perf_counter()
+        tell(index, len(states), here.step.id)
         step = compile_step(task, states, index, memory, effects, report)
         timings[f"steps.{here.step.id}_s"] = time.perf_counter() - started
         if step is None:

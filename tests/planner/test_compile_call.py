@@ -1,9 +1,14 @@
-"""`microplan compile --golden`: compared, refused, renewed."""
+"""`microplan compile`: golden plans compared and renewed; progress and timings."""
 
 from __future__ import annotations
 
 import json
+import os
+import pty
+import re
 import shutil
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -108,3 +113,32 @@ def test_nothing_is_left_beside_a_golden_plan(
         assert compiled("--golden", str(kept / name), "--update") == 0
     assert sorted(p.name for p in kept.iterdir()) == ["golden", "golden.json"]
     shutil.rmtree(kept)
+
+
+def test_timings_are_told_if_asked_for(
+    compiled: Compile, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert compiled() == 0
+    assert " in all" not in capsys.readouterr().err
+    assert compiled("--timings") == 0
+    lines = capsys.readouterr().err.splitlines()
+    told = [line for line in lines if re.fullmatch(r" *\d+\.\d{3} s .*", line)]
+    assert {line.split()[-1] for line in told} == {"grasp", "release", "all"}
+    seconds = [float(line.split()[0]) for line in told]
+    assert seconds[0] >= seconds[1]
+    assert sum(seconds[:2]) <= seconds[2] + 2e-3  # rounded to milliseconds
+
+
+def test_progress_is_told_to_a_terminal_alone(task: Path, tmp_path: Path) -> None:
+    words = [sys.executable, "-m", "planner.cli", "compile", str(task)]
+    words += ["-o", str(tmp_path / "new"), "--preset", "fast"]
+    ours, theirs = pty.openpty()
+    with open(ours, "rb", closefd=True) as terminal:
+        done = subprocess.run(words, stderr=theirs, stdout=subprocess.PIPE, check=True)
+        os.close(theirs)
+        heard = terminal.read1(1 << 16).decode()
+    assert "compiling grasp (1 of 2)" in heard
+    assert "compiling release (2 of 2)" in heard
+    assert b"compiling" not in done.stdout
+    silent = subprocess.run(words, capture_output=True, check=True)
+    assert b"compiling" not in silent.stderr + silent.stdout
