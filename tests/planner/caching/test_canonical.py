@@ -23,7 +23,8 @@ SIMPLE = st.one_of(
     st.none(), st.booleans(), st.integers(), st.floats(), st.binary(max_size=9),
     st.text(st.characters(exclude_categories=[]), max_size=9),
 )  # fmt: skip
-POSES = st.builds(Pose, x_um=st.floats(), y_um=st.floats(), theta_rad=st.floats(-3, 3))
+FINITE = st.floats(allow_nan=False, allow_infinity=False)
+POSES = st.builds(Pose, x_um=FINITE, y_um=FINITE, theta_rad=st.floats(-3, 3))
 KEYS = st.one_of(st.integers(), st.text(max_size=4), st.tuples(st.text(max_size=2)))
 VALUES = st.recursive(
     st.one_of(SIMPLE, POSES),
