@@ -79,6 +79,13 @@ def _add_compile(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--max-image-error", type=share, help="of unit contrast, above 0 and below 1"
     )
+    parser.add_argument("--no-cache", action="store_true", help="compute everything")
+    parser.add_argument(
+        "--cache",
+        type=Path,
+        metavar="FOLDER",
+        help="what is kept between compiles; default: $XDG_CACHE_HOME/microplan",
+    )
     parser.add_argument(
         "--golden", type=Path, metavar="PLAN", help="compare with this plan or folder"
     )

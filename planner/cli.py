@@ -72,6 +72,8 @@ def _check(call: argparse.Namespace) -> int:
 
 def _compile(call: argparse.Namespace) -> int:
     """Compile a task into a plan folder."""
+    from planner.caching.memo import Memo
+    from planner.caching.store import Store, place
     from planner.compiler import Options, compile_task
     from planner.diffing import DiffError, read_plan
     from planner.inputs.read_task import load_task
@@ -84,6 +86,7 @@ def _compile(call: argparse.Namespace) -> int:
     if task is None:
         return _tell(call, report, "")
     folder: Path = call.out or Path(call.task).parent / f"{task.name}.plan"
+    store = None if call.no_cache else Store(call.cache or place())
     try:
         check_folder(folder)
         if call.golden is not None and not call.update:
@@ -96,8 +99,11 @@ def _compile(call: argparse.Namespace) -> int:
                 max_image_error=call.max_image_error,
                 jobs=call.jobs,
                 tell=_tell_step,
+                memo=Memo(store),
             ),
         )
+        if store is not None:
+            store.trim()
         if files is None:
             return _tell(call, report, "")
         write_folder(files, folder)

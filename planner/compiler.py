@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from importlib.metadata import version
 
 from featuresel.trials import Map
+from planner.caching.memo import EVERY_TIME, Memo
 from planner.checks.insert_budget import share_of_goal
 from planner.diagnostics import Report, Span
 from planner.inputs.second_reader import read_twice
@@ -43,6 +44,7 @@ class Options:
     max_image_error: float | None = None
     jobs: int = 1
     tell: Callable[[int, int, str], None] = lambda _done, _all, _step: None
+    memo: Memo = EVERY_TIME  # what is kept between compiles; by itself nothing
 
 
 def compile_task(task: Task, report: Report, options: Options) -> PlanFiles | None:
@@ -52,7 +54,7 @@ def compile_task(task: Task, report: Report, options: Options) -> PlanFiles | No
     `infeasible`, with the reasons and the steps up to the first that failed.
     """
     started = time.perf_counter()
-    read_twice(task, report)
+    read_twice(task, report, options.memo)
     states = unfold(task, report)
     check_fits(task, states, report)
     if report.failed:
@@ -60,7 +62,12 @@ def compile_task(task: Task, report: Report, options: Options) -> PlanFiles | No
     preset = options.preset or task.optimise.prefer
     limit = options.max_image_error or task.optimise.image_error(preset)
     with mapper(options.jobs) as spread:
-        effects = Effects(effort=PRESETS[preset], max_image_error=limit, map=spread)
+        effects = Effects(
+            effort=PRESETS[preset],
+            max_image_error=limit,
+            map=spread,
+            memo=options.memo,
+        )
         steps, timings = _steps(task, states, effects, report, options.tell)
     plan = build_plan(task, states, steps, report, preset=preset, limit=limit)
     looks = [look for step in steps for look in step.looks]

@@ -18,7 +18,9 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 # what numbers come from besides our own sources
-_LIBRARIES = ("numpy", "scipy", "opencv-contrib-python-headless", "shapely")
+_LIBRARIES = (
+    "numpy", "scipy", "opencv-contrib-python-headless", "shapely", "ezdxf",
+)  # fmt: skip
 _NOT_MEANT = frozenset({"map"})  # arguments that change no result
 
 
@@ -52,6 +54,9 @@ class Memo:
         result = function(*args, **kwargs)
         self.store.put(key, encode(result))
         return result
+
+
+EVERY_TIME = Memo()  # keeps nothing, makes every call
 
 
 def digest(*values: Any) -> str:

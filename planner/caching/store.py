@@ -14,6 +14,13 @@ _SUM = 32  # bytes of a sha256, before the result
 _SUFFIX = ".result"
 
 
+def place() -> Path:
+    """Return where results are kept unless a user says otherwise."""
+    stated = os.environ.get("XDG_CACHE_HOME", "")
+    home = Path(stated) if stated.startswith("/") else Path.home() / ".cache"
+    return home / "microplan"
+
+
 @dataclass(frozen=True, slots=True)
 class Store:
     """Results in one folder; several processes may use it at the same time.
