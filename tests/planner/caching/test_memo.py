@@ -44,6 +44,21 @@ def test_a_call_is_made_once(memo: Memo) -> None:
     assert len(made) == 4
 
 
+def length(far: float, pose: Pose) -> float:
+    made.append(str(pose))
+    return far + pose.x_um
+
+
+def test_each_item_is_worked_on_once(memo: Memo) -> None:
+    poses = [Pose(x_um=float(x), y_um=0.0) for x in range(4)]
+    assert memo.each(length, 10.0, poses[1:3], map) == [11.0, 12.0]
+    assert memo.each(length, 10.0, poses, map) == [10.0, 11.0, 12.0, 13.0]
+    assert len(made) == 4
+    assert memo.each(length, 20.0, poses[:1], map) == [20.0]
+    assert Memo().each(length, 10.0, poses, map) == [10.0, 11.0, 12.0, 13.0]
+    assert len(made) == 9
+
+
 def test_how_work_is_spread_is_no_other_call(memo: Memo) -> None:
     memo.call(turned, POSE, map=map)
     memo.call(turned, POSE, map=lambda *_: ())
