@@ -46,7 +46,8 @@ class Memo:
         meant = {k: v for k, v in kwargs.items() if k not in _NOT_MEANT}
         key = digest(_name(function), args, meant)
         for found in self._kept(key):
-            return found
+            kept: R = found
+            return kept
         return self._put(key, function(*args, **kwargs))
 
     def each(
