@@ -72,40 +72,33 @@ def _check(call: argparse.Namespace) -> int:
 
 def _compile(call: argparse.Namespace) -> int:
     """Compile a task into a plan folder."""
-    from planner.caching.memo import Memo
     from planner.caching.store import Store, place
-    from planner.compiler import Options, compile_task
+    from planner.compiler import Options
+    from planner.compiling import compile_file
     from planner.diffing import DiffError, read_plan
-    from planner.inputs.read_task import load_task
     from planner.outputs.emit import check_folder, write_folder
     from planner.outputs.errors import OutputError
     from planner.outputs.summary import plan_summary, times_summary
 
     report = Report()
-    task = load_task(call.task, report)
-    if task is None:
-        return _tell(call, report, "")
-    folder: Path = call.out or Path(call.task).parent / f"{task.name}.plan"
     store = None if call.no_cache else Store(call.cache or place())
-    try:
-        check_folder(folder)
+    options = Options(
+        preset=call.preset,
+        max_image_error=call.max_image_error,
+        jobs=call.jobs,
+        tell=_tell_step,
+    )
+
+    def ready(name: str) -> None:
+        check_folder(call.out or _beside(call.task, name))
         if call.golden is not None and not call.update:
             read_plan(call.golden)  # what cannot be compared need not be compiled
-        files = compile_task(
-            task,
-            report,
-            Options(
-                preset=call.preset,
-                max_image_error=call.max_image_error,
-                jobs=call.jobs,
-                tell=_tell_step,
-                memo=Memo(store),
-            ),
-        )
-        if store is not None:
-            store.trim()
+
+    try:
+        files = compile_file(call.task, report, options, store, ready)
         if files is None:
             return _tell(call, report, "")
+        folder = call.out or _beside(call.task, files.plan.name)
         write_folder(files, folder)
         said = f"{plan_summary(files.plan)}\nplan folder: {folder}"
         if call.timings:
@@ -118,6 +111,11 @@ def _compile(call: argparse.Namespace) -> int:
         report.error(error.code, Span(file=error.file), str(error))
         return _tell(call, report, "")
     return _tell(call, report, said)
+
+
+def _beside(task: str, name: str) -> Path:
+    """Return the plan folder of a task unless the user names another."""
+    return Path(task).parent / f"{name}.plan"
 
 
 def _golden(call: argparse.Namespace, plan: Plan, folder: Path, report: Report) -> str:

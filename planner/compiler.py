@@ -77,7 +77,7 @@ def compile_task(task: Task, report: Report, options: Options) -> PlanFiles | No
         images={look.look.scene.image: look.picture for look in looks},
         arrays={k: v for look in looks for k, v in look.arrays.items()},
         timings={**timings, "total_s": time.perf_counter() - started},
-        inputs=_inputs(),
+        inputs=_inputs(report),
     )
 
 
@@ -294,7 +294,10 @@ def _robot_start(start: State) -> p.AxisMove | None:
     )
 
 
-def _inputs() -> dict[str, object]:
-    """Return versions of what made the plan; never compared."""
+def _inputs(report: Report) -> dict[str, object]:
+    """Return what was read, and versions of what made the plan; never compared."""
     names = ("microplan", "numpy", "scipy", "opencv-contrib-python-headless", "ezdxf")
-    return {"versions": {name: version(name) for name in names}}
+    return {
+        "files": dict(sorted(report.files.items())),
+        "versions": {name: version(name) for name in names},
+    }

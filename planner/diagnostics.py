@@ -141,6 +141,7 @@ class Report:
     """Collects the findings of one compile: the only state that stages share."""
 
     found: list[Diagnostic] = field(default_factory=list)
+    files: dict[str, str] = field(default_factory=dict)  # path read -> its sha256
 
     def error(self, code: str, where: Span, message: str, hint: str = "") -> None:
         """Add something that makes the input unusable (exit status 2)."""

@@ -7,9 +7,13 @@ from pathlib import Path
 
 import pytest
 
+from planner import compiling
 from planner.caching.memo import Memo
 from planner.caching.store import Store, place
 from planner.cli import main
+from planner.diagnostics import Report
+from planner.inputs.read_task import load_task
+from planner.inputs.task import Task
 from tests.planner.examples import change, copy_example, one_look
 
 Compile = Callable[..., dict[str, bytes]]
@@ -69,6 +73,34 @@ def test_a_cache_changes_nothing_but_the_time(
     fresh = files(*cache)
     assert len(made) > first
     assert fresh == files("--no-cache") != plain
+
+
+def test_an_unchanged_task_is_not_even_read(
+    files: Compile, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, task: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    cache = ("--cache", str(tmp_path / "cache"))
+    plain = files(*cache)
+    said = capsys.readouterr()
+    reads: list[str] = []
+
+    def noted(path: str, report: Report) -> Task | None:
+        reads.append(path)
+        return load_task(path, report)
+
+    monkeypatch.setattr(compiling, "load_task", noted)
+    assert files(*cache) == plain
+    assert capsys.readouterr() == said  # its findings are told again
+    assert reads == []
+    drawing = task.parent / "parts" / "shaft_plate.dxf"
+    drawing.write_bytes(drawing.read_bytes() + b"\n")
+    files(*cache)
+    assert len(reads) == 1
+    files(*cache, "--preset", "balanced", "--max-image-error", "0.5")
+    assert len(reads) == 2
+    drawing.unlink()
+    assert main(["compile", str(task), *cache]) == 2
+    assert len(reads) == 3
 
 
 def test_a_spoilt_cache_is_computed_anew(

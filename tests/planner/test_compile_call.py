@@ -120,7 +120,7 @@ def test_timings_are_told_if_asked_for(
 ) -> None:
     assert compiled() == 0
     assert " in all" not in capsys.readouterr().err
-    assert compiled("--timings") == 0
+    assert compiled("--timings", "--no-cache") == 0
     lines = capsys.readouterr().err.splitlines()
     told = [line for line in lines if re.fullmatch(r" *\d+\.\d{3} s .*", line)]
     assert {line.split()[-1] for line in told} == {"grasp", "release", "all"}
