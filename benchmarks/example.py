@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -28,6 +29,14 @@ def compile_s(
     if preset is not None:
         call += ["--preset", preset]
     return python_s(["-c", _CALL, *call])
+
+
+def given(options: Options, name: str) -> Path | None:
+    """Return the plan that the command line gives, if it is that of task `name`."""
+    if options.plan is None:
+        return None
+    plan = json.loads(options.plan.read_text(encoding="utf-8"))
+    return options.plan if plan["name"] == name else None
 
 
 def _measure(_options: Options) -> Iterator[Figure]:

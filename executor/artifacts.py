@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import io
 import zipfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -9,17 +11,23 @@ from pathlib import Path
 import numpy as np
 
 from executor.errors import ExecutorError
-from featuresel.routines import Artifact, load
+from featuresel.routines import REGISTRY, Artifact, load
 from schemas.plan import Look, Measure, Plan, RoutineUse
 
 Stages = Sequence[tuple[str, Artifact]]
 
 
 class Artifacts:
-    """Chains ready for `featuresel.routines.chain.measure_chain`."""
+    """Chains ready for `featuresel.routines.chain.measure_chain`.
 
-    def __init__(self, found: Mapping[tuple[str, str | None], Artifact]) -> None:
+    `sha256` is of the files that the arrays were read from, in the plan's order.
+    """
+
+    def __init__(
+        self, found: Mapping[tuple[str, str | None], Artifact], sha256: str = ""
+    ) -> None:
         self._found = dict(found)
+        self.sha256 = sha256
 
     @classmethod
     def from_folder(cls, plan: Plan, folder: Path) -> Artifacts:
@@ -28,17 +36,19 @@ class Artifacts:
         Raises
         ------
         ExecutorError
-            MP803 if a file is missing or damaged; MP810 if a routine's version differs.
+            MP803 if a file is missing or damaged; MP810 if a routine is not installed
+            or of another version.
         """
         found: dict[tuple[str, str | None], Artifact] = {}
+        digest = hashlib.sha256()
         for step in plan.steps:
             for look in step.looks:
                 for measure in look.measures:
                     key = key_of(look, measure)
                     for use in (*measure.chain, *measure.fallback):
                         _check_version(use)
-                        found[key, use.arrays or use.id] = _read(use, folder)
-        return cls(found)
+                        found[key, use.arrays or use.id] = _read(use, folder, digest)
+        return cls(found, digest.hexdigest())
 
     def stages(self, key: str, uses: Sequence[RoutineUse]) -> Stages:
         """Return the routines of one chain, coarse to fine; `key` is `key_of` its
@@ -53,6 +63,8 @@ def key_of(look: Look, measure: Measure) -> str:
 
 def _check_version(use: RoutineUse) -> None:
     """Refuse a routine that is not the one the plan was measured with."""
+    if use.id not in REGISTRY:
+        raise ExecutorError("MP810", f"the plan needs routine {use.id!r}")
     installed = load(use.id).VERSION
     if installed != use.version:
         raise ExecutorError(
@@ -61,15 +73,17 @@ def _check_version(use: RoutineUse) -> None:
         )
 
 
-def _read(use: RoutineUse, folder: Path) -> Artifact:
-    """Return one routine's numbers and arrays."""
+def _read(use: RoutineUse, folder: Path, digest: hashlib._Hash) -> Artifact:
+    """Return one routine's numbers and arrays; what was read goes into the digest."""
     if use.arrays is None:
         return Artifact(parameters=use.parameters)
     path = folder / use.arrays
     if not path.resolve().is_relative_to(folder.resolve()):
         raise ExecutorError("MP803", f"{use.arrays} leaves the plan folder")
     try:
-        with np.load(path, allow_pickle=False) as data:
+        source = path.read_bytes()
+        digest.update(source)
+        with np.load(io.BytesIO(source), allow_pickle=False) as data:
             arrays = {name: np.asarray(data[name]) for name in data.files}
     except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
         raise ExecutorError("MP803", f"{use.arrays}: {error}") from error

@@ -8,7 +8,7 @@ the axes carry them along.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 from executor.drivers import AxisReading
@@ -71,6 +71,14 @@ class Readings:
         return now
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Known:
+    """All that a record of beliefs holds at one moment."""
+
+    owners: tuple[Belief, ...]
+    held: Mapping[str, str]  # part -> tool
+
+
 class Beliefs:
     """The one changing record of where things are thought to be."""
 
@@ -80,6 +88,15 @@ class Beliefs:
         self._owners = {b.name: b for b in beliefs}
         self._features = {f.name: f for f in features}
         self._held: dict[str, str] = {}  # part -> tool
+
+    def known(self) -> Known:
+        """Return all that is believed now."""
+        return Known(owners=tuple(self._owners.values()), held=dict(self._held))
+
+    def restore(self, known: Known) -> None:
+        """Believe what `known` says, and nothing else."""
+        self._owners = {b.name: b for b in known.owners}
+        self._held = dict(known.held)
 
     def owner(self, name: str) -> str:
         """Return the part or tool that `name` is, or belongs to.
@@ -108,6 +125,10 @@ class Beliefs:
         pose = readings.carrier(belief.carrier).compose(belief.pose)
         x_um, y_um = pose.apply(*self._offset(name))
         return Pose(x_um=x_um, y_um=y_um, theta_rad=pose.theta_rad)
+
+    def belief(self, name: str) -> Belief:
+        """Return what is believed of the part or tool that `name` is or belongs to."""
+        return self._owners[self.owner(name)]
 
     def knows_angle(self, name: str) -> bool:
         """Return whether anything is known of the owner's angle."""
@@ -183,4 +204,9 @@ class Beliefs:
         """Note the world pose `world` of `owner` in the frame of `carrier`."""
         pose = readings.carrier(carrier).inverse().compose(world)
         pose = replace(pose, theta_rad=math.remainder(pose.theta_rad, 2 * math.pi))
-        self._owners[owner] = replace(self._owners[owner], carrier=carrier, pose=pose)
+        belief = self._owners[owner]
+        if carrier != belief.carrier:  # it changes hands where it is
+            lower_um = readings.reading(carrier).z_um
+            under_um = readings.reading(belief.carrier).z_um + belief.z_um
+            belief = replace(belief, z_um=under_um - lower_um)
+        self._owners[owner] = replace(belief, carrier=carrier, pose=pose)

@@ -2,59 +2,46 @@
 
 from __future__ import annotations
 
-import argparse
-import math
 import os
-import shutil
+import stat
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 from executor.artifacts import Artifacts
-from executor.beliefs import Beliefs
-from executor.errors import BUG, CODES, DONE, ExecutorError
-from executor.frames import Frames
-from executor.journal import Journal
-from executor.motion import Motion
-from executor.operator import Operator
-from executor.rig import Rig
-from executor.run import RunResult, run_plan
-from executor.simulated.faults import FAULTS
+from executor.asked import Call, parse
+from executor.comparison import compare
+from executor.comparison_report import comparison_json, comparison_text
+from executor.errors import BUG, CODES, DONE, FAILED, ExecutorError
+from executor.listing import plan_lines
+from executor.marking import mark, write_marked
+from executor.picture_report import report_json, report_text, together
+from executor.pictures import files_of, find_in, viewer
+from executor.plan_file import PlanFile, read_plan
+from executor.replay import replay
+from executor.run_folder import (
+    RunFolder,
+    check_free,
+    check_same,
+    lock_beside,
+    new_run,
+    old_run,
+)
+from executor.run_summaries import read_runs
 from executor.site import Site, find_site
 from executor.station import preflight
-from executor.summary import summary_json, table
-from schemas.codec import CodecError, to_data
-from schemas.plan import Measure, Plan, VerifyAction, parse_plan
-
-if TYPE_CHECKING:
-    from executor.simulated.cell import Cell
-    from executor.simulated.judging import Verdict
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Call:
-    """What was asked for on the command line."""
-
-    plan_file: Path
-    station: str
-    seed: int
-    mode: str
-    run_dir: Path | None
-    frames: bool
-    faults: tuple[str, ...]
-
-    @property
-    def folder(self) -> Path:
-        """Return the plan folder."""
-        return self.plan_file.parent
+from executor.summary import table
+from executor.tape import read_record
+from executor.whole_run import Asking, Ended, header_of, perform
+from schemas.plan import Plan
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Return the exit status: 0 done, 1 no, 2 input, 3 machine, 4 stopped, 70 a bug."""
     try:
-        call = _parse(argv)
+        call = parse(argv)
     except SystemExit as leaving:  # argparse: 0 after --help, 2 for a wrong call
         return int(leaving.code or 0)
     try:
@@ -71,129 +58,69 @@ def main(argv: Sequence[str] | None = None) -> int:
         return BUG
 
 
-def _parse(argv: Sequence[str] | None) -> _Call:
-    """Read the command line."""
-    parser = argparse.ArgumentParser(
-        prog="microplan-run",
-        description="Run an augmented plan on a station.",
-        epilog="Exit status: 0 done, 1 the answer is no, 2 input or call at fault, "
-        "3 machine trouble, 4 stopped, 70 a bug.",
-    )
-    parser.add_argument("plan", type=Path, help="plan.json, or the folder it is in")
-    parser.add_argument(
-        "--station", required=True, help="sim: the simulated cell; or a station.toml"
-    )
-    parser.add_argument(
-        "--seed", type=seed_number, default=0, help="of the simulated cell"
-    )
-    parser.add_argument(
-        "--mode",
-        choices=["run", "check", "dry-run"],
-        default="run",
-        help="check: read and compare only; dry-run: list what would be done",
-    )
-    parser.add_argument("--run-dir", type=Path, help="default: <plan name>.run beside")
-    parser.add_argument("--no-frames", action="store_true", help="keep no images")
-    parser.add_argument(
-        "--inject",
-        action="append",
-        default=[],
-        metavar="FAULT[@STEP]",
-        help="a simulated fault, from the start on or in one step: "
-        + ", ".join(FAULTS),
-    )
-    found = parser.parse_args(argv)
-    return _Call(
-        plan_file=found.plan / "plan.json" if found.plan.is_dir() else found.plan,
-        station=found.station,
-        seed=found.seed,
-        mode=found.mode,
-        run_dir=found.run_dir,
-        frames=not found.no_frames,
-        faults=tuple(found.inject),
-    )
-
-
-def seed_number(text: str) -> int:
-    """Return a seed, a whole number from 0 on."""
-    value = int(text)
-    if value < 0:
-        raise ValueError("a seed is not negative")
-    return value
-
-
-def _run(call: _Call) -> int:
+def _run(call: Call) -> int:
     """Do what was asked; errors are the caller's to report."""
-    plan = _read_plan(call.plan_file)
-    site = find_site(call.station, call.folder, seed=call.seed, faults=call.faults)
+    file = read_plan(call.plan_file)
+    if call.mode == "compare":
+        return _compare(call, file)
+    if call.record is not None:
+        return _replay(call, file, call.record)
+    if call.pictures is not None:
+        return _look_at_pictures(call, file.plan, call.pictures)
+    with ExitStack() as stack:
+        if call.station_file is not None and call.station_file.is_file():
+            stack.enter_context(lock_beside(call.station_file))
+        return _on_station(call, file, stack)
+
+
+def _on_station(call: Call, file: PlanFile, stack: ExitStack) -> int:
+    """Check, list, run or resume the plan on its station."""
+    plan = file.plan
+    path = call.run_dir or call.folder.parent / f"{plan.name}.run"
+    if call.resume:
+        return _resume(call, file, stack.enter_context(old_run(path)))
+    if call.mode == "run":
+        check_free(path, discard=call.discard)
+    site = _site(call, None)
     preflight(plan, site.station)
     artifacts = Artifacts.from_folder(plan, call.folder)
     if call.mode == "check":
         _say(f"{plan.name}: {len(plan.steps)} steps fit the station")
         return DONE
     if call.mode == "dry-run":
-        _say("\n".join(_listing(plan)))
+        _say("\n".join(plan_lines(plan)))
         return DONE
-    return _perform(call, plan, site, artifacts)
+    asking = _asking(call)
+    run = stack.enter_context(new_run(path, discard=call.discard))
+    run.begin(call.plan_file, file.source, site.source)
+    return _report(call, plan, perform(call, file, site, artifacts, run, asking))
 
 
-def _perform(call: _Call, plan: Plan, site: Site, artifacts: Artifacts) -> int:
-    """Run the plan, write the run folder and print the outcome."""
-    folder, station = _run_folder(call, plan), site.station
-    log = folder / "events.jsonl"
-    with (
-        log.open("w", encoding="utf-8", newline="\n") as stream,
-        Operator(_asker()) as operator,
-    ):
-        rig = Rig(
-            plan=plan,
-            station=station,
-            beliefs=Beliefs(plan.beliefs, plan.features),
-            artifacts=artifacts,
-            journal=Journal(stream, station.clock),
-            frames=Frames(folder / "frames" if call.frames else None),
-            motion=Motion(operator.pause),
-        )
-        errors = _watch(rig, site.cell)
-        try:
-            result = run_plan(rig)
-        except KeyboardInterrupt:
-            left = "; ".join(rig.motion.stop(station)) or "nothing moves any more"
-            rig.journal.write("stopped", why=left)
-            raise ExecutorError("MP860", f"stopped; {left}") from None
-        except BaseException:  # a bug must not leave anything in motion either
-            rig.motion.stop(station)
-            raise
-    verdict = None if site.cell is None else _verdict(plan, site.cell)
-    _write_summary(folder, call, site, plan, result, verdict, errors)
-    _say(table(result, errors))
-    return _report(call, plan, result, verdict, folder)
+def _resume(call: Call, file: PlanFile, run: RunFolder) -> int:
+    """Go on with the run of a folder."""
+    then = run.header
+    seed = then.seed if call.seed is None else call.seed
+    call = replace(call, seed=seed, faults=call.faults or then.faults)
+    check_same(header_of(call, file, then.devices), then)  # before a driver is touched
+    site = _site(call, run.cell)
+    check_same(header_of(call, file, site.station.devices()), then)
+    preflight(file.plan, site.station, begun=True)
+    artifacts = Artifacts.from_folder(file.plan, call.folder)
+    ended = perform(call, file, site, artifacts, run, _asking(call))
+    return _report(call, file.plan, ended)
 
 
-def _watch(rig: Rig, cell: Cell | None) -> dict[str, float]:
-    """Return a record, filled while the rig runs: step -> its last look's true error.
-
-    Only a simulated cell knows the truth; a plan never sees it.
-    """
-    errors: dict[str, float] = {}
-    if cell is None:
-        return errors
-    shown_um = cell.shown_um
-
-    def note(target: str, x_um: float, y_um: float) -> None:
-        owner, offset = rig.beliefs.anchor(target)
-        true_x, true_y = shown_um(owner, *offset)
-        errors[rig.journal.step] = math.hypot(x_um - true_x, y_um - true_y)
-
-    rig.watch, rig.on_step = note, cell.faults.enter
-    return errors
+def _site(call: Call, left: Path | None) -> Site:
+    """Return the station that was asked for; `left` is a simulated cell's world."""
+    seed, faults = call.seed or 0, call.faults
+    return find_site(call.station, call.folder, seed=seed, faults=faults, left=left)
 
 
-def _report(
-    call: _Call, plan: Plan, result: RunResult, verdict: Verdict | None, folder: Path
-) -> int:
-    """Print findings and verdicts; return the exit status."""
-    _say(f"run folder: {folder}")
+def _report(call: Call, plan: Plan, ended: Ended) -> int:
+    """Print table, findings and verdicts; return the exit status."""
+    result, verdict = ended.result, ended.verdict
+    _say(table(result, ended.errors_um))
+    _say(f"run folder: {ended.folder}")
     if verdict is not None:
         truly = "seated" if verdict.success else "not seated"
         _say(
@@ -211,48 +138,67 @@ def _report(
     return CODES[result.code][1]
 
 
-def _write_summary(
-    folder: Path,
-    call: _Call,
-    site: Site,
-    plan: Plan,
-    result: RunResult,
-    verdict: Verdict | None,
-    errors: dict[str, float],
-) -> None:
-    """Write summary.json and the table."""
-    extra: dict[str, Any] = {
-        "station": site.name,
-        "seed": call.seed,
-        "faults": list(call.faults),
-        "cell_verdict": None if verdict is None else to_data(verdict),
-        "true_look_error_um": to_data(errors),
-    }
-    text = summary_json(plan, result, extra)
-    (folder / "summary.json").write_text(text, encoding="utf-8")
-    (folder / "summary.txt").write_text(table(result, errors) + "\n", encoding="utf-8")
+def _replay(call: Call, file: PlanFile, folder: Path) -> int:
+    """Run the plan on a record and say whether the commands are the same."""
+    artifacts = Artifacts.from_folder(file.plan, call.folder)
+    recorded = read_record(folder)
+    found = replay(file, artifacts, recorded, anyway=call.anyway)
+    _say(f"{found.same} of {found.commands} commands are the same")
+    if found.difference:
+        raise ExecutorError("MP876", found.difference)
+    ended = "the record breaks off there" if found.broken_off else found.result.code
+    _say(f"{file.plan.name}: replayed, {ended or 'done'}")
+    return DONE
 
 
-def _verdict(plan: Plan, cell: Cell) -> Verdict | None:
-    """Return what truly became of what the last verify step is about."""
-    checks = [s.action for s in plan.steps if isinstance(s.action, VerifyAction)]
-    if not checks or checks[-1].target.partition(".")[0] not in cell.truth.bodies:
+def _look_at_pictures(call: Call, plan: Plan, pictures: Path) -> int:
+    """Measure a folder of pictures; 0 if the target was found in all of them."""
+    artifacts = Artifacts.from_folder(plan, call.folder)
+    seer = viewer(
+        plan, call.folder, artifacts, call.look, turn_rad=call.turn_rad, bits=call.bits
+    )
+    files = files_of(pictures)
+    marked = call.marked or pictures.absolute().with_name(f"{call.look}.marked")
+    if marked.absolute() == pictures.absolute():
+        raise ExecutorError("MP878", f"{marked} holds the pictures themselves")
+    findings = []
+    for path in files:
+        found = find_in(seer, path)
+        picture = mark(seer, found, call.folder)
+        if picture is not None:
+            write_marked(marked, path.name, picture)
+        findings.append(replace(found, image=None))
+    overall = together(seer, findings, still=call.still)
+    tell = report_json if call.format == "json" else report_text
+    _say(tell(seer, findings, overall))
+    print(f"marked pictures: {marked}", file=sys.stderr)
+    return DONE if all(f.found for f in findings) else FAILED
+
+
+def _compare(call: Call, file: PlanFile) -> int:
+    """Join runs of the plan; 1 if they refute what it predicted."""
+    found = compare(file.plan, read_runs(call.runs, file))
+    tell = comparison_json if call.format == "json" else comparison_text
+    _say(tell(file.plan, found))
+    return FAILED if found.refuted else DONE
+
+
+def _asking(call: Call) -> Asking:
+    """Return what the operator can be asked."""
+    gate = _gate() if call.stepwise else None
+    return Asking(pause=_asker(), question=_question(), gate=gate)
+
+
+def _question() -> Callable[[str], bool] | None:
+    """Return how to put a question to the operator, None if nobody sits there."""
+    if not (sys.stdin.isatty() and sys.stderr.isatty()):
         return None
-    last = checks[-1]
-    return cell.judge(last.target, last.on, last.within_um, last.within_rad)
 
+    def ask(question: str) -> bool:
+        print(f"{question} y goes on, anything else stops", file=sys.stderr)
+        return sys.stdin.readline().strip() == "y"
 
-def _read_plan(path: Path) -> Plan:
-    """Return the plan, or raise MP802."""
-    try:
-        return parse_plan(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ExecutorError("MP802", f"cannot read {path}: {error.strerror}") from error
-    except (UnicodeDecodeError, CodecError) as error:
-        words = str(error)
-        if path.suffix in (".yaml", ".yml"):
-            words = f"{path} is a task, no plan: compile it first (microplan compile)"
-        raise ExecutorError("MP802", words) from error
+    return ask
 
 
 def _asker() -> Callable[[], bool] | None:
@@ -267,44 +213,26 @@ def _asker() -> Callable[[], bool] | None:
     return ask
 
 
-def _run_folder(call: _Call, plan: Plan) -> Path:
-    """Return an empty run folder; one that holds something else is not touched."""
-    folder = call.run_dir or call.folder.parent / f"{plan.name}.run"
-    try:
-        if folder.exists():
-            if any(folder.iterdir()) and not (folder / "events.jsonl").is_file():
-                raise ExecutorError("MP804", f"{folder} exists and is no run folder")
-            shutil.rmtree(folder)
-        folder.mkdir(parents=True)
-    except OSError as error:
-        raise ExecutorError("MP804", f"{folder}: {error}") from error
-    return folder
+def _gate() -> Callable[[str], None]:
+    """Return what tells the next step and waits; MP804 if nobody can answer.
 
+    Answers are lines of a terminal, a pipe or a file: an empty one goes on. Whatever
+    else comes, the end of the input too, stops.
+    """
+    if sys.stdin is None or sys.stdin.closed:
+        raise ExecutorError("MP804", "--step needs somebody who answers")
+    mode = os.fstat(sys.stdin.fileno()).st_mode
+    if not (sys.stdin.isatty() or stat.S_ISFIFO(mode) or stat.S_ISREG(mode)):
+        raise ExecutorError(
+            "MP804", "--step needs a terminal, or answers from a pipe, a line each"
+        )
 
-def _listing(plan: Plan) -> list[str]:
-    """Return one line for every move, look and action of the plan."""
-    lines = []
-    for step in plan.steps:
-        lines.append(f"{step.id}: {step.verb}")
-        lines += [f"  move {_targets(to_data(move))}" for move in step.moves]
-        lines += [
-            f"  look at {look.target} at {look.view.magnification:g} x, focus "
-            f"{look.view.focus_um:g} um: {'; '.join(map(_found_by, look.measures))}"
-            for look in step.looks
-        ]
-    return lines
+    def wait(what: str) -> None:
+        print(f"next: {what}\nEnter goes on, q stops", file=sys.stderr, flush=True)
+        if sys.stdin.readline() not in ("\n", "\r\n"):
+            raise ExecutorError("MP860", "stopped by the operator before this")
 
-
-def _found_by(measure: Measure) -> str:
-    """Return the routines that find a feature, and which, if it is not the target."""
-    names = ", ".join(use.id for use in measure.chain)
-    return f"{names} on {measure.feature}" if measure.feature else names
-
-
-def _targets(move: dict[str, Any]) -> str:
-    """Return the axes a move names, with their values."""
-    axes = move.pop("axes")
-    return " ".join(f"{axes}.{k}={v:g}" for k, v in move.items() if v is not None)
+    return wait
 
 
 def _say(text: str) -> None:

@@ -2,18 +2,31 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Protocol
 
-from executor.artifacts import key_of
+from executor.artifacts import Artifacts, Stages, key_of
+from executor.calibration import LookFrame
 from executor.errors import ExecutorError
+from executor.gates import gates_of
+from executor.near import Found, Near, guess_from, nearest_routine
 from executor.rig import Rig
 from featuresel.routines import Failure, FloatArray, Guess, Measurement
 from featuresel.routines.chain import measure_chain
 from featuresel.routines.fusion import Believed, Seen
 from schemas.plan import BiasAt, Look, Measure, RoutineUse
 from schemas.pose import Pose
+
+
+class Eye(Protocol):
+    """What measuring a picture needs: a rig, or what stands for one."""
+
+    artifacts: Artifacts
+
+    def frame_of(self, look: Look) -> LookFrame:
+        """Return the map between a look's region and the world."""
+        ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -24,6 +37,7 @@ class Picture:
     expected: Pose  # of the look's target, world
     believed: Believed | None  # the part's angle, None if nothing is known of it
     dz_um: float  # of the focus from the look's own
+    near: Near | None = None  # what a look just before found, a correction ago
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,23 +48,33 @@ class Shown:
     score: float
     spread_um: float  # the routine's own estimate, one sigma per axis
     routines: tuple[str, ...]
+    pixels: Measurement  # what the last of them said, in the look's region
+
+    @property
+    def found(self) -> Found:
+        """Return what a look after a small correction starts from."""
+        return Found(x_um=self.seen.x_um, y_um=self.seen.y_um, pixels=self.pixels)
 
 
 def look_for(rig: Rig, look: Look, measure: Measure, picture: Picture) -> Shown:
     """Return where a picture shows a feature: its chain, then the fallback.
+
+    Where a look just before has found it, the end of the chain alone comes first.
 
     Raises
     ------
     ExecutorError
         MP820 if no routine finds it; MP821..MP823, MP825 if an answer fails a gate.
     """
+    if (shown := _from_near(rig, look, measure, picture)) is not None:
+        return shown
     try:
-        return _measured(rig, look, measure, measure.chain, picture)
+        return _accepted(rig, look, measure, measure.chain, picture)
     except ExecutorError as error:
         if not measure.fallback:
             raise
         rig.journal.write("fallback", look=look.id, code=error.code, why=str(error))
-        return _measured(rig, look, _spare(measure), measure.fallback, picture)
+        return _accepted(rig, look, spare(measure), measure.fallback, picture)
 
 
 def bias_at(curve: Sequence[BiasAt], dz_um: float) -> tuple[float, float]:
@@ -78,7 +102,7 @@ def _between(curve: Sequence[BiasAt], dz_um: float) -> tuple[float, float]:
     )
 
 
-def _spare(measure: Measure) -> Measure:
+def spare(measure: Measure) -> Measure:
     """Return how the fallback measures: with that chain's bias, spread and gate.
 
     The spread's gate and the bias through focus are the first chain's own.
@@ -96,14 +120,26 @@ def _spare(measure: Measure) -> Measure:
     )
 
 
-def _measured(
-    rig: Rig,
-    look: Look,
-    measure: Measure,
-    uses: Sequence[RoutineUse],
-    picture: Picture,
+def _accepted(
+    rig: Eye, look: Look, measure: Measure, uses: Sequence[RoutineUse], picture: Picture
 ) -> Shown:
     """Run one chain on the image and pass its answer through the gates."""
+    shown = measured(rig, look, measure, uses, picture)
+    name = measure.feature or look.target
+    _pass_gates(f"look {look.id}: {name}", measure, shown, picture)
+    return shown
+
+
+def measured(
+    rig: Eye, look: Look, measure: Measure, uses: Sequence[RoutineUse], picture: Picture
+) -> Shown:
+    """Return what one chain answers, whatever the gates say of it.
+
+    Raises
+    ------
+    ExecutorError
+        MP820 if it finds nothing.
+    """
     start = Guess(
         column=measure.reference.column,
         row=measure.reference.row,
@@ -113,6 +149,46 @@ def _measured(
         theta_assumed=True,
     )
     stages = rig.artifacts.stages(key_of(look, measure), uses)
+    return _answer(rig, look, measure, stages, start, picture)
+
+
+def _from_near(
+    rig: Rig, look: Look, measure: Measure, picture: Picture
+) -> Shown | None:
+    """Return what the end of the chain finds where the feature must be, if anything."""
+    name, near = measure.feature or look.target, picture.near
+    before = None if near is None else near.features.get(name)
+    if near is None or before is None:
+        return None
+    routine = nearest_routine(measure.chain, near, before, look.view.um_per_px)
+    if routine is None:
+        return None
+    frame = rig.frame_of(look)
+    guess = guess_from(
+        before,
+        frame.to_pixel(*picture.expected.apply(*measure.offset_um)),
+        frame.to_pixel(before.x_um, before.y_um),
+        picture.expected.theta_rad + measure.turn_rad,
+    )
+    ((_, arrays),) = rig.artifacts.stages(key_of(look, measure), measure.chain[-1:])
+    try:
+        shown = _answer(rig, look, measure, [(routine, arrays)], guess, picture)
+        _pass_gates(f"look {look.id}: {name}", measure, shown, picture)
+        return shown
+    except ExecutorError as error:
+        rig.journal.write("not_near", look=look.id, code=error.code, why=str(error))
+        return None
+
+
+def _answer(
+    rig: Eye,
+    look: Look,
+    measure: Measure,
+    stages: Stages,
+    start: Guess,
+    picture: Picture,
+) -> Shown:
+    """Return what routines find from `start`, whatever the gates say of it."""
     found = measure_chain(picture.image, stages, start)
     name = measure.feature or look.target
     if isinstance(found, Failure):
@@ -122,13 +198,11 @@ def _measured(
             cause=found.code,
         )
     shown = _shown(rig, look, measure, found, picture)
-    shown = replace(shown, routines=tuple(use.id for use in uses))
-    _pass_gates(f"look {look.id}: {name}", measure, shown, picture)
-    return shown
+    return replace(shown, routines=tuple(routine for routine, _ in stages))
 
 
 def _shown(
-    rig: Rig, look: Look, measure: Measure, found: Measurement, picture: Picture
+    rig: Eye, look: Look, measure: Measure, found: Measurement, picture: Picture
 ) -> Shown:
     """Turn pixels into um and take off the mean error that the trials showed.
 
@@ -156,38 +230,14 @@ def _shown(
         score=found.score,
         spread_um=found.spread_px * look.view.um_per_px,
         routines=(),
+        pixels=found,
     )
 
 
 def _pass_gates(name: str, measure: Measure, shown: Shown, picture: Picture) -> None:
     """Raise unless score, spread, place and angle are what they should be."""
-    gates, seen = measure.gates, shown.seen
-    if not shown.score >= gates.min_score:  # also refuses nan
-        raise ExecutorError(
-            "MP821", f"{name} scored {shown.score:.3g}, needs {gates.min_score:.3g}"
-        )
-    if gates.max_spread_um is not None and not shown.spread_um <= gates.max_spread_um:
-        raise ExecutorError(
-            "MP825",
-            f"{name} is known to {shown.spread_um:.3g} um by the routine's own "
-            f"estimate, at most {gates.max_spread_um:.3g} um",
-        )
-    expected_x, expected_y = picture.expected.apply(*measure.offset_um)
-    shift_um = math.hypot(seen.x_um - expected_x, seen.y_um - expected_y)
-    if not shift_um <= gates.max_shift_um:
-        raise ExecutorError(
-            "MP822",
-            f"{name} found {shift_um:.3g} um from where it was expected, "
-            f"at most {gates.max_shift_um:.3g} um",
-        )
-    if gates.max_turn_rad is None or seen.theta_rad is None:
-        return
-    turn_rad = abs(
-        math.remainder(seen.theta_rad - picture.expected.theta_rad, math.tau)
-    )
-    if not turn_rad <= gates.max_turn_rad:
-        raise ExecutorError(
-            "MP823",
-            f"{name} found turned {turn_rad:.3g} rad, "
-            f"at most {gates.max_turn_rad:.3g} rad",
-        )
+    for gate in gates_of(
+        measure, shown.score, shown.spread_um, shown.seen, picture.expected
+    ):
+        if not gate.passed:
+            raise ExecutorError(gate.code, f"{name} {gate.words}")

@@ -1,4 +1,4 @@
-"""The run's log: one JSON object a line, in order, intent before and done after."""
+"""The run's log: one JSON object a line, in order, for whoever reads what happened."""
 
 from __future__ import annotations
 
@@ -6,16 +6,17 @@ import json
 from typing import Any, TextIO
 
 from executor.drivers import Clock
+from executor.errors import ExecutorError
 from schemas.codec import to_data
 
 
 class Journal:
     """Writes numbered events to a stream as they happen."""
 
-    def __init__(self, stream: TextIO, clock: Clock) -> None:
+    def __init__(self, stream: TextIO, clock: Clock, *, seq: int = 0) -> None:
         self._stream = stream
         self._clock = clock
-        self._seq = 0
+        self._seq = seq  # of the last event that is there
         self._step = ""
 
     @property
@@ -28,7 +29,13 @@ class Journal:
         self._step = step
 
     def write(self, event: str, **details: Any) -> None:
-        """Append one event; `details` are JSON data or frozen dataclasses."""
+        """Append one event; `details` are JSON data or frozen dataclasses.
+
+        Raises
+        ------
+        ExecutorError
+            MP863 if it cannot be written.
+        """
         self._seq += 1
         line = {
             "seq": self._seq,
@@ -37,5 +44,8 @@ class Journal:
             "event": event,
             **{name: to_data(value) for name, value in details.items()},
         }
-        self._stream.write(json.dumps(line, ensure_ascii=False) + "\n")
-        self._stream.flush()  # a crash must not take the last intent with it
+        try:
+            self._stream.write(json.dumps(line, ensure_ascii=False) + "\n")
+            self._stream.flush()
+        except OSError as error:
+            raise ExecutorError("MP863", f"event {self._seq}: {error}") from error

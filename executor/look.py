@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from executor.drivers import Counts
 from executor.errors import MACHINE, STOPPED, ExecutorError
 from executor.features import Picture, Shown, look_for
+from executor.near import Found, Near
 from executor.reach import readings_for
 from executor.rig import Rig
 from featuresel.routines import Failure, FloatArray
 from featuresel.routines.fusion import fuse
 from schemas.plan import AxisMove, Look, OnFailure
+
+# a look that ends so did not see what it looks for
+UNSEEN = ("MP820", "MP821", "MP822", "MP823", "MP825", "MP826")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,9 +33,16 @@ class Sighting:
     sigma_theta_rad: float | None  # by the trials; None: the angle was not measured
     routines: tuple[str, ...]
     frames: int  # grabbed until it was found
+    features: Mapping[str, Found]  # each that was found, by its name
 
 
-def look_at(rig: Rig, look: Look, on_failure: Sequence[OnFailure] = ()) -> Sighting:
+def look_at(
+    rig: Rig,
+    look: Look,
+    on_failure: Sequence[OnFailure] = (),
+    *,
+    near: Near | None = None,
+) -> Sighting:
     """Measure a look's target and update the beliefs.
 
     Parameters
@@ -44,6 +55,9 @@ def look_at(rig: Rig, look: Look, on_failure: Sequence[OnFailure] = ()) -> Sight
         How often a failure's code, or the routine's own, may be tried again. Every
         try takes the view's next focus stop, and each stop is tried once at least.
         Features that one stop shows and the next does not still count.
+    near : Near, optional
+        What the same look has found, if a correction is all that happened since: the
+        first try starts there.
 
     Raises
     ------
@@ -54,7 +68,7 @@ def look_at(rig: Rig, look: Look, on_failure: Sequence[OnFailure] = ()) -> Sight
     while True:
         tries += 1
         try:
-            sighting = _sight(rig, look, tries, kept)
+            sighting = _sight(rig, look, tries, kept, near if tries == 1 else None)
         except ExecutorError as error:
             rig.journal.write("not_seen", look=look.id, code=error.code, why=str(error))
             further = len(look.view.focus_stops_um)
@@ -71,15 +85,25 @@ def look_at(rig: Rig, look: Look, on_failure: Sequence[OnFailure] = ()) -> Sight
             sighting.sigma_theta_rad,
         )
         rig.journal.write("seen", look=look.id, at=sighting)
+        rig.keep_beliefs()
         if rig.watch is not None:
             rig.watch(look.target, sighting.x_um, sighting.y_um)
         return sighting
 
 
+Seeing = Callable[[Rig, Look, Sequence[OnFailure]], Sighting]
+
+
 def look_near(
-    rig: Rig, looks: Sequence[Look], look: Look, on_failure: Sequence[OnFailure] = ()
+    rig: Rig,
+    looks: Sequence[Look],
+    look: Look,
+    on_failure: Sequence[OnFailure] = (),
+    seeing: Seeing = look_at,
 ) -> Sighting:
     """Measure a look's target, coarsely first and brought near where the plan says so.
+
+    `seeing` is how each look is made.
 
     The coarse look's pose is the belief by which the target is centred and expected by
     the fine look. The axes then go back to their readings: what comes after finds them
@@ -93,11 +117,11 @@ def look_near(
     """
     first = look.coarse
     if first is None:
-        return look_at(rig, look, on_failure)
+        return seeing(rig, look, on_failure)
     coarse = next((each for each in looks if each.id == first.look), None)
     if coarse is None:
         raise ExecutorError("MP802", f"look {look.id} names no look {first.look!r}")
-    look_at(rig, coarse, on_failure)
+    seeing(rig, coarse, on_failure)
     readings = rig.readings()
     here = rig.beliefs.world(look.target, readings)
     way_um = math.dist((here.x_um, here.y_um), first.at_um)
@@ -108,9 +132,9 @@ def look_near(
             f"seen, the {first.axes} may bring it {first.most_um:.3g} um",
         )
     back = readings.reading(first.axes)
-    rig.move(readings_for(first.axes, readings, here, first.at_um))
-    seen = look_at(rig, look, on_failure)
-    rig.move(AxisMove(axes=first.axes, x_um=back.x_um, y_um=back.y_um))
+    rig.move(readings_for(first.axes, readings, here, first.at_um), "near")
+    seen = seeing(rig, look, on_failure)
+    rig.move(AxisMove(axes=first.axes, x_um=back.x_um, y_um=back.y_um), "back")
     return seen
 
 
@@ -128,7 +152,9 @@ def _retries(error: ExecutorError, on_failure: Sequence[OnFailure]) -> int:
     )
 
 
-def _sight(rig: Rig, look: Look, tries: int, kept: dict[str, Shown]) -> Sighting:
+def _sight(
+    rig: Rig, look: Look, tries: int, kept: dict[str, Shown], near: Near | None
+) -> Sighting:
     """Look once at every feature of the look; `kept` are those of tries before.
 
     Features that disagree are forgotten: one of them is wrong.
@@ -137,17 +163,18 @@ def _sight(rig: Rig, look: Look, tries: int, kept: dict[str, Shown]) -> Sighting
     stops = (look.view.focus_um, *look.view.focus_stops_um)
     focus_um = stops[(tries - 1) % len(stops)]
     rig.set_view(look.view, focus_um=focus_um)
-    counts = rig.grab(look.measure.region)
+    counts = rig.grab(look.measure.region, look=look.id)
     picture = Picture(
         image=to_unit(counts, rig.plan.requirements.bits),
         expected=rig.beliefs.world(look.target, rig.readings()),
         believed=rig.beliefs.angle(look.target, rig.readings()),
         dz_um=focus_um - look.view.focus_um,
+        near=near,
     )
     _show(rig, look, picture, kept)
     try:
         names = [measure.feature or look.target for measure in look.measures]
-        found = [kept[name] for name in names if name in kept]
+        found = {name: kept[name] for name in names if name in kept}
         return _fused(look, found, picture, tries)
     except ExecutorError:
         kept.clear()
@@ -172,9 +199,10 @@ def _show(rig: Rig, look: Look, picture: Picture, kept: dict[str, Shown]) -> Non
 
 
 def _fused(
-    look: Look, shown: Sequence[Shown], picture: Picture, tries: int
+    look: Look, found: Mapping[str, Shown], picture: Picture, tries: int
 ) -> Sighting:
     """Return the target's pose by all features found."""
+    shown = tuple(found.values())
     pose = fuse([each.seen for each in shown], picture.believed)
     if isinstance(pose, Failure):
         raise ExecutorError(
@@ -192,4 +220,5 @@ def _fused(
         sigma_theta_rad=pose.sigma_theta_rad,
         routines=tuple(name for each in shown for name in each.routines),
         frames=tries,
+        features={name: each.found for name, each in found.items()},
     )

@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TypeVar
 
+from executor.arrival import arrive
 from executor.calls import Caller, call_all
-from executor.drivers import AxisReading, Frame
+from executor.drivers import AxisReading, Frame, Mover
 from executor.errors import ExecutorError
 from executor.safety import (
     AXES,
     Phase,
-    Progress,
     check_fingers,
     check_finite,
     check_step,
     check_travel,
-    outside,
     targets,
 )
 from executor.station import Station
@@ -27,7 +25,6 @@ from schemas.plan import AxesName, AxisMove, Region
 T = TypeVar("T")
 
 FRAMES = 3  # a frame that was dropped or is old is asked for again so often, in all
-_SHORTEST_S = 1e-3  # a wait that moves any clock on
 
 
 class Motion:
@@ -40,10 +37,17 @@ class Motion:
     ----------
     pause : callable
         Called before and after every motion; it may wait, or raise MP860.
+    caller : Caller or None
+        Makes the calls of devices; None: each kind of trouble with its code.
     """
 
-    def __init__(self, pause: Callable[[], None] = lambda: None) -> None:
-        self._caller = Caller()
+    def __init__(
+        self,
+        pause: Callable[[], None] = lambda: None,
+        *,
+        caller: Caller | None = None,
+    ) -> None:
+        self._caller = caller or Caller()
         self._pause = pause
         self._fault: ExecutorError | None = None
 
@@ -51,6 +55,30 @@ class Motion:
         """Return where an axis group is; MP847 if a number is not finite."""
         with self.guarded(station):
             return self._reading(station, group)[0]
+
+    def opening(self, station: Station) -> float:
+        """Return what the jaws read, um; MP847 if it is not finite."""
+        with self.guarded(station):
+            return self._opening(station)
+
+    def magnification(self, station: Station) -> float:
+        """Return what the zoom reads; MP847 if it is not finite."""
+        with self.guarded(station):
+            return self._lens(station, 0)
+
+    def rest(self, station: Station) -> None:
+        """Stop everything and wait until it stands; MP841, MP844, MP845 if it does not.
+
+        A drive that is stopped still takes its way to a stand.
+        """
+        with self.guarded(station):
+            left = self.stop(station)
+            if left:
+                raise ExecutorError("MP841", "not stopped: " + "; ".join(left))
+            for name, device in _movers(station).items():
+                self._wait_until_still(station, name, device.moving, lambda _: 0.0)
+            rules = station.rules
+            station.clock.wait(max(rules.stage.dwell_s, rules.robot.dwell_s))
 
     def travel(self, station: Station, move: AxisMove, phase: Phase) -> None:
         """Move one axis group and wait until it has settled.
@@ -76,7 +104,11 @@ class Motion:
             )
             away = {a: abs(v - getattr(now, a)) for a, v in target.items()}
             seconds = rules.speeds(move.axes).seconds(away, speed)
-            self._arrive(station, move.axes, now, target, seconds)
+
+            def read() -> tuple[AxisReading, bool]:
+                return self._reading(station, move.axes)
+
+            arrive(station, move.axes, read, now, target, seconds)
             self._pause()
 
     def grip(self, station: Station, opening_um: float) -> float:
@@ -156,13 +188,7 @@ class Motion:
 
     def stop(self, station: Station) -> list[str]:
         """Stop all devices at the same time; return what could not be stopped."""
-        named = {
-            "stage": station.stage,
-            "robot": station.robot,
-            "jaws": station.gripper,
-            "lens": station.lens,
-        }
-        calls = ((f"{n}.stop", d.stop) for n, d in named.items() if d is not None)
+        calls = ((f"{n}.stop", d.stop) for n, d in _movers(station).items())
         return call_all(calls, station.rules.safety.call_s)
 
     @contextmanager
@@ -214,40 +240,6 @@ class Motion:
         )
         surface_um = rules.stage_datum_z_um + stage
         check_fingers(robot, surface_um, phase, rules.safety)
-
-    def _arrive(
-        self,
-        station: Station,
-        group: AxesName,
-        start: AxisReading,
-        target: dict[str, float],
-        seconds: float,
-    ) -> None:
-        """Wait until the readings have stayed at the target; watch them meanwhile."""
-        settle, clock = station.rules.settle(group), station.clock
-        progress = Progress(start, target, settle)
-        there = all(getattr(start, axis) == value for axis, value in target.items())
-        dwell_s = 0.0 if there else settle.dwell_s
-        began_s = clock.now_s()
-        inside_s, rest_s = math.inf, math.inf  # since when inside, since when at rest
-        while True:
-            reading, moving = self._reading(station, group)
-            now_s = clock.now_s()
-            _check_inside(station, group, reading)
-            away = dict(outside(reading, target, settle))
-            inside_s = math.inf if away else min(inside_s, now_s)
-            rest_s = math.inf if moving or not away else min(rest_s, now_s)
-            if not (away or moving) and now_s - inside_s >= dwell_s:
-                return
-            late = now_s - began_s > seconds + settle.timeout_s
-            if late or now_s - rest_s > settle.stall_s / 2:
-                raise ExecutorError("MP845", _not_there(group, away, now_s - began_s))
-            progress.check(group, reading, now_s)
-            left_s = inside_s + dwell_s - now_s  # may be infinite
-            wait_s = min(
-                station.rules.safety.poll_s, left_s if left_s > 0 else math.inf
-            )
-            clock.wait(max(wait_s, _SHORTEST_S))
 
     def _drive(
         self,
@@ -318,18 +310,15 @@ class Motion:
         return frame
 
 
-def _check_inside(station: Station, group: AxesName, reading: AxisReading) -> None:
-    """Raise MP840 if a moving axis is beyond its limits by more than its window."""
-    settle = station.rules.settle(group)
-    for axis in AXES:
-        name = f"{group}.{axis}"
-        if name not in station.offer.travel:
-            continue
-        low, high = station.offer.travel[name]
-        window = settle.window(axis)
-        check_travel(
-            group, {axis: getattr(reading, axis)}, {name: (low - window, high + window)}
-        )
+def _movers(station: Station) -> dict[str, Mover]:
+    """Return what can move, by name."""
+    named = {
+        "stage": station.stage,
+        "robot": station.robot,
+        "jaws": station.gripper,
+        "lens": station.lens,
+    }
+    return {name: device for name, device in named.items() if device is not None}
 
 
 def _check_jaws(
@@ -346,11 +335,3 @@ def _check_jaws(
             f"the jaws read {after_um:.6g} um, were told {target_um:.6g} um and were "
             f"at {before_um:.6g} um",
         )
-
-
-def _not_there(group: str, away: dict[str, float], after_s: float) -> str:
-    """Return what is wrong with a motion that should have ended."""
-    if not away:
-        return f"{group} still says that it moves after {after_s:.3g} s"
-    off = ", ".join(f"{axis} by {value:.4g}" for axis, value in away.items())
-    return f"{group} is off its target after {after_s:.3g} s: {off}"

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 
 from executor.errors import ExecutorError
+from executor.inserting import insert
+from executor.listing import action_line, step_lines
 from executor.look import look_near
+from executor.outcome import RunResult as RunResult
+from executor.outcome import StepResult as StepResult
+from executor.probe import look_probed
 from executor.rig import Rig
 from executor.safety import Phase
 from executor.servo import align
@@ -24,42 +30,6 @@ from schemas.plan import (
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StepResult:
-    """What one step did; None where it does not apply."""
-
-    id: str
-    verb: str
-    code: str | None  # why it failed; None: done
-    message: str
-    time_s: float
-    expected_s: float | None
-    cycles: int | None
-    expected_cycles: float | None
-    error_um: float | None  # align: last error; verify: offset
-    limit_um: float | None
-    spread_um: float | None  # the routine's own sigma
-    expected_sigma_um: float | None  # from the trials
-    height_um: float | None
-    turn_rad: float | None = None  # verify: against the seat, if it was asked for
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RunResult:
-    """How the run ended; `code` is None if everything was done and verified."""
-
-    code: str | None
-    message: str
-    step: str | None  # where it failed
-    steps: tuple[StepResult, ...]
-    time_s: float
-
-    @property
-    def done(self) -> bool:
-        """Return whether the executor vouches for the result."""
-        return self.code is None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class _Outcome:
     """Figures of a step's action."""
 
@@ -75,8 +45,9 @@ def run_plan(rig: Rig) -> RunResult:
 
     After a fault nothing moves any more: the jaws keep what they hold.
     """
-    began_s = rig.station.clock.now_s()
-    results: list[StepResult] = []
+    began_s = rig.worked_s()
+    results = list(rig.past.results)  # of steps that an earlier executor finished
+    finished, before_s = len(results), sum(result.time_s for result in results)
     rig.journal.write(
         "run",
         plan=rig.plan.name,
@@ -84,6 +55,8 @@ def run_plan(rig: Rig) -> RunResult:
         devices=rig.station.devices(),
     )
     for number, step in enumerate(rig.plan.steps, start=1):
+        if number <= finished:
+            continue
         rig.journal.enter(step.id)
         rig.frames.enter(number, step.id)
         if rig.on_step is not None:
@@ -94,8 +67,18 @@ def run_plan(rig: Rig) -> RunResult:
             break
     rig.frames.leave()
     rig.journal.enter("")
-    ended = _result(rig, results, rig.station.clock.now_s() - began_s)
-    rig.journal.write("end", code=ended.code, why=ended.message)
+    time_s = before_s + rig.worked_s() - began_s
+    return _noted(rig, _result(rig, results, time_s))
+
+
+def _noted(rig: Rig, ended: RunResult) -> RunResult:
+    """Note how the run ended; an end that cannot be noted is a fault of its own."""
+    try:
+        rig.journal.write("end", code=ended.code, why=ended.message)
+        rig.intents.write("end", code=ended.code, why=ended.message)
+    except ExecutorError as error:
+        if ended.code is None:
+            return replace(ended, code=error.code, message=error.message)
     return ended
 
 
@@ -121,25 +104,28 @@ def acts_unverified(plan: Plan) -> bool:
 
 def _run_step(rig: Rig, step: Step) -> StepResult:
     """Run one step and say how it went."""
-    began_s = rig.station.clock.now_s()
-    rig.journal.write("begin", verb=step.verb, key=step.key)
-    outcome, code, message = _Outcome(), None, ""
+    began_s = rig.worked_s()
     try:
+        rig.journal.write("begin", verb=step.verb, key=step.key)
+        rig.announce("\n".join(step_lines(step)))
+        rig.enter(step.id)
         _keep_frame(rig, step)
         rig.phase = _phase(rig, step)
-        for move in step.moves:
-            rig.move(move)
+        rig.go_back()
+        for number, move in enumerate(step.moves, start=1):
+            rig.move(move, f"move {number}")
         outcome = _act(rig, step)
         _keep_frame(rig, step)
+        done = _step_result(step, outcome, None, "", rig.worked_s() - began_s)
+        rig.finish(done)
+        rig.journal.write("done")
+        return done
     except ExecutorError as error:
         code, message = error.code, error.message
         rig.motion.halt(rig.station, error)
-        rig.journal.write("failed", code=code, why=message)
-    else:
-        rig.journal.write("done")
-    return _step_result(
-        step, outcome, code, message, rig.station.clock.now_s() - began_s
-    )
+        with suppress(ExecutorError):  # a full disk is told already
+            rig.journal.write("failed", code=code, why=message)
+        return _step_result(step, _Outcome(), code, message, rig.worked_s() - began_s)
 
 
 def _phase(rig: Rig, step: Step) -> Phase:
@@ -160,10 +146,12 @@ def _keep_frame(rig: Rig, step: Step) -> None:
 def _act(rig: Rig, step: Step) -> _Outcome:
     """Perform the step's own action."""
     action = step.action
+    if step.irreversible and step.moves:  # else it was announced a moment ago
+        rig.announce(f"{step.id}: {action_line(step)}")
     match action:
         case LocateAction():
             look, retries = _look(step, action.look), step.conditions.on_failure
-            seen = look_near(rig, step.looks, look, retries)
+            seen = look_near(rig, step.looks, look, retries, look_probed)
             return _Outcome(spread_um=seen.spread_um)
         case AlignAction():
             return _align(rig, step, action)
@@ -173,9 +161,7 @@ def _act(rig: Rig, step: Step) -> _Outcome:
                 action.target, action.tool, rig.readings(), action.across_um
             )
         case InsertAction():
-            rig.phase = "insert"
-            for move in action.moves:
-                rig.move(move)
+            insert(rig, action, step.conditions.retreat)
         case ReleaseAction():
             rig.grip(action.opening_um)
             rig.beliefs.release(action.target, rig.readings())
@@ -224,7 +210,7 @@ def _step_result(
         code=code,
         message=message,
         time_s=time_s,
-        expected_s=None if control is None else control.expected_s,
+        expected_s=None if control is None else control.approach_s + control.expected_s,
         cycles=outcome.cycles,
         expected_cycles=None if control is None else control.expected_cycles,
         error_um=outcome.error_um,

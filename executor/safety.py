@@ -96,7 +96,16 @@ def check_travel(
 def check_step(
     move: AxisMove, now: AxisReading, phase: Phase, limit: PhaseLimit
 ) -> None:
-    """Raise MP843 if a move is longer, turns more or is faster than its phase may."""
+    """Raise MP843 if a move is longer, turns more or is faster than its phase may.
+
+    So does a speed that leads nowhere.
+    """
+    if move.speed_um_per_s is not None and not move.speed_um_per_s > 0:
+        raise ExecutorError(
+            "MP843",
+            f"{move.axes}: speed of {move.speed_um_per_s:.6g} um/s in phase {phase}, "
+            "must be positive",
+        )
     away = {a: abs(v - getattr(now, a)) for a, v in targets(move).items()}
     turn_rad = away.pop("theta_rad", 0.0)
     found = (

@@ -7,7 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from executor.errors import ExecutorError
-from executor.look import look_at
+from executor.look import UNSEEN, Sighting
+from executor.near import Near
+from executor.probe import look_probed
 from executor.reach import readings_for
 from executor.rig import Rig
 from schemas.plan import AlignAction, AxisMove, Control, Look, OnFailure
@@ -38,20 +40,22 @@ def align(
     The first approach goes by beliefs along `action.path`; every correction moves by
     gain times the measured error. Nothing moves once the raw error is inside the
     tolerance: correcting for ever is noisier. `look_then_move` corrects once, fully,
-    without another look.
+    without another look. A target that is lost after a correction is looked for once
+    more from where it was seen last.
 
     Raises
     ------
     ExecutorError
         MP830 after `max_cycles` looks, MP831 if the error grows beyond what
-        noise explains, MP832 if a correction is too large; codes of `look_at`.
+        noise explains, MP832 if a correction is too large; codes of `look_probed`.
     """
     rig.phase = "approach"
     approach(rig, action, control)
     rig.phase = "servo"
-    errors_um: list[float] = []
+    errors_um = list(rig.past.errors_um)  # before the executor was killed
+    watch, near = _Watch(action), None
     while True:
-        seen = look_at(rig, look, on_failure)
+        seen = watch.look(rig, look, on_failure, near)
         if control.tolerance_theta_rad is not None and seen.theta_rad is None:
             raise ExecutorError("MP824", f"look {look.id} gives no angle")
         error_um, turn_rad = _error(rig, action)
@@ -60,6 +64,7 @@ def align(
             cycles=len(errors_um), error_um=error_um, spread_um=seen.spread_um
         )
         rig.journal.write("error", error_um=error_um, turn_rad=turn_rad)
+        rig.intents.write("error", error_um=error_um)
         if _inside(error_um, turn_rad, control):
             return ended
         _check(errors_um, turn_rad, control, action)
@@ -67,6 +72,45 @@ def align(
         rig.move(correction(rig, action, control, control.gain if servo else 1.0))
         if not servo:
             return ended
+        near = _near(seen, look, control)
+
+
+def _near(seen: Sighting, look: Look, control: Control) -> Near | None:
+    """Return where a look's features must be after a correction, if that is known."""
+    if control.move_sigma_um is None:
+        return None
+    sigma_um = math.hypot(control.move_sigma_um, look.measure.sigma_xy_um)
+    return Near(features=seen.features, sigma_um=sigma_um)
+
+
+class _Watch:
+    """Looks of one alignment; a target that was seen may be lost once."""
+
+    def __init__(self, action: AlignAction) -> None:
+        self._action = action
+        self._seen_at: AxisMove | None = None
+        self._lost = False
+
+    def look(
+        self,
+        rig: Rig,
+        look: Look,
+        on_failure: Sequence[OnFailure],
+        near: Near | None = None,
+    ) -> Sighting:
+        """Look; a target that is lost is looked for where it was seen last."""
+        try:
+            seen = look_probed(rig, look, on_failure, near=near)
+        except ExecutorError as error:
+            back = self._seen_at
+            if self._lost or back is None or error.code not in UNSEEN:
+                raise
+            self._lost = True
+            rig.journal.write("lost", look=look.id, code=error.code, back=back)
+            rig.move(back)
+            seen = look_probed(rig, look, on_failure)
+        self._seen_at = _standing(rig, self._action)
+        return seen
 
 
 def approach(rig: Rig, action: AlignAction, control: Control) -> None:
@@ -79,7 +123,8 @@ def approach(rig: Rig, action: AlignAction, control: Control) -> None:
                 x_um=final.x_um if "x" in axes else None,
                 y_um=final.y_um if "y" in axes else None,
                 theta_rad=final.theta_rad if number == 0 else None,
-            )
+            ),
+            f"approach {number + 1}",
         )
 
 
@@ -101,6 +146,14 @@ def correction(
         here.y_um + gain * (goal.y_um - here.y_um),
     )
     return readings_for(action.axes, readings, here, wanted, turn_rad)
+
+
+def _standing(rig: Rig, action: AlignAction) -> AxisMove:
+    """Return the readings of the alignment's axes, as a move back to them."""
+    now = rig.readings().reading(action.axes)
+    return AxisMove(
+        axes=action.axes, x_um=now.x_um, y_um=now.y_um, theta_rad=now.theta_rad
+    )
 
 
 def _error(rig: Rig, action: AlignAction) -> tuple[float, float]:

@@ -25,10 +25,16 @@ class Site:
     name: str
     station: Station
     cell: Cell | None
+    source: bytes | None = None  # of the station file, as it was read
 
 
 def find_site(
-    asked: str, plan_folder: Path, *, seed: int = 0, faults: Sequence[str] = ()
+    asked: str,
+    plan_folder: Path,
+    *,
+    seed: int = 0,
+    faults: Sequence[str] = (),
+    left: Path | None = None,
 ) -> Site:
     """Return the station that was asked for.
 
@@ -40,6 +46,8 @@ def find_site(
         Its world.json is the simulated cell's.
     seed, faults
         Of the simulated cell; a station file states its own.
+    left : Path or None
+        Where the simulated cell left its world; None: a new one is made.
 
     Raises
     ------
@@ -52,7 +60,7 @@ def find_site(
     except ValueError as error:
         raise ExecutorError("MP804", str(error)) from error
     if asked == SIMULATED:
-        return _simulated(plan_folder, seed, faults)
+        return _simulated(plan_folder, seed, faults, left)
     if faults or seed:
         raise ExecutorError(
             "MP804", "--seed and --inject are for --station sim; a file states its own"
@@ -60,14 +68,23 @@ def find_site(
     loaded = read_station(Path(asked), plan_folder)
     cells = [hub for hub in loaded.hubs.values() if hasattr(hub, "judge")]
     return Site(
-        name=loaded.name, station=loaded.station, cell=cells[0] if cells else None
+        name=loaded.name,
+        station=loaded.station,
+        cell=cells[0] if cells else None,
+        source=loaded.source,
     )
 
 
-def _simulated(plan_folder: Path, seed: int, faults: Sequence[str]) -> Site:
+def _simulated(
+    plan_folder: Path, seed: int, faults: Sequence[str], left: Path | None
+) -> Site:
     """Return the simulated cell of the plan's world."""
     from executor.simulated.cell import build_cell  # optics only for the simulated cell
     from executor.simulated.hub import read_world
 
     cell = build_cell(read_world(plan_folder / "world.json"), seed, faults)
+    if left is not None:
+        from executor.simulated.keeping import take
+
+        take(cell, left)
     return Site(name=SIMULATED, station=cell.station, cell=cell)

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from executor.calibration import IDENTITY, Calibration
 from executor.drivers import Axes, AxisReading, Camera, Clock, Gripper, Lens, Light
 from executor.errors import ExecutorError
+from executor.gain import check_gains
 from executor.safety import Rules
 from featuresel.routines import REGISTRY
 from schemas.plan import AxesName, AxisMove, InsertAction, Look, Plan
@@ -18,8 +19,8 @@ Interval = tuple[float, float]
 _MATCH = 1e-5  # relative: plan numbers carry six digits
 # A first approach goes by beliefs over some 1000 um, and must end within the 20 um that
 # looks are sure to search: a turn or scale of the image up to 2 % does.
-_ALIGNED = 0.02
-_START_UM = 1e-3  # readings are commands read back: a nanometre is rounding
+ALIGNED = 0.02
+_POINT_UM = 1e-3  # between two points that are the same: a nanometre is rounding
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,6 +37,7 @@ class Offer:
     travel: Mapping[str, Interval]  # "stage.x_um" -> least, most
     theta_axis_um: tuple[float, float]
     calibration: Calibration | None = None  # None: as the plan assumes it
+    latency_frames: int = 0  # looks by which a frame is older than it seems
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,13 +81,16 @@ class Station:
         return self.gripper
 
 
-def preflight(plan: Plan, station: Station) -> None:
+def preflight(plan: Plan, station: Station, *, begun: bool = False) -> None:
     """Refuse a plan that this station cannot run.
+
+    Where its run has `begun`, the axes need not stand at its start.
 
     Raises
     ------
     ExecutorError
-        The first of MP801, MP805..MP811, MP814, MP815 that holds, with both values.
+        The first of MP801, MP805..MP811, MP814, MP815, MP837 that holds, with both
+        values.
     """
     if plan.status != "feasible":
         why = "; ".join(f"{r.code} in {r.step}: {r.message}" for r in plan.reasons)
@@ -97,8 +102,10 @@ def preflight(plan: Plan, station: Station) -> None:
     _check_axis(plan, station.offer)
     _check_calibration(plan, station.offer.calibration)
     _check_speeds(plan, station.rules)
+    check_gains(plan, station.offer.latency_frames, station.offer.calibration)
     _check_routines(plan)
-    _check_start(plan, station)
+    if not begun:
+        _check_start(plan, station)
 
 
 def _check_camera(plan: Plan, offer: Offer) -> None:
@@ -139,7 +146,7 @@ def _check_travel(plan: Plan, offer: Offer) -> None:
 def _check_axis(plan: Plan, offer: Offer) -> None:
     """The stage must turn about the point the plan was computed with."""
     need, found = plan.requirements.theta_axis_um, offer.theta_axis_um
-    if math.dist(need, found) > _START_UM:
+    if math.dist(need, found) > _POINT_UM:
         raise ExecutorError(
             "MP809", f"the plan turns about {need} um, the stage about {found} um"
         )
@@ -157,11 +164,11 @@ def _check_calibration(plan: Plan, found: Calibration | None) -> None:
         for row, plain in zip(rows, IDENTITY, strict=True)
         for a, b in zip(row, plain, strict=True)
     )
-    if apart > _ALIGNED:
+    if apart > ALIGNED:
         raise ExecutorError(
             "MP814",
             f"the image follows the stage by {rows}, the plan needs {IDENTITY} within "
-            f"{_ALIGNED:g}",
+            f"{ALIGNED:g}",
         )
     for step in plan.steps:
         for look in step.looks:
@@ -228,19 +235,22 @@ def _check_start(plan: Plan, station: Station) -> None:
     starts = [m for m in (plan.stage_start, plan.robot_start) if m is not None]
     for start in starts:
         reading = station.axes(start.axes).reading()
+        settle = station.rules.settle(start.axes)
         for name, wanted, found in _pairs(start, reading):
-            if abs(wanted - found) > _START_UM:
+            if not abs(wanted - found) <= settle.window(name) + _MATCH * abs(wanted):
                 raise ExecutorError(
                     "MP811",
                     f"{start.axes}.{name} reads {found:g}, the plan starts at "
                     f"{wanted:g}",
                 )
-    opening = plan.opening_start_um
-    if opening is not None and abs(station.jaws().reading() - opening) > _START_UM:
+    opening_um = plan.opening_start_um
+    if opening_um is None:
+        return
+    reads_um, window_um = station.jaws().reading(), station.rules.jaws_window_um
+    if not abs(reads_um - opening_um) <= window_um + _MATCH * abs(opening_um):
         raise ExecutorError(
             "MP811",
-            f"the jaws read {station.jaws().reading():g} um, the plan starts at "
-            f"{opening:g} um",
+            f"the jaws read {reads_um:g} um, the plan starts at {opening_um:g} um",
         )
 
 

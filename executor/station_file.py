@@ -28,6 +28,7 @@ class Loaded:
     """A station as its file describes it; `hubs` are what serves several devices."""
 
     name: str
+    source: bytes  # the file as it was read
     station: Station
     hubs: Mapping[str, Any]
 
@@ -44,7 +45,8 @@ def read_station(path: Path, plan_folder: Path) -> Loaded:
         MP812 with file, key, what was found and what is allowed; MP813 if a driver
         cannot be loaded.
     """
-    top = Table(str(path), "", _parsed(path))
+    source, data = _parsed(path)
+    top = Table(str(path), "", data)
     version = top.whole("microplan_station")
     if version != FORMAT:
         top.refuse("microplan_station", f"found {version}", f"allowed: {FORMAT}")
@@ -73,13 +75,14 @@ def read_station(path: Path, plan_folder: Path) -> Loaded:
         offer=offer,
         rules=rules,
     )
-    return Loaded(name=name, station=station, hubs=hubs)
+    return Loaded(name=name, source=source, station=station, hubs=hubs)
 
 
-def _parsed(path: Path) -> dict[str, Any]:
-    """Return the file's data."""
+def _parsed(path: Path) -> tuple[bytes, dict[str, Any]]:
+    """Return the file's bytes and its data."""
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        source = path.read_bytes()
+        return source, tomllib.loads(source.decode("utf-8").replace("\r\n", "\n"))
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise ExecutorError("MP812", f"{path}: {error}") from error
     except RecursionError as error:
@@ -143,6 +146,7 @@ def _offer(top: Table, roles: tuple[str, ...]) -> Offer:
         height_px=camera.whole("height_px"),
         pitch_um=camera.number("pitch_um", above=0),
         bits=camera.whole("bits"),
+        latency_frames=_latency(camera),
         magnification=lens.interval("magnification"),
         focus_um=lens.interval("focus_um"),
         opening_um=None if jaws is None else jaws.interval("opening_um"),
@@ -152,6 +156,12 @@ def _offer(top: Table, roles: tuple[str, ...]) -> Offer:
     )
     camera.finish()
     return offer
+
+
+def _latency(camera: Table) -> int:
+    """Return by how many looks a frame is older than it seems, 0 if nothing is told."""
+    name = "latency_frames"
+    return camera.whole(name, least=0) if camera.has(name) else 0
 
 
 def _travel(group: Table, name: str) -> dict[str, tuple[float, float]]:

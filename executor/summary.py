@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from executor.run import RunResult, StepResult
@@ -40,7 +40,12 @@ def table(result: RunResult, errors_um: Mapping[str, float] | None = None) -> st
     """
     known = errors_um or {}
     rows = [_HEAD, *(_row(step, known.get(step.id)) for step in result.steps)]
-    widths = [max(len(row[i]) for row in rows) for i in range(len(_HEAD))]
+    return columns(rows)
+
+
+def columns(rows: Sequence[Sequence[str]]) -> str:
+    """Return rows of the same number of cells as lines, the cells below each other."""
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
     lines = (
         "  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip()
         for row in rows

@@ -36,6 +36,10 @@ class Table:
         self._read.add(name)
         return name in self._data
 
+    def value(self, name: str) -> Any:
+        """Return what a key holds, unchecked; None if it is missing."""
+        return self._data.get(name) if self.has(name) else None
+
     def table(self, name: str) -> Table:
         """Return a table; one that is missing is empty."""
         data = self._data.get(name, {}) if self.has(name) else {}

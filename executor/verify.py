@@ -7,17 +7,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from executor.errors import ExecutorError
-from executor.look import Sighting, look_at, to_unit
+from executor.focus_sweep import Height, height_by_sweep
+from executor.look import UNSEEN, Sighting, look_at
 from executor.rig import Rig
-from featuresel.routines import Failure
 from schemas.plan import HeightSearch, Look, OnFailure, VerifyAction
 from schemas.pose import Pose
-
-# Half width of the scored ring over its radius: wide enough for the edge's blur some
-# tens of um out of focus, too narrow for the post inside a bore or the teeth outside.
-RING_HALF = 0.2
-# a look that ends so did not see what it looks for
-UNSEEN = ("MP820", "MP821", "MP822", "MP823", "MP825", "MP826")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,6 +21,7 @@ class Verified:
     offset_um: float
     height_um: float | None  # None: the plan does not ask for it
     turn_rad: float | None = None  # against the seat; None: the same
+    height: Height | None = None  # with the curve of its sweep
 
 
 def verify(
@@ -58,12 +53,17 @@ def verify(
     turn_rad = None
     if action.within_rad is not None:
         turn_rad = check_turn(action, action.within_rad, part, seat)
-    height_um = None
+    height = None
     if action.height is not None:
-        height_um = _check_height(rig, action.height, by_id[action.height.look], part)
+        height = _check_height(rig, action.height, by_id[action.height.look], part)
     if action.empty is not None:
         _check_empty(rig, action.empty)
-    return Verified(offset_um=offset_um, height_um=height_um, turn_rad=turn_rad)
+    return Verified(
+        offset_um=offset_um,
+        height_um=None if height is None else height.z_um,
+        turn_rad=turn_rad,
+        height=height,
+    )
 
 
 def _find(rig: Rig, look: Look, on_failure: Sequence[OnFailure]) -> Sighting:
@@ -95,19 +95,9 @@ def check_turn(
     return turn_rad
 
 
-def _check_height(rig: Rig, search: HeightSearch, look: Look, part: Sighting) -> float:
-    """Return the height at which the part's face is sharpest, um."""
-    from featuresel.routines.focus import peak  # loads cv2, not needed at start
-
-    scores = [_score_at(rig, search, look, part, focus) for focus in search.focus_um]
-    found = peak(search.focus_um, scores)
-    if isinstance(found, Failure):
-        raise ExecutorError(
-            "MP853",
-            f"{part.target}: no height between {min(search.focus_um):g} and "
-            f"{max(search.focus_um):g} um ({found.code}): {found.message}",
-            cause=found.code,
-        )
+def _check_height(rig: Rig, search: HeightSearch, look: Look, part: Sighting) -> Height:
+    """Return the height of the part's face; MP852 if it is not that of a seated one."""
+    found = height_by_sweep(rig, search, look, part)
     rig.journal.write("height", z_um=found.z_um, sigma_um=found.sigma_um)
     if not abs(found.z_um - search.expected_um) <= search.within_um:
         raise ExecutorError(
@@ -115,27 +105,7 @@ def _check_height(rig: Rig, search: HeightSearch, look: Look, part: Sighting) ->
             f"{part.target} is at {found.z_um:.4g} um, expected "
             f"{search.expected_um:g} um within {search.within_um:g} um",
         )
-    return found.z_um
-
-
-def _score_at(
-    rig: Rig, search: HeightSearch, look: Look, part: Sighting, focus_um: float
-) -> float:
-    """Return how sharp the part's edges are with the focus at `focus_um`."""
-    from featuresel.routines.focus import ring_mask, score  # as above
-
-    rig.set_view(look.view, focus_um=focus_um)
-    counts = rig.grab(look.measure.region, keep=False)  # mostly blurred
-    image = to_unit(counts, rig.plan.requirements.bits)
-    mask = None
-    if search.ring_radius_um:
-        column, row = rig.frame_of(look).to_pixel(part.x_um, part.y_um)
-        radius_px = search.ring_radius_um / look.view.um_per_px
-        mask = ring_mask(counts.shape, column, row, radius_px, RING_HALF * radius_px)
-    try:
-        return score(image, mask)
-    except ValueError as error:  # black, or the ring is out of the picture
-        raise ExecutorError("MP853", f"{part.target}: {error}") from error
+    return found
 
 
 def _check_empty(rig: Rig, tool: str) -> None:

@@ -24,6 +24,7 @@ from planner.model.check import check_fits
 from planner.model.steps import StepState, unfold
 from planner.model.targets import middle_um
 from planner.outputs.emit import PlanFiles
+from planner.outputs.solids import finger_solids, part_solids
 from planner.outputs.world import build_world
 from planner.presets import PRESETS, Preset
 from planner.requirements import requirements
@@ -120,6 +121,8 @@ def build_plan(
         success_probability=chance if complete else 0.0,
         success_goal=task.success_goal,
         steps=compiled,
+        parts=part_solids(task),
+        fingers=finger_solids(task),
     )
 
 
@@ -243,6 +246,7 @@ def _beliefs(task: Task, start: State) -> tuple[p.Belief, ...]:
             pose=part.pose,
             sigma_xy_um=part.sigma_xy_um,
             sigma_theta_rad=part.sigma_theta_rad,
+            z_um=task.workcell.stage.datum_z_um + part.z_um,  # all start on the stage
         )
         for name, part in sorted(start.parts.items())
     ]

@@ -134,15 +134,23 @@ def turn_of(task: Task, align: StepState) -> Turn | None:
 
 
 def control_of(
-    task: Task, align: StepState, within_um: float, choice: MethodChoice | None = None
+    task: Task,
+    align: StepState,
+    within_um: float,
+    choice: MethodChoice | None = None,
+    *,
+    setting_s: float = 0.0,
 ) -> Control:
-    """Return how the alignment is run; as it says itself without a `choice`."""
+    """Return how the alignment is run; as it says itself without a `choice`.
+
+    `setting_s` is what zoom and focus take before its first look.
+    """
     step, carrier = align.step, moved_by(task, align)
     method: MethodName = "servo" if choice is None else choice.method
     if choice is None and step.method == "look_then_move":
         method = "look_then_move"
     option = _option(task, align, within_um, method)
-    approach_s = _approach_s(task, align)
+    approach_s = _approach_s(task, align) + setting_s
     floor_s = approach_s + option.looks * _floor_s(task, carrier)
     return Control(
         method=method,
@@ -160,6 +168,7 @@ def control_of(
         floor_s=floor_s,
         ratio_to_floor=(approach_s + option.expected_s) / floor_s,
         choice=choice,
+        move_sigma_um=axes_of(task, carrier).repeatability_xy_um,
     )
 
 
@@ -244,17 +253,33 @@ def _floor_s(task: Task, carrier: Carrier) -> float:
 
 
 def _approach_s(task: Task, align: StepState) -> float:
-    """Return how long the first approach moves, and settles between its legs."""
-    carrier = moved_by(task, align)
-    axes = axes_of(task, carrier)
-    here = locate_place(task, align.before, align.step.target or "").pose
-    goal = locate_place(task, align.at_look, align.step.target or "").pose
-    way = (abs(goal.x_um - here.x_um), abs(goal.y_um - here.y_um))
+    """Return how long the first approach moves, and settles between its legs.
+
+    It goes by what looks found: a leg that is nominally 0 is as long as the start
+    spreads of the parts make it on average.
+    """
+    axes = axes_of(task, moved_by(task, align))
+    names = (align.step.target or "", align.step.to or "")
+    here = locate_place(task, align.before, names[0]).pose
+    goal = locate_place(task, align.at_look, names[0]).pose
+    starts = [task.part_starts.get(owner_of(name)) for name in names]
+    sigma_um = math.hypot(*(s.sigma_xy_um for s in starts if s is not None))
+    nominal = (goal.x_um - here.x_um, goal.y_um - here.y_um)
+    way = [folded_mean(value, sigma_um) for value in nominal]
     legs = [max(w for a, w in zip("xy", way, strict=True) if a in leg)
             for leg in align.path]  # fmt: skip
     moves = [leg for leg in legs if leg > 0]
     pauses = max(len(moves) - 1, 0) * axes.settle_s
     return sum(moves) / axes.speed_xy_um_per_s + pauses
+
+
+def folded_mean(mean: float, sigma: float) -> float:
+    """Return the mean of |x| for a normal x."""
+    if sigma <= 0:
+        return abs(mean)
+    ratio = mean / sigma
+    tail = math.sqrt(2 / math.pi) * sigma * math.exp(-(ratio**2) / 2)
+    return tail + mean * math.erf(ratio / math.sqrt(2))
 
 
 def max_step_um(task: Task, carrier: Carrier) -> float:
@@ -294,7 +319,7 @@ def borne_um(
     if step is None or before is None or goal <= 0 or before.sigma_um <= 0:
         return None
     here = next(s for s in states if s.step is step)
-    look = replace(before, step=align.step.id)
+    look = replace(before, step=align.step.id, steady_um=None)
     left = left_by(task, align, "servo", within_um, before)
     job = insertion_of(task, states, here, left, {**seen, owner: look})
     if job is None or look.term not in job.sizes_um:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -37,6 +38,7 @@ from planner.pictures import Picture, picture
 from planner.presets import Effort
 from planner.records import evidence, scene_record, together_record, view_record
 from planner.sets import ChosenSet, Search, Sets, wanted
+from planner.steady import steady_sigma_um
 from planner.tried import Arrays, Tried, arrays_of
 from schemas import plan as p
 from schemas.views import ZoomTried
@@ -63,6 +65,7 @@ class CompiledLook:
     distortion_sigma_um: float  # of the middle of the target, by the lens
     coherence_um: float  # how far partly coherent light moves it
     found: tuple[Measured, ...] = ()  # the features measured, the target first
+    steady_um: float = math.inf  # `Sighted.steady_um`
 
 
 def compile_look(
@@ -277,6 +280,9 @@ class _Job:
             ),
             coherence_um=middle_offset_um(task, request.state, shape, case.microscope),
             found=tuple(found),
+            steady_um=math.inf
+            if together is not None
+            else steady_sigma_um(found[0].tried, found[0].chosen, task.seed),
         )
 
 

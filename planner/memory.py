@@ -26,6 +26,8 @@ class Memory:
     choice: MethodChoice | None = None  # of the last alignment
     setting: Setting | None = None  # of the microscope; None: nothing was looked at
     before: Sighted | None = None  # the look that its first approach went by
+    # owner -> the last look that told its angle
+    angles: Mapping[str, Sighted] = field(default_factory=dict)
 
 
 def remember(
@@ -40,6 +42,7 @@ def remember(
         name=look.look.target,
         step=step,
         sigma_um=math.hypot(look.look.sigma_xy_um, moved_um),
+        steady_um=math.hypot(look.steady_um, moved_um),
         sigma_theta_rad=look.look.sigma_theta_rad,
         magnification=view.magnification,
         focus_um=view.focus_um,
@@ -48,12 +51,14 @@ def remember(
         place_um=(measure.reference.pose.x_um, measure.reference.pose.y_um),
     )
     owner = owner_of(look.look.target)
+    told = {} if seen.sigma_theta_rad is None else {owner: seen}
     return replace(
         memory,
         magnification=view.magnification,
         setting=Setting(look=look.look.id, view=view),
         seen={**memory.seen, owner: seen},
         looks={**memory.looks, owner: look},
+        angles={**memory.angles, **told},
     )
 
 

@@ -84,7 +84,7 @@ def left_of(put: Putting) -> Left:
         method_taken(put.align, put.memory),
         put.memory.within_um,
         put.memory.before,
-        turning_of(put).left_inside,
+        turning_of(put).left_inside if put.turned is put.align else 1.0,
     )
 
 
@@ -119,31 +119,34 @@ def _placement(put: Putting) -> Placement:
 
 def turning_of(put: Putting) -> Turning:
     """Return the error of the part's angle against its seat's."""
-    task, align, state = put.task, put.align, put.release.before
+    task, turned, state = put.task, put.turned, put.release.before
     spread = [state.parts[name].sigma_theta_rad for name in (put.part, put.seat)]
     since = list(_since_turns(put))
-    if align is None or align.step.tolerance_theta_rad is None:
+    if turned is None:
         left = math.hypot(*spread, task.workcell.stage.axes.repeatability_theta_rad)
         return Turning(left_rad=left, cut_rad=math.inf, rows=tuple(since))
-    repeats = axes_of(task, moved_by(task, align)).repeatability_theta_rad
+    repeats = axes_of(task, moved_by(task, turned)).repeatability_theta_rad
     rows = [
         TurnRow(
             term=f"angle of {name if seen is None else seen.name}",
             sigma_rad=_angle_rad(seen, wide),
             source="trials"
-            if seen is not None and seen.sigma_theta_rad is not None
+            if seen is not None
             else "not measured: its spread in the task",
         )
-        for name, seen, wide in zip((put.part, put.seat), put.seen, spread, strict=True)
+        for name, seen, wide in zip((put.part, put.seat), put.told, spread, strict=True)
     ]
-    if put.memory.choice is not None and put.memory.choice.method == "look_then_move":
+    # what is remembered of an alignment is of the last one
+    last, choice = turned is put.align, put.memory.choice
+    method = choice.method if last and choice is not None else turned.step.method
+    if method == "look_then_move":
         left, cut = math.sqrt(2) * repeats, math.inf
     else:
-        before = put.memory.before
-        known = spread[owner_of(align.step.target or "") == put.seat]
+        known = spread[owner_of(turned.step.target or "") == put.seat]
+        before = put.memory.before if last else None
         first = math.hypot(_angle_rad(before, known), math.sqrt(2) * repeats)
         left = max(repeats * math.sqrt(2 / (2 - gain_of(task))), first)
-        cut = align.step.tolerance_theta_rad
+        cut = turned.step.tolerance_theta_rad or math.inf
     return Turning(left_rad=left, cut_rad=cut, rows=(*rows, *since))
 
 
@@ -184,8 +187,9 @@ def _since_turns(put: Putting) -> Iterator[TurnRow]:
 
 
 def _since(put: Putting) -> tuple[tuple[Carrier, Sequence[StepState]], ...]:
-    """Return the steps in which each carrier must stand still."""
-    return (("stage", put.since_align), ("robot", put.since_seen))
+    """Return the steps in which each carrier must not turn."""
+    stage = put.since_align if put.turned is None else put.since_turned
+    return (("stage", stage), ("robot", put.since_seen))
 
 
 def _levers(put: Putting) -> Iterator[BudgetRow]:
@@ -193,12 +197,13 @@ def _levers(put: Putting) -> Iterator[BudgetRow]:
     if put.align is None:
         return
     state = put.release.before
-    for name, seen, point in zip(
-        (put.part, put.seat), put.seen, (put.verify.target, put.verify.on), strict=True
+    points = (put.verify.target, put.verify.on)
+    for name, seen, told, point in zip(
+        (put.part, put.seat), put.seen, put.told, points, strict=True
     ):
         if seen is None:
             continue
-        sigma = _angle_rad(seen, state.parts[name].sigma_theta_rad)
+        sigma = _angle_rad(told, state.parts[name].sigma_theta_rad)
         way = way_um(put, name, seen.name, point or "")
         yield from _lever(LEVER.format(seen.name), sigma, way)
     aligned = next(

@@ -39,6 +39,9 @@ class Putting:
     since_align: tuple[StepState, ...]  # up to the release
     since_seen: tuple[StepState, ...]  # the last look at the part, up to the release
     memory: Memory
+    held: tuple[StepState, ...] = ()  # from the grasp up to the release
+    turned: StepState | None = None  # the last alignment that corrected the angle
+    since_turned: tuple[StepState, ...] = ()  # up to the release
 
     @property
     def part(self) -> str:
@@ -56,11 +59,17 @@ class Putting:
         return (self.memory.seen.get(self.part), self.memory.seen.get(self.seat))
 
     @property
-    def turns(self) -> bool:
-        """Return whether the alignment corrects the angle."""
-        return (
-            self.align is not None and self.align.step.tolerance_theta_rad is not None
-        )
+    def told(self) -> tuple[Sighted | None, Sighted | None]:
+        """Return the last looks that told the angles of part and seat as they are."""
+        return (self._told(self.part), self._told(self.seat))
+
+    def _told(self, name: str) -> Sighted | None:
+        """Return the last look since the grasp that told the angle of a part."""
+        last = self.memory.seen.get(name)
+        if last is None or last.sigma_theta_rad is None:
+            last = self.memory.angles.get(name)
+        held = {here.step.id for here in self.held}
+        return last if last is not None and last.step in held else None
 
 
 def putting_of(
@@ -81,6 +90,7 @@ def putting_of(
         for k, state in enumerate(held)
         if state.step.verb == "align" and pair == _owners(state.step)
     ]
+    turning = [k for k in aligned if held[k].step.tolerance_theta_rad is not None]
     looked = [
         k
         for k, state in enumerate(held)
@@ -97,6 +107,9 @@ def putting_of(
         since_align=path[aligned[-1] + 1 :] if aligned else (),
         since_seen=path[looked[-1] + 1 :] if looked else path[1:],
         memory=memory,
+        held=tuple(held),
+        turned=held[turning[-1]] if turning else None,
+        since_turned=path[turning[-1] + 1 :] if turning else (),
     )
 
 

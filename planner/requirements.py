@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from planner.inputs.task import Task
-from planner.model.assembly import Axis4
+from planner.model.assembly import Axis4, Carrier, axes_of
 from planner.model.steps import StepState
 from schemas import plan as p
 
 AXES = ("x_um", "y_um", "z_um", "theta_rad")
+CARRIERS: tuple[Carrier, ...] = ("robot", "stage")
 
 
 def requirements(
@@ -35,6 +36,9 @@ def requirements(
         opening_um=_range(openings or [0.0]),
         travel=_travel(states),
         theta_axis_um=task.workcell.stage.theta_axis_um,
+        repeatability_um={
+            name: axes_of(task, name).repeatability_xy_um for name in CARRIERS
+        },
     )
 
 

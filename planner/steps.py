@@ -11,7 +11,12 @@ from dataclasses import dataclass, replace
 from planner.actions import action_of, axis_move
 from planner.checks.handling import report_handling, verdicts_of
 from planner.checks.mechanics import mechanical_rows
-from planner.checks.view_times import Setting, approach_times, view_change
+from planner.checks.view_times import (
+    Setting,
+    approach_times,
+    setting_time_s,
+    view_change,
+)
 from planner.coarse_looks import compile_looks, waits_between
 from planner.conditions import conditions_of
 from planner.control import borne_um, control_of, method_of, tolerance_um
@@ -141,7 +146,10 @@ def _step(
     step = here.step
     control = None
     if step.verb == "align":
-        control = control_of(task, here, memory.within_um, memory.choice)
+        setting_s = setting_time_s(task, here, looks[0].look)
+        control = control_of(
+            task, here, memory.within_um, memory.choice, setting_s=setting_s
+        )
     budget, placing = budget_of(task, states, here, memory, effects), None
     if step.verb == "release":
         placed = place_budget(task, states, here, memory, effects)

@@ -13,6 +13,7 @@ from typing import Any, Literal
 
 from schemas.codec import CodecError, from_data, to_data
 from schemas.pose import Pose
+from schemas.solids import Fingers, Solid
 from schemas.verdicts import (
     BudgetAnalysis,
     FitVerdict,
@@ -23,7 +24,7 @@ from schemas.verdicts import (
 )
 from schemas.views import CoarseFirst, ViewVerdict
 
-FORMAT_VERSION = "2.2"
+FORMAT_VERSION = "2.3"
 
 AxesName = Literal["stage", "robot"]
 
@@ -398,10 +399,13 @@ class Control:
     max_cycles: int
     expected_cycles: float
     expected_s: float  # looks and settling, after the first approach
-    approach_s: float = 0.0  # the first approach
+    approach_s: float = 0.0  # the first approach, zoom and focus set
     floor_s: float | None = None  # moves, settling and exposures alone
     ratio_to_floor: float | None = None  # of approach_s + expected_s
     choice: MethodChoice | None = None
+    # a corrected target lands so near, per axis: what a look after it starts from;
+    # None: not known, every look searches anew
+    move_sigma_um: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -478,6 +482,7 @@ class Belief:
     pose: Pose
     sigma_xy_um: float
     sigma_theta_rad: float  # pi: any
+    z_um: float = 0.0  # world height of the underside, its carrier's z reading at 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -503,6 +508,8 @@ class Requirements:
     opening_um: tuple[float, float]
     travel: Mapping[str, tuple[float, float]]  # "stage.x_um" -> least, most
     theta_axis_um: tuple[float, float]  # world point the stage turns about at reading 0
+    # one sigma per axis of where "stage" and "robot" land; None: not told
+    repeatability_um: Mapping[str, float] | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -545,6 +552,8 @@ class Plan:
     success_probability: float
     success_goal: float | None
     steps: tuple[Step, ...]
+    parts: tuple[Solid, ...] = ()  # the room they take up; (): not told
+    fingers: tuple[Fingers, ...] = ()
 
 
 def dump_plan(plan: Plan) -> str:

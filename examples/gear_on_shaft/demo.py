@@ -74,7 +74,9 @@ def closing_lines(plan: Path, run: Path, sheet: Path) -> str:
 
 def contact_sheet(frames: Path) -> Picture:
     """Return the last frame of every step, named, in rows of COLUMNS."""
-    tiles = [_tile(path) for path in sorted(frames.glob("*_last.png"))]
+    whole = [p for p in sorted(frames.glob("*.png")) if not p.stem.endswith("_region")]
+    last = {path.stem.rpartition("_")[0]: path for path in whole}  # of every step
+    tiles = [_tile(path, name) for name, path in last.items()]
     while len(tiles) % COLUMNS:
         tiles.append(np.zeros_like(tiles[0]))
     rows = [np.hstack(tiles[i : i + COLUMNS]) for i in range(0, len(tiles), COLUMNS)]
@@ -82,16 +84,15 @@ def contact_sheet(frames: Path) -> Picture:
     return sheet
 
 
-def _tile(path: Path) -> Picture:
+def _tile(path: Path, name: str) -> Picture:
     """Return one frame, smaller, with the step's name under its left corner."""
     frame = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
     if frame is None:
         raise OSError(f"{path} is no picture")
     small = cv2.resize(frame, None, fx=SHRINK, fy=SHRINK, interpolation=cv2.INTER_AREA)
     framed = cv2.copyMakeBorder(small, 0, 22, 1, 1, cv2.BORDER_CONSTANT, value=0)
-    name = path.stem.removesuffix("_last").replace("_", " ", 1)
-    at = (6, framed.shape[0] - 6)
-    cv2.putText(framed, name, at, cv2.FONT_HERSHEY_SIMPLEX, 0.5, 255, 1, cv2.LINE_AA)
+    words, at = name.replace("_", " ", 1), (6, framed.shape[0] - 6)
+    cv2.putText(framed, words, at, cv2.FONT_HERSHEY_SIMPLEX, 0.5, 255, 1, cv2.LINE_AA)
     return framed.astype(np.uint8)
 
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -109,6 +110,7 @@ class SimAxes:
         if target:
             with self._timeline.lock:
                 self._motion = self._planned(target, speed_um_per_s)
+        self._timeline.changed()
 
     def move(self, **targets: float) -> None:
         """Start a motion and let the cell's time pass until it has ended."""
@@ -144,7 +146,26 @@ class SimAxes:
         """Stay where the axes are now."""
         self._trouble.free()
         with self._timeline.lock:
-            self._motion = None
+            halted, self._motion = self._motion is not None, None
+        if halted:
+            self._timeline.changed()
+
+    def state(self) -> dict[str, Any]:
+        """Return commands, true places, errors and the motion under way."""
+        now, motion = self._state, self._motion
+        return {
+            "commanded": now.commanded,
+            "actual": now.actual,
+            "error": now.error,
+            "motion": None if motion is None else asdict(motion),
+        }
+
+    def restore(self, data: Mapping[str, Any]) -> None:
+        """Be where `state` says."""
+        now, motion = self._state, data["motion"]
+        now.commanded, now.actual = dict(data["commanded"]), dict(data["actual"])
+        now.error = dict(data["error"])
+        self._motion = None if motion is None else _Motion(**motion)
 
     def due_s(self) -> float:
         """Return when the next small step is due."""

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -66,6 +67,14 @@ class SimLight:
             raise ValueError(f"the level is {level}, must be 0 or more")
         self._level = level
 
+    def state(self) -> dict[str, Any]:
+        """Return the level."""
+        return {"level": self._level}
+
+    def restore(self, data: Mapping[str, Any]) -> None:
+        """Be where `state` says."""
+        self._level = data["level"]
+
     def now(self) -> Illumination:
         """Return the illumination."""
         x, y = self._gradient
@@ -114,6 +123,7 @@ class SimCamera:
         if self._faults.on("dropped_frames"):
             raise TimeoutError("no frame within its time")
         counts = self._counts(region)
+        self._timeline.changed()
         if self._faults.on("stale_frames"):
             exposed_s -= STALE_S
         if self._faults.on("short_frames"):

@@ -42,6 +42,7 @@ class Cell:
     clock: SimClock
     faults: Faults
     timeline: Timeline
+    draws: Mapping[str, np.random.Generator]  # by purpose
 
     def judge(
         self,
@@ -137,6 +138,7 @@ def build_cell(
     return Cell(
         truth=truth, station=station, stage=stage, robot=robot, jaws=jaws, lens=lens,
         light=light, camera=camera, clock=clock, faults=wrong, timeline=timeline,
+        draws=rng,
     )  # fmt: skip
 
 

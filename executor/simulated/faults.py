@@ -8,18 +8,23 @@ from dataclasses import dataclass
 # what a look at something wrong may end in; `verify` calls what it does not see MP850
 _LOOK = ("MP820", "MP821", "MP822", "MP823", "MP825", "MP826", "MP850")
 _SERVO = ("MP830", "MP831", "MP832")
+# the probe; a first look may not know what it sees in a mirror
+_TWISTED = ("MP833", "MP835", "MP820", "MP821")
 
 
 @dataclass(frozen=True, slots=True)
 class Fault:
     """One fault: what happens, and the codes one of which a run must end in.
 
-    A run that `may_stand` it may also end well: then the part is truly seated.
+    `codes` are for a fault that begins in some step, `from_start` for one that is there
+    before the first motion by camera; () if that makes no difference. A run that
+    `may_stand` it may also end well: then the part is truly seated.
     """
 
     what: str
     codes: tuple[str, ...]
     may_stand: bool = False
+    from_start: tuple[str, ...] = ()
 
 
 _AXIS = {
@@ -63,13 +68,23 @@ _OPTICS = {
         may_stand=True,
     ),
 }
-# Only a picture tells these: by a look's gates, or by an alignment that does not end.
+# Only a picture tells these: the probe; else a look's gates, or an alignment that does
+# not end, or leads where something stands.
+_LATER = (*_LOOK, *_SERVO, "MP836")
 _GEOMETRY = {
-    "mirror_camera": Fault("the camera swaps left and right", (*_LOOK, *_SERVO)),
-    "swap_camera": Fault("the camera swaps x and y", (*_LOOK, *_SERVO)),
-    "scale_camera": Fault("the picture is 10 % too large", (*_LOOK, *_SERVO, "MP851")),
+    "mirror_camera": Fault(
+        "the camera swaps left and right", _LATER, from_start=_TWISTED
+    ),
+    "swap_camera": Fault("the camera swaps x and y", _LATER, from_start=_TWISTED),
+    "scale_camera": Fault(
+        "the picture is 10 % too large",
+        (*_LATER, "MP851"),
+        from_start=("MP834", "MP835", "MP820", "MP821", "MP825"),
+    ),
     "reversed_axis": Fault(
-        "x of the stage goes the other way and reads as told", (*_LOOK, *_SERVO)
+        "x of the stage goes the other way and reads as told",
+        _LATER,
+        from_start=_TWISTED,
     ),
     "no_part": Fault("the part is not there", _LOOK),
 }

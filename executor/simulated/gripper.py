@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -30,7 +32,8 @@ class SimGripper:
         self._trouble = trouble
         self._stick = stick
         self._commanded = self._truth.opening_um
-        self._motion = Delayed(timeline)
+        self._target_um = self._commanded
+        self.motion = Delayed(timeline)
 
     @property
     def model(self) -> str:
@@ -51,16 +54,17 @@ class SimGripper:
                 f"opening {opening_um:g} um is outside {low:g}..{high:g} um"
             )
         self._trouble.refuse("raise")
-        self._motion.begin(JAW_TIME_S, lambda: self._arrive(opening_um))
+        self._begin(JAW_TIME_S, opening_um)
+        self._timeline.changed()
 
     def move(self, opening_um: float) -> None:
         """Start a motion and let the cell's time pass until it has ended."""
         self.start(opening_um)
-        self._timeline.run_out(self._motion)
+        self._timeline.run_out(self.motion)
 
     def reading(self) -> float:
         """Return the commanded opening: the drive does not feel what it holds."""
-        if self._motion.pending():
+        if self.motion.pending():
             self._trouble.hang("hang")
             if self._trouble.on("nan"):
                 return math.nan
@@ -68,12 +72,33 @@ class SimGripper:
 
     def moving(self) -> bool:
         """Return whether the jaws are under way."""
-        return self._motion.pending()
+        return self.motion.pending()
 
     def stop(self) -> None:
         """Leave the jaws where they are."""
         self._trouble.free()
-        self._motion.cancel()
+        if self.motion.pending():
+            self.motion.cancel()
+            self._timeline.changed()
+
+    def state(self) -> dict[str, Any]:
+        """Return the command, and the motion under way."""
+        return {
+            "commanded_um": self._commanded,
+            "target_um": self._target_um,
+            "left_s": self.motion.left_s(),
+        }
+
+    def restore(self, data: Mapping[str, Any]) -> None:
+        """Be where `state` says."""
+        self._commanded, self._target_um = data["commanded_um"], data["target_um"]
+        if data["left_s"] is not None:
+            self._begin(data["left_s"], data["target_um"])
+
+    def _begin(self, seconds: float, opening_um: float) -> None:
+        """Begin a motion that ends in `seconds`."""
+        self._target_um = opening_um
+        self.motion.begin(seconds, lambda: self._arrive(opening_um))
 
     def _arrive(self, opening_um: float) -> None:
         """Be at the new opening, with whatever is between the jaws or was."""

@@ -9,6 +9,7 @@ from pathlib import Path
 from executor.errors import ExecutorError
 from executor.simulated.axes import Drive
 from executor.simulated.cell import Cell, build_cell
+from executor.simulated.keeping import keep, take
 from schemas.codec import from_data
 from schemas.world import World
 
@@ -21,6 +22,7 @@ def cell(
     quantum_um: float = 0.0,
     backlash_um: float = 0.0,
     lag_s: float = 0.0,
+    kept: str = "",
 ) -> Cell:
     """Return the cell of a file world.json.
 
@@ -34,17 +36,25 @@ def cell(
         Names of `executor.simulated.faults.FAULTS`, or NAME@STEP.
     quantum_um, backlash_um, lag_s : float
         Of both drives; see `executor.simulated.axes.Drive`.
+    kept : str
+        A file in which the cell's world outlives the executor; deleted, the cell is new
+        again. "": nothing is kept.
 
     Raises
     ------
     ExecutorError
-        MP803 if the file cannot be read.
+        MP803 if a file cannot be read; MP866 if `kept` is of another world.
     ValueError
         If a fault or seed is none.
     """
     drive = Drive(quantum_um=quantum_um, backlash_um=backlash_um, lag_s=lag_s)
     drives = {"stage": drive, "robot": drive}
-    return build_cell(read_world(Path(world)), seed, faults, drives=drives)
+    made = build_cell(read_world(Path(world)), seed, faults, drives=drives)
+    if kept:
+        if Path(kept).exists():
+            take(made, Path(kept))
+        keep(made, Path(kept))
+    return made
 
 
 def read_world(path: Path) -> World:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -33,12 +34,13 @@ class SimLens:
         self._zoom_rng, self._focus_rng = rngs
         self._lateral = lateral  # um sideways per um of focus
         self._trouble = trouble
-        self._motion = Delayed(timeline)
+        self.motion = Delayed(timeline)
         self.errors = errors
         self.magnification = self._optics.magnification[0]
         self.focus_um = 0.0
         self._jump = (0.0, 0.0)
         self._commanded = (self.magnification, 0.0)
+        self._target = ("focus_um", 0.0)
 
     @property
     def model(self) -> str:
@@ -53,40 +55,26 @@ class SimLens:
     def start_magnification(self, magnification: float) -> None:
         """Zoom: the image jumps and the scale is off by a new amount."""
         self._check("magnification", magnification, self._optics.magnification)
-
-        def arrive() -> None:
-            scale, x, y = self._zoom_rng.standard_normal(3)
-            self._commanded = (magnification, self._commanded[1])
-            self.magnification = magnification * (1 + self._optics.scale_sigma * scale)
-            sigma_um = self._optics.parcentric_sigma_um
-            self._jump = (sigma_um * x, sigma_um * y)
-
-        self._begin(self._optics.zoom_time_s, arrive)
+        self._order(self._optics.zoom_time_s, "magnification", magnification)
 
     def start_focus_um(self, focus_um: float) -> None:
         """Focus, with its repeatability."""
         self._check("focus_um", focus_um, self._optics.focus_um)
-
-        def arrive() -> None:
-            error = self._focus_rng.standard_normal()
-            self._commanded = (self._commanded[0], focus_um)
-            self.focus_um = focus_um + self._optics.focus_repeatability_um * error
-
-        self._begin(self._optics.focus_time_s, arrive)
+        self._order(self._optics.focus_time_s, "focus_um", focus_um)
 
     def set_magnification(self, magnification: float) -> None:
         """Zoom, and let the cell's time pass until it is done."""
         self.start_magnification(magnification)
-        self._timeline.run_out(self._motion)
+        self._timeline.run_out(self.motion)
 
     def set_focus_um(self, focus_um: float) -> None:
         """Focus, and let the cell's time pass until it is done."""
         self.start_focus_um(focus_um)
-        self._timeline.run_out(self._motion)
+        self._timeline.run_out(self.motion)
 
     def reading(self) -> tuple[float, float]:
         """Return what was commanded: the drives do not see their errors."""
-        if self._motion.pending():
+        if self.motion.pending():
             self._trouble.hang("hangs")
             if self._trouble.on("nan"):
                 return (math.nan, self._commanded[1])
@@ -94,12 +82,35 @@ class SimLens:
 
     def moving(self) -> bool:
         """Return whether zoom or focus are under way."""
-        return self._motion.pending()
+        return self.motion.pending()
 
     def stop(self) -> None:
         """Leave zoom and focus where they are."""
         self._trouble.free()
-        self._motion.cancel()
+        if self.motion.pending():
+            self.motion.cancel()
+            self._timeline.changed()
+
+    def state(self) -> dict[str, Any]:
+        """Return commands, what they came to, and the motion under way."""
+        return {
+            "commanded": self._commanded,
+            "magnification": self.magnification,
+            "focus_um": self.focus_um,
+            "jump_um": self._jump,
+            "target": self._target,
+            "left_s": self.motion.left_s(),
+        }
+
+    def restore(self, data: Mapping[str, Any]) -> None:
+        """Be where `state` says."""
+        self._commanded = _pair(data["commanded"])
+        self.magnification, self.focus_um = data["magnification"], data["focus_um"]
+        self._jump = _pair(data["jump_um"])
+        name, value = data["target"]
+        self._target = (name, value)
+        if data["left_s"] is not None:
+            self._begin(data["left_s"], name, value)
 
     @property
     def shift_um(self) -> tuple[float, float]:
@@ -120,10 +131,36 @@ class SimLens:
         if not within[0] - slack <= value <= within[1] + slack:  # also refuses nan
             raise ValueError(f"{name} = {value:g} is outside {within[0]}..{within[1]}")
 
-    def _begin(self, seconds: float, arrive: Callable[[], None]) -> None:
-        """Begin a motion that changes the lens when it ends."""
+    def _order(self, seconds: float, name: str, value: float) -> None:
+        """Take the order to zoom or to focus."""
         self._trouble.refuse("raises")
-        self._motion.begin(math.inf if self._trouble.on("stuck") else seconds, arrive)
+        self._begin(math.inf if self._trouble.on("stuck") else seconds, name, value)
+        self._timeline.changed()
+
+    def _begin(self, seconds: float, name: str, value: float) -> None:
+        """Begin a motion that changes the lens when it ends."""
+        self._target = (name, value)
+        arrive = self._zoomed if name == "magnification" else self._focused
+        self.motion.begin(seconds, lambda: arrive(value))
+
+    def _zoomed(self, magnification: float) -> None:
+        """Be at a new zoom: the image jumps and the scale is off by a new amount."""
+        scale, x, y = self._zoom_rng.standard_normal(3)
+        self._commanded = (magnification, self._commanded[1])
+        self.magnification = magnification * (1 + self._optics.scale_sigma * scale)
+        sigma_um = self._optics.parcentric_sigma_um
+        self._jump = (sigma_um * x, sigma_um * y)
+
+    def _focused(self, focus_um: float) -> None:
+        """Be at a new focus, with its repeatability."""
+        error = self._focus_rng.standard_normal()
+        self._commanded = (self._commanded[0], focus_um)
+        self.focus_um = focus_um + self._optics.focus_repeatability_um * error
+
+
+def _pair(values: Sequence[float]) -> tuple[float, float]:
+    """Return two numbers of a list."""
+    return (values[0], values[1])
 
 
 def drawn_errors(lens: WorldLens, rng: np.random.Generator) -> LensErrors:

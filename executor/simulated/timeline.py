@@ -29,11 +29,13 @@ class Timeline:
     """Moves the truth's time on, step by step of all processes, in order.
 
     `lock` is held while a step is taken, so that a stop falls between two steps.
+    `changed` is called after every order that a device took.
     """
 
     def __init__(self, truth: Truth) -> None:
         self.truth = truth
         self.lock = threading.RLock()
+        self.changed: Callable[[], None] = lambda: None
         self._processes: list[Process] = []
 
     def add(self, process: Process) -> None:
@@ -78,6 +80,12 @@ class Delayed:
         """Drop the change that is to come, if there is one."""
         with self._timeline.lock:
             self._due_s, self._change = math.inf, None
+
+    def left_s(self) -> float | None:
+        """Return how long until the change, None if there is none to come."""
+        if self._change is None:
+            return None
+        return self._due_s - self._timeline.truth.time_s
 
     def pending(self) -> bool:
         """Return whether a change is to come."""

@@ -35,6 +35,8 @@ class Sighted:
     coherence_um: float  # how far partly coherent light moves its middle
     sigma_theta_rad: float | None = None  # None: the angle was not measured
     place_um: tuple[float, float] = (0.0, 0.0)  # from the optical axis
+    # `sigma_um` without what the zoom's scale makes of the place; None: the same
+    steady_um: float | None = None
 
     @property
     def term(self) -> str:
@@ -107,10 +109,7 @@ def blind_rows(
 def looking_rows(cell: Workcell, hole: Sighted, shaft: Sighted) -> list[BudgetRow]:
     """Return what two looks at different heights and zooms differ by."""
     apart_um = abs(hole.focus_um - shaft.focus_um)
-    rows = [
-        BudgetRow(term=seen.term, sigma_um=seen.sigma_um, source="trials")
-        for seen in (hole, shaft)
-    ]
+    rows = [_measured_row(seen) for seen in (hole, shaft)]
     rows.append(
         BudgetRow(
             term=FOCUS_TERM,
@@ -144,6 +143,15 @@ def looking_rows(cell: Workcell, hole: Sighted, shaft: Sighted) -> list[BudgetRo
     )
     rows.append(_scale_row(cell, hole, shaft, zoomed=zoomed))
     return rows
+
+
+def _measured_row(seen: Sighted) -> BudgetRow:
+    """Return what a look errs by; the scale is common to both and has its own row."""
+    steady_um, source = seen.steady_um, "trials"
+    if steady_um is None or steady_um >= seen.sigma_um:
+        return BudgetRow(term=seen.term, sigma_um=seen.sigma_um, source=source)
+    source += f" ({seen.sigma_um:.3g} um), less the zoom's scale, which has its own row"
+    return BudgetRow(term=seen.term, sigma_um=steady_um, source=source)
 
 
 def _scale_row(

@@ -70,6 +70,20 @@ def approach_times(task: Task, here: StepState) -> tuple[TimeRow, ...]:
     return tuple(rows)
 
 
+def setting_time_s(task: Task, here: StepState, look: Look) -> float:
+    """Return what zoom and focus take before a step's first look.
+
+    Raises
+    ------
+    ValueError
+        If the look has no verdict.
+    """
+    if look.verdict is None or look.verdict.change is None:
+        raise ValueError(f"look {look.id} has no times")
+    waits_s = sum(row.time_s for row in approach_times(task, here))
+    return look.verdict.change.total_s - waits_s - _frame(task.workcell).time_s
+
+
 def centre_times(task: Task, carrier: Carrier, sigma_um: float) -> tuple[TimeRow, ...]:
     """Return how long a target that is off by `sigma_um` per axis takes to centre.
 

@@ -1,5 +1,7 @@
 """What the benchmarks compare with: vectors, exact images, naive images, odds."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -40,12 +42,46 @@ def test_the_naive_script_shows_the_same_gear(z_um: float) -> None:
     assert np.abs(naive - ours).mean() < share
 
 
+def outcome(seed: int, *, done: bool, seated: bool) -> Outcome:
+    """Return a run that ended `seed` nm off, or that never let go, 1 mm off."""
+    return Outcome(
+        seed=seed, done=done, seated=seated, put_down=done or seated,
+        offset_um=seed / 1000 if done or seated else 1000.0, time_s=30.0, cycles=3,
+    )  # fmt: skip
+
+
+def plan(chance: float) -> Any:
+    """Return as much of a plan as the figures are compared with."""
+    insert = {
+        "rows": [{"sigma_um": 0.5}],
+        "analysis": {"covariance_um2": [0.1, 0.0, 0.1]},
+    }
+    control = {"tolerance_xy_um": 1.0, "expected_cycles": 2.5}
+    return {
+        "success_probability": chance,
+        "steps": [
+            {"verb": "align", "control": control},
+            {"verb": "insert", "control": None, "budget": insert},
+        ],
+    }
+
+
+def test_final_errors_are_those_of_parts_that_were_let_go() -> None:
+    runs = [outcome(i, done=True, seated=True) for i in range(100)]
+    runs += [outcome(i, done=False, seated=False) for i in range(100, 110)]
+    found = {figure.name: figure.value for figure in figures(runs, plan(0.9))}
+    assert found["executor.final_error_p95_um"] == pytest.approx(0.09405)
+    assert found["executor.final_error_p95_lower_um"] < 0.09405
+    assert found["executor.final_error_p95_upper_um"] == pytest.approx(0.099)
+    assert found["executor.cycles_predicted"] == 2.5
+
+
 def test_success_is_judged_by_the_cell_and_not_by_the_executor() -> None:
     ends = (
         [(True, True)] * 96 + [(True, False)] + [(False, True)] + [(False, False)] * 2
     )
-    outcomes = [Outcome(seed=i, done=d, seated=s) for i, (d, s) in enumerate(ends)]
-    found = {figure.name: figure.value for figure in figures(outcomes, 0.97)}
+    outcomes = [outcome(i, done=d, seated=s) for i, (d, s) in enumerate(ends)]
+    found = {figure.name: figure.value for figure in figures(outcomes, plan(0.97))}
     assert tuple(found) == NAMES
     assert found["executor.success"] == 0.97
     assert found["executor.false_done"] == 1
@@ -54,7 +90,7 @@ def test_success_is_judged_by_the_cell_and_not_by_the_executor() -> None:
 
 
 def test_a_prediction_far_off_is_refuted() -> None:
-    outcomes = [Outcome(seed=i, done=True, seated=i % 10 > 0) for i in range(200)]
-    found = {figure.name: figure.value for figure in figures(outcomes, 0.99)}
+    outcomes = [outcome(i, done=True, seated=i % 10 > 0) for i in range(200)]
+    found = {figure.name: figure.value for figure in figures(outcomes, plan(0.99))}
     # Poisson with mean 2: 20 failures have 2**20 e**-2 / 20! = 6e-14
     assert found["executor.success_p_value"] < 1e-12

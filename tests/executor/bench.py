@@ -29,6 +29,7 @@ from planner.diagnostics import Report
 from planner.inputs.read_task import load_task
 from planner.inputs.task import Task
 from planner.model.shapes import squeeze_minima_rad
+from planner.outputs.solids import finger_solids, part_solids
 from schemas.codec import to_data
 from schemas.plan import (
     FORMAT_VERSION,
@@ -64,6 +65,7 @@ from schemas.plan import (
     dump_plan,
 )
 from schemas.pose import Pose
+from schemas.solids import Fingers, Solid
 from schemas.world import (
     World,
     WorldAxes,
@@ -494,7 +496,7 @@ def measure(
         sigma_theta_rad=0.01 if any(u.id == "tooth_notch" for u in uses) else None,
         limit_xy_um=None,
         gates=Gates(min_score=0.3, max_shift_um=max_shift_um, max_turn_rad=None),
-        capture_um=40.0,
+        capture_um=25.0,
         symmetry=1,
         symmetry_broken_by="",
         usable_focus_um=(-5.0, 5.0),
@@ -598,6 +600,7 @@ def plan_of(steps: Sequence[Step]) -> Plan:
             opening_um=(96.0, 130.0),
             travel={"stage.x_um": (-600.0, 100.0), "robot.z_um": (30.0, 400.0)},
             theta_axis_um=(0.0, 0.0),
+            repeatability_um={"robot": 0.4, "stage": 1.0},
         ),
         beliefs=(
             _belief("gear", "stage", 600.0, 30.0),
@@ -616,7 +619,15 @@ def plan_of(steps: Sequence[Step]) -> Plan:
         success_probability=0.9,
         success_goal=None,
         steps=tuple(steps),
+        parts=_room()[0],
+        fingers=_room()[1],
     )
+
+
+@cache
+def _room() -> tuple[tuple[Solid, ...], tuple[Fingers, ...]]:
+    """Return the room that parts and fingers take up."""
+    return part_solids(task()), finger_solids(task())
 
 
 def _belief(name: str, carrier: str, x_um: float, sigma_um: float) -> Belief:

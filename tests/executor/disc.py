@@ -122,8 +122,18 @@ def noisy(move_sigma_um: float) -> World:
     return replace(found, stage=replace(found.stage, repeatability_xy_um=move_sigma_um))
 
 
-def rig_of(cell: Cell, artifacts: Artifacts, *, mirror: bool = False) -> Rig:
-    """Return a rig that knows where the gear starts, with a goal at the origin."""
+def rig_of(
+    cell: Cell,
+    artifacts: Artifacts,
+    *,
+    mirror: bool = False,
+    camera: PictureCamera | None = None,
+    probed: bool = True,
+) -> Rig:
+    """Return a rig that knows where the gear starts, with a goal at the origin.
+
+    Unless told otherwise its zoom is set and its axes were probed before.
+    """
     plan = plan_of(())
     goal = Belief(
         name="goal",
@@ -132,8 +142,11 @@ def rig_of(cell: Cell, artifacts: Artifacts, *, mirror: bool = False) -> Rig:
         sigma_xy_um=0.0,
         sigma_theta_rad=0.0,
     )
-    station = replace(cell.station, camera=disc_camera(cell, mirror=mirror))
+    eye = camera or disc_camera(cell, mirror=mirror)
+    station, view = replace(cell.station, camera=eye), look()[0].view
     return Rig(
+        view=view if probed else None,
+        probed=view.magnification if probed else None,
         plan=plan,
         station=station,
         beliefs=Beliefs((*plan.beliefs, goal), plan.features),

@@ -129,6 +129,7 @@ def test_a_failing_chain_hands_over_to_the_fallback() -> None:
 
 def test_the_view_is_set_only_where_it_changes() -> None:
     rig, found = seeing(0.0, 0.0)
+    rig.view = None  # nothing was set before
     stream = io.StringIO()
     rig.journal = Journal(stream, rig.station.clock)
     look_at(rig, found)

@@ -265,3 +265,46 @@ def test_jaws_may_rest_on_a_part_but_must_move() -> None:
     found, motion = cell("jaws_stuck"), Motion()
     assert motion.grip(found.station, 130.0) == 130.0  # they stand there already
     refused(lambda: motion.grip(found.station, 96.0), "MP849")
+
+
+class Coasting:
+    """A stage that goes a little farther when it is stopped."""
+
+    def __init__(self, found: Cell) -> None:
+        self._stage, self._braking = found.stage, False
+
+    def __getattr__(self, name: str) -> object:
+        return getattr(self._stage, name)
+
+    def stop(self) -> None:
+        """Brake: the way that is left is 2 um."""
+        if self._stage.moving() and not self._braking:
+            self._braking = True
+            self._stage.start(x_um=self._stage.reading().x_um + 2.0)
+
+
+def test_what_is_stopped_is_waited_for_until_it_stands() -> None:
+    found = cell()
+    station = replace(found.station, stage=Coasting(found))  # type: ignore[arg-type]  # by its methods
+    found.stage.start(x_um=-100.0)
+    found.timeline.advance(0.05)
+    stopped_um = found.stage.reading().x_um
+    Motion().rest(station)
+    assert not found.stage.moving()
+    assert found.stage.reading().x_um == pytest.approx(stopped_um + 2.0)
+
+
+def test_what_cannot_be_stopped_is_not_taken_up() -> None:
+    found = cell("axis_never_ready")
+    stage = replace(found.station, stage=Deaf(found))  # type: ignore[arg-type]  # as above
+    found.stage.start(x_um=-100.0)
+    error = refused(lambda: Motion().rest(stage), "MP841")
+    assert "stage.stop: OSError: no answer" in error.message
+
+
+class Deaf(Coasting):
+    """A stage that does not take a stop."""
+
+    def stop(self) -> None:
+        """Fail."""
+        raise OSError("no answer")

@@ -2,20 +2,32 @@
 
 from __future__ import annotations
 
+import io
+import itertools
+import json
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from executor.drivers import AxisReading
+from executor.drivers import AxisReading, Counts
 from executor.errors import ExecutorError
+from executor.rig import Rig
 from executor.servo import NOISE_PER_TOLERANCE, align, correction, diverges
 from executor.simulated.cell import Cell, build_cell
-from schemas.plan import AlignAction
+from schemas.plan import AlignAction, Region
 from schemas.pose import Pose
 from tests.executor.bench import control
-from tests.executor.disc import look, noisy, quiet_cell, rig_of
+from tests.executor.disc import (
+    PictureCamera,
+    disc,
+    look,
+    noisy,
+    quiet_cell,
+    rig_of,
+)
 
 ACTION = AlignAction(target="gear", to="goal", look="disc", axes="stage", path=("xy",))
 
@@ -191,3 +203,44 @@ def test_a_turn_is_made_up_for_in_x_and_y() -> None:
     true = cell.truth.pose(cell.truth.bodies["gear"])
     assert (true.x_um, true.y_um) == pytest.approx((30.0, -40.0), abs=1e-9)
     assert true.theta_rad == pytest.approx(0.5)
+
+
+def blinking(cell: Cell, hidden: Sequence[int]) -> PictureCamera:
+    """Return a camera that shows nothing in some of its pictures, counted from 0."""
+    count = itertools.count()
+
+    def show(region: Region | None) -> Counts:
+        pose = cell.truth.pose(cell.truth.bodies["gear"])
+        image = disc(900.0, 0.0) if next(count) in hidden else disc(pose.x_um, 0.0)
+        return np.rint(255 * image).astype(np.uint8)
+
+    return PictureCamera(show)
+
+
+def aligned_blinking(*hidden: int) -> tuple[Rig, int]:
+    """Return the rig, and the looks, of an alignment that corrects 10, 2 and .4 um."""
+    found, artifacts = look()
+    cell = quiet_cell()
+    rig = rig_of(cell, artifacts, camera=blinking(cell, hidden))
+    rig.beliefs.update("gear", rig.readings(), 10.0, 0.0, None)  # it is at 0
+    return rig, align(rig, ACTION, found, control(tolerance_xy_um=0.5)).cycles
+
+
+def test_a_target_that_is_lost_is_looked_for_where_it_was_seen_last() -> None:
+    rig, cycles = aligned_blinking(1)
+    stream = rig.journal._stream
+    assert isinstance(stream, io.StringIO)
+    events = [json.loads(line) for line in stream.getvalue().splitlines()]
+    moves = [e["to"]["x_um"] for e in events if e["event"] == "move"]
+    lost = [e for e in events if e["event"] == "lost"]
+    assert [e["code"] for e in lost] == ["MP820"]
+    assert moves[2] == moves[0] == lost[0]["back"]["x_um"]  # the approach's reading
+    assert cycles == 4  # one more than without: the first error is measured twice
+
+
+@pytest.mark.parametrize("hidden", [(0,), (1, 2), (1, 3)])
+def test_a_target_that_stays_lost_ends_the_alignment(hidden: tuple[int, ...]) -> None:
+    # never seen; not seen again where it was; lost twice
+    with pytest.raises(ExecutorError) as ended:
+        aligned_blinking(*hidden)
+    assert ended.value.code == "MP820"

@@ -106,3 +106,13 @@ def test_a_station_that_is_somewhere_else_is_refused() -> None:
     start_um = stage_start().x_um
     assert start_um is not None
     preflight(plan_of(()), displaced(start_um))
+
+
+def test_a_station_may_read_what_its_axes_settle_within() -> None:
+    start_um = stage_start().x_um
+    assert start_um is not None
+    window_um = station().rules.settle("stage").window_um
+    preflight(plan_of(()), displaced(start_um + 0.9 * window_um))
+    with pytest.raises(ExecutorError) as caught:
+        preflight(plan_of(()), displaced(start_um + 1.5 * window_um))
+    assert caught.value.code == "MP811"

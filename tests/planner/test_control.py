@@ -15,6 +15,7 @@ from planner.control import (
     Turn,
     borne_um,
     control_of,
+    folded_mean,
     tolerance_um,
     turn_of,
 )
@@ -79,9 +80,10 @@ def test_an_angle_finer_than_the_axes_is_refused() -> None:
 
 def seen_in_gear() -> dict[str, Sighted]:
     """Return the looks before the gear is aligned, in round numbers."""
+    shaft = look("shaft_plate.post", "find_shaft", 1.4)
     return {
         "gear": look("gear.bore", "gear_in_fingers", 0.05),
-        "shaft_plate": look("shaft_plate.post", "find_shaft", 1.4),
+        "shaft_plate": replace(shaft, steady_um=0.3),  # most of it is the zoom's scale
     }
 
 
@@ -125,3 +127,29 @@ def test_nothing_is_borne_where_nobody_asks() -> None:
     assert borne_um(task, states, last, WITHIN_UM, {}) is None  # nothing was seen
     aimless = replace(task, success_goal=None)
     assert borne_um(aimless, states, last, WITHIN_UM, seen) is None
+
+
+@pytest.mark.parametrize("mean", [0.0, 0.5, -2.0, 40.0])
+@pytest.mark.parametrize("sigma", [0.0, 1.0, 30.0])
+def test_the_mean_way_of_an_approach_is_that_of_draws(
+    mean: float, sigma: float
+) -> None:
+    drawn = np.abs(np.random.default_rng(6).normal(mean, sigma, DRAWS))
+    # five standard errors of the mean
+    atol = 5 * float(drawn.std()) / math.sqrt(DRAWS) + 1e-12
+    assert folded_mean(mean, sigma) == pytest.approx(float(drawn.mean()), abs=atol)
+
+
+def test_an_approach_takes_its_nominal_zero_leg_and_the_focus_too() -> None:
+    """The gear lies 30 um about its place: a leg of 24 um, and its settling."""
+    task = read(GEAR)
+    states = unfold(task, Report())
+    align = next(s for s in states if s.step.id == "bring_between")
+    plain = control_of(task, align, 3.0)
+    # 250 um in y, 30 sqrt(2 / pi) in x at 1000 um/s, .15 s between
+    assert plain.approach_s == pytest.approx(0.25 + 0.0239 + 0.15, abs=1e-3)
+    later = control_of(task, align, 3.0, setting_s=0.4)
+    assert later.approach_s == pytest.approx(plain.approach_s + 0.4)
+    assert later.floor_s is not None
+    assert plain.floor_s is not None
+    assert later.floor_s == pytest.approx(plain.floor_s + 0.4)

@@ -127,7 +127,7 @@ def test_the_looks_ask_for_the_angles_that_are_needed(task: Task) -> None:
     assert asked == {
         "find_die": None, "see_fingers": None, "bring_between": None,
         "die_in_fingers": pytest.approx(align / 2), "find_submount": None,
-        "over_site": pytest.approx(align / 2),
+        "over_site": pytest.approx(align / 2), "closer": None,
         "check.target": pytest.approx(verify / 4),
         "check.seat": pytest.approx(verify / 4),
     }  # fmt: skip

@@ -140,7 +140,7 @@ def test_fingers_led_by_the_robot_pass_as_close_as_the_robot_repeats(
     change(file, "sigma_xy_um: 30", "sigma_xy_um: 4.9")  # and the stage's 1: 5.0
     change(file, "x_um: 0, y_um: 3000, z_um: 400, opening_um: 130",
            "x_um: 400, y_um: 3000, z_um: 30, opening_um: 123")  # fmt: skip
-    change(file, "target: tweezers, move: [{stage: {y_um: -180}}, {robot: {x_um: 0, "
+    change(file, "target: tweezers, move: [{stage: {y_um: -250}}, {robot: {x_um: 0, "
            "y_um: 0}}, {robot: {z_um: 30}}]", "target: tweezers")  # fmt: skip
     change(file, "target: gear, to: tweezers.grip", "target: tweezers.grip, to: gear")
     report = Report()

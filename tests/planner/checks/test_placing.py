@@ -22,7 +22,16 @@ from planner.putting import Putting
 from schemas.plan import Budget, BudgetRow
 from schemas.verdicts import PlacingVerdict, TurnRow
 from tests.planner import examples
-from tests.planner.placed import EFFECTS, look, memory, placed, put, read, with_step
+from tests.planner.placed import (
+    EFFECTS,
+    both,
+    look,
+    memory,
+    placed,
+    put,
+    read,
+    with_step,
+)
 
 SAMPLES = 1_000_000
 STILL = Turning(left_rad=0.0, cut_rad=math.inf, rows=())
@@ -174,6 +183,41 @@ def test_the_first_look_may_end_the_alignment(task: Task) -> None:
     swing_um = math.radians(1 / 3600) * math.sqrt(2) * math.hypot(1500, 73)
     assert law is not None
     assert law.sigma_um == pytest.approx(math.hypot(first, swing_um), rel=1e-3)
+
+
+def test_a_second_alignment_places_closer_what_the_first_turned(task: Task) -> None:
+    """It turns nothing, its look tells no angle: those of the first one stay."""
+    known = memory(within_um=0.04)
+    first = known.seen["submount"]
+    again = look("submount.mark", "closer", 0.004)
+    known = replace(
+        known, seen={**known.seen, "submount": again}, before=first,
+        angles={"submount": first},
+    )  # fmt: skip
+    found = put(both(), known)
+    assert found is not None
+    one = putting(task)
+    assert turning_of(found).rows == turning_of(one).rows
+    assert turning_of(found).cut_rad == turning_of(one).cut_rad
+    # a disc of .04 um, evenly filled, has .02 um per axis
+    assert job_of(found, left_of(found)).left_um == pytest.approx(0.02, rel=0.02)
+    lost = replace(known, angles={})  # nobody knows the submount's angle any more
+    blind = put(both(), lost)
+    assert blind is not None
+    assert turning_of(blind).rows[1].sigma_rad == pytest.approx(math.radians(0.5))
+
+
+def test_a_scale_that_looks_share_is_counted_once() -> None:
+    known = memory()
+    die = replace(known.seen["die"], steady_um=0.007, place_um=(0.0, 145.0))
+    found = put(read(), replace(known, seen={**known.seen, "die": die}))
+    assert found is not None
+    rows = {row.term: row for row in job_of(found, left_of(found)).blind}
+    assert rows["measurement of die.outline"].sigma_um == 0.007
+    assert "which has its own row" in rows["measurement of die.outline"].source
+    scale = rows["zoom scale over the distance from the axis"]
+    assert scale.sigma_um == pytest.approx(2e-4 * 145)
+    assert rows["measurement of submount.mark"].source == "trials"
 
 
 def test_what_nobody_turns_keeps_its_angle(task: Task) -> None:

@@ -84,11 +84,11 @@ def test_a_step_waits_for_its_moves_and_an_alignment_for_its_approach(
     named = {state.step.id: state for state in states}
     assert approach_times(task, named["find_gear"]) == ()  # it lies there
     fingers = approach_times(task, named["see_fingers"])
-    # stage 180 um; robot 3000 um at 5000 um/s; down 370 um at 2000 um/s
+    # stage 250 um; robot 3000 um at 5000 um/s; down 370 um at 2000 um/s
     moves_s = (0.18 + 0.15, 0.6 + 0.15, 0.185 + 0.15)
     assert total(fingers) == pytest.approx(sum(moves_s))
     brought = approach_times(task, named["bring_between"])
-    # the stage goes those 180 um back, in y
+    # the stage goes those 250 um back, in y
     assert total(brought) == pytest.approx(0.18 + 0.15)
     assert approach_times(task, named["gear_in_fingers"]) == ()
 

@@ -55,7 +55,7 @@ def test_all_twelve_steps_follow_each_other() -> None:
 # after each step: the gear's place and underside, the post's face, the jaws, who holds
 TABLE = [
     ("find_gear", (0, 0, 0), (-600, 0, 250), 130, None),
-    ("see_fingers", (0, -180, 0), (-600, -180, 250), 130, None),
+    ("see_fingers", (0, -250, 0), (-600, -250, 250), 130, None),
     ("bring_between", (0, 0, 0), (-600, 0, 250), 130, None),
     ("grasp", (0, 0, 0), (-600, 0, 250), 96, "gear"),
     ("lift", (0, 0, 0), (-600, 0, -10), 96, "gear"),
@@ -182,7 +182,7 @@ def test_a_grasp_centres_the_part_and_turns_it_flat(tmp_path: Path) -> None:
     ("file", "old", "new", "code", "step"),
     [
         # the robot comes down on the gear, which is at the grip already
-        ("task.yaml", "{stage: {y_um: -180}}, ", "", "MP303", "see_fingers"),
+        ("task.yaml", "{stage: {y_um: -250}}, ", "", "MP303", "see_fingers"),
         # jaws that start too close leave no way in
         ("task.yaml", "z_um: 400, opening_um: 130", "z_um: 400, opening_um: 102",
          "MP303", "bring_between"),

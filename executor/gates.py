@@ -1,0 +1,80 @@
+"""What an answer must meet to be accepted: score, spread, place and angle."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from featuresel.routines.fusion import Seen
+from schemas.plan import Measure
+from schemas.pose import Pose
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Gate:
+    """One value of an answer and its limit."""
+
+    name: str
+    code: str  # of an answer that does not pass
+    value: float
+    limit: float
+    unit: str
+    least: bool = False  # the limit is the least, not the most
+
+    @property
+    def passed(self) -> bool:
+        """Return whether the value meets its limit; a nan does not."""
+        return self.value >= self.limit if self.least else self.value <= self.limit
+
+    @property
+    def words(self) -> str:
+        """Return what does not pass, after the name of the feature."""
+        value, limit = f"{self.value:.3g}", f"{self.limit:.3g}"
+        return {
+            "score": f"scored {value}, needs {limit}",
+            "spread": f"is known to {value} um by the routine's own estimate, at most "
+            f"{limit} um",
+            "shift": f"found {value} um from where it was expected, at most {limit} um",
+            "turn": f"found turned {value} rad, at most {limit} rad",
+        }[self.name]
+
+
+def gates_of(
+    measure: Measure, score: float, spread_um: float, seen: Seen, expected: Pose
+) -> tuple[Gate, ...]:
+    """Return the gates of an answer, in the order in which they are asked.
+
+    Parameters
+    ----------
+    measure : Measure
+        How the feature is measured.
+    score, spread_um : float
+        The routine's own.
+    seen : Seen
+        Where it was found.
+    expected : Pose
+        Where the look's target is expected, world.
+    """
+    limits = measure.gates
+    found = [
+        Gate(name="score", code="MP821", value=score, limit=limits.min_score, unit="",
+             least=True)
+    ]  # fmt: skip
+    if limits.max_spread_um is not None:
+        most = limits.max_spread_um
+        found.append(
+            Gate(name="spread", code="MP825", value=spread_um, limit=most, unit="um")
+        )
+    x_um, y_um = expected.apply(*measure.offset_um)
+    shift_um = math.hypot(seen.x_um - x_um, seen.y_um - y_um)
+    most = limits.max_shift_um
+    found.append(
+        Gate(name="shift", code="MP822", value=shift_um, limit=most, unit="um")
+    )
+    if limits.max_turn_rad is not None and seen.theta_rad is not None:
+        turn = abs(math.remainder(seen.theta_rad - expected.theta_rad, math.tau))
+        most = limits.max_turn_rad
+        found.append(
+            Gate(name="turn", code="MP823", value=turn, limit=most, unit="rad")
+        )
+    return tuple(found)

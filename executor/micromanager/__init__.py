@@ -1,0 +1,1 @@
+"""Micro-Manager's devices as drivers: the extra `microplan[micromanager]`."""

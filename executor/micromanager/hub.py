@@ -1,0 +1,148 @@
+"""Micro-Manager as a hub of a station file: stage, robot, jaws, lens, light, camera."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from executor.micromanager.camera import MMCamera
+from executor.micromanager.core import close_core, open_core
+from executor.micromanager.light import MMLight
+from executor.micromanager.movers import MMAxes, MMGripper, MMLens
+from executor.micromanager.options import (
+    axes,
+    drive,
+    light,
+    loaded_devices,
+    moved,
+)
+from executor.tables import Table
+from executor.wall_clock import WallClock
+
+if TYPE_CHECKING:
+    from pymmcore_plus import CMMCorePlus
+
+FILE = "micromanager"  # what messages call the hub's options
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Hub:
+    """A core and the devices made of it; None is what the options do not name."""
+
+    core: CMMCorePlus
+    clock: WallClock
+    stage: MMAxes | None
+    robot: MMAxes | None
+    jaws: MMGripper | None
+    lens: MMLens | None
+    light: MMLight | None
+    camera: MMCamera | None
+
+    def close(self) -> None:
+        """Stop, unload and drain; Python's end does it too."""
+        close_core(self.core)
+
+
+def hub(**options: Any) -> Hub:
+    """Return the devices of a Micro-Manager configuration or device table.
+
+    Parameters
+    ----------
+    **options
+        The keys of the hub's table in a station file, see docs/drivers.md.
+
+    Raises
+    ------
+    ExecutorError
+        MP812 for an option that cannot be understood.
+    OSError, RuntimeError
+        If Micro-Manager cannot load a device.
+    """
+    return make_hub(Table(FILE, "", options))
+
+
+def make_hub(
+    table: Table,
+    *,
+    make: Callable[[], CMMCorePlus] | None = None,
+    prepare: Callable[[CMMCorePlus], None] = lambda _core: None,
+) -> Hub:
+    """Return a hub of a table; `prepare` sees the core before devices are made of it.
+
+    Everything that can be checked without a device is checked before one is loaded.
+    """
+    folders, config = (
+        _folders(table),
+        table.text("config") if table.has("config") else "",
+    )
+    devices = loaded_devices(table.table("load"))
+    parts = {name: table.table(name) for name in _ROLES if table.has(name)}
+    table.finish()
+    core = open_core(folders, config=config, devices=devices, make=make)
+    try:
+        prepare(core)
+        return _built(core, parts)
+    except BaseException:
+        close_core(core)
+        raise
+
+
+def _built(core: CMMCorePlus, parts: Mapping[str, Table]) -> Hub:
+    """Return the devices that have a table."""
+    clock = WallClock()
+    found: dict[str, Any] = dict.fromkeys(_ROLES)
+    for name, table in parts.items():
+        found[name] = _ROLES[name](core, table, clock)
+    return Hub(core=core, clock=clock, **found)
+
+
+def _stage(core: CMMCorePlus, table: Table, _clock: WallClock) -> MMAxes:
+    return MMAxes(axes(core, table, "stage"))
+
+
+def _robot(core: CMMCorePlus, table: Table, _clock: WallClock) -> MMAxes:
+    return MMAxes(axes(core, table, "robot"))
+
+
+def _jaws(core: CMMCorePlus, table: Table, _clock: WallClock) -> MMGripper:
+    return MMGripper(moved(core, "jaws", [drive(core, table, "opening_um")]))
+
+
+def _lens(core: CMMCorePlus, table: Table, _clock: WallClock) -> MMLens:
+    zoom = drive(core, table.table("zoom"), "magnification")
+    focus = drive(core, table.table("focus"), "focus_um")
+    table.finish()
+    return MMLens(moved(core, "lens", [zoom, focus]))
+
+
+def _light(core: CMMCorePlus, table: Table, _clock: WallClock) -> MMLight:
+    return light(core, table)
+
+
+def _camera(core: CMMCorePlus, table: Table, clock: WallClock) -> MMCamera:
+    exposure_ms = (
+        table.number("exposure_ms", above=0) if table.has("exposure_ms") else None
+    )
+    label = table.text("device")
+    table.finish()
+    return MMCamera(core, label, clock, exposure_ms=exposure_ms)
+
+
+_ROLES: Mapping[str, Callable[[CMMCorePlus, Table, WallClock], Any]] = {
+    "stage": _stage, "robot": _robot, "jaws": _jaws, "lens": _lens, "light": _light,
+    "camera": _camera,
+}  # fmt: skip
+TEST_ADAPTERS = "test"  # the demo devices of the package mm-test-adapters
+
+
+def _folders(table: Table) -> list[str]:
+    """Return where device adapters are; none leaves it to pymmcore-plus."""
+    if not table.has("adapters"):
+        return []
+    folder = table.text("adapters")
+    if folder != TEST_ADAPTERS:
+        return [folder]
+    from mm_test_adapters import device_adapter_path  # an extra of an extra
+
+    return [device_adapter_path()]

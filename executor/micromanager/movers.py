@@ -1,0 +1,172 @@
+"""Stage, robot, jaws and lens, put together from drives."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+from executor.drivers import AxisReading
+from executor.micromanager.drives import Drive
+
+AXES = ("x_um", "y_um", "z_um", "theta_rad")
+
+
+class Moved:
+    """Several drives that are ordered and stopped together."""
+
+    def __init__(self, model: str, serial: str, drives: Sequence[Drive]) -> None:
+        self.model, self.serial = model, serial
+        self._drives = tuple(drives)
+        self.names = tuple(name for drive in drives for name in drive.names)
+        self._stops = 0
+
+    def moving(self) -> bool:
+        """Return whether a drive says that it moves."""
+        busy = [drive.busy() for drive in self._drives]  # all of them take a step
+        return any(busy)
+
+    def stop(self) -> None:
+        """Stop all drives; one that cannot be stopped keeps no other from it."""
+        self._stops += 1
+        errors = []
+        for drive in self._drives:
+            try:
+                drive.stop()
+            except Exception as error:  # noqa: BLE001 - told when all were asked
+                errors.append(f"{drive.label}: {error}")
+        if errors:
+            raise RuntimeError("; ".join(errors))
+
+    def order(
+        self, targets: Mapping[str, float], speeds: Mapping[str, float | None]
+    ) -> None:
+        """Check all targets, then begin to move; ValueError if one is refused.
+
+        A stop that comes meanwhile ends it: what was begun is stopped.
+        """
+        parts = self._parts(targets)
+        for drive, wanted in parts:
+            drive.check(wanted)
+        for drive, wanted in parts:
+            drive.pace(min_speed(speeds, wanted))
+        stops = self._stops
+        for drive, wanted in parts:
+            if self._stops == stops:
+                drive.go(wanted)
+        if self._stops != stops:
+            self.stop()
+
+    def values(self) -> dict[str, float]:
+        """Return what all drives read."""
+        return {n: v for drive in self._drives for n, v in drive.read().items()}
+
+    def _parts(
+        self, targets: Mapping[str, float]
+    ) -> list[tuple[Drive, dict[str, float]]]:
+        """Return each drive that is meant, with its own targets."""
+        for name in targets:
+            if name not in self.names:
+                raise ValueError(f"{self.serial} has no {name}")
+        parts = [
+            (drive, {n: targets[n] for n in drive.names if n in targets})
+            for drive in self._drives
+        ]
+        return [part for part in parts if part[1]]
+
+
+def min_speed(
+    speeds: Mapping[str, float | None], targets: Mapping[str, float]
+) -> float | None:
+    """Return the lowest speed that is ordered for one of the targets."""
+    return min((s for n in targets if (s := speeds.get(n)) is not None), default=None)
+
+
+class MMAxes:
+    """A stage or robot; an axis that no drive moves reads 0."""
+
+    def __init__(self, parts: Moved) -> None:
+        self._parts = parts
+        self.model, self.serial = parts.model, parts.serial
+        self.names = parts.names
+
+    def start(
+        self,
+        *,
+        x_um: float | None = None,
+        y_um: float | None = None,
+        z_um: float | None = None,
+        theta_rad: float | None = None,
+        speed_um_per_s: float | None = None,
+    ) -> None:
+        """Begin to go to absolute readings; see `executor.drivers.Axes`."""
+        asked = dict(zip(AXES, (x_um, y_um, z_um, theta_rad), strict=True))
+        targets = {name: value for name, value in asked.items() if value is not None}
+        speeds = dict.fromkeys(AXES[:3], speed_um_per_s)  # it is none of the angle's
+        if speed_um_per_s is not None and not 0 < speed_um_per_s < math.inf:
+            raise ValueError(f"{self.serial}: a speed of {speed_um_per_s:g} um/s")
+        self._parts.order(targets, speeds)
+
+    def reading(self) -> AxisReading:
+        """Return where the axes say they are."""
+        return AxisReading(**{**dict.fromkeys(AXES, 0.0), **self._parts.values()})
+
+    def moving(self) -> bool:
+        """Return whether an axis says that it moves."""
+        return self._parts.moving()
+
+    def stop(self) -> None:
+        """Stop all axes where they are."""
+        self._parts.stop()
+
+
+class MMGripper:
+    """Jaws on one drive."""
+
+    def __init__(self, parts: Moved) -> None:
+        self._parts = parts
+        self.model, self.serial = parts.model, parts.serial
+
+    def start(self, opening_um: float) -> None:
+        """Begin to open or close; see `executor.drivers.Gripper`."""
+        self._parts.order({"opening_um": opening_um}, {})
+
+    def reading(self) -> float:
+        """Return the opening the drive says it has."""
+        return self._parts.values()["opening_um"]
+
+    def moving(self) -> bool:
+        """Return whether the jaws say that they move."""
+        return self._parts.moving()
+
+    def stop(self) -> None:
+        """Leave the jaws where they are."""
+        self._parts.stop()
+
+
+class MMLens:
+    """Zoom and focus, a drive each."""
+
+    def __init__(self, parts: Moved) -> None:
+        self._parts = parts
+        self.model, self.serial = parts.model, parts.serial
+
+    def start_magnification(self, magnification: float) -> None:
+        """Begin to zoom."""
+        self._parts.order({"magnification": magnification}, {})
+
+    def start_focus_um(self, focus_um: float) -> None:
+        """Begin to focus."""
+        self._parts.order({"focus_um": focus_um}, {})
+
+    def reading(self) -> tuple[float, float]:
+        """Return magnification and focus as the drives say they are."""
+        found = self._parts.values()
+        return (found["magnification"], found["focus_um"])
+
+    def moving(self) -> bool:
+        """Return whether zoom or focus say that they move."""
+        return self._parts.moving()
+
+    def stop(self) -> None:
+        """Stop zoom and focus; a turret goes on to its next place."""
+        self._parts.stop()

@@ -1,0 +1,138 @@
+"""Micro-Manager's properties and states as drives; neither can be stopped."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from executor.micromanager.drives import SLACK, Interval, Scale, Speed, check_limits
+
+if TYPE_CHECKING:
+    from pymmcore_plus import CMMCorePlus
+
+_EVERYWHERE = (-math.inf, math.inf)
+
+
+class PropertyDrive:
+    """A number that is a property of a device; it cannot be stopped under way."""
+
+    def __init__(
+        self,
+        core: CMMCorePlus,
+        label: str,
+        property_name: str,
+        name: str,
+        *,
+        limits: Interval,
+        scale: Scale,
+        speed: Speed,
+    ) -> None:
+        self._core, self.label, self._name = core, label, name
+        self._property, self._scale, self._speed = property_name, scale, speed
+        self._limits = limits
+        check_property(core, label, property_name)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Return what it moves."""
+        return (self._name,)
+
+    def check(self, targets: Mapping[str, float]) -> None:
+        """Refuse what is beyond the limits of the file or of the property."""
+        check_limits(self.label, targets, {self._name: self._limits})
+        number = {self._property: self._scale.number(targets[self._name])}
+        own = property_limits(self._core, self.label, self._property)
+        check_limits(self.label, number, {self._property: own})
+
+    def pace(self, per_s: float | None) -> None:
+        """Choose the speed of the next motion."""
+        self._speed.order(self._core, self.label, per_s)
+
+    def go(self, targets: Mapping[str, float]) -> None:
+        """Set the property."""
+        number = self._scale.number(targets[self._name])
+        self._core.setProperty(self.label, self._property, number)
+
+    def read(self) -> dict[str, float]:
+        """Return what the property says."""
+        number = float(self._core.getProperty(self.label, self._property))
+        return {self._name: self._scale.value(number)}
+
+    def busy(self) -> bool:
+        """Return whether the device says that it is at work."""
+        return bool(self._core.deviceBusy(self.label))
+
+    def stop(self) -> None:
+        """Do nothing: a property has no stop."""
+
+
+class StateDrive:
+    """Some values only, each a state of a state device, as on a turret.
+
+    Micro-Manager cannot stop a state device; a change goes on to its end.
+    """
+
+    def __init__(
+        self, core: CMMCorePlus, label: str, name: str, states: Mapping[float, int]
+    ) -> None:
+        self._core, self.label, self._name = core, label, name
+        self._states = dict(states)
+        self._values = {state: value for value, state in states.items()}
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Return what it moves."""
+        return (self._name,)
+
+    def check(self, targets: Mapping[str, float]) -> None:
+        """Refuse a value that is no state."""
+        self._state(targets[self._name])
+
+    def pace(self, per_s: float | None) -> None:
+        """Refuse: a state has no speed."""
+        if per_s is not None:
+            raise ValueError(f"{self.label} is a state device and has no speed")
+
+    def go(self, targets: Mapping[str, float]) -> None:
+        """Begin to change the state."""
+        self._core.setState(self.label, self._state(targets[self._name]))
+
+    def read(self) -> dict[str, float]:
+        """Return the value of the present state; RuntimeError if it has none."""
+        state = self._core.getState(self.label)
+        if state not in self._values:
+            raise RuntimeError(f"{self.label} is in state {state}, which has no value")
+        return {self._name: self._values[state]}
+
+    def busy(self) -> bool:
+        """Return whether the device says that it changes."""
+        return bool(self._core.deviceBusy(self.label))
+
+    def stop(self) -> None:
+        """Do nothing: a state device has no stop."""
+
+    def _state(self, value: float) -> int:
+        """Return the state of a value."""
+        for known, state in self._states.items():
+            if math.isclose(known, value, rel_tol=SLACK):
+                return state
+        known_values = ", ".join(f"{v:g}" for v in self._states)
+        raise ValueError(f"{self.label} has no {value:g}, only {known_values}")
+
+
+def property_limits(core: CMMCorePlus, label: str, name: str) -> Interval:
+    """Return the limits that Micro-Manager knows of a property."""
+    if not core.hasPropertyLimits(label, name):
+        return _EVERYWHERE
+    return (
+        core.getPropertyLowerLimit(label, name),
+        core.getPropertyUpperLimit(label, name),
+    )
+
+
+def check_property(core: CMMCorePlus, label: str, name: str) -> None:
+    """Raise ValueError unless a device has a property."""
+    if not core.hasProperty(label, name):
+        known = ", ".join(core.getDevicePropertyNames(label))
+        raise ValueError(f"{label} has no property {name!r}, only {known}")

@@ -1,0 +1,74 @@
+"""Where features must be after a correction, and the routine that starts there."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from featuresel.routines import Guess, Measurement, load
+from featuresel.routines.chain import HANDOVER_SIGMAS
+from schemas.plan import RoutineUse
+
+# A fit, and its one linear step: they read the same arrays and end at the same pose.
+FIT, STEP = "likelihood", "one_step"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Found:
+    """A feature as the look before found it."""
+
+    x_um: float  # world, the routine's mean error taken off
+    y_um: float
+    pixels: Measurement  # in the look's region
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Near:
+    """What the look before found, and how well the move since is known."""
+
+    features: Mapping[str, Found]
+    sigma_um: float  # of a feature's place now, per axis
+
+
+def nearest_routine(
+    uses: Sequence[RoutineUse], near: Near, before: Found, um_per_px: float
+) -> str | None:
+    """Return the routine that may start where a feature must be, None for the chain.
+
+    The same share of its capture range as for a hand-over within a chain.
+    """
+    if not uses or uses[-1].id != FIT:
+        return None
+    reach_px = HANDOVER_SIGMAS * near.sigma_um / um_per_px
+    known = before.pixels.z_um is not None
+    for name in (STEP, FIT) if known else (FIT,):
+        if reach_px <= load(name).CAPTURE_PX:
+            return name
+    return None
+
+
+def guess_from(
+    before: Found,
+    now_px: tuple[float, float],
+    then_px: tuple[float, float],
+    theta_rad: float,
+) -> Guess:
+    """Return where a feature must be now.
+
+    Parameters
+    ----------
+    before : Found
+        What the look before found.
+    now_px, then_px : (column, row)
+        Of the feature's believed place now, and of the place that it was found at:
+        they differ from its pixels by the routine's mean error.
+    theta_rad : float
+        The angle that it must have now; used if the look before measured one.
+    """
+    return Guess(
+        column=before.pixels.column + now_px[0] - then_px[0],
+        row=before.pixels.row + now_px[1] - then_px[1],
+        theta_rad=None if before.pixels.theta_rad is None else theta_rad,
+        z_um=before.pixels.z_um,
+        zoom=before.pixels.zoom,
+    )

@@ -1,0 +1,1 @@
+"""A driver for zoom, focus and jaws on a serial line: an example to copy."""

@@ -1,0 +1,120 @@
+"""The simulated world outlives the executor: it is kept in a file as it changes.
+
+Written by the cell after every order that a device took, as a whole or not at all. What
+was under way then has ended by itself when the file is read: a real drive goes on too.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from executor.errors import ExecutorError
+from executor.simulated.cell import Cell
+from schemas.codec import from_data, to_data
+from schemas.pose import Pose
+
+FORMAT = 1
+
+
+def keep(cell: Cell, path: Path) -> None:
+    """Have the cell write its world into a file whenever an order changed it."""
+    fresh = path.with_suffix(".new")
+
+    def write() -> None:
+        with cell.timeline.lock:  # stops come from several threads
+            fresh.write_text(json.dumps(state_of(cell)), encoding="utf-8")
+            fresh.replace(path)
+
+    write()
+    cell.timeline.changed = write
+
+
+def take(cell: Cell, path: Path) -> None:
+    """Put a new cell where the world of a file was left, and let motions end.
+
+    Raises
+    ------
+    ExecutorError
+        MP803 if the file cannot be read; MP866 if it is of another world.
+    """
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+        if data["format"] != FORMAT:
+            raise ValueError(f"format {data['format']!r}, need {FORMAT}")
+        if data["world"] != _digest(cell):
+            raise ExecutorError("MP866", f"{path} is of another world.json")
+        restore(cell, data)
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise ExecutorError("MP803", f"{path}: {error}") from error
+    for process in (cell.stage, cell.robot, cell.jaws.motion, cell.lens.motion):
+        cell.timeline.run_out(process)
+
+
+def state_of(cell: Cell) -> dict[str, Any]:
+    """Return all of a cell that changes, as JSON data."""
+    truth = cell.truth
+    return {
+        "format": FORMAT,
+        "world": _digest(cell),
+        "time_s": truth.time_s,
+        "bodies": {
+            name: {
+                "carrier": body.carrier,
+                "pose": asdict(body.pose),
+                "z_um": body.z_um,
+                "on_post": body.on_post,
+            }
+            for name, body in truth.bodies.items()
+        },
+        "opening_um": truth.opening_um,
+        "held": truth.held,
+        "stuck": truth.stuck,
+        "pushed_um": truth.pushed_um,
+        "collided": truth.collided,
+        "devices": {name: device.state() for name, device in _devices(cell).items()},
+        "draws": {k: _plain(v.bit_generator.state) for k, v in cell.draws.items()},
+    }
+
+
+def restore(cell: Cell, data: dict[str, Any]) -> None:
+    """Put a cell of the same world, seed and faults where another one was."""
+    truth = cell.truth
+    truth.time_s = data["time_s"]
+    for name, body in truth.bodies.items():
+        was = data["bodies"][name]
+        body.carrier, body.pose = was["carrier"], from_data(Pose, was["pose"])
+        body.z_um, body.on_post = was["z_um"], was["on_post"]
+    truth.opening_um, truth.held = data["opening_um"], data["held"]
+    truth.stuck, truth.pushed_um = data["stuck"], data["pushed_um"]
+    truth.collided = data["collided"]
+    for name, device in _devices(cell).items():
+        device.restore(data["devices"][name])
+    for name, rng in cell.draws.items():
+        rng.bit_generator.state = data["draws"][name]
+
+
+def _devices(cell: Cell) -> dict[str, Any]:
+    """Return the devices that remember something."""
+    return {
+        "stage": cell.stage, "robot": cell.robot, "jaws": cell.jaws,
+        "lens": cell.lens, "light": cell.light,
+    }  # fmt: skip
+
+
+def _digest(cell: Cell) -> str:
+    """Return a checksum of what the world was made from."""
+    text = json.dumps(to_data(cell.truth.world))
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _plain(state: Any) -> Any:
+    """Return a generator's state without numpy's own types."""
+    if isinstance(state, dict):
+        return {k: _plain(v) for k, v in state.items()}
+    return state.item() if isinstance(state, np.generic) else state

@@ -1,0 +1,246 @@
+"""A whole run: the plan on a site, its run folder, and what became of it."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from executor.artifacts import Artifacts
+from executor.asked import Call
+from executor.beliefs import Beliefs
+from executor.errors import ExecutorError
+from executor.frames import Frames
+from executor.journal import Journal
+from executor.motion import Motion
+from executor.operator import Operator
+from executor.past import Header
+from executor.plan_file import PlanFile
+from executor.recording import CALLS, Record
+from executor.resume import begin, take_up
+from executor.rig import Rig
+from executor.run import RunResult, run_plan
+from executor.run_folder import EVENTS, SUMMARY, RunFolder
+from executor.site import SIMULATED, Site
+from executor.station import Station
+from executor.summary import summary_json, table
+from schemas.codec import to_data
+from schemas.plan import Plan, VerifyAction
+
+if TYPE_CHECKING:
+    from executor.simulated.cell import Cell
+    from executor.simulated.judging import Verdict
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ended:
+    """How a run ended; a simulated cell knows what truly became of it."""
+
+    folder: Path
+    result: RunResult
+    verdict: Verdict | None
+    errors_um: dict[str, float]  # step -> true error of its last look
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Asking:
+    """What the operator can be asked; None where nobody sits there."""
+
+    pause: Callable[[], bool] | None = None  # whether to go on after Ctrl-C
+    question: Callable[[str], bool] | None = None  # whether to go on after a crash
+    gate: Callable[[str], None] | None = None  # see `Rig.gate`
+
+
+def perform(
+    call: Call,
+    file: PlanFile,
+    site: Site,
+    artifacts: Artifacts,
+    run: RunFolder,
+    asking: Asking,
+) -> Ended:
+    """Run the plan, or what is left of it, and write the run folder.
+
+    Parameters
+    ----------
+    call : Call
+        What was asked for.
+    file : PlanFile
+        The plan.
+    site : Site
+        Where it runs.
+    artifacts : Artifacts
+        The plan's routines.
+    run : RunFolder
+        The locked folder, emptied for a new run.
+    asking : Asking
+        What the operator can be asked.
+
+    Raises
+    ------
+    ExecutorError
+        MP860 if the run is interrupted; MP863 if something cannot be written; codes of
+        `executor.resume.take_up`.
+    """
+    station, seq = site.station, run.last_event()
+    before = run.executors
+    tag = f"_by{before + 1}" if before else ""
+    frames = Frames(run.path if call.frames else None, tag=tag)
+    calls = run.path / (f"calls-{before + 1}.jsonl" if before else CALLS)
+    with (
+        (run.path / EVENTS).open("a", encoding="utf-8", newline="\n") as stream,
+        run.intents() as intents,
+        _recorded(calls, frames, station, _facts(file, site, artifacts)) as record,
+        Operator(asking.pause) as operator,
+    ):
+        rig = Rig(
+            plan=file.plan,
+            station=station if record is None else record.station(),
+            beliefs=Beliefs(file.plan.beliefs, file.plan.features),
+            artifacts=artifacts,
+            journal=Journal(stream, station.clock, seq=seq),
+            frames=frames,
+            motion=Motion(operator.pause),
+            gate=asking.gate,
+            intents=intents,
+        )
+        errors_um = _watch(rig, site.cell)
+        if site.cell is not None and call.station_file is None:
+            keep_world(site.cell, run.cell)
+        result = _run(rig, call, file, run, asking)
+        if record is not None:
+            record.close(result.code, result.message)
+    verdict = None if site.cell is None else _verdict(file.plan, site.cell)
+    ended = Ended(folder=run.path, result=result, verdict=verdict, errors_um=errors_um)
+    _write_summary(call, site, file, ended)
+    return ended
+
+
+def header_of(call: Call, file: PlanFile, devices: Mapping[str, str]) -> Header:
+    """Return what a run is begun with; MP804 if the station file cannot be read."""
+    station = call.station_file
+    try:
+        found = SIMULATED if station is None else _sha256(station.read_bytes())
+    except OSError as error:
+        raise ExecutorError("MP804", f"{station}: {error.strerror}") from error
+    return Header(
+        plan_sha256=file.sha256,
+        station=found,
+        seed=call.seed or 0,
+        faults=call.faults,
+        devices=devices,
+    )
+
+
+def keep_world(cell: Cell, path: Path) -> None:
+    """Have a simulated cell keep its world beside the journal."""
+    from executor.simulated.keeping import keep  # optics only for the simulated cell
+
+    try:
+        keep(cell, path)
+    except OSError as error:
+        raise ExecutorError("MP863", f"{path}: {error}") from error
+
+
+def _sha256(data: bytes) -> str:
+    return hashlib.sha256(data).hexdigest()
+
+
+@contextmanager
+def _recorded(
+    path: Path, frames: Frames, station: Station, facts: Mapping[str, Any]
+) -> Iterator[Record | None]:
+    """Give the record of a run, None without frames: nothing could answer from it."""
+    if not frames.wanted:
+        yield None
+        return
+    with path.open("w", encoding="utf-8", newline="\n") as stream:
+        record = Record(stream, frames, station, facts)
+        try:
+            yield record
+        except ExecutorError as error:  # an interrupt: MP860
+            record.close(error.code, error.message)
+            raise
+
+
+def _facts(file: PlanFile, site: Site, artifacts: Artifacts) -> dict[str, Any]:
+    """Return what a record says of its run beside the devices."""
+    return {
+        "plan": file.plan.name,
+        "plan_sha256": file.sha256,
+        "arrays_sha256": artifacts.sha256,
+        "station": site.name,
+    }
+
+
+def _run(
+    rig: Rig, call: Call, file: PlanFile, run: RunFolder, asking: Asking
+) -> RunResult:
+    """Run the plan; whatever ends it, nothing is left in motion."""
+    try:
+        if run.found is None:
+            begin(rig, header_of(call, file, rig.station.devices()))
+        else:
+            take_up(rig, run.found.past, asking.question)
+        return run_plan(rig)
+    except KeyboardInterrupt:
+        left = "; ".join(rig.motion.stop(rig.station)) or "nothing moves any more"
+        rig.journal.write("stopped", why=left)
+        raise ExecutorError("MP860", f"stopped; {left}") from None
+    except BaseException:  # a bug must not leave anything in motion either
+        rig.motion.stop(rig.station)
+        raise
+
+
+def _watch(rig: Rig, cell: Cell | None) -> dict[str, float]:
+    """Return a record, filled while the rig runs: step -> its last look's true error.
+
+    Only a simulated cell knows the truth; a plan never sees it.
+    """
+    errors: dict[str, float] = {}
+    if cell is None:
+        return errors
+    shown_um = cell.shown_um
+
+    def note(target: str, x_um: float, y_um: float) -> None:
+        owner, offset = rig.beliefs.anchor(target)
+        true_x, true_y = shown_um(owner, *offset)
+        errors[rig.journal.step] = math.hypot(x_um - true_x, y_um - true_y)
+
+    rig.watch, rig.on_step = note, cell.faults.enter
+    return errors
+
+
+def _write_summary(call: Call, site: Site, file: PlanFile, ended: Ended) -> None:
+    """Write summary.json and the table."""
+    verdict, errors_um = ended.verdict, ended.errors_um
+    extra: dict[str, Any] = {
+        "plan_sha256": file.sha256,
+        "station": site.name,
+        "seed": call.seed or 0,
+        "faults": list(call.faults),
+        "cell_verdict": None if verdict is None else to_data(verdict),
+        "true_look_error_um": to_data(errors_um),
+    }
+    try:
+        words = table(ended.result, errors_um) + "\n"
+        (ended.folder / "summary.txt").write_text(words, encoding="utf-8")
+        text = summary_json(file.plan, ended.result, extra)
+        (ended.folder / SUMMARY).write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise ExecutorError(
+            "MP863", f"the run has ended; its summary: {error}"
+        ) from error
+
+
+def _verdict(plan: Plan, cell: Cell) -> Verdict | None:
+    """Return what truly became of what the last verify step is about."""
+    checks = [s.action for s in plan.steps if isinstance(s.action, VerifyAction)]
+    if not checks or checks[-1].target.partition(".")[0] not in cell.truth.bodies:
+        return None
+    last = checks[-1]
+    return cell.judge(last.target, last.on, last.within_um, last.within_rad)

@@ -1,0 +1,41 @@
+"""What importing the executor loads: the standard library and numpy."""
+
+from __future__ import annotations
+
+import pkgutil
+import subprocess
+import sys
+
+import pytest
+
+import executor
+
+OURS = {"executor", "schemas", "featuresel", "numpy"}
+SIMULATED = "executor.simulated"  # it renders: loaded by runs on the simulated cell
+
+
+def everything() -> list[str]:
+    """Return every module of the executor but those of the simulated cell."""
+    found = pkgutil.walk_packages(executor.__path__, "executor.")
+    return sorted(m.name for m in found if not m.name.startswith(SIMULATED))
+
+
+def loaded(code: str) -> set[str]:
+    """Return the modules that a fresh interpreter has after `code`."""
+    words = [sys.executable, "-c", f"{code}\nimport sys; print(*sys.modules)"]
+    done = subprocess.run(words, capture_output=True, text=True, check=True)
+    return set(done.stdout.split())
+
+
+@pytest.mark.parametrize("modules", [["executor", "executor.cli"], everything()])
+def test_importing_the_executor_loads_numpy_and_the_standard_library_only(
+    modules: list[str],
+) -> None:
+    assert {"executor.cli"} <= set(modules)
+    before = {name.partition(".")[0] for name in loaded("")}
+    found = loaded("\n".join(f"import {name}" for name in modules))
+    tops = {name.partition(".")[0] for name in found}
+    assert tops - OURS - before - set(sys.stdlib_module_names) == set()
+    assert set(modules) <= found
+    drawing = {"executor.simulated.cell", "executor.simulated.camera"}
+    assert not drawing & found

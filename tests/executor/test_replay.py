@@ -1,0 +1,308 @@
+"""A run on its own record gives the same commands, and a change in it is told."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from executor.artifacts import Artifacts
+from executor.beliefs import Beliefs
+from executor.cli import main
+from executor.drivers import Clock
+from executor.frames import Frames, read_png, write_png
+from executor.journal import Journal
+from executor.plan_file import PlanFile
+from executor.recording import Record, plain
+from executor.replay import Replayed, replay
+from executor.rig import Rig
+from executor.run import run_plan
+from executor.simulated.cell import build_cell
+from executor.simulated.hub import read_world
+from executor.station import Offer, Station
+from executor.tape import Tape, read_record
+from executor.tape_station import tape_station
+from schemas.codec import from_data
+from schemas.plan import Plan, dump_plan, parse_plan
+from tests.executor.bench import Folder, assembly, world
+
+# steps up to the first alignment: two looks to locate, one alignment by corrections
+FIRST = 3
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a plan folder of the first steps of the job."""
+    folder = tmp_path_factory.mktemp("plans") / "gear.plan"
+    maker, found = Folder(folder), world()
+    plan = assembly(maker)
+    parts = tuple(replace(p, sigma_xy_um=min(p.sigma_xy_um, 8.0)) for p in found.parts)
+    maker.write(replace(plan, steps=plan.steps[:FIRST]), replace(found, parts=parts))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def ran(built: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the folder of a run on the simulated cell."""
+    folder = tmp_path_factory.mktemp("runs") / "run"
+    call = [str(built), "--station", "sim", "--seed", "4", "--run-dir", str(folder)]
+    with contextlib.redirect_stdout(io.StringIO()):
+        assert main(call) == 0
+    return folder
+
+
+def again(plan: Path, run: Path, *options: str) -> int:
+    return main([str(plan), "--mode", "replay", "--from", str(run), *options])
+
+
+def copied(run: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(run, tmp_path / "copy"))
+
+
+def changed(built: Path, tmp_path: Path, **control: float) -> Path:
+    """Return a copy of the plan folder with another control of the alignment."""
+    copy = Path(shutil.copytree(built, tmp_path / "other.plan"))
+    plan = parse_plan((copy / "plan.json").read_text("utf-8"))
+    steps = tuple(
+        replace(s, control=replace(s.control, **control)) if s.control else s  # type: ignore[arg-type]  # floats by name
+        for s in plan.steps
+    )
+    (copy / "plan.json").write_text(dump_plan(replace(plan, steps=steps)), "utf-8")
+    return copy
+
+
+def rows(run: Path) -> list[dict[str, Any]]:
+    return [
+        json.loads(x) for x in (run / "calls.jsonl").read_text("utf-8").split("\n") if x
+    ]
+
+
+def rewrite(run: Path, lines: list[dict[str, Any]]) -> None:
+    text = "".join(json.dumps(line) + "\n" for line in lines)
+    (run / "calls.jsonl").write_text(text, "utf-8")
+
+
+def test_a_run_on_its_own_record_gives_the_same_commands(
+    built: Path, ran: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    given = [r for r in rows(ran) if "with" in r]
+    assert again(built, ran) == 0
+    out = capsys.readouterr().out
+    assert f"{len(given)} of {len(given)} commands are the same" in out
+    assert len(given) > 10
+
+
+def test_the_record_is_at_full_precision(ran: Path) -> None:
+    moves = [r["with"] for r in rows(ran) if r.get("call") == "stage.start"]
+    digits = max(len(repr(v)) for move in moves for v in move.values() if v)
+    assert digits > 12  # six in the log
+    exact = [r["gave"] for r in rows(ran) if r.get("call") == "stage.reading"]
+    assert any(float(f"{v:.6g}") != v for reading in exact for v in reading)
+
+
+def test_another_plan_is_refused_and_its_first_other_command_told(
+    built: Path, ran: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    other = changed(built, tmp_path, gain=0.5, tolerance_xy_um=0.05)
+    assert again(other, ran) == 2
+    assert "error[MP877]: the record is of another plan" in capsys.readouterr().err
+    assert again(other, ran, "--anyway") == 1
+    heard = capsys.readouterr()
+    assert "error[MP876]: command" in heard.err
+    assert "recorded was" in heard.err or "record has no more" in heard.err
+    assert "commands are the same" in heard.out
+
+
+def test_a_changed_frame_is_refused_and_changes_the_commands(
+    built: Path, ran: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = copied(ran, tmp_path)
+    # a whole picture later by three pixels is the part 3.26 um to the right
+    path = run / "frames" / "01_find_gear_001.png"
+    write_png(path, np.roll(read_png(path), 3, axis=1))
+    assert again(built, run) == 2
+    assert "not the frame that was recorded" in capsys.readouterr().err
+    assert again(built, run, "--anyway") == 1
+    said = capsys.readouterr().err
+    assert "error[MP876]" in said
+    now, before = (
+        float(said.partition(mark)[2].split()[0].rstrip(","))
+        for mark in (" = ", "was ")
+    )
+    # the first move that goes by what was seen; the image goes with the stage
+    assert before - now == pytest.approx(3 * 7.5 / 6.9, abs=0.2)
+
+
+def test_a_frame_that_is_missing_or_damaged_has_a_code(
+    built: Path, ran: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = copied(ran, tmp_path)
+    path = sorted((run / "frames").glob("*.png"))[1]
+    path.write_bytes(path.read_bytes()[:2000])
+    assert again(built, run) == 2
+    assert f"error[MP877]: {path}" in capsys.readouterr().err
+    path.unlink()
+    assert again(built, run, "--anyway") == 2
+    assert "No such file" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        lambda text: "",
+        lambda text: "{}\n",
+        lambda text: text.replace('"microplan_record":1', '"microplan_record":2'),
+        lambda text: text.replace('"n":9,', '"n":"nine",'),
+        lambda text: text.replace('"jaws_window_um":0.5', '"jaws_window_um":""'),
+        lambda text: text.replace('"width_px":640', '"width_px":null'),
+        lambda text: text.replace('"camera.grab"', '"camera.grab', 1),
+        lambda text: text.replace('"frame":"frames/', '"frame":"../frames/'),
+        lambda text: text.replace('"ended":null', '"ended":5'),
+        lambda text: "[" * 100_000 + "\n",
+    ],
+)  # fmt: skip
+def test_a_record_that_cannot_be_understood_is_refused(
+    spoil: Any,
+    built: Path,
+    ran: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    run = copied(ran, tmp_path)
+    file = run / "calls.jsonl"
+    file.write_text(spoil(file.read_text("utf-8")), "utf-8")
+    assert again(built, run) == 2
+    assert "error[MP877]" in capsys.readouterr().err
+
+
+def test_a_run_that_broke_off_is_replayed_as_far_as_its_record_goes(
+    built: Path, ran: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = copied(ran, tmp_path)
+    text = (run / "calls.jsonl").read_text("utf-8")
+    (run / "calls.jsonl").write_text(text[: len(text) // 2], "utf-8")
+    assert again(built, run) == 0
+    assert "the record breaks off there" in capsys.readouterr().out
+
+
+def test_a_command_that_was_not_given_again_is_told(
+    built: Path, ran: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = copied(ran, tmp_path)
+    lines = rows(run)
+    last = lines[-1]
+    more = {"n": 10**6, "call": "light.set_level", "with": {"value": 0.5}, "gave": None}
+    rewrite(run, [*lines[:-1], more, last])
+    assert again(built, run) == 1
+    assert "none any more, recorded was light.set_level" in capsys.readouterr().err
+    rewrite(run, [*lines[:-1], {**last, "ended": "MP850"}])
+    assert again(built, run) == 1
+    assert "the run ends in done, recorded was MP850" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "fault",
+    ["no_part", "dropped_frames", "axis_nan@fingers_in", "axis_raises@fingers_in",
+     "short_frames", "camera_raises"],
+)  # fmt: skip
+def test_a_run_that_failed_fails_again_in_the_same_way(
+    built: Path, tmp_path: Path, fault: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = tmp_path / "run"
+    call = [str(built), "--station", "sim", "--run-dir", str(run), "--inject", fault]
+    assert main(call) in (1, 3)
+    capsys.readouterr()
+    assert again(built, run) == 0
+    code = json.loads((run / "summary.json").read_text("utf-8"))["code"]
+    assert f"replayed, {code}" in capsys.readouterr().out
+
+
+def test_a_device_that_did_not_answer_does_not_answer_again(
+    built: Path, tmp_path: Path
+) -> None:
+    plan = parse_plan((built / "plan.json").read_text("utf-8"))
+    cell = build_cell(world(), 0, ("lens_hangs",))
+    rules = cell.station.rules
+    soon = replace(rules, safety=replace(rules.safety, call_s=0.2))
+    found = recorded(plan, built, tmp_path / "run", replace(cell.station, rules=soon))
+    assert found.result.code == "MP844"
+    assert not found.difference
+
+
+class Creeping:
+    """A clock that goes on between any two questions, as a real one does."""
+
+    def __init__(self, clock: Clock) -> None:
+        self._clock, self._asked = clock, 0
+
+    def now_s(self) -> float:
+        """Return the time, some microseconds later than it would be."""
+        self._asked += 1
+        return self._clock.now_s() + 1.7e-5 * self._asked
+
+    def wait(self, seconds: float) -> None:
+        """Let time pass."""
+        self._clock.wait(seconds)
+
+
+def test_a_run_by_a_real_clock_is_replayed_to_the_same_commands(
+    built: Path, tmp_path: Path
+) -> None:
+    plan = parse_plan((built / "plan.json").read_text("utf-8"))
+    station = build_cell(read_world(built / "world.json"), 1).station
+    station = replace(station, clock=Creeping(station.clock))
+    found = recorded(plan, built, tmp_path / "run", station)
+    assert found.difference == ""
+    assert found.result.code is None
+    assert found.same == found.commands > 10
+    assert found.apart == 0  # the same machine, the same numbers
+
+
+def recorded(plan: Plan, folder: Path, run: Path, station: Station) -> Replayed:
+    """Run a plan on a station; return the replay of its record."""
+    artifacts = Artifacts.from_folder(plan, folder)
+    run.mkdir()
+    file = PlanFile(plan=plan, source=b"")
+    facts = {"plan_sha256": file.sha256, "arrays_sha256": artifacts.sha256}
+    frames = Frames(run)
+    with (run / "calls.jsonl").open("w", encoding="utf-8") as stream:
+        record = Record(stream, frames, station, facts)
+        rig = Rig(
+            plan=plan,
+            station=record.station(),
+            beliefs=Beliefs(plan.beliefs, plan.features),
+            artifacts=artifacts,
+            journal=Journal(io.StringIO(), station.clock),
+            frames=frames,
+        )
+        record.close(run_plan(rig).code)
+    return replay(file, artifacts, read_record(run))
+
+
+def test_the_offer_comes_back_as_it_was() -> None:
+    offer = build_cell(world(), 0).station.offer
+    back = from_data(Offer, json.loads(json.dumps(plain(offer))))
+    assert replace(back, travel=dict(back.travel)) == replace(
+        offer, travel=dict(offer.travel)
+    )
+
+
+def test_the_rules_of_a_replay_are_those_of_the_run(built: Path, ran: Path) -> None:
+    station = tape_station(Tape(read_record(ran)))
+    cell = build_cell(read_world(built / "world.json"), 0)
+    assert station.rules == cell.station.rules
+
+
+def test_waiting_ends_where_the_record_says_no_more(ran: Path) -> None:
+    clock = tape_station(Tape(read_record(ran))).clock
+    times = [clock.now_s() for _ in range(50)]
+    assert times == sorted(times)
+    clock.wait(20.0)
+    assert clock.now_s() >= times[-1] + 20.0
