@@ -19,7 +19,7 @@ ABOUT: Mapping[Kind, str] = {
     "steps": "steps and looks added, removed, reordered, or of another verb or target",
     "choice": "routines, their parameters, zoom, focus, light, method",
     "feature": "features of a part or a look: added, removed, moved",
-    "motion": "where axes go, and where things are thought to be",
+    "motion": "where axes go, where things are thought to be, what to keep out of",
     "prediction": "errors, ranges, times and chances that the plan promises",
     "effects": "what is modelled, at which level, what is left out",
     "picture": "reference images, by pixel",

@@ -49,7 +49,7 @@ _IDENTITY: Mapping[str, Callable[[Entry], str]] = {
     "apertures": _key("magnification"),
     "accepted": _key("feature"),
     "times": _key("what"),
-    "obstacles": _key("name"),
+    "parts": _key("name"),
 }  # fmt: skip
 ORDERED = frozenset({"steps"})  # lists whose order is part of their meaning
 WHOLE = frozenset({"chain", "fallback"})  # and those that are one choice

@@ -39,6 +39,8 @@ _KINDS: tuple[tuple[str, Kind], ...] = (
     ("stage_start*", "motion"),
     ("robot_start*", "motion"),
     ("requirements*", "motion"),
+    ("parts*", "motion"),
+    ("fingers*", "motion"),
     ("steps", "steps"),
     ("steps/*/verb", "steps"),
     ("steps/*/looks/*/target", "steps"),
