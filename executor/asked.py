@@ -214,5 +214,5 @@ def _add_replay(parser: argparse.ArgumentParser) -> None:
         "--marked",
         type=Path,
         metavar="FOLDER",
-        help="for the marked pictures; default: <look>.marked here",
+        help="for the marked pictures; default: <look>.marked beside them",
     )

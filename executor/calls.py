@@ -21,7 +21,7 @@ class _Job:
     call: Callable[[], Any]
     late: Callable[[], None]  # made after the call if nobody waits for it any more
     done: threading.Lock = field(default_factory=threading.Lock)
-    given_up: bool = False
+    given_up: threading.Event = field(default_factory=threading.Event)
     value: Any = None
     error: Exception | None = None
 
@@ -54,8 +54,8 @@ class Caller:
         limit_s : float
             By the machine's own clock, whatever the station's says.
         late : callable
-            Made when a call that was given up returns after all: a motion that it began
-            late must not go on.
+            Made when a call that was given up, or interrupted, returns after all: a
+            motion that it began late must not go on.
 
         Raises
         ------
@@ -65,8 +65,13 @@ class Caller:
         job = _Job(call, late)
         job.done.acquire()
         self._queue().put(job)
-        if not job.done.acquire(timeout=limit_s):
-            job.given_up, self._jobs = True, None
+        try:
+            answered = job.done.acquire(timeout=limit_s)
+        except BaseException:  # an interrupt: what the call begins must not go on
+            self._give_up(job)
+            raise
+        if not answered:
+            self._give_up(job)
             raise ExecutorError("MP844", f"{name} has not answered for {limit_s:g} s")
         if isinstance(job.error, ExecutorError):
             raise job.error
@@ -75,6 +80,11 @@ class Caller:
             raise ExecutorError("MP841", f"{name}: {kind}: {job.error}") from job.error
         value: T = job.value
         return value
+
+    def _give_up(self, job: _Job) -> None:
+        """Leave a call, and the thread that makes it, behind."""
+        job.given_up.set()
+        self._jobs = None
 
     def _queue(self) -> SimpleQueue[_Job | None]:
         """Return the queue of a thread that is free."""
@@ -88,12 +98,14 @@ class Caller:
 def _work(jobs: SimpleQueue[_Job | None]) -> None:
     """Make the calls of a queue until None comes, or one was given up."""
     while (job := jobs.get()) is not None:
+        if job.given_up.is_set():
+            return
         try:
             job.value = job.call()
         except Exception as error:  # noqa: BLE001 - a driver may raise anything
             job.error = error
         job.done.release()
-        if job.given_up:
+        if job.given_up.is_set():
             job.late()
             return
 

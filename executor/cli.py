@@ -14,7 +14,7 @@ from executor.artifacts import Artifacts
 from executor.asked import Call, parse
 from executor.comparison import compare
 from executor.comparison_report import comparison_json, comparison_text
-from executor.errors import BUG, CODES, DONE, FAILED, ExecutorError
+from executor.errors import BUG, CODES, DONE, FAILED, STOPPED, ExecutorError
 from executor.listing import plan_lines
 from executor.marking import mark, write_marked
 from executor.picture_report import report_json, report_text, together
@@ -81,7 +81,7 @@ def _on_station(call: Call, file: PlanFile, stack: ExitStack) -> int:
         return _resume(call, file, stack.enter_context(old_run(path)))
     if call.mode == "run":
         check_free(path, discard=call.discard)
-    site = _site(call, None)
+    site = _site(call, plan, None)
     preflight(plan, site.station)
     artifacts = Artifacts.from_folder(plan, call.folder)
     if call.mode == "check":
@@ -102,7 +102,7 @@ def _resume(call: Call, file: PlanFile, run: RunFolder) -> int:
     seed = then.seed if call.seed is None else call.seed
     call = replace(call, seed=seed, faults=call.faults or then.faults)
     check_same(header_of(call, file, then.devices), then)  # before a driver is touched
-    site = _site(call, run.cell)
+    site = _site(call, file.plan, run.cell)
     check_same(header_of(call, file, site.station.devices()), then)
     preflight(file.plan, site.station, begun=True)
     artifacts = Artifacts.from_folder(file.plan, call.folder)
@@ -110,9 +110,17 @@ def _resume(call: Call, file: PlanFile, run: RunFolder) -> int:
     return _report(call, file.plan, ended)
 
 
-def _site(call: Call, left: Path | None) -> Site:
+def _site(call: Call, plan: Plan, left: Path | None) -> Site:
     """Return the station that was asked for; `left` is a simulated cell's world."""
     seed, faults = call.seed or 0, call.faults
+    steps = [step.id for step in plan.steps]
+    for fault in faults:
+        step = fault.partition("@")[2]
+        if step and step not in steps:
+            known = ", ".join(steps)
+            raise ExecutorError(
+                "MP804", f"{fault}: the plan has no step {step!r}; it has {known}"
+            )
     return find_site(call.station, call.folder, seed=seed, faults=faults, left=left)
 
 
@@ -134,6 +142,9 @@ def _report(call: Call, plan: Plan, ended: Ended) -> int:
         return DONE
     where = f"step {result.step}: " if result.step else ""
     _tell(ExecutorError(result.code, where + result.message), call.plan_file)
+    if CODES[result.code][1] == STOPPED:
+        _say(f"{plan.name}: stopped; --resume goes on with it")
+        return STOPPED
     _say(f"{plan.name}: failed")
     return CODES[result.code][1]
 
@@ -146,6 +157,8 @@ def _replay(call: Call, file: PlanFile, folder: Path) -> int:
     _say(f"{found.same} of {found.commands} commands are the same")
     if found.difference:
         raise ExecutorError("MP876", found.difference)
+    if recorded.others:
+        _say("not replayed, by who resumed the run: " + ", ".join(recorded.others))
     ended = "the record breaks off there" if found.broken_off else found.result.code
     _say(f"{file.plan.name}: replayed, {ended or 'done'}")
     return DONE
@@ -172,7 +185,8 @@ def _look_at_pictures(call: Call, plan: Plan, pictures: Path) -> int:
     tell = report_json if call.format == "json" else report_text
     _say(tell(seer, findings, overall))
     print(f"marked pictures: {marked}", file=sys.stderr)
-    return DONE if all(f.found for f in findings) else FAILED
+    right = all(f.found for f in findings) and not overall.refuted
+    return DONE if right else FAILED
 
 
 def _compare(call: Call, file: PlanFile) -> int:
@@ -248,6 +262,7 @@ def _tell(error: ExecutorError, plan_file: Path) -> None:
     print(f"error[{error.code}]: {error.message}", file=sys.stderr)
     print(f"  --> {plan_file}", file=sys.stderr)
     print(f"   = {CODES[error.code][0]}", file=sys.stderr)
+    print(f"   = more: microplan explain {error.code}", file=sys.stderr)
 
 
 if __name__ == "__main__":

@@ -48,6 +48,7 @@ class Comparison:
     """What the runs say together."""
 
     runs: tuple[Run, ...]
+    apart: tuple[Run, ...]  # with faults that were asked for, or resumed
     done: int
     counted: int  # runs that the operator did not stop
     figures: tuple[Figure, ...]
@@ -70,8 +71,11 @@ def compare(plan: Plan, runs: Sequence[Run]) -> Comparison:
 
     Each prediction is tested as what it is: the success as a binomial, the looks of an
     alignment as waiting times, the time of an alignment by Student's t at the looks it
-    took, and a look's true error, where a simulated cell tells it, by chi-square.
+    took, and a look's true error, where a simulated cell tells it, by chi-square. Runs
+    with faults that were asked for, and resumed ones, are left apart.
     """
+    apart = tuple(run for run in runs if run.apart)
+    runs = [run for run in runs if not run.apart]
     counted = [run for run in runs if run.data["code"] != STOPPED]
     done = sum(bool(run.data["done"]) for run in counted)
     figures: list[Figure] = []
@@ -83,6 +87,7 @@ def compare(plan: Plan, runs: Sequence[Run]) -> Comparison:
         checks += _checks(step, runs)
     return Comparison(
         runs=tuple(runs),
+        apart=apart,
         done=done,
         counted=len(counted),
         figures=tuple(figures),

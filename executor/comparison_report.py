@@ -26,7 +26,7 @@ def comparison_text(plan: Plan, found: Comparison) -> str:
         for check in found.checks
     ]  # fmt: skip
     lines = [
-        f"{plan.name}: {len(found.runs)} runs, {found.done} of {found.counted} done",
+        f"{plan.name}: runs: {len(found.runs)}, done: {found.done} of {found.counted}",
         "",
         columns([_HEAD, *map(_row, found.figures)]) if found.figures else "",
         "",
@@ -35,9 +35,7 @@ def comparison_text(plan: Plan, found: Comparison) -> str:
         f"{len(refuted)} of {len(checks)} predictions refuted",
         f"a false alarm among all of them has a chance of at most {ALPHA:g} (Holm)",
     ]
-    faults = [run.folder.name for run in found.runs if run.data.get("faults")]
-    if faults:
-        lines.append(f"with faults that no plan predicts: {', '.join(faults)}")
+    lines += [f"left apart: {run.folder.name}, {run.apart}" for run in found.apart]
     return "\n".join(lines)
 
 
@@ -47,6 +45,7 @@ def comparison_json(plan: Plan, found: Comparison) -> str:
     data = {
         "plan": plan.name,
         "runs": [str(run.folder) for run in found.runs],
+        "left_apart": {str(run.folder): run.apart for run in found.apart},
         "done": found.done,
         "counted": found.counted,
         "figures": [_figure_data(figure) for figure in found.figures],

@@ -74,7 +74,11 @@ def look_for(rig: Rig, look: Look, measure: Measure, picture: Picture) -> Shown:
         if not measure.fallback:
             raise
         rig.journal.write("fallback", look=look.id, code=error.code, why=str(error))
-        return _accepted(rig, look, spare(measure), measure.fallback, picture)
+        try:
+            return _accepted(rig, look, spare(measure), measure.fallback, picture)
+        except ExecutorError as other:
+            other.append(f"its chain, before the fallback: {error.message}")
+            raise
 
 
 def bias_at(curve: Sequence[BiasAt], dz_um: float) -> tuple[float, float]:

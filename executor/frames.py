@@ -31,6 +31,11 @@ class Frames:
     tag : str, optional
         At the end of every file's name, so that the executor which resumes a run
         overwrites no frame of the one before.
+
+    Raises
+    ------
+    ExecutorError
+        MP863 if the folder cannot be made.
     """
 
     def __init__(
@@ -42,7 +47,10 @@ class Frames:
         self._look: tuple[str, Region | None] = ("", None)
         self._last: str | None = None
         if folder is not None:
-            (folder / FOLDER).mkdir(parents=True, exist_ok=True)
+            try:
+                (folder / FOLDER).mkdir(parents=True, exist_ok=True)
+            except OSError as error:
+                raise ExecutorError("MP863", f"{FOLDER}: {error}") from error
 
     @property
     def wanted(self) -> bool:
@@ -88,7 +96,7 @@ class Frames:
         Raises
         ------
         ExecutorError
-            MP804 if it cannot be written.
+            MP863 if it cannot be written.
         """
         self._last = None
         if self._folder is None or not is_frame(counts):
@@ -106,7 +114,7 @@ class Frames:
             with (self._folder / FOLDER / INDEX).open("a", encoding="utf-8") as index:
                 index.write(json.dumps(line, ensure_ascii=False) + "\n")
         except OSError as error:
-            raise ExecutorError("MP804", f"{path}: {error}") from error
+            raise ExecutorError("MP863", f"{path}: {error}") from error
         self._last = path
         return path
 

@@ -59,11 +59,20 @@ def build(made: Callable[..., Any], key: str, options: Mapping[str, Any]) -> Any
 def check_role(device: object, role: str, key: str) -> None:
     """Raise MP813 if a device lacks what its role needs."""
     for name in ROLES[role]:
-        if not hasattr(device, name):
+        if not _has(device, name, key):
             kind = type(device).__name__
             raise ExecutorError(
                 "MP813", f"{key}: {kind} is no {role}, it has no {name}"
             )
+
+
+def _has(device: object, name: str, key: str) -> bool:
+    """Return whether a device has an attribute; MP813 if asking for it fails."""
+    try:
+        return hasattr(device, name)
+    except Exception as error:  # a property may ask the device itself
+        kind = type(error).__name__
+        raise ExecutorError("MP813", f"{key}.{name}: {kind}: {error}") from error
 
 
 def _attribute(name: str, key: str) -> Any:

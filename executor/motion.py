@@ -15,6 +15,7 @@ from executor.safety import (
     Phase,
     check_fingers,
     check_finite,
+    check_opening,
     check_step,
     check_travel,
     targets,
@@ -122,10 +123,7 @@ class Motion:
         with self.guarded(station):
             self._pause()
             jaws, window_um = station.jaws(), station.rules.jaws_window_um
-            check_finite("jaws", {"opening_um": opening_um})
-            if station.offer.opening_um is not None:
-                travel = {"jaws.opening_um": station.offer.opening_um}
-                check_travel("jaws", {"opening_um": opening_um}, travel)
+            check_opening(opening_um, station.offer.opening_um)
             before_um = self._opening(station)
             self._call(
                 station, "jaws.start", lambda: jaws.start(opening_um), late=jaws.stop

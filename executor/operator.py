@@ -10,13 +10,17 @@ from typing import Any
 
 from executor.errors import ExecutorError
 
+# a terminal that is closed; Windows has no SIGHUP
+CLOSED = getattr(signal, "SIGHUP", signal.SIGTERM)
+
 
 class Operator:
     """Takes interrupts while it is entered.
 
     The first lets the present motion end; then `pause` asks whether to go on. The
     second, even while it asks, raises KeyboardInterrupt at once, and so does a request
-    to terminate; more are ignored, so that nothing disturbs the stopping.
+    to terminate, or a terminal that is closed, unless that is ignored (nohup); more are
+    ignored, so that nothing disturbs the stopping.
 
     Parameters
     ----------
@@ -33,8 +37,10 @@ class Operator:
     def __enter__(self) -> Operator:
         """Take interrupts; only the main thread can."""
         if threading.current_thread() is threading.main_thread():
-            for number in (signal.SIGINT, signal.SIGTERM):
+            for number in dict.fromkeys((signal.SIGINT, signal.SIGTERM, CLOSED)):
                 self._before[number] = signal.signal(number, self.interrupt)
+            if self._before[CLOSED] == signal.SIG_IGN:
+                signal.signal(CLOSED, signal.SIG_IGN)
         return self
 
     def __exit__(
@@ -51,7 +57,7 @@ class Operator:
         """Note the first interrupt; raise KeyboardInterrupt at the second."""
         if self._stopping:
             return
-        if self._asked or number == signal.SIGTERM:
+        if self._asked or number != signal.SIGINT:
             self._stopping = True
             raise KeyboardInterrupt
         self._asked = True

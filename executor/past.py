@@ -196,6 +196,7 @@ def _step(past: Past, record: Mapping[str, Any]) -> None:
 
 def _end(past: Past, record: Mapping[str, Any]) -> None:
     past.ended, past.code = True, record["code"]
+    past.errors_um = []  # what failed by them begins anew when it is resumed
 
 
 _KINDS = {

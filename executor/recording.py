@@ -19,6 +19,7 @@ from executor.station import Station
 
 FORMAT = 1
 CALLS = "calls.jsonl"
+MORE_CALLS = "calls-*.jsonl"  # of executors that resumed the run
 ROLES: Mapping[str, str] = {  # field of a station -> name of the device
     "stage": "stage", "robot": "robot", "gripper": "jaws", "lens": "lens",
     "light": "light", "camera": "camera", "clock": "clock",
@@ -98,7 +99,12 @@ class Record:
             row["raised"] = [type(error).__name__, str(error)]
             self._finish(row)
             raise
-        row["gave"] = self._answer(name, answer, row.get("with", {}))
+        try:
+            row["gave"] = self._answer(name, answer, row.get("with", {}))
+        except ExecutorError:  # it answered, and that could not be kept
+            with self._lock:
+                self._begun.pop(row["n"], None)
+            raise
         self._finish(row)
         return answer
 
@@ -167,7 +173,7 @@ class Record:
             return self._count
 
     def _write(self, row: Mapping[str, Any]) -> None:
-        """Append one line; MP804 if it cannot be written."""
+        """Append one line; MP863 if it cannot be written."""
         line = json.dumps(row, ensure_ascii=False, separators=(",", ":")) + "\n"
         with self._lock:
             if not self._open:
@@ -176,7 +182,7 @@ class Record:
                 self._stream.write(line)
                 self._stream.flush()  # a crash must leave the calls that were made
             except OSError as error:
-                raise ExecutorError("MP804", f"{CALLS}: {error}") from error
+                raise ExecutorError("MP863", f"{CALLS}: {error}") from error
 
 
 class _Noted:

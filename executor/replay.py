@@ -84,7 +84,7 @@ def _judged(tape: Tape, result: RunResult) -> Replayed:
     if not words and left and not tape.broken_off:
         words = f"command {tape.used + 1}: none any more, recorded was {left}"
         words += _because(result)
-    if not words and not tape.broken_off and result.code != recorded.ended:
+    if not words and not recorded.unfinished and result.code != recorded.ended:
         words = f"the run ends in {result.code or 'done'}, recorded was "
         words += recorded.ended or "done"
     return Replayed(

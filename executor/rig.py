@@ -19,7 +19,7 @@ from executor.keep_out import KeepOut, Moment
 from executor.motion import Motion
 from executor.outcome import StepResult
 from executor.past import Past
-from executor.safety import Phase, check_finite, targets
+from executor.safety import Phase, check_finite, check_opening, check_travel, targets
 from executor.station import Station
 from schemas.plan import AxisMove, Look, Plan, Region, View
 
@@ -131,6 +131,7 @@ class Rig:
             )
         with self.motion.guarded(self.station):  # the journal holds finite numbers only
             check_finite(move.axes, targets(move))
+            check_travel(move.axes, targets(move), self.station.offer.travel)
         self.journal.write("move", to=move)
         if self.keep_out.known:
             self.keep_out.check(move, self.moment(), self.journal.step)
@@ -142,6 +143,8 @@ class Rig:
         """Move the jaws and note it, unless an earlier executor did."""
         if "jaws" in self.past.finished:
             return
+        with self.motion.guarded(self.station):
+            check_opening(opening_um, self.station.offer.opening_um)
         self.journal.write("jaws", opening_um=opening_um)
         if self.keep_out.known:
             self.keep_out.check_jaws(self.moment(opening_um), self.journal.step)

@@ -3,23 +3,31 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
+from fnmatch import fnmatchcase
 from pathlib import Path
 
 from executor.errors import ExecutorError
+from executor.frames import FOLDER
 from executor.intents import FILE, FileStore, Intents
 from executor.lock import held
 from executor.past import Found, Header, is_open, read_past
+from executor.recording import CALLS, MORE_CALLS
 
 EVENTS = "events.jsonl"
 LOCK = "lock"
 SUMMARY = "summary.json"
+FRESH = "summary.new"  # until it is whole
 CELL = "cell.json"  # the simulated cell's own
 PLAN = "plan.json"
 STATION = "station.toml"
+# what a run leaves in its folder: nothing else is ever deleted
+OURS = {LOCK, EVENTS, FILE, SUMMARY, CELL, PLAN, STATION, FOLDER, CALLS,
+        FRESH, "summary.txt", "cell.new"}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -109,7 +117,8 @@ class RunFolder:
         try:
             data = path.read_bytes()
             whole = data[: data.rfind(b"\n") + 1]
-            path.write_bytes(whole)
+            if len(whole) < len(data):  # never written anew: the disk may be full
+                os.truncate(path, len(whole))
             lines = whole.splitlines()
             return int(json.loads(lines[-1])["seq"]) if lines else 0
         except (OSError, ValueError, KeyError, TypeError) as error:
@@ -122,8 +131,8 @@ def check_free(path: Path, *, discard: bool) -> None:
     Raises
     ------
     ExecutorError
-        MP804 if it is no run folder; MP862 if its run did not end, unless it may be
-        discarded.
+        MP804 if it is no run folder, or holds anything else; MP862 if its run did not
+        end, unless it may be discarded.
     """
     if not path.exists():
         return
@@ -133,6 +142,11 @@ def check_free(path: Path, *, discard: bool) -> None:
         raise ExecutorError("MP804", f"{path}: {error}") from error
     if names - {LOCK} and not names & {EVENTS, FILE}:
         raise ExecutorError("MP804", f"{path} exists and is no run folder")
+    others = sorted(n for n in names - OURS if not fnmatchcase(n, MORE_CALLS))
+    if others:
+        raise ExecutorError(
+            "MP804", f"{path} holds {', '.join(others[:3])}, which no run left there"
+        )
     if not discard and is_open(path):
         raise ExecutorError(
             "MP862",

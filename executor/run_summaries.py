@@ -23,6 +23,15 @@ class Run:
     folder: Path
     data: Mapping[str, Any]
 
+    @property
+    def apart(self) -> str:
+        """Return why the run says nothing of its plan's predictions, "" if it does."""
+        if self.data.get("faults"):
+            return "its faults were asked for"
+        if self.data.get("executors", 1) != 1:
+            return "it was resumed: times begin anew"
+        return ""
+
     def step(self, name: str) -> Mapping[str, Any] | None:
         """Return what became of a step, None if the run did not do it."""
         for row in self.data["steps"]:

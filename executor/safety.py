@@ -77,6 +77,14 @@ def check_finite(name: str, values: Mapping[str, float]) -> None:
             raise ExecutorError("MP847", f"{name}.{axis} is {value}")
 
 
+def check_opening(opening_um: float, within_um: Interval | None) -> None:
+    """Raise MP847 or MP840 for an opening that is none; None: no limits are known."""
+    check_finite("jaws", {"opening_um": opening_um})
+    if within_um is not None:
+        travel = {"jaws.opening_um": within_um}
+        check_travel("jaws", {"opening_um": opening_um}, travel)
+
+
 def check_travel(
     group: str, values: Mapping[str, float], travel: Mapping[str, Interval]
 ) -> None:

@@ -14,9 +14,10 @@ from executor.reach import readings_for
 from executor.rig import Rig
 from schemas.plan import AlignAction, AxisMove, Control, Look, OnFailure
 
-# A tolerance below .6 move sigmas is refused by the compiler, so sigma <= t / .6; after
-# a correction an error beyond 4 sigma has a chance of 3e-4 (Rayleigh) if all is well.
-NOISE_PER_TOLERANCE = 4 / 0.6
+# A tolerance below .6 move sigmas is refused by the compiler, so sigma <= t / .6. Axes
+# that land about their reading leave an error of sigma sqrt(2 / (2 - gain)) per axis
+# after a correction; beyond five of them is one look in 270 000 (Rayleigh).
+NOISE_PER_TOLERANCE = 5 / 0.6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -176,7 +177,7 @@ def _check(
     errors_um: Sequence[float], turn_rad: float, control: Control, action: AlignAction
 ) -> None:
     """Raise if the alignment runs away, steps too far or takes too long."""
-    if diverges(errors_um, control.tolerance_xy_um):
+    if diverges(errors_um, control.tolerance_xy_um, control.gain):
         path = ", ".join(f"{e:.3g}" for e in errors_um[-3:])
         raise ExecutorError(
             "MP831",
@@ -206,9 +207,10 @@ def _turned(turn_rad: float, limit_rad: float | None) -> str:
     return f"; turned by {left:.3g} deg, needs {limit:.3g} deg"
 
 
-def diverges(errors_um: Sequence[float], tolerance_um: float) -> bool:
+def diverges(errors_um: Sequence[float], tolerance_um: float, gain: float) -> bool:
     """Return whether the last two corrections both made it worse, beyond noise."""
     if len(errors_um) < 3:
         return False
     first, second, third = errors_um[-3:]
-    return first < second < third and third > NOISE_PER_TOLERANCE * tolerance_um
+    noise_um = NOISE_PER_TOLERANCE * math.sqrt(2 / (2 - gain)) * tolerance_um
+    return first < second < third and third > noise_um

@@ -7,10 +7,11 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 from executor.calibration import IDENTITY, Calibration
+from executor.calls import Caller
 from executor.drivers import Axes, AxisReading, Camera, Clock, Gripper, Lens, Light
 from executor.errors import ExecutorError
 from executor.gain import check_gains
-from executor.safety import Rules
+from executor.safety import AXES, Rules, check_finite
 from featuresel.routines import REGISTRY
 from schemas.plan import AxesName, AxisMove, InsertAction, Look, Plan
 
@@ -90,7 +91,7 @@ def preflight(plan: Plan, station: Station, *, begun: bool = False) -> None:
     ------
     ExecutorError
         The first of MP801, MP805..MP811, MP814, MP815, MP837 that holds, with both
-        values.
+        values; MP841, MP844 or MP847 if readings cannot be had.
     """
     if plan.status != "feasible":
         why = "; ".join(f"{r.code} in {r.step}: {r.message}" for r in plan.reasons)
@@ -233,9 +234,11 @@ def _check_routines(plan: Plan) -> None:
 def _check_start(plan: Plan, station: Station) -> None:
     """The readings before step 1 must be those the plan starts from."""
     starts = [m for m in (plan.stage_start, plan.robot_start) if m is not None]
+    caller, limit_s = Caller(), station.rules.safety.call_s
     for start in starts:
-        reading = station.axes(start.axes).reading()
-        settle = station.rules.settle(start.axes)
+        axes, settle = station.axes(start.axes), station.rules.settle(start.axes)
+        reading = caller.call(f"{start.axes}.reading", axes.reading, limit_s)
+        check_finite(start.axes, {axis: getattr(reading, axis) for axis in AXES})
         for name, wanted, found in _pairs(start, reading):
             if not abs(wanted - found) <= settle.window(name) + _MATCH * abs(wanted):
                 raise ExecutorError(
@@ -246,7 +249,9 @@ def _check_start(plan: Plan, station: Station) -> None:
     opening_um = plan.opening_start_um
     if opening_um is None:
         return
-    reads_um, window_um = station.jaws().reading(), station.rules.jaws_window_um
+    reads_um = caller.call("jaws.reading", station.jaws().reading, limit_s)
+    check_finite("jaws", {"opening_um": reads_um})
+    window_um = station.rules.jaws_window_um
     if not abs(reads_um - opening_um) <= window_um + _MATCH * abs(opening_um):
         raise ExecutorError(
             "MP811",

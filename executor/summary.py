@@ -18,6 +18,7 @@ _HEAD = (
     "look error / sigma um",
     "time / expected s",
 )
+_LOOK = 4  # the column of looks
 
 
 def summary_json(plan: Plan, result: RunResult, extra: dict[str, Any]) -> str:
@@ -36,11 +37,15 @@ def table(result: RunResult, errors_um: Mapping[str, float] | None = None) -> st
     """Return one line a step: what happened / what the plan predicted.
 
     `errors_um` are the true errors of the steps' last looks, which only a simulated
-    cell knows; without them the routines' own estimates stand in their place.
+    cell knows; where nobody does, the routines' own estimates stand in their place.
     """
     known = errors_um or {}
-    rows = [_HEAD, *(_row(step, known.get(step.id)) for step in result.steps)]
-    return columns(rows)
+    head = list(_HEAD)
+    if not known:
+        head[_LOOK] = "own estimate / sigma um"
+    looks = [known.get(s.id) if known else s.spread_um for s in result.steps]
+    rows = [_row(s, look) for s, look in zip(result.steps, looks, strict=True)]
+    return columns([head, *rows])
 
 
 def columns(rows: Sequence[Sequence[str]]) -> str:
@@ -53,9 +58,8 @@ def columns(rows: Sequence[Sequence[str]]) -> str:
     return "\n".join(lines)
 
 
-def _row(step: StepResult, look_error_um: float | None) -> tuple[str, ...]:
-    """Return the cells of one step."""
-    look = step.spread_um if look_error_um is None else look_error_um
+def _row(step: StepResult, look: float | None) -> tuple[str, ...]:
+    """Return the cells of one step; `look` says how far off its last look was, um."""
     return (
         step.id,
         "ok" if step.code is None else step.code,

@@ -125,8 +125,11 @@ def _chain(ranked: FloatArray) -> list[tuple[float, float]]:
 def _turned(corners: FloatArray, start: float, end: float) -> Iterator[FloatArray]:
     """Yield points whose hulls hold the corners on their way from angle to angle.
 
-    An arc lies within its ends and the point where their tangents meet.
+    An arc lies within its ends and the point where their tangents meet. Beyond a whole
+    turn there is nothing more to cover.
     """
+    if abs(end - start) > math.tau:
+        end = start + math.copysign(math.tau, end - start)
     count = max(1, math.ceil(abs(end - start) / TURN_RAD))
     angles = np.linspace(start, end, count + 1)
     if start == end:

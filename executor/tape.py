@@ -9,12 +9,14 @@ from pathlib import Path
 from typing import Any
 
 from executor.errors import ExecutorError
-from executor.recording import CALLS, COMMANDS, FORMAT
+from executor.recording import CALLS, COMMANDS, FORMAT, MORE_CALLS
 
 # Far below what any axis resolves, above what other processors round otherwise.
 SAME_UM = 1e-6
 SAME_RAD = 1e-9
 MOST_BYTES = 1 << 30  # of a record; an hour of readings every 20 ms is 40 MB
+# ends that neither the plan nor a device brought about: the operator, or a disk
+CUT_SHORT = ("MP860", "MP863")
 _REAL = (int, float)
 _NOW = "clock.now_s"
 
@@ -28,6 +30,12 @@ class Recorded:
     rows: tuple[Mapping[str, Any], ...]
     broken_off: bool  # nobody wrote how it ended
     ended: str | None  # its code, None: done
+    others: tuple[str, ...] = ()  # records of executors that resumed the run
+
+    @property
+    def unfinished(self) -> bool:
+        """Return whether the run itself would have gone on."""
+        return self.broken_off or self.ended in CUT_SHORT
 
     @property
     def commands(self) -> int:
@@ -61,6 +69,7 @@ def read_record(folder: Path) -> Recorded:
         rows=tuple(rows),
         broken_off=not ends,
         ended=ends[-1]["ended"] if ends else None,
+        others=tuple(sorted(each.name for each in folder.glob(MORE_CALLS))),
     )
 
 
@@ -127,7 +136,7 @@ class Tape:
                     self._waited_s = 0.0
                 return self._last[name]
         else:  # no command follows: the run was under way when the record ended
-            if self._unfinished() and name != _NOW:
+            if self.recorded.unfinished and name != _NOW:
                 raise self._over()
         if name not in self._last:
             raise ExecutorError("MP877", f"the record has no answer of {name}")
@@ -151,15 +160,11 @@ class Tape:
 
     def _beyond(self, name: str, given: Mapping[str, Any]) -> ExecutorError:
         """Return what to raise about a command after the last one of the record."""
-        if self._unfinished():
+        if self.recorded.unfinished:
             return self._over()
         return self._parted(
             f"command {self.used + 1}: {told(name, given)}; the record has no more"
         )
-
-    def _unfinished(self) -> bool:
-        """Return whether the run itself would have gone on."""
-        return self.recorded.broken_off or self.recorded.ended == "MP860"
 
     def _over(self) -> ExecutorError:
         """Note that the replay went as far as it could; return what ends it."""

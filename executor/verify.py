@@ -35,10 +35,16 @@ def verify(
     Raises
     ------
     ExecutorError
-        MP850 if part or seat is not found, MP851 for the offset, MP856 for the turn,
-        MP852 and MP853 for the height, MP854 if the tool may still hold something.
+        MP802 if the plan names a look that the step has not; MP850 if part or seat is
+        not found, MP851 for the offset, MP856 for the turn, MP852 and MP853 for the
+        height, MP854 if the tool may still hold something.
     """
     by_id = {look.id: look for look in looks}
+    named = [action.look, action.seat_look]
+    named += [] if action.height is None else [action.height.look]
+    lost = [name for name in named if name not in by_id]
+    if lost:
+        raise ExecutorError("MP802", f"a verify names no look {lost[0]!r}")
     part = _find(rig, by_id[action.look], on_failure)
     seat = _find(rig, by_id[action.seat_look], on_failure)
     # the look re-anchored the part; what must be on the seat may be off its middle

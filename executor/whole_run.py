@@ -5,10 +5,10 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal, TextIO
 
 from executor.artifacts import Artifacts
 from executor.asked import Call
@@ -24,7 +24,7 @@ from executor.recording import CALLS, Record
 from executor.resume import begin, take_up
 from executor.rig import Rig
 from executor.run import RunResult, run_plan
-from executor.run_folder import EVENTS, SUMMARY, RunFolder
+from executor.run_folder import EVENTS, FRESH, SUMMARY, RunFolder
 from executor.site import SIMULATED, Site
 from executor.station import Station
 from executor.summary import summary_json, table
@@ -44,6 +44,7 @@ class Ended:
     result: RunResult
     verdict: Verdict | None
     errors_um: dict[str, float]  # step -> true error of its last look
+    executors: int = 1  # that worked on it: more than one if it was resumed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,7 +93,7 @@ def perform(
     frames = Frames(run.path if call.frames else None, tag=tag)
     calls = run.path / (f"calls-{before + 1}.jsonl" if before else CALLS)
     with (
-        (run.path / EVENTS).open("a", encoding="utf-8", newline="\n") as stream,
+        _open(run.path / EVENTS, "a") as stream,
         run.intents() as intents,
         _recorded(calls, frames, station, _facts(file, site, artifacts)) as record,
         Operator(asking.pause) as operator,
@@ -115,7 +116,13 @@ def perform(
         if record is not None:
             record.close(result.code, result.message)
     verdict = None if site.cell is None else _verdict(file.plan, site.cell)
-    ended = Ended(folder=run.path, result=result, verdict=verdict, errors_um=errors_um)
+    ended = Ended(
+        folder=run.path,
+        result=result,
+        verdict=verdict,
+        errors_um=errors_um,
+        executors=before + 1,
+    )
     _write_summary(call, site, file, ended)
     return ended
 
@@ -158,13 +165,27 @@ def _recorded(
     if not frames.wanted:
         yield None
         return
-    with path.open("w", encoding="utf-8", newline="\n") as stream:
+    with _open(path, "w") as stream:
         record = Record(stream, frames, station, facts)
         try:
             yield record
         except ExecutorError as error:  # an interrupt: MP860
             record.close(error.code, error.message)
             raise
+
+
+@contextmanager
+def _open(path: Path, mode: Literal["a", "w"]) -> Iterator[TextIO]:
+    """Give a file to write lines to; MP863 if it cannot be opened."""
+    try:
+        stream = path.open(mode, encoding="utf-8", newline="\n")
+    except OSError as error:
+        raise ExecutorError("MP863", f"{path}: {error}") from error
+    try:
+        yield stream
+    finally:
+        with suppress(OSError):  # what was not written is told where it was lost
+            stream.close()
 
 
 def _facts(file: PlanFile, site: Site, artifacts: Artifacts) -> dict[str, Any]:
@@ -222,6 +243,7 @@ def _write_summary(call: Call, site: Site, file: PlanFile, ended: Ended) -> None
         "plan_sha256": file.sha256,
         "station": site.name,
         "seed": call.seed or 0,
+        "executors": ended.executors,
         "faults": list(call.faults),
         "cell_verdict": None if verdict is None else to_data(verdict),
         "true_look_error_um": to_data(errors_um),
@@ -230,10 +252,14 @@ def _write_summary(call: Call, site: Site, file: PlanFile, ended: Ended) -> None
         words = table(ended.result, errors_um) + "\n"
         (ended.folder / "summary.txt").write_text(words, encoding="utf-8")
         text = summary_json(file.plan, ended.result, extra)
-        (ended.folder / SUMMARY).write_text(text, encoding="utf-8")
+        fresh = ended.folder / FRESH  # as a whole or not at all: it says that it ended
+        fresh.write_text(text, encoding="utf-8")
+        fresh.replace(ended.folder / SUMMARY)
     except OSError as error:
+        found = ended.result
+        how = "done" if found.code is None else f"in {found.code}: {found.message}"
         raise ExecutorError(
-            "MP863", f"the run has ended; its summary: {error}"
+            "MP863", f"the run has ended {how}; its summary: {error}"
         ) from error
 
 

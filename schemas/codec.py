@@ -86,13 +86,21 @@ def _decode_scalar(kind: Any, data: Any, path: str) -> Any:
     """Return a float, int, str, bool or None; an int may stand for a float."""
     if kind is float:
         ok = isinstance(data, (int, float)) and not isinstance(data, bool)
-        return float(_checked(ok and math.isfinite(data), data, path, "a number"))
+        return float(_checked(ok and _fits(data), data, path, "a number"))
     if kind is int:
         ok = isinstance(data, int) and not isinstance(data, bool)
         return _checked(ok, data, path, "a whole number")
     if kind is type(None):
         return _checked(data is None, data, path, "null")
     return _checked(isinstance(data, kind), data, path, kind.__name__)
+
+
+def _fits(data: float) -> bool:
+    """Return whether a number is finite, also as a float64."""
+    try:
+        return math.isfinite(data)
+    except OverflowError:  # a whole number of more than 308 digits
+        return False
 
 
 def _decode_tuple(args: tuple[Any, ...], data: Any, path: str) -> Any:

@@ -192,8 +192,9 @@ def test_an_infeasible_plan_is_refused(
         ('"steps": [', '"steps": ['[:-1]),
         ('"kind": "grasp"', '"kind": "grip"'),
         ('"opening_um": 96.0', '"opening_um": NaN'),
+        ('"opening_um": 96.0', '"opening_um": 1' + "0" * 400),
     ],
-    ids=["newer version", "not JSON", "unknown action", "nan"],
+    ids=["newer version", "not JSON", "unknown action", "nan", "too large"],
 )
 def test_a_plan_that_cannot_be_read_is_refused(
     built: Path, tmp_path: Path, old: str, new: str
@@ -233,6 +234,29 @@ def test_a_folder_that_is_no_run_folder_is_not_touched(
     (tmp_path / "mine" / "thesis.txt").write_text("years", encoding="utf-8")
     assert run(built, tmp_path / "mine") == 2
     assert (tmp_path / "mine" / "thesis.txt").read_text(encoding="utf-8") == "years"
+
+
+def test_what_no_run_left_in_a_run_folder_is_never_deleted(
+    built: Path,
+    ran: tuple[Path, str],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    folder = Path(shutil.copytree(ran[0], tmp_path / "mine"))
+    (folder / "thesis").mkdir()
+    (folder / "thesis" / "one.txt").write_text("years", encoding="utf-8")
+    assert run(built, folder, "--discard") == 2
+    assert "mine holds thesis, which no run left there" in capsys.readouterr().err
+    assert (folder / "thesis" / "one.txt").exists()
+    assert (folder / "summary.json").exists()
+
+
+def test_a_fault_of_a_step_that_the_plan_has_not_is_refused(
+    built: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(built, tmp_path / "run", "--inject", "block@isnert") == 2
+    assert "block@isnert: the plan has no step 'isnert'" in capsys.readouterr().err
+    assert not (tmp_path / "run").exists()
 
 
 def test_a_plan_that_acts_and_never_verifies_is_not_done(

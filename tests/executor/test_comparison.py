@@ -13,6 +13,7 @@ import pytest
 
 from executor.cli import main
 from executor.comparison import compare, predicted_s
+from executor.comparison_report import comparison_text
 from executor.plan_file import read_plan
 from executor.run_summaries import Run
 from schemas.plan import AlignAction, Plan, parse_plan
@@ -125,6 +126,18 @@ def test_a_run_the_operator_stopped_says_nothing_of_the_plan(plan: Plan) -> None
     assert found.counted == 3
 
 
+@pytest.mark.parametrize("key", ["faults", "executors"])
+def test_runs_with_faults_and_resumed_ones_are_left_apart(plan: Plan, key: str) -> None:
+    runs = runs_of(plan, 8, 4)
+    data = {**summary(plan, np.random.default_rng(9)), "done": False, "code": "MP845"}
+    data[key] = ["axis_short"] if key == "faults" else 2
+    odd = Run(folder=Path("odd"), data=data)
+    found = compare(plan, [*runs, odd])
+    assert (found.runs, found.apart) == (tuple(runs), (odd,))
+    assert (found.done, found.counted) == (4, 4)
+    assert f"left apart: odd, {odd.apart}" in comparison_text(plan, found)
+
+
 def written(plan_file: Path, folder: Path, data: dict[str, Any]) -> Path:
     folder.mkdir()
     sha = read_plan(plan_file).sha256
@@ -143,7 +156,7 @@ def test_the_command_joins_runs_and_says_what_is_refuted(
     ]
     assert main([str(built), "--mode", "compare", "--runs", *names]) in (0, 1)
     out = capsys.readouterr().out
-    assert "4 runs" in out
+    assert "runs: 4, done: 4 of 4" in out
     assert f"{STEP}  cycles" in out
     call = [str(built), "--mode", "compare", "--runs", *names, "--format", "json"]
     main(call)

@@ -144,6 +144,18 @@ def test_a_whole_line_that_means_nothing_is_refused() -> None:
         past_in(disk.data)
 
 
+def test_errors_count_on_after_a_kill_and_not_after_a_failure() -> None:
+    """A run that gave up after so many looks may be mended, and tries anew."""
+    disk = Disk()
+    intents = Intents(disk)
+    intents.write("run", **HEADER)
+    intents.write("begin", step="over_shaft")
+    intents.write("error", error_um=2.0)
+    assert past_in(disk.data).past.errors_um == [2.0]
+    intents.write("end", code="MP830", why="too many looks")
+    assert past_in(disk.data).past.errors_um == []
+
+
 def test_an_empty_journal_has_nothing_to_resume() -> None:
     with pytest.raises(ExecutorError) as caught:
         past_in(b"")

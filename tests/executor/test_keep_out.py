@@ -245,7 +245,7 @@ def test_a_gap_is_kept_to_a_hundredth_and_a_margin_is_added() -> None:
     assert meets(one, replace(above, low_um=0.5))
 
 
-@pytest.mark.parametrize("way_rad", [0.01, 1.0, -4.0])
+@pytest.mark.parametrize("way_rad", [0.01, 1.0, -4.0, 9.0, -20.0])
 def test_what_a_turn_covers_holds_every_place_between(way_rad: float) -> None:
     corners = np.array([[90.0, -5.0], [130.0, -5.0], [130.0, 8.0]])
     room = Room(owner="a", corners_um=corners, low_um=0.0, high_um=1.0)
@@ -258,6 +258,13 @@ def test_what_a_turn_covers_holds_every_place_between(way_rad: float) -> None:
             shapely.Polygon(corners), angle, origin=AXIS, use_radians=True
         )
         assert covered.buffer(1e-6).contains(turned)
+
+
+def test_a_turn_without_end_is_a_whole_one() -> None:
+    corners = np.array([[90.0, -5.0], [130.0, -5.0], [130.0, 8.0]])
+    room = Room(owner="a", corners_um=corners, low_um=0.0, high_um=1.0)
+    travel = Travel(start=at(0, 0, 0), end=at(0, 0, 0, 1e308), pivot_um=AXIS)
+    assert len(list(travel.covered(room))) == 72  # of 5 deg
 
 
 def test_the_hull_is_that_of_shapely() -> None:

@@ -75,3 +75,19 @@ def test_interrupts_go_back_to_whom_they_were() -> None:
     with Operator():
         assert signal.getsignal(signal.SIGINT) != before
     assert signal.getsignal(signal.SIGINT) == before
+
+
+def test_a_terminal_that_is_closed_stops_at_once() -> None:
+    with Operator(), pytest.raises(KeyboardInterrupt):
+        signal.raise_signal(signal.SIGHUP)
+
+
+def test_a_run_that_is_to_outlive_its_terminal_goes_on() -> None:
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)  # as nohup does
+    try:
+        with Operator() as operator:
+            os.kill(os.getpid(), signal.SIGHUP)
+            operator.pause()
+        assert signal.getsignal(signal.SIGHUP) == signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGHUP, before)

@@ -234,6 +234,8 @@ def perform(found: tuple[Step, ...]) -> tuple[RunResult, Cell, Watching]:
         journal=Journal(io.StringIO(), station.clock),
         frames=Frames(None),
         on_step=enter,
+        view=plain.view,
+        probed=plain.probed,
     )
     return run_plan(rig), cell, recorder
 

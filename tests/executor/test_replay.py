@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import io
 import json
+import os
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -190,6 +192,10 @@ def test_a_run_that_broke_off_is_replayed_as_far_as_its_record_goes(
     (run / "calls.jsonl").write_text(text[: len(text) // 2], "utf-8")
     assert again(built, run) == 0
     assert "the record breaks off there" in capsys.readouterr().out
+    (run / "calls-2.jsonl").write_text("", "utf-8")  # the run went on, in there
+    assert again(built, run) == 0
+    told = capsys.readouterr().out
+    assert "not replayed, by who resumed the run: calls-2.jsonl" in told
 
 
 def test_a_command_that_was_not_given_again_is_told(
@@ -222,6 +228,30 @@ def test_a_run_that_failed_fails_again_in_the_same_way(
     assert again(built, run) == 0
     code = json.loads((run / "summary.json").read_text("utf-8"))["code"]
     assert f"replayed, {code}" in capsys.readouterr().out
+
+
+def test_a_disk_that_fills_by_frames_is_no_other_command(
+    built: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    run, kept = tmp_path / "run", list[Path]()
+
+    def fill(path: Path, counts: Any) -> None:
+        if len(kept) == 3:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        write_png(path, counts)
+        kept.append(path)
+
+    with monkeypatch.context() as full:
+        full.setattr("executor.frames.write_png", fill)
+        call = [str(built), "--station", "sim", "--run-dir", str(run)]
+        assert main(call) == 3
+    assert "error[MP863]" in capsys.readouterr().err
+    assert not any(row.get("hung") for row in rows(run))
+    assert again(built, run) == 0
+    assert "the record breaks off there" in capsys.readouterr().out
 
 
 def test_a_device_that_did_not_answer_does_not_answer_again(

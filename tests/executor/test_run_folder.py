@@ -143,6 +143,32 @@ def test_a_disk_that_fills_stops_the_run_before_the_motion(
     assert summary(folder)["cell_verdict"]["success"]
 
 
+@pytest.mark.parametrize("name", ["events.jsonl", "calls-2.jsonl", "frames"])
+def test_a_file_that_cannot_be_opened_is_no_bug(
+    name: str, built: Path, copy: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = copy / name
+    path.unlink(missing_ok=True)
+    path.write_bytes(b"") if name == "frames" else path.mkdir()
+    words = ["--station", "sim", "--run-dir", str(copy), "--resume"]
+    status = main([str(built), *words])
+    assert code_of(capsys, status) in ("MP863", "MP867")
+    shutil.rmtree(path) if path.is_dir() else path.unlink()
+    assert main([str(built), *words]) == 0
+
+
+def test_a_summary_that_was_lost_is_written_by_a_resumed_run(
+    built: Path, copy: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (copy / "summary.new").mkdir()
+    assert code_of(capsys, run(built, copy, "--resume")) == "MP863"
+    assert not (copy / "summary.json").exists()
+    (copy / "summary.new").rmdir()
+    assert run(built, copy, "--resume") == 0
+    assert summary(copy)["cell_verdict"]["success"]
+    assert code_of(capsys, run(built, copy, "--resume")) == "MP868"
+
+
 def change_plan(plan: Path, _: Path) -> None:
     text = (plan / "plan.json").read_text(encoding="utf-8")
     (plan / "plan.json").write_text(text + "\n", encoding="utf-8")

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import math
+import threading
 from collections.abc import Callable
 from dataclasses import replace
 
 import pytest
 
+from executor.drivers import AxisReading
 from executor.errors import ExecutorError
+from executor.loading import check_role
 from executor.simulated.cell import build_cell
 from executor.station import Station, preflight
 from schemas.plan import Plan, Reason
@@ -116,3 +120,41 @@ def test_a_station_may_read_what_its_axes_settle_within() -> None:
     with pytest.raises(ExecutorError) as caught:
         preflight(plan_of(()), displaced(start_um + 1.5 * window_um))
     assert caught.value.code == "MP811"
+
+
+def raises() -> AxisReading:
+    raise RuntimeError("no carrier")
+
+
+def hangs() -> AxisReading:
+    threading.Event().wait(5.0)
+    raise TimeoutError
+
+
+def is_nan() -> AxisReading:
+    return AxisReading(x_um=math.nan, y_um=0.0, z_um=0.0, theta_rad=0.0)
+
+
+@pytest.mark.parametrize(
+    ("reading", "code"), [(raises, "MP841"), (hangs, "MP844"), (is_nan, "MP847")]
+)
+def test_a_device_that_cannot_be_read_is_no_bug(
+    reading: Callable[[], AxisReading], code: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = station()
+    quick = replace(found.rules, safety=replace(found.rules.safety, call_s=0.1))
+    monkeypatch.setattr(found.stage, "reading", reading)
+    with pytest.raises(ExecutorError) as caught:
+        preflight(plan_of(()), replace(found, rules=quick))
+    assert caught.value.code == code
+
+
+def test_a_device_whose_serial_number_cannot_be_read_is_told() -> None:
+    class Silent:
+        @property
+        def model(self) -> str:
+            raise OSError("no answer")
+
+    with pytest.raises(ExecutorError, match=r"light\.model: OSError: no") as told:
+        check_role(Silent(), "light", "light")
+    assert told.value.code == "MP813"

@@ -85,11 +85,11 @@ def test_a_step_waits_for_its_moves_and_an_alignment_for_its_approach(
     assert approach_times(task, named["find_gear"]) == ()  # it lies there
     fingers = approach_times(task, named["see_fingers"])
     # stage 250 um; robot 3000 um at 5000 um/s; down 370 um at 2000 um/s
-    moves_s = (0.18 + 0.15, 0.6 + 0.15, 0.185 + 0.15)
+    moves_s = (0.25 + 0.15, 0.6 + 0.15, 0.185 + 0.15)
     assert total(fingers) == pytest.approx(sum(moves_s))
     brought = approach_times(task, named["bring_between"])
     # the stage goes those 250 um back, in y
-    assert total(brought) == pytest.approx(0.18 + 0.15)
+    assert total(brought) == pytest.approx(0.25 + 0.15)
     assert approach_times(task, named["gear_in_fingers"]) == ()
 
 
