@@ -125,10 +125,12 @@ def test_a_cache_that_cannot_be_written_stops_nothing(
     assert files("--cache", str(blocked)) == files("--no-cache")
 
 
-def test_the_place_is_the_users_cache(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("XDG_CACHE_HOME", "/var/tmp/mine")
-    assert place() == Path("/var/tmp/mine/microplan")
+def test_the_place_is_the_users_cache(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "mine"))
+    assert place() == tmp_path / "mine" / "microplan"
     monkeypatch.setenv("XDG_CACHE_HOME", "not/absolute")
-    monkeypatch.setenv("HOME", "/home/someone")
-    assert place() == Path("/home/someone/.cache/microplan")
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert place() == tmp_path / ".cache" / "microplan"
     assert Memo().store is None
