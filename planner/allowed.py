@@ -121,9 +121,8 @@ def _drifts(
         lateral_um=task.workcell.optics.focus.lateral_sigma_um_per_um,
     )
     asked = [(d, borne(setting=d.setting)) for d in DIRECTIONS]
-    return dict(
-        zip(DIRECTIONS, effects.map(partial(_reach, search), asked), strict=True)
-    )
+    reached = effects.memo.each(_reach, search, asked, effects.map)
+    return dict(zip(DIRECTIONS, reached, strict=True))
 
 
 def _reach(search: Search, asked: tuple[Direction, Borne]) -> float:

@@ -6,6 +6,8 @@ import argparse
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
+from planner.comparing.changes import KINDS
+from planner.comparing.tolerances import parse_rule
 from planner.presets import PRESETS
 
 Run = Callable[[argparse.Namespace], int]
@@ -37,6 +39,24 @@ def build_parser(runs: Mapping[str, Run]) -> argparse.ArgumentParser:
 def _add_task(parser: argparse.ArgumentParser) -> None:
     """Add what all commands share that read a task."""
     parser.add_argument("task", help="task.yaml")
+    _add_format(parser)
+
+
+def _add_tolerance(parser: argparse.ArgumentParser) -> None:
+    """Add by how much values of two plans may differ."""
+    parser.add_argument(
+        "--tolerance",
+        action="append",
+        default=[],
+        type=parse_rule,
+        metavar="PATTERN=VALUE",
+        help="0.1, 5%% or ignore, where a value's path ends as the pattern says: "
+        "control/gain=5%%",
+    )
+
+
+def _add_format(parser: argparse.ArgumentParser) -> None:
+    """Add how findings are written."""
     parser.add_argument(
         "--format",
         choices=("text", "json", "github", "sarif"),
@@ -59,6 +79,23 @@ def _add_compile(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--max-image-error", type=share, help="of unit contrast, above 0 and below 1"
     )
+    parser.add_argument("--no-cache", action="store_true", help="compute everything")
+    parser.add_argument(
+        "--cache",
+        type=Path,
+        metavar="FOLDER",
+        help="what is kept between compiles; default: $XDG_CACHE_HOME/microplan",
+    )
+    parser.add_argument(
+        "--golden", type=Path, metavar="PLAN", help="compare with this plan or folder"
+    )
+    parser.add_argument(
+        "--timings",
+        action="store_true",
+        help="say on standard error what took how long",
+    )
+    parser.add_argument("--update", action="store_true", help="renew the golden plan")
+    _add_tolerance(parser)
     _add_task(parser)
 
 
@@ -92,6 +129,23 @@ def _add_tradeoff(parser: argparse.ArgumentParser) -> None:
     _add_task(parser)
 
 
+def _add_diff(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `microplan diff`."""
+    parser.add_argument("old", type=Path, help="plan.json, or the folder it is in")
+    parser.add_argument("new", type=Path, help="plan.json, or the folder it is in")
+    _add_tolerance(parser)
+    parser.add_argument(
+        "--fail-on",
+        type=kinds,
+        default=(),
+        metavar="KIND,...",
+        help=f"worse, {', '.join(KINDS)}; default: any difference",
+    )
+    parser.add_argument("--no-images", action="store_true", help="compare no pictures")
+    parser.add_argument("--all", action="store_true", help="list every difference")
+    _add_format(parser)
+
+
 def _add_explain(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `microplan explain`."""
     parser.add_argument("code", nargs="?", help="as MP104; default: list all")
@@ -123,12 +177,21 @@ def share(text: str) -> float:
     return value
 
 
+def kinds(text: str) -> tuple[str, ...]:
+    """Return kinds of changes, and "worse"."""
+    found = tuple(text.split(","))
+    if not set(found) <= {"worse", *KINDS}:
+        raise ValueError(text)
+    return found
+
+
 _COMMANDS: Mapping[str, tuple[Callable[[argparse.ArgumentParser], None], str]] = {
     "init": (_add_init, "write a task to begin with"),
     "check": (_add_check, "read, resolve and check a task"),
     "compile": (_add_compile, "compile a task into a plan"),
     "render": (_add_render, "render what a step will see"),
     "tradeoff": (_add_tradeoff, "measure speed against accuracy"),
+    "diff": (_add_diff, "tell what changed between two plans"),
     "explain": (_add_explain, "tell more about a finding"),
     "schema": (_add_schema, "print the schema of a format"),
 }

@@ -17,6 +17,7 @@ from optics.outline import Outline, place
 from optics.scene import Illumination, Layer, Scene
 from optics.sensor import Sensor
 from optics.shading import shade_error
+from planner.caching.memo import EVERY_TIME, Memo
 from planner.inputs.task import Task
 from planner.inputs.workcell import Workcell
 from planner.lens import known_errors, lamp_aperture
@@ -38,6 +39,7 @@ def build_case(
     request: Request,
     view: ViewPlan,
     max_image_error: float,
+    memo: Memo = EVERY_TIME,
 ) -> tuple[LookCase, Fidelity]:
     """Return the case that routines are tried on, and why it is rendered as it is."""
     shape = needed_shape(task, request)
@@ -52,7 +54,8 @@ def build_case(
         background_z_um=task.workcell.stage.datum_z_um + request.state.stage.z_um,
     )
     imaged = lens_scene(shown, scope, lens, view.focus_um)
-    fidelity = choose(
+    fidelity = memo.call(
+        choose,
         imaged,
         scope,
         focus_um=_focus_range(view, spread),

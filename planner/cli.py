@@ -8,10 +8,13 @@ import re
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Protocol, TextIO
+from typing import TYPE_CHECKING, Protocol, TextIO
 
 from planner.arguments import build_parser
 from planner.diagnostics import TITLES, Report, Span
+
+if TYPE_CHECKING:
+    from schemas.plan import Plan
 
 DONE, NO, BAD_INPUT, BUG = 0, 1, 2, 70
 # all control characters but tabs and line ends, and those that turn text round
@@ -69,34 +72,68 @@ def _check(call: argparse.Namespace) -> int:
 
 def _compile(call: argparse.Namespace) -> int:
     """Compile a task into a plan folder."""
-    from planner.compiler import Options, compile_task
-    from planner.inputs.read_task import load_task
+    from planner.caching.store import Store, place
+    from planner.compiler import Options
+    from planner.compiling import compile_file
+    from planner.diffing import DiffError, read_plan
     from planner.outputs.emit import check_folder, write_folder
     from planner.outputs.errors import OutputError
-    from planner.outputs.summary import plan_summary
+    from planner.outputs.summary import plan_summary, times_summary
 
     report = Report()
-    task = load_task(call.task, report)
-    if task is None:
-        return _tell(call, report, "")
-    folder: Path = call.out or Path(call.task).parent / f"{task.name}.plan"
+    store = None if call.no_cache else Store(call.cache or place())
+    options = Options(
+        preset=call.preset,
+        max_image_error=call.max_image_error,
+        jobs=call.jobs,
+        tell=_tell_step,
+    )
+
+    def ready(name: str) -> None:
+        check_folder(call.out or _beside(call.task, name))
+        if call.golden is not None and not call.update:
+            read_plan(call.golden)  # what cannot be compared need not be compiled
+
     try:
-        check_folder(folder)
-        files = compile_task(
-            task,
-            report,
-            Options(
-                preset=call.preset,
-                max_image_error=call.max_image_error,
-                jobs=call.jobs,
-            ),
-        )
+        files = compile_file(call.task, report, options, store, ready)
         if files is None:
             return _tell(call, report, "")
+        folder = call.out or _beside(call.task, files.plan.name)
         write_folder(files, folder)
+        said = f"{plan_summary(files.plan)}\nplan folder: {folder}"
+        if call.timings:
+            _say(times_summary(files.timings), sys.stderr)
+        if call.golden is not None:
+            said += "\n" + _golden(call, files.plan, folder, report)
     except OutputError as error:
         return _refuse(call, report, error)
-    return _tell(call, report, f"{plan_summary(files.plan)}\nplan folder: {folder}")
+    except DiffError as error:
+        report.error(error.code, Span(file=error.file), str(error))
+        return _tell(call, report, "")
+    return _tell(call, report, said)
+
+
+def _beside(task: str, name: str) -> Path:
+    """Return the plan folder of a task unless the user names another."""
+    return Path(task).parent / f"{name}.plan"
+
+
+def _golden(call: argparse.Namespace, plan: Plan, folder: Path, report: Report) -> str:
+    """Return how a new plan compares with the golden one, renewed if asked for."""
+    from planner.diffing import diff_with_golden, plan_file, renew_golden
+    from planner.outputs.changes import changes_text
+
+    golden: Path = call.golden
+    if call.update:
+        renew_golden(folder, golden)
+        return f"golden plan: {golden}"
+    changes = diff_with_golden(plan, folder, golden, call.tolerance)
+    if changes:
+        where = Span(file=str(plan_file(golden)))
+        hint = "meant? compile again with --update"
+        message = f"{len(changes)} differences from the golden plan"
+        report.refuse("MP710", where, message, hint)
+    return changes_text(changes)
 
 
 def _render(call: argparse.Namespace) -> int:
@@ -155,10 +192,45 @@ def _tradeoff(call: argparse.Namespace) -> int:
     return _tell(call, report, found)
 
 
+def _tell_step(done: int, count: int, step: str) -> None:
+    """Say which step is being compiled, on a terminal only."""
+    if sys.stderr.isatty():
+        print(f"compiling {step} ({done + 1} of {count}) ...", file=sys.stderr)
+
+
 def _progress(step: str) -> None:
     """Say what is being worked on, on a terminal only."""
     if sys.stderr.isatty():
         print(f"measuring {step} ...", file=sys.stderr)
+
+
+def _diff(call: argparse.Namespace) -> int:
+    """Compare two plans: 0 for the same, 1 for different."""
+    from planner.diffing import DiffCall, DiffError, diff
+    from planner.outputs.changes import changes_json, changes_text, findings_of
+
+    try:
+        found = diff(
+            DiffCall(
+                old=call.old,
+                new=call.new,
+                rules=call.tolerance,
+                fail_on=call.fail_on,
+                pictures=not call.no_images,
+            )
+        )
+    except DiffError as error:
+        report = Report()
+        report.error(error.code, Span(file=error.file), str(error))
+        return _tell(call, report, "")
+    if call.format in ("text", "json"):
+        told = changes_text(found.changes, tell_all=call.all)
+        if call.format == "json":
+            told = changes_json(found.changes, str(call.old), str(call.new))
+        _say(told, sys.stdout)
+        return NO if found.failing else DONE
+    report = Report(found=findings_of(found.changes, found.failing, str(call.new)))
+    return _tell(call, report, f"{len(found.changes)} differences")
 
 
 def _explain(call: argparse.Namespace) -> int:
@@ -237,7 +309,7 @@ def _say(text: str, stream: TextIO) -> None:
 
 _RUNS = {
     "init": _init, "check": _check, "compile": _compile, "render": _render,
-    "tradeoff": _tradeoff, "explain": _explain, "schema": _schema,
+    "tradeoff": _tradeoff, "diff": _diff, "explain": _explain, "schema": _schema,
 }  # fmt: skip
 
 

@@ -5,13 +5,14 @@ from __future__ import annotations
 import hashlib
 import json
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.metadata import version
 
 from featuresel.trials import Map
+from planner.caching.memo import EVERY_TIME, Memo
 from planner.checks.insert_budget import share_of_goal
 from planner.diagnostics import Report, Span
 from planner.inputs.second_reader import read_twice
@@ -43,6 +44,8 @@ class Options:
     preset: Preset | None = None
     max_image_error: float | None = None
     jobs: int = 1
+    tell: Callable[[int, int, str], None] = lambda _done, _all, _step: None
+    memo: Memo = EVERY_TIME  # what is kept between compiles; by itself nothing
 
 
 def compile_task(task: Task, report: Report, options: Options) -> PlanFiles | None:
@@ -52,7 +55,7 @@ def compile_task(task: Task, report: Report, options: Options) -> PlanFiles | No
     `infeasible`, with the reasons and the steps up to the first that failed.
     """
     started = time.perf_counter()
-    read_twice(task, report)
+    read_twice(task, report, options.memo)
     states = unfold(task, report)
     check_fits(task, states, report)
     if report.failed:
@@ -60,8 +63,13 @@ def compile_task(task: Task, report: Report, options: Options) -> PlanFiles | No
     preset = options.preset or task.optimise.prefer
     limit = options.max_image_error or task.optimise.image_error(preset)
     with mapper(options.jobs) as spread:
-        effects = Effects(effort=PRESETS[preset], max_image_error=limit, map=spread)
-        steps, timings = _steps(task, states, effects, report)
+        effects = Effects(
+            effort=PRESETS[preset],
+            max_image_error=limit,
+            map=spread,
+            memo=options.memo,
+        )
+        steps, timings = _steps(task, states, effects, report, options.tell)
     plan = build_plan(task, states, steps, report, preset=preset, limit=limit)
     looks = [look for step in steps for look in step.looks]
     return PlanFiles(
@@ -70,7 +78,7 @@ def compile_task(task: Task, report: Report, options: Options) -> PlanFiles | No
         images={look.look.scene.image: look.picture for look in looks},
         arrays={k: v for look in looks for k, v in look.arrays.items()},
         timings={**timings, "total_s": time.perf_counter() - started},
-        inputs=_inputs(),
+        inputs=_inputs(report),
     )
 
 
@@ -129,15 +137,23 @@ def mapper(jobs: int) -> Iterator[Map]:
 
 
 def _steps(
-    task: Task, states: tuple[StepState, ...], effects: Effects, report: Report
+    task: Task,
+    states: tuple[StepState, ...],
+    effects: Effects,
+    report: Report,
+    tell: Callable[[int, int, str], None],
 ) -> tuple[list[CompiledStep], dict[str, float]]:
-    """Return the steps up to the first that cannot be done, and their times."""
+    """Return the steps up to the first that cannot be done, and their times.
+
+    `tell` is told how many steps are done, of how many, and which one comes next.
+    """
     low, _ = task.workcell.optics.magnification
     memory = Memory(magnification=low, seen={}, within_um=0.0, key="")
     found: list[CompiledStep] = []
     timings: dict[str, float] = {}
     for index, here in enumerate(states):
         started = time.perf_counter()
+        tell(index, len(states), here.step.id)
         step = compile_step(task, states, index, memory, effects, report)
         timings[f"steps.{here.step.id}_s"] = time.perf_counter() - started
         if step is None:
@@ -282,7 +298,10 @@ def _robot_start(start: State) -> p.AxisMove | None:
     )
 
 
-def _inputs() -> dict[str, object]:
-    """Return versions of what made the plan; never compared."""
+def _inputs(report: Report) -> dict[str, object]:
+    """Return what was read, and versions of what made the plan; never compared."""
     names = ("microplan", "numpy", "scipy", "opencv-contrib-python-headless", "ezdxf")
-    return {"versions": {name: version(name) for name in names}}
+    return {
+        "files": dict(sorted(report.files.items())),
+        "versions": {name: version(name) for name in names},
+    }

@@ -100,6 +100,8 @@ TITLES: Mapping[str, str] = {
     "MP701": "not a plan folder",
     "MP702": "output cannot be written",
     "MP703": "file is there already",
+    "MP704": "plan cannot be read",
+    "MP710": "plans differ",
 }
 
 # infeasible: understood, but the answer is no (exit status 1)
@@ -139,6 +141,7 @@ class Report:
     """Collects the findings of one compile: the only state that stages share."""
 
     found: list[Diagnostic] = field(default_factory=list)
+    files: dict[str, str] = field(default_factory=dict)  # path read -> its sha256
 
     def error(self, code: str, where: Span, message: str, hint: str = "") -> None:
         """Add something that makes the input unusable (exit status 2)."""

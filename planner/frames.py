@@ -13,6 +13,7 @@ from optics.sampling import Sampling
 from optics.scene import Illumination, Scene
 from optics.shading import shaded
 from optics.views import full
+from planner.caching.memo import EVERY_TIME, Memo
 from planner.inputs.workcell import Workcell
 from planner.lens import known_errors, lamp_aperture
 from planner.model.scenes import relevant
@@ -39,12 +40,14 @@ def frame(
     level: float,
     model: str = "exact",
     sampling: Sampling | None = None,
+    memo: Memo = EVERY_TIME,
 ) -> FloatArray:
     """Return the noise-free frame of a scene by `seen_scene`, (rows, columns).
 
     Coaxial light is shaded by higher bodies.
     """
-    return shaded(
+    return memo.call(
+        shaded,
         scene,
         scope,
         focus_um=focus_um,

@@ -11,6 +11,7 @@ from featuresel.case import LookCase
 from featuresel.contest import Contest, compete
 from featuresel.trials import Map
 from featuresel.usable import usable_range
+from planner.caching.memo import EVERY_TIME, Memo
 from planner.cases import build_case
 from planner.checks.views import view_verdict
 from planner.diagnostics import Report
@@ -45,11 +46,12 @@ from schemas.views import ZoomTried
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Effects:
-    """What the whole compile shares: how much to spend, and the map that spends it."""
+    """What the whole compile shares: how much to spend, what spends it, what keeps."""
 
     effort: Effort
     max_image_error: float
     map: Map
+    memo: Memo = EVERY_TIME
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -139,8 +141,10 @@ class _Job:
     def alone(self, view: ViewPlan) -> tuple[Tried, Contest]:
         """Return the choice among all chains for the target, with the trials."""
         effort, limit = self.effects.effort, self.effects.max_image_error
-        case, fidelity = build_case(self.task, self.request, view, limit)
-        found = compete(
+        memo = self.effects.memo
+        case, fidelity = build_case(self.task, self.request, view, limit, memo)
+        found = memo.call(
+            compete,
             case,
             root_seed=self.task.seed,
             most=effort.trials,
@@ -177,6 +181,7 @@ class _Job:
             visible=found.visible,
             effort=self.effects.effort,
             map=self.effects.map,
+            memo=self.effects.memo,
         )
 
     def finish(self, view: ViewPlan, tried: Tried, found: Contest) -> CompiledLook:
@@ -209,7 +214,8 @@ class _Job:
         if chosen is None:
             raise ValueError("no chain was chosen")
         seed, effects = self.task.seed, self.effects
-        usable = usable_range(
+        usable = effects.memo.call(
+            usable_range,
             case,
             tried.prepared,
             chosen.chain,
@@ -218,7 +224,9 @@ class _Job:
             map=effects.map,
         )
         only = replace(tried.prepared, chains=(chosen.chain,))
-        curves = predict_bias(case, only, root_seed=seed, map=effects.map)
+        curves = effects.memo.call(
+            predict_bias, case, only, root_seed=seed, map=effects.map
+        )
         return Measured(
             shape=shape or self.shape,
             tried=tried,
@@ -241,7 +249,7 @@ class _Job:
         first, *others = [measure_record(request, shape, each) for each in found]
         usable = {each.shape.name: each.usable.focus_um for each in found}
         view = view_record(task, request, case, list(usable.values()))
-        image = reference_image(task, request, case)
+        image = reference_image(task, request, case, self.effects.memo)
         name = f"images/{request.id}.png"
         return CompiledLook(
             look=p.Look(
@@ -278,14 +286,18 @@ class _Job:
         )
 
 
-def reference_image(task: Task, request: Request, case: LookCase) -> Picture:
+def reference_image(
+    task: Task, request: Request, case: LookCase, memo: Memo = EVERY_TIME
+) -> Picture:
     """Return the whole frame at the nominal state by the exact law, 8 bit.
 
     What the case's fidelity was chosen for is its region.
     """
     cell, scope = task.workcell, case.microscope
     seen = seen_scene(cell, world_scene(task, request.state), scope, case.focus_um)
-    image = frame(cell, seen, scope, focus_um=case.focus_um, level=case.light.gain)
+    image = frame(
+        cell, seen, scope, focus_um=case.focus_um, level=case.light.gain, memo=memo
+    )
     return picture(image)
 
 

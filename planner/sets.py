@@ -18,6 +18,7 @@ from featuresel.select import select
 from featuresel.set_trials import Member, score_set
 from featuresel.sights import Sight, sight_of
 from featuresel.trials import Map, Prepared
+from planner.caching.memo import Memo
 from planner.cases import MOST_TOGETHER, SHARE_TOGETHER, feature_case
 from planner.inputs.task import Task
 from planner.model.features import Proposals, drawn, offset_um, proposals
@@ -77,6 +78,7 @@ class Search:
     visible: float | None
     effort: Effort
     map: Map
+    memo: Memo
 
     def run(self) -> Sets:
         """Return the set to use, or why there is none."""
@@ -209,7 +211,8 @@ class Search:
 
     def _other(self, feature: Feature, shape: Shape, case: LookCase) -> Raced:
         """Return another feature after its race."""
-        found = compete(
+        found = self.memo.call(
+            compete,
             case,
             root_seed=self.task.seed,
             most=self.effort.trials,
@@ -302,7 +305,8 @@ class Search:
             or found.dropped_theta_rad <= need.sigma_theta_rad
         )
         least = len(raced) - 1 if spare else len(raced)
-        score = score_set(
+        score = self.memo.call(
+            score_set,
             fresh,
             [self._member(r, s) for r, s in zip(raced, sights, strict=True)],
             design(fresh, self.effort.trials, self.task.seed),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import hashlib
 from itertools import islice
 from pathlib import Path
 
@@ -40,6 +41,7 @@ def read_bytes(
     if len(data) > most:
         report.error("MP009", at, f"{file} is larger than {most} bytes")
         return None
+    report.files[str(path)] = hashlib.sha256(data).hexdigest()
     return data
 
 

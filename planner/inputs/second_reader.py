@@ -10,6 +10,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
+from planner.caching.memo import EVERY_TIME, Memo
 from planner.diagnostics import Report
 from planner.inputs.biarcs import CURVE_UM
 from planner.inputs.census import Taken
@@ -39,7 +40,11 @@ main()
 Tally = Counter[tuple[str, str, str]]  # by block, layer and kind
 
 
-def read_twice(task: Task, report: Report) -> None:
+class NoAnswerError(Exception):
+    """Why there is no second reading."""
+
+
+def read_twice(task: Task, report: Report, memo: Memo = EVERY_TIME) -> None:
     """Let ezdxf read the DXF drawings of a task, and report where it differs.
 
     What it finds beyond what was read here, and other extents, are errors: one of the
@@ -48,14 +53,19 @@ def read_twice(task: Task, report: Report) -> None:
     sheets = [part.sheet for part in task.parts.values()]
     sheets += [tool.sheet for tool in task.workcell.tools.values()]
     for drawing, takes in _by_file(sheets):
-        compare(drawing, takes, report)
+        compare(drawing, takes, report, memo)
 
 
-def compare(drawing: Drawing, takes: Sequence[Taken], report: Report) -> None:
+def compare(
+    drawing: Drawing, takes: Sequence[Taken], report: Report, memo: Memo = EVERY_TIME
+) -> None:
     """Report what ezdxf's reading of a drawing differs in, or why there is none."""
-    answer, why = _asked(drawing, takes)
-    if answer is None:
-        message = f"{drawing.file} was not read a second time: {why}"
+    try:
+        _check_size(drawing)
+        asked = json.dumps(question(drawing, takes))
+        answer: Answer = json.loads(memo.call(ask, asked, drawing.data))
+    except NoAnswerError as error:
+        message = f"{drawing.file} was not read a second time: {error}"
         hint = "what it holds rests on one reader"
         report.warning("MP227", drawing.at, message, hint)
         return
@@ -128,29 +138,42 @@ def _by_file(sheets: Sequence[Sheet]) -> Iterator[tuple[Drawing, list[Taken]]]:
     yield from found.values()
 
 
-def _asked(drawing: Drawing, takes: Sequence[Taken]) -> tuple[Answer | None, str]:
-    """Return what ezdxf finds in the bytes that were read here, or why it does not."""
+def _check_size(drawing: Drawing) -> None:
+    """Raise NoAnswerError for a drawing that would take ezdxf too long."""
     items = drawing.document.items
     if len(drawing.data) > MAX_BYTES or items > MAX_ITEMS:
         size = f"{len(drawing.data)} bytes and {items} items"
-        return None, f"it has {size}, ezdxf is given {MAX_BYTES} and {MAX_ITEMS}"
+        raise NoAnswerError(
+            f"it has {size}, ezdxf is given {MAX_BYTES} and {MAX_ITEMS}"
+        )
+
+
+def ask(question_: str, data: bytes) -> str:
+    """Return what ezdxf finds in a file, as JSON.
+
+    Raises
+    ------
+    NoAnswerError
+        If it refuses the file, takes too long or too much memory.
+    """
     try:
         done = subprocess.run(  # noqa: S603 - this interpreter, a constant program
             [sys.executable, "-c", _CHILD.format(path=sys.path)],
-            input=json.dumps(question(drawing, takes)).encode() + b"\n" + drawing.data,
+            input=question_.encode() + b"\n" + data,
             capture_output=True,
             timeout=MAX_S,
             check=False,
             env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
         )
-    except subprocess.TimeoutExpired:
-        return None, f"ezdxf takes more than {MAX_S:g} s"
+    except subprocess.TimeoutExpired as error:
+        raise NoAnswerError(f"ezdxf takes more than {MAX_S:g} s") from error
     if done.returncode:
-        return None, f"ezdxf ended with status {done.returncode}"
-    answer: Answer = json.loads(done.stdout)
-    if "error" in answer:
-        return None, f"ezdxf refuses it, {answer['error']}"
-    return answer, ""
+        raise NoAnswerError(f"ezdxf ended with status {done.returncode}")
+    answer = done.stdout.decode()
+    refused = json.loads(answer).get("error")
+    if refused is not None:
+        raise NoAnswerError(f"ezdxf refuses it, {refused}")
+    return answer
 
 
 def _tally(drawing: Drawing) -> Tally:

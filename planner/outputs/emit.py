@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import tempfile
 from collections.abc import Mapping
@@ -50,6 +51,40 @@ def write_folder(files: PlanFiles, folder: Path) -> None:
         fresh = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
         try:
             _fill(files, fresh)
+            fresh.chmod(0o755)
+            _swap(fresh, folder)
+        except BaseException:
+            shutil.rmtree(fresh, ignore_errors=True)
+            raise
+    except OSError as error:
+        raise OutputError("MP702", f"{folder} cannot be written: {error}") from error
+
+
+def replace_file(source: Path, file: Path) -> None:
+    """Copy a file into place, whole or not at all; MP702 if it cannot be written."""
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(prefix=f".{file.name}.", dir=file.parent)
+        os.close(handle)
+        try:
+            shutil.copyfile(source, name)
+            Path(name).chmod(0o644)
+            Path(name).replace(file)
+        except BaseException:
+            Path(name).unlink(missing_ok=True)
+            raise
+    except OSError as error:
+        raise OutputError("MP702", f"{file} cannot be written: {error}") from error
+
+
+def replace_folder(source: Path, folder: Path) -> None:
+    """Copy a plan folder into place, whole or not at all; MP701, MP702 as above."""
+    check_folder(folder)
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        fresh = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
+        try:
+            shutil.copytree(source, fresh, dirs_exist_ok=True)
             fresh.chmod(0o755)
             _swap(fresh, folder)
         except BaseException:

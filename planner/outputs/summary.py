@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from optics.ledger import CONTRAST
 from schemas.plan import Look, Measure, Plan, Step
 
@@ -98,3 +100,16 @@ def _found_by(measure: Measure) -> str:
     """Return the routines that find a feature, and which, if it is not the target."""
     chain = " > ".join(use.id for use in measure.chain)
     return f"{chain} on {measure.feature}" if measure.feature else chain
+
+
+def times_summary(timings: Mapping[str, float]) -> str:
+    """Return what took how long, the longest first; `timings` as in timings.json."""
+    total_s = timings.get("total_s", sum(timings.values()))
+    rows = [(name.removesuffix("_s"), s) for name, s in timings.items()]
+    rows = sorted((r for r in rows if r[0] != "total"), key=lambda row: -row[1])
+    lines = [
+        f"{seconds:9.3f} s {100 * seconds / total_s if total_s else 0.0:4.0f} %  "
+        + name.removeprefix("steps.")
+        for name, seconds in rows
+    ]
+    return "\n".join([*lines, f"{total_s:9.3f} s         in all"])

@@ -116,6 +116,7 @@ RUNNERS: dict[str, Callable[[Path], Report]] = {
     "MP603": _tolerances,  # the page's call would look for half a minute before
 }
 CODES = sorted(page.stem for page in PAGES.glob("MP[0-7]*.md"))
+TOLD_ELSEWHERE = {"MP710"}  # of two plans, not of a task: see test_diff.py
 CALLED = [
     code
     for code in CODES
@@ -188,7 +189,7 @@ def example(tmp_path: Path, code: str) -> Path:
     return Path(shutil.copytree(source, tmp_path / "example"))
 
 
-@pytest.mark.parametrize("code", [code for code in CODES if code not in CALLED])
+@pytest.mark.parametrize("code", sorted({*CODES} - {*CALLED} - TOLD_ELSEWHERE))
 def test_the_example_of_a_page_leads_to_its_code(code: str, example: Path) -> None:
     run = runner(code)
     before = run(example)

@@ -1,0 +1,1 @@
+"""Results of pure functions kept on disk, found by what went into them."""

@@ -1,0 +1,194 @@
+"""Two plans side by side: every difference beyond its tolerance."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any
+
+from planner.comparing.changes import Change, Kind
+from planner.comparing.identity import ORDERED, WHOLE, named
+from planner.comparing.kinds import kind_of, trend_of
+from planner.comparing.tolerances import Rule, rule_for
+from schemas.codec import to_data
+from schemas.plan import Plan
+
+Path = tuple[str, ...]
+_LONG = 100  # characters of a value that are shown
+
+
+def compare_plans(
+    old: Plan, new: Plan, rules: Sequence[Rule] = ()
+) -> tuple[Change, ...]:
+    """Return the differences in meaning, in the order of the plans.
+
+    Steps, looks, features, effects and the like are matched by what they are called. A
+    plan of an older minor version is compared with what its missing keys stand for.
+
+    Parameters
+    ----------
+    old, new : Plan
+        What is compared.
+    rules : sequence of Rule
+        Tolerances that come before `tolerances.TABLE`.
+    """
+    before, after = to_data(old), to_data(new)
+    found = [*_moved(before, after, rules)]
+    for data in (before, after):
+        for place in data["features"]:  # compared as places, above
+            del place["x_um"], place["y_um"]
+    found += _differences(before, after, (), rules)
+    return tuple(found)
+
+
+def _differences(
+    old: Any, new: Any, path: Path, rules: Sequence[Rule]
+) -> Iterator[Change]:
+    """Yield the differences below `path`."""
+    if rule_for("/".join(path), rules).ignored:
+        return
+    if isinstance(old, Mapping) and isinstance(new, Mapping):
+        yield from _mappings(old, new, path, rules)
+    elif isinstance(old, list) and isinstance(new, list):
+        yield from _lists(old, new, path, rules)
+    elif not rule_for("/".join(path), rules).same(old, new):
+        yield _changed(path, old, new)
+
+
+def _mappings(
+    old: Mapping[str, Any], new: Mapping[str, Any], path: Path, rules: Sequence[Rule]
+) -> Iterator[Change]:
+    """Yield the differences of two mappings, key by key."""
+    for key in [*old, *(key for key in new if key not in old)]:
+        if key in old and key in new:
+            yield from _differences(old[key], new[key], (*path, key), rules)
+        elif not rule_for("/".join((*path, key)), rules).ignored:
+            yield _one_sided((*path, key), old.get(key), new.get(key), added=key in new)
+
+
+def _lists(
+    old: list[Any], new: list[Any], path: Path, rules: Sequence[Rule]
+) -> Iterator[Change]:
+    """Yield the differences of two lists, by names where their entries have them."""
+    key = path[-1] if path else ""
+    before, after = named(key, old), named(key, new)
+    if before is None or after is None:
+        yield from _positions(old, new, path, rules)
+        return
+    if key in WHOLE and list(before) != list(after):
+        yield _changed(path, _chain(before), _chain(after))
+        after = {name: entry for name, entry in after.items() if name in before}
+        before = {name: entry for name, entry in before.items() if name in after}
+    if key in ORDERED:
+        common = [name for name in before if name in after]
+        order = [name for name in after if name in before]
+        if common != order:
+            words = f"order {_chain(common)} became {_chain(order)}"
+            yield Change(
+                path=path, kind=kind_of(path), old=common, new=order, says=words
+            )
+    yield from _mappings(before, after, path, rules)
+
+
+def _chain(names: Iterable[str]) -> str | None:
+    """Return routines as they are written, coarse to fine."""
+    return " > ".join(names) or None
+
+
+def _positions(
+    old: list[Any], new: list[Any], path: Path, rules: Sequence[Rule]
+) -> Iterator[Change]:
+    """Yield the differences of two lists of numbers or words, by position."""
+    if len(old) != len(new):
+        yield _changed(path, old, new)
+        return
+    for index, (before, after) in enumerate(zip(old, new, strict=True)):
+        yield from _differences(before, after, (*path, str(index)), rules)
+
+
+def _changed(path: Path, old: Any, new: Any) -> Change:
+    """Return the change of one value."""
+    says = f"{_shown(old)} became {_shown(new)}"
+    if _is_number(old) and _is_number(new) and old * new > 0:
+        says += f" ({100 * (new - old) / abs(old):+.3g} %)"
+    return Change(
+        path=path, kind=kind_of(path), old=old, new=new, says=says,
+        trend=trend_of(path, old, new),
+    )  # fmt: skip
+
+
+def _one_sided(path: Path, old: Any, new: Any, *, added: bool) -> Change:
+    """Return something that only one plan has."""
+    what = new if added else old
+    says = "added" if added else "removed"
+    if not isinstance(what, (Mapping, list)):
+        says += f": {_shown(what)}"
+    return Change(path=path, kind=_kind(path), old=old, new=new, says=says)
+
+
+def _kind(path: Path) -> Kind:
+    """Return what something added or removed is about."""
+    is_step = len(path) == 2 and path[0] == "steps"  # steps/ID
+    is_look = len(path) == 4 and path[2] == "looks"  # steps/ID/looks/ID
+    return "steps" if is_step or is_look else kind_of(path)
+
+
+def _moved(
+    old: Mapping[str, Any], new: Mapping[str, Any], rules: Sequence[Rule]
+) -> Iterator[Change]:
+    """Yield features that lie elsewhere in their part, in um and a look's sigmas."""
+    before, after = (
+        named("features", old["features"]),
+        named("features", new["features"]),
+    )
+    sigmas = _sigmas(old)
+    for name, place in (before or {}).items():
+        there = (after or {}).get(name)
+        if there is None:
+            continue
+        path: Path = ("features", name, "place_um")
+        ends = [[at["x_um"], at["y_um"]] for at in (place, there)]
+        far_um, rule = math.dist(*ends), rule_for("/".join(path), rules)
+        if rule.ignored or far_um <= max(
+            rule.absolute, rule.relative * math.hypot(*ends[0])
+        ):
+            continue
+        says = f"moved {far_um:.4g} um, from {_shown(ends[0])} to {_shown(ends[1])}"
+        if sigmas.get(name):
+            says += f": {far_um / sigmas[name]:.3g} sigma of the look at it"
+        yield Change(path=path, kind="feature", old=ends[0], new=ends[1], says=says)
+
+
+def _sigmas(plan: Mapping[str, Any]) -> dict[str, float]:
+    """Return the finest sigma, um, with which any look finds each feature."""
+    found: dict[str, float] = {}
+    for step in plan["steps"]:
+        for look in step["looks"]:
+            for measure in (look["measure"], *look["others"]):
+                name, sigma = (
+                    measure["feature"] or look["target"],
+                    measure["sigma_xy_um"],
+                )
+                found[name] = min(sigma, found.get(name, math.inf))
+    return found
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
+
+
+def _shown(value: Any) -> str:
+    """Return a value in words, cut where it is long."""
+    if value is None:
+        return "nothing"
+    if isinstance(value, str):
+        text = value
+    elif isinstance(value, list):
+        text = "(" + ", ".join(map(_shown, value)) + ")"
+    elif isinstance(value, Mapping):
+        text = "{" + ", ".join(value) + "}"
+    elif isinstance(value, bool):
+        text = "yes" if value else "no"
+    else:
+        text = f"{value:.6g}"
+    return text if len(text) <= _LONG else text[: _LONG - 3] + "..."

@@ -1,0 +1,71 @@
+"""From a task file to a plan folder, by what is kept where nothing has changed."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+
+from planner.caching.memo import Memo
+from planner.caching.store import Store
+from planner.caching.whole import Whole, remember, remembered
+from planner.compiler import Options, compile_task
+from planner.diagnostics import Report
+from planner.inputs.read_task import load_task
+from planner.outputs.emit import PlanFiles
+
+_PASSING = frozenset({"MP227"})  # findings that another try may not have
+
+
+def compile_file(
+    task: str,
+    report: Report,
+    options: Options,
+    store: Store | None,
+    ready: Callable[[str], None],
+) -> PlanFiles | None:
+    """Return what the plan folder of a task file holds, None if the file is at fault.
+
+    Parameters
+    ----------
+    task : str
+        The task file, as the user names it.
+    report : Report
+        Receives the findings.
+    options : Options
+        What the command line overrides; its `memo` is that of `store`.
+    store : Store or None
+        Where results are kept; None: everything is computed.
+    ready : callable
+        Told the task's name before the work begins; it may raise.
+    """
+    started = time.perf_counter()
+    asked = (options.preset, options.max_image_error)
+    whole = None if store is None else remembered(store, task, asked)
+    if whole is not None:
+        report.found.extend(whole.findings)
+        files: PlanFiles = whole.made
+        ready(files.plan.name)
+        return replace(files, timings={"total_s": time.perf_counter() - started})
+    read = load_task(task, report)
+    if read is None:
+        return None
+    ready(read.name)
+    made = compile_task(read, report, replace(options, memo=Memo(store)))
+    if made is not None and store is not None:
+        _remember(store, task, asked, report, made)
+    return made
+
+
+def _remember(
+    store: Store,
+    task: str,
+    asked: tuple[str | None, float | None],
+    report: Report,
+    made: PlanFiles,
+) -> None:
+    """Keep a compile, unless a second try may find something else."""
+    if not _PASSING & {finding.code for finding in report.found}:
+        whole = Whole(files=report.files, findings=tuple(report.found), made=made)
+        remember(store, task, asked, whole)
+    store.trim()

@@ -1,0 +1,123 @@
+"""`microplan diff`: two plans read, compared, and told."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from planner.comparing.changes import Change, Kind
+from planner.comparing.compare import compare_plans
+from planner.comparing.pictures import compare_pictures
+from planner.comparing.tolerances import Rule
+from planner.outputs.emit import replace_file, replace_folder
+from schemas.codec import CodecError
+from schemas.plan import Plan, parse_plan
+
+MOST_BYTES = 1 << 26  # of a plan.json: some 64 MiB
+
+
+class DiffError(Exception):
+    """A plan that cannot be compared; carries the code of its finding."""
+
+    def __init__(self, code: str, message: str, file: str) -> None:
+        super().__init__(message)
+        self.code, self.file = code, file
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DiffCall:
+    """What is compared, and how."""
+
+    old: Path  # plan.json, or the folder it is in
+    new: Path
+    rules: Sequence[Rule] = ()
+    fail_on: Sequence[Kind | str] = ()  # kinds, or "worse"; (): any change
+    pictures: bool = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Difference:
+    """What changed, and what of it fails the comparison."""
+
+    changes: tuple[Change, ...]
+    failing: tuple[Change, ...]
+
+
+def diff(call: DiffCall) -> Difference:
+    """Return the differences of two plans.
+
+    Raises
+    ------
+    DiffError
+        MP704 if one cannot be read.
+    """
+    old, new = read_plan(call.old), read_plan(call.new)
+    changes = [*compare_plans(old, new, call.rules)]
+    if call.pictures:
+        folders = [plan_file(path).parent for path in (call.old, call.new)]
+        changes += compare_pictures(old, folders[0], new, folders[1])
+    failing = tuple(c for c in changes if _fails(c, call.fail_on))
+    return Difference(changes=tuple(changes), failing=failing)
+
+
+def diff_with_golden(
+    plan: Plan, folder: Path, golden: Path, rules: Sequence[Rule] = ()
+) -> tuple[Change, ...]:
+    """Return in what a plan just compiled differs from a golden one.
+
+    Pictures are compared if the golden plan's folder has any: a plan.json may be kept
+    alone.
+
+    Raises
+    ------
+    DiffError
+        MP704 if the golden plan cannot be read.
+    """
+    old = read_plan(golden)
+    changes = [*compare_plans(old, plan, rules)]
+    kept = plan_file(golden).parent
+    if (kept / "images").is_dir():
+        changes += compare_pictures(old, kept, plan, folder)
+    return tuple(changes)
+
+
+def renew_golden(folder: Path, golden: Path) -> None:
+    """Put a plan folder, or its plan.json, in the place of the golden one.
+
+    Raises
+    ------
+    OutputError
+        MP701 if what is there is no plan, MP702 if it cannot be written.
+    """
+    if golden.suffix == ".json":
+        replace_file(folder / "plan.json", golden)
+    else:
+        replace_folder(folder, golden)
+
+
+def plan_file(path: Path) -> Path:
+    """Return the plan.json that a path names or holds."""
+    return path / "plan.json" if path.is_dir() else path
+
+
+def read_plan(path: Path) -> Plan:
+    """Return a plan; raise DiffError if there is none that can be read."""
+    file = plan_file(path)
+    try:
+        with file.open("rb") as stream:
+            data = stream.read(MOST_BYTES + 1)
+        if len(data) > MOST_BYTES:
+            raise DiffError("MP704", f"larger than {MOST_BYTES} bytes", str(file))
+        return parse_plan(data.decode("utf-8"))
+    except OSError as error:
+        raise DiffError(
+            "MP704", f"cannot read {file}: {error.strerror}", str(file)
+        ) from error
+    except (UnicodeDecodeError, CodecError) as error:
+        raise DiffError("MP704", f"{file} is no plan: {error}", str(file)) from error
+
+
+def _fails(change: Change, fail_on: Sequence[str]) -> bool:
+    """Return whether a change is one that the comparison is to fail on."""
+    return not fail_on or change.kind in fail_on or change.trend in fail_on

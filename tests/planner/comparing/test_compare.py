@@ -1,0 +1,175 @@
+"""Differences of plans are told by what they are about, and nothing else is told."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from planner.comparing.changes import ABOUT, KINDS, Change
+from planner.comparing.compare import compare_plans
+from planner.comparing.tolerances import parse_rule
+from schemas.plan import Plan, parse_plan
+from tests.planner.examples import ROOT
+
+GOLDEN = ROOT / "tests" / "golden" / "gear_on_shaft.fast.json"
+TEXT = GOLDEN.read_text(encoding="utf-8")
+Data = dict[str, Any]
+
+
+def plan(edit: Callable[[Data], object] = lambda data: None) -> Plan:
+    """Return the golden plan, edited."""
+    data = json.loads(TEXT)
+    edit(data)
+    return parse_plan(json.dumps(data))
+
+
+def step(data: Data, name: str) -> Data:
+    found: Data = next(s for s in data["steps"] if s["id"] == name)
+    return found
+
+
+def look(data: Data, name: str) -> Data:
+    found: Data = step(data, name)["looks"][0]
+    return found
+
+
+def changes(edit: Callable[[Data], object], *rules: str) -> list[Change]:
+    """Return what an edit of the golden plan changes."""
+    return list(compare_plans(plan(), plan(edit), [parse_rule(r) for r in rules]))
+
+
+def told(edit: Callable[[Data], object], *rules: str) -> list[tuple[str, str, str]]:
+    return [(c.kind, c.where, c.says) for c in changes(edit, *rules)]
+
+
+def test_a_plan_means_the_same_as_itself() -> None:
+    assert told(lambda data: None) == []
+
+
+def test_keys_pixels_and_versions_mean_nothing() -> None:
+    def edit(data: Data) -> None:
+        data["provenance"]["microplan"] = "9.9"
+        for each in data["steps"]:
+            each["key"] = "f" * 64
+            for found in each["looks"]:
+                found["scene"]["image_sha256"] = "0" * 64
+                found["measure"]["chain"][0]["arrays"] = "artifacts/elsewhere.npz"
+
+    assert told(edit) == []
+
+
+def test_steps_are_matched_by_id() -> None:
+    """A step put between others changes nothing of those after it."""
+
+    def edit(data: Data) -> None:
+        new = json.loads(json.dumps(step(data, "retract")))
+        data["steps"].insert(3, {**new, "id": "pause"})
+
+    assert told(edit) == [("steps", "steps/pause", "added")]
+    found = compare_plans(plan(edit), plan())
+    assert [(c.kind, c.where, c.says) for c in found] == [
+        ("steps", "steps/pause", "removed")
+    ]
+
+
+def test_order_counts_once() -> None:
+    def edit(data: Data) -> None:
+        steps = data["steps"]
+        steps[0], steps[1] = steps[1], steps[0]
+
+    ((kind, where, says),) = told(edit)
+    assert (kind, where) == ("steps", "steps")
+    assert says.startswith("order find_gear > see_fingers")
+    assert "became see_fingers > find_gear" in says
+
+
+def test_effects_are_matched_by_name() -> None:
+    def edit(data: Data) -> None:
+        look(data, "find_gear")["effects"].reverse()
+
+    assert told(edit) == []
+
+
+def test_a_chain_is_one_choice() -> None:
+    def edit(data: Data) -> None:
+        look(data, "find_gear")["measure"]["chain"].pop()
+
+    where = "steps/find_gear/looks/find_gear/measure/chain"
+    assert told(edit) == [("choice", where, "otsu > tooth_notch became otsu")]
+
+
+def test_a_moved_feature_is_told_in_um_and_sigmas() -> None:
+    def edit(data: Data) -> None:
+        place = next(f for f in data["features"] if f["name"] == "gear.bore")
+        place["x_um"] += 0.3
+        place["y_um"] -= 0.4
+
+    sigma = look(json.loads(TEXT), "gear_in_fingers")["measure"]["sigma_xy_um"]
+    ((kind, where, says),) = told(edit)
+    assert (kind, where) == ("feature", "features/gear.bore/place_um")
+    assert says.startswith("moved 0.5 um, from (0, 0) to (0.3, -0.4)")
+    assert says.endswith(f"{0.5 / sigma:.3g} sigma of the look at it")
+    assert told(edit, "features/*/place_um=0.6") == []
+
+
+def test_features_come_and_go() -> None:
+    def edit(data: Data) -> None:
+        data["features"] = [f for f in data["features"] if f["name"] != "gear.bore"]
+
+    assert told(edit) == [("feature", "features/gear.bore", "removed")]
+
+
+Edit = tuple[str, Callable[[Data], object], str, str]
+EDITS: tuple[Edit, ...] = (
+    ("feasibility", lambda d: d.update(status="infeasible"), "status", "worse"),
+    ("feasibility", lambda d: d.update(success_probability=0.5),
+     "success_probability", "worse"),
+    ("inputs", lambda d: d["provenance"].update(seed=1), "provenance/seed", ""),
+    ("choice", lambda d: look(d, "find_gear")["view"].update(magnification=9.0),
+     "steps/find_gear/looks/find_gear/view/magnification", ""),
+    ("choice", lambda d: step(d, "over_shaft")["control"].update(gain=0.7),
+     "steps/over_shaft/control/gain", ""),
+    ("prediction", lambda d: look(d, "find_gear")["measure"].update(sigma_xy_um=0.1),
+     "steps/find_gear/looks/find_gear/measure/sigma_xy_um", "better"),
+    ("prediction", lambda d: look(d, "find_gear")["measure"].update(sigma_xy_um=1.0),
+     "steps/find_gear/looks/find_gear/measure/sigma_xy_um", "worse"),
+    ("evidence",
+     lambda d: look(d, "find_gear")["evidence"]["chosen"].update(trials=7),
+     "steps/find_gear/looks/find_gear/evidence/chosen/trials", ""),
+    ("effects",
+     lambda d: look(d, "find_gear")["effects"][0].update(level="geometric"),
+     "steps/find_gear/looks/find_gear/effects/defocus law/level", ""),
+    ("motion", lambda d: step(d, "lift")["moves"][0].update(z_um=-250.0),
+     "steps/lift/moves/0/z_um", ""),
+    ("motion", lambda d: d["beliefs"][0].update(sigma_xy_um=20.0),
+     "beliefs/gear/sigma_xy_um", "better"),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(("kind", "edit", "where", "trend"), EDITS)
+def test_a_change_is_told_where_it_is_and_what_it_is_about(
+    kind: str, edit: Callable[[Data], object], where: str, trend: str
+) -> None:
+    (found,) = changes(edit)
+    assert (found.kind, found.where, found.trend) == (kind, where, trend)
+    assert told(edit, f"{where}=ignore") == []
+
+
+def test_a_mean_is_compared_within_what_trials_repeat_to() -> None:
+    def by(factor: float) -> Callable[[Data], None]:
+        def edit(data: Data) -> None:
+            look(data, "find_gear")["measure"]["sigma_xy_um"] *= factor
+
+        return edit
+
+    assert told(by(1.15)) == []
+    assert len(told(by(1.3))) == 1
+    assert told(by(1.3), "measure/sigma_xy_um=50%") == []
+    assert len(told(by(1.15), "sigma_xy_um=1%")) == 1
+
+
+def test_every_kind_is_explained() -> None:
+    assert set(ABOUT) == set(KINDS)

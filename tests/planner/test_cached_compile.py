@@ -1,0 +1,136 @@
+"""Compiles with a cache give what compiles without one give."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from planner import compiling
+from planner.caching.memo import Memo
+from planner.caching.store import Store, place
+from planner.cli import main
+from planner.diagnostics import Report
+from planner.inputs.read_task import load_task
+from planner.inputs.task import Task
+from tests.planner.examples import change, copy_example, one_look
+
+Compile = Callable[..., dict[str, bytes]]
+NOT_COMPARED = {"timings.json"}  # measured times
+
+
+@pytest.fixture
+def task(tmp_path: Path) -> Path:
+    file = copy_example(tmp_path / "task")
+    one_look(file)
+    return file
+
+
+@pytest.fixture
+def files(task: Path, tmp_path: Path) -> Compile:
+    """Return what compiles the task, and gives the plan folder's files."""
+
+    def run(*words: str) -> dict[str, bytes]:
+        out = tmp_path / "new"
+        call = ["compile", str(task), "-o", str(out), "--preset", "fast", *words]
+        assert main(call) == 0
+        return {
+            p.relative_to(out).as_posix(): p.read_bytes()
+            for p in sorted(out.rglob("*"))
+            if p.is_file() and p.name not in NOT_COMPARED
+        }
+
+    return run
+
+
+@pytest.fixture
+def made(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Return the names of the calls whose results were not there yet."""
+    names: list[str] = []
+    put = Store.put
+
+    def noted(self: Store, key: str, result: bytes) -> None:
+        names.append(key)
+        put(self, key, result)
+
+    monkeypatch.setattr(Store, "put", noted)
+    return names
+
+
+def test_a_cache_changes_nothing_but_the_time(
+    files: Compile, made: list[str], tmp_path: Path, task: Path
+) -> None:
+    cache = ("--cache", str(tmp_path / "cache"))
+    plain = files("--no-cache")
+    assert made == []
+    assert files(*cache) == plain
+    first = len(made)
+    assert first > 3
+    assert files(*cache) == plain  # all of it kept
+    assert len(made) == first
+    change(task, "seed: 1998", "seed: 1999")
+    fresh = files(*cache)
+    assert len(made) > first
+    assert fresh == files("--no-cache") != plain
+
+
+def test_an_unchanged_task_is_not_even_read(
+    files: Compile, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, task: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    cache = ("--cache", str(tmp_path / "cache"))
+    plain = files(*cache)
+    said = capsys.readouterr()
+    reads: list[str] = []
+
+    def noted(path: str, report: Report) -> Task | None:
+        reads.append(path)
+        return load_task(path, report)
+
+    monkeypatch.setattr(compiling, "load_task", noted)
+    assert files(*cache) == plain
+    assert capsys.readouterr() == said  # its findings are told again
+    assert reads == []
+    drawing = task.parent / "parts" / "shaft_plate.dxf"
+    drawing.write_bytes(drawing.read_bytes() + b"\n")
+    files(*cache)
+    assert len(reads) == 1
+    files(*cache, "--preset", "balanced", "--max-image-error", "0.5")
+    assert len(reads) == 2
+    drawing.unlink()
+    assert main(["compile", str(task), *cache]) == 2
+    assert len(reads) == 3
+
+
+def test_a_spoilt_cache_is_computed_anew(
+    files: Compile, made: list[str], tmp_path: Path
+) -> None:
+    cache = ("--cache", str(tmp_path / "cache"))
+    plain = files(*cache)
+    count = len(made)
+    for kept in (tmp_path / "cache").rglob("*.result"):
+        data = bytearray(kept.read_bytes())
+        data[len(data) // 2] ^= 1
+        kept.write_bytes(data)
+    assert files(*cache) == plain
+    assert len(made) == 2 * count
+
+
+def test_a_cache_that_cannot_be_written_stops_nothing(
+    files: Compile, tmp_path: Path
+) -> None:
+    blocked = tmp_path / "blocked"
+    blocked.write_bytes(b"")
+    assert files("--cache", str(blocked)) == files("--no-cache")
+
+
+def test_the_place_is_the_users_cache(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "mine"))
+    assert place() == tmp_path / "mine" / "microplan"
+    monkeypatch.setenv("XDG_CACHE_HOME", "not/absolute")
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert place() == tmp_path / ".cache" / "microplan"
+    assert Memo().store is None

@@ -1,0 +1,119 @@
+"""`microplan diff`: what it says, and what it returns."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from planner.cli import main
+from tests.planner.comparing.test_compare import TEXT, Data, look
+
+
+@pytest.fixture
+def plans(tmp_path: Path) -> tuple[str, str]:
+    """Return a plan folder, and another whose look repeats worse and is seen nearer."""
+    data: Data = json.loads(TEXT)
+    for name in ("old", "new"):
+        (tmp_path / name).mkdir()
+        text = json.dumps(data)
+        (tmp_path / name / "plan.json").write_text(text, encoding="utf-8")
+        look(data, "find_gear")["measure"]["sigma_xy_um"] = 0.5
+        look(data, "find_gear")["view"]["magnification"] = 9.0
+    return str(tmp_path / "old"), str(tmp_path / "new")
+
+
+def test_the_same_plan_is_the_same(
+    plans: tuple[str, str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    old, _ = plans
+    assert main(["diff", old, f"{old}/plan.json"]) == 0
+    assert capsys.readouterr().out == "the plans mean the same\n"
+
+
+def test_differences_are_listed_by_kind(
+    plans: tuple[str, str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["diff", *plans]) == 1
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == "2 differences: 1 choice, 1 prediction"
+    assert lines[2:4] == [
+        "choice",
+        "  find_gear/looks/find_gear/view/magnification: 6.9 became 9 (+30.4 %)",
+    ]
+    assert lines[5] == "prediction"
+    assert lines[6].startswith("  find_gear/looks/find_gear/measure/sigma_xy_um: 0.3")
+    assert lines[6].endswith(", worse")
+
+
+@pytest.mark.parametrize(
+    ("words", "status"),
+    [
+        (("--fail-on", "feasibility"), 0), (("--fail-on", "choice"), 1),
+        (("--fail-on", "worse"), 1), (("--fail-on", "inputs,effects"), 0),
+        (("--fail-on", "all sorts"), 2), (("--tolerance", "sigma_xy_um=nan"), 2),
+        (("--tolerance", "sigma_xy_um=99%", "--tolerance", "view=ignore"), 0),
+        (("--tolerance", "sigma_xy_um=99%"), 1), (("--no-images", "--all"), 1),
+    ],
+)  # fmt: skip
+def test_what_fails_is_the_users_to_say(
+    plans: tuple[str, str], words: tuple[str, ...], status: int
+) -> None:
+    assert main(["diff", *plans, *words]) == status
+
+
+def test_json_holds_every_change(
+    plans: tuple[str, str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["diff", *plans, "--format", "json"]) == 1
+    said = json.loads(capsys.readouterr().out)
+    assert said["same"] is False
+    first = said["changes"][0]
+    assert (first["kind"], first["old"], first["new"]) == ("choice", 6.9, 9.0)
+
+
+@pytest.mark.parametrize("form", ["github", "sarif"])
+def test_findings_tell_what_fails_and_what_got_worse(
+    plans: tuple[str, str], capsys: pytest.CaptureFixture[str], form: str
+) -> None:
+    assert main(["diff", *plans, "--format", form, "--fail-on", "choice"]) == 1
+    said = capsys.readouterr().out
+    if form == "sarif":
+        results = json.loads(said)["runs"][0]["results"]
+        assert [r["level"] for r in results] == ["error", "warning"]
+        assert {r["ruleId"] for r in results} == {"MP710"}
+    else:
+        assert [line.split(" ")[0] for line in said.splitlines()[:2]] == [
+            "::error", "::warning",
+        ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "content",
+    [None, b"", b"\xff", b"[]", b"{}", b"[" * 100_000,
+     TEXT.replace('"format_version": "2', '"format_version": "3').encode()],
+)  # fmt: skip
+def test_what_is_no_plan_is_said(
+    plans: tuple[str, str], tmp_path: Path, content: bytes | None,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    file = tmp_path / "bad.json"
+    if content is not None:
+        file.write_bytes(content)
+    for words in ([plans[0], str(file)], [str(file), plans[0]]):
+        assert main(["diff", *words]) == 2
+        heard = capsys.readouterr()
+        assert heard.out == ""
+        assert heard.err.startswith("error[MP704]")
+        assert str(file) in heard.err
+
+
+def test_a_newer_minor_plan_is_compared(plans: tuple[str, str], tmp_path: Path) -> None:
+    """Unknown keys are passed over."""
+    data: Data = json.loads(TEXT)
+    data["format_version"] = "2.999"
+    data["steps"][0]["unheard_of"] = 1
+    file = tmp_path / "newer.json"
+    file.write_text(json.dumps(data), encoding="utf-8")
+    assert main(["diff", plans[0], str(file)]) == 0
