@@ -18,8 +18,15 @@ def interrupted(times: int = 1) -> None:
 
 
 def test_without_an_interrupt_nothing_waits() -> None:
-    with Operator(lambda: False) as operator:
+    asked: list[int] = []
+
+    def ask() -> bool:
+        asked.append(1)
+        return False
+
+    with Operator(ask) as operator:
         operator.pause()
+    assert asked == []
 
 
 def test_one_interrupt_asks_and_goes_on() -> None:

@@ -119,6 +119,10 @@ def test_an_axis_that_comes_closer_is_never_stopped(
     for i in range(samples + 1):
         reading = replace(HOME, **{axis: away * i / samples})
         watch.check("stage", reading, 0.9 * i)  # up to .9 s between two readings
+    back = replace(HOME, **{axis: -1.0})
+    with pytest.raises(ExecutorError) as caught:  # it was watched all the time
+        watch.check("stage", back, 0.9 * samples)
+    assert code_of(caught) == "MP846"
 
 
 def test_an_axis_that_stands_goes_back_or_was_not_told_is_stopped() -> None:
@@ -140,3 +144,6 @@ def test_an_overshoot_is_no_wrong_way() -> None:
     watch = Progress(HOME, {"x_um": 10.0}, SETTLE)
     for now_s, x_um in ((0.0, 0.0), (0.1, 9.95), (0.2, 12.0), (0.3, 9.0), (0.4, 10.0)):
         watch.check("stage", replace(HOME, x_um=x_um), now_s)
+    with pytest.raises(ExecutorError, match="wrong way") as caught:
+        watch.check("stage", replace(HOME, x_um=-0.3), 0.5)
+    assert code_of(caught) == "MP846"
