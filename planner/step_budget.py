@@ -12,6 +12,7 @@ from planner.checks.budget import (
     verify_budget,
 )
 from planner.checks.insert_budget import Left, insert_budget, share_of_goal
+from planner.checks.passing import passed
 from planner.inputs.task import Task
 from planner.inserting import insertion_of
 from planner.leaving import left_by, unaligned
@@ -30,7 +31,18 @@ def budget_of(
     memory: Memory,
     effects: Effects,
 ) -> p.Budget:
-    """Return the error budget of the step's mechanical action."""
+    """Return the error budget of the step's mechanical action and of its moves."""
+    return passed(task, here, _of_action(task, states, here, memory, effects))
+
+
+def _of_action(
+    task: Task,
+    states: tuple[StepState, ...],
+    here: StepState,
+    memory: Memory,
+    effects: Effects,
+) -> p.Budget:
+    """Return the error budget of the step's mechanical action alone."""
     step = here.step
     if step.verb == "grasp":
         return grasp_budget(task, here.at_look, step)

@@ -28,12 +28,24 @@ Box = tuple[float, float, float, float]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Hit:
-    """Two bodies that a move would bring together."""
+    """Two bodies that a move would bring together, or nearly."""
 
     moving: str
     still: str
     gap_um: float  # what is left between them, sideways or in height, at nominal place
     needed_um: float  # two sigma
+
+    @property
+    def sigma_um(self) -> float:
+        """Return the spread of the gap."""
+        return self.needed_um / SIGMAS
+
+    @property
+    def chance(self) -> float:
+        """Return the chance that they touch: a normal gap below nothing."""
+        if self.needed_um <= 0:
+            return float(self.gap_um <= 0)
+        return math.erfc(self.gap_um / self.sigma_um / math.sqrt(2)) / 2
 
 
 def sweep_hits(
@@ -65,17 +77,43 @@ def sweep_hits(
     tuple of Hit
         In order of names; empty if everything stays clear.
     """
-    legs = _legs(before, after, carrier)
-    if len(legs) > 2:
-        found = [
-            hit
-            for start, end in itertools.pairwise(legs)
-            for hit in sweep_hits(
-                task, start, end, carrier=carrier, deviation=deviation, exempt=exempt
-            )
-        ]
-        worst = {(h.moving, h.still): h for h in sorted(found, key=_least_gap_last)}
-        return tuple(worst[pair] for pair in sorted(worst))
+    near = sweep_gaps(
+        task, before, after, carrier=carrier, deviation=deviation, exempt=exempt
+    )
+    return tuple(hit for hit in near if hit.gap_um <= hit.needed_um)
+
+
+def sweep_gaps(
+    task: Task,
+    before: State,
+    after: State,
+    *,
+    carrier: Carrier,
+    deviation: Box | None = None,
+    exempt: frozenset[frozenset[str]] = frozenset(),
+) -> tuple[Hit, ...]:
+    """Return what every body on `carrier` leaves to those whose heights it meets.
+
+    As `sweep_hits`, of pairs that stay clear too: the least gap of each.
+    """
+    found = [
+        hit
+        for start, end in itertools.pairwise(_legs(before, after, carrier))
+        for hit in _leg_gaps(task, start, end, carrier, deviation, exempt)
+    ]
+    worst = {(h.moving, h.still): h for h in sorted(found, key=_least_gap_last)}
+    return tuple(worst[pair] for pair in sorted(worst))
+
+
+def _leg_gaps(
+    task: Task,
+    before: State,
+    after: State,
+    carrier: Carrier,
+    deviation: Box | None,
+    exempt: frozenset[frozenset[str]],
+) -> list[Hit]:
+    """Return the gaps of one leg, which is as good as straight."""
     all_before, all_after = bodies(task, before), bodies(task, after)
     ends = {b.name: b for b in all_after}
     moving = [b for b in all_before if b.carrier == carrier]
@@ -85,7 +123,7 @@ def sweep_hits(
         for body in moving
         for other in still
         if frozenset((body.owner, other.owner)) not in exempt
-        and (hit := _hit(body, ends[body.name], other, deviation)) is not None
+        and (hit := _gap(body, ends[body.name], other, deviation)) is not None
     ]
     seating = {owner for pair in exempt for owner in pair}
     hits += [
@@ -93,16 +131,16 @@ def sweep_hits(
         for body in all_before
         if body.carrier == "robot"
         and body.owner not in seating
-        and (hit := _surface_hit(task, before, after, body, ends[body.name]))
+        and (hit := _surface_gap(task, before, after, body, ends[body.name]))
         is not None
     ]
-    return tuple(sorted(hits, key=lambda h: (h.moving, h.still)))
+    return hits
 
 
-def _surface_hit(
+def _surface_gap(
     task: Task, before: State, after: State, body: Body, end: Body
 ) -> Hit | None:
-    """Return the hit of a body on the robot with the stage's surface, if any.
+    """Return what a body on the robot leaves to the stage's surface.
 
     What rests on the surface may leave it.
     """
@@ -111,7 +149,7 @@ def _surface_hit(
     end_um = end.z_low_um - stage.datum_z_um - after.stage.z_um
     needed_um = SIGMAS * math.hypot(body.sigma_z_um, stage.axes.repeatability_z_um)
     gap_um = min(start_um, end_um)
-    if gap_um > needed_um or end_um > start_um > -ROUNDING_UM:
+    if end_um > start_um > -ROUNDING_UM:
         return None
     return Hit(moving=body.name, still=SURFACE, gap_um=gap_um, needed_um=needed_um)
 
@@ -147,8 +185,8 @@ def _least_gap_last(hit: Hit) -> float:
     return -hit.gap_um
 
 
-def _hit(body: Body, end: Body, other: Body, deviation: Box | None) -> Hit | None:
-    """Return the hit of two bodies, or None if they stay clear."""
+def _gap(body: Body, end: Body, other: Body, deviation: Box | None) -> Hit | None:
+    """Return what is left between two bodies, or None if their heights stay clear."""
     if not _heights_meet(body, end, other):
         return None
     sigma = other.sigma_xy_um
@@ -157,8 +195,6 @@ def _hit(body: Body, end: Body, other: Body, deviation: Box | None) -> Hit | Non
     covered = _covered(body, end, deviation or (0.0, 0.0, 0.0, 0.0))
     gap_um = covered.distance(polygon(other.outline))
     needed_um = SIGMAS * sigma
-    if gap_um > needed_um:
-        return None
     return Hit(moving=body.name, still=other.name, gap_um=gap_um, needed_um=needed_um)
 
 
