@@ -144,8 +144,16 @@ def _drop_if_lost(truth: Truth, body: Body) -> None:
         drop(truth, body)
 
 
+def lean(truth: Truth, body: Body) -> None:
+    """Let the post in a part's hole push, however far it drifted since the last move."""
+    for host, post in posts(truth):
+        if body.on_post == post.name:
+            keep_around(truth, body, host, post)
+
+
 def drop(truth: Truth, body: Body) -> None:
     """Put a free part onto what is under it."""
+    lean(truth, body)
     under_um = truth.under_um(body)
     floors = [z for z, _ in _floors(truth, body) if z <= under_um + FROM_ABOVE_UM]
     for host, post in posts(truth):

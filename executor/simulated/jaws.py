@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from executor.simulated.contact import drop, keep_around, posts
+from executor.simulated.contact import drop, lean
 from executor.simulated.shapes import extent_x, moved
 from executor.simulated.truth import Body, Truth
 from schemas.pose import Pose
@@ -50,9 +50,7 @@ def open_jaws(truth: Truth, opening_um: float, *, stick_side: float = 0.0) -> No
         shift_um = stick_side * (opening_um - before) / 2
         body.pose = replace(body.pose, x_um=body.pose.x_um + shift_um)
         truth.stuck = True
-        for host, post in posts(truth):
-            if body.on_post == post.name:
-                keep_around(truth, body, host, post)
+        lean(truth, body)
         return
     truth.held = ""
     drop(truth, body)

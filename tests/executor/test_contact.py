@@ -58,6 +58,24 @@ def test_a_nominal_assembly_seats_the_gear() -> None:
     assert verdict.height_um == pytest.approx(0.0, abs=1e-6)
 
 
+@pytest.mark.parametrize("minutes", [0.1, 1.0, 10.0])
+def test_a_post_pushes_as_the_stage_drifts_under_a_held_part(minutes: float) -> None:
+    """In 2.95 um off of 3; the drift would carry the post through the bore's wall."""
+    found = cell()
+    hold(found, off_um=(-2.95, 0.0))  # the stage: the gear is off the other way
+    found.stage.move(z_um=0.0)
+    found.truth.drift_um_per_s = (-0.1 / 60, 0.0)
+    found.clock.wait(60 * minutes)
+    found.jaws.move(130.0)
+    drifted_um = 0.1 / 60 * found.clock.now_s()  # all of it since the cell was built
+    drop(found)
+    verdict = found.judge("gear", "shaft_plate.post")
+    assert verdict.success, verdict
+    expected = min(2.95 + drifted_um, CLEARANCE_UM)
+    assert verdict.offset_um == pytest.approx(expected, abs=1e-6)
+    assert verdict.offset_um <= CLEARANCE_UM + 1e-6
+
+
 def test_a_part_beside_a_mark_is_judged_by_its_own_place() -> None:
     """The seat is a hole of another part; here the post's place beside the bore."""
     found = cell()
