@@ -18,7 +18,6 @@ from planner.checks.fit import (
 )
 from planner.checks.insert_budget import share_of_goal
 from planner.checks.methods import choose
-from planner.checks.offenders import largest_um
 from planner.diagnostics import Report
 from planner.inputs.task import Task
 from planner.inserting import insert_s, insertion_of, travel_of
@@ -299,33 +298,6 @@ def _most_looks(residual: Residual, turn: Turn | None) -> int:
     if inside >= 1:
         return 2 + more
     return max(2, math.ceil(math.log(GIVE_UP) / math.log1p(-inside)) + 1) + more
-
-
-def borne_um(
-    task: Task,
-    states: tuple[StepState, ...],
-    align: StepState,
-    within_um: float,
-    seen: Mapping[str, Sighted],
-) -> float | None:
-    """Return how far off an alignment's look may be for the insertion to be likely.
-
-    Twice the largest sigma of the look, its setting that of the last look at the same
-    part; None if no insertion follows, nobody states a goal, or no sigma would do.
-    """
-    step, goal = insertion_after(states, align), share_of_goal(task)
-    owner = owner_of(align.step.target or "")
-    before = seen.get(owner)
-    if step is None or before is None or goal <= 0 or before.sigma_um <= 0:
-        return None
-    here = next(s for s in states if s.step is step)
-    look = replace(before, step=align.step.id, steady_um=None)
-    left = left_by(task, align, "servo", within_um, before)
-    job = insertion_of(task, states, here, left, {**seen, owner: look})
-    if job is None or look.term not in job.sizes_um:
-        return None
-    largest = largest_um(job, look.term, look.sigma_um, goal)
-    return None if largest is None else 2 * largest
 
 
 def _from_fit(

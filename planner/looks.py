@@ -43,6 +43,10 @@ from planner.tried import Arrays, Tried, arrays_of
 from schemas import plan as p
 from schemas.views import ZoomTried
 
+BORNE = "what the insertion bears at this magnification"
+WORTH = "the best here: another zoom would cost the insertion more"
+NEAR = 1.05  # of the best need, so that new draws of the same chain keep it
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Effects:
@@ -97,7 +101,7 @@ def compile_look(
         if tried.selection.chosen is not None:
             return job.finish(view, tried, found)
         refused.append(_refused(view, tried.selection.advice))
-        if view is settings[0] and (look := job.borne(view)) is not None:
+        if view is settings[0] and (look := job.kept(view)) is not None:
             return look
         if job.is_round:
             break  # no magnification gives it the angle that is needed
@@ -154,21 +158,43 @@ class _Job:
         )
         return Tried.of(case, fidelity, found), found
 
-    def borne(self, view: ViewPlan) -> CompiledLook | None:
-        """Return a look that only the insertion after it, not its share, allows."""
-        borne_um, asked_um = self.request.borne_um, self.request.tolerance_um
-        if borne_um is None or asked_um is None or borne_um <= asked_um:
+    def kept(self, view: ViewPlan) -> CompiledLook | None:
+        """Return a look that fails its share, where another zoom would cost more.
+
+        The insertion after it bears it, or would be less likely with a faultless look
+        at another zoom.
+        """
+        asked_um, bears = self.request.tolerance_um, self.request
+        if asked_um is None:
             return None
+        if bears.borne_um is not None and bears.borne_um > asked_um:
+            look = self._asked(bears.borne_um, BORNE).compiled(view)
+            if look is not None:
+                return look
+        if bears.worth_um is None or bears.worth_um <= asked_um:
+            return None
+        _, found = self._asked(bears.worth_um, WORTH).alone(view)
+        # not the cheapest that is worth it, but the best
+        reliable = found.selection.pareto
+        best_um = NEAR * min((s.need_um for s in reliable), default=math.inf)
+        return self._asked(min(best_um, bears.worth_um), WORTH).compiled(view)
+
+    def _asked(self, tolerance_um: float, asked_by: str) -> _Job:
+        """Return the same look at another tolerance, as the only one there is."""
         request = replace(
             self.request,
-            tolerance_um=borne_um,
+            tolerance_um=tolerance_um,
             borne_um=None,
-            asked_by="what the insertion bears at this magnification",
+            worth_um=None,
+            asked_by=asked_by,
         )
-        job = replace(self, request=request, refused=())
-        tried, found = job.alone(view)
+        return replace(self, request=request, refused=())
+
+    def compiled(self, view: ViewPlan) -> CompiledLook | None:
+        """Return the look at a magnification, None if no chain is good enough."""
+        tried, found = self.alone(view)
         chosen = tried.selection.chosen
-        return None if chosen is None else job.finish(view, tried, found)
+        return None if chosen is None else self.finish(view, tried, found)
 
     def search(self, view: ViewPlan, tried: Tried, found: Contest) -> Search:
         """Return the search for several features beside the target."""

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from planner.actions import action_of, axis_move
+from planner.bearing import bearable
 from planner.checks.handling import report_handling, verdicts_of
 from planner.checks.mechanics import mechanical_rows
 from planner.checks.view_times import (
@@ -19,7 +20,7 @@ from planner.checks.view_times import (
 )
 from planner.coarse_looks import compile_looks, waits_between
 from planner.conditions import conditions_of
-from planner.control import borne_um, control_of, method_of, tolerance_um
+from planner.control import control_of, method_of, tolerance_um
 from planner.diagnostics import Report
 from planner.inputs.task import Task
 from planner.looks import CompiledLook, Effects
@@ -64,8 +65,11 @@ def compile_step(
     before = memory.seen.get(owner_of(here.step.target or ""))
     asked = requests(task, states, index, within)
     if within is not None:
-        borne = borne_um(task, states, here, within, memory.seen)
-        asked = tuple(replace(request, borne_um=borne) for request in asked)
+        bears = bearable(task, states, here, within, memory.seen)
+        asked = tuple(
+            replace(request, borne_um=bears.borne_um, worth_um=bears.worth_um)
+            for request in asked
+        )
     for request in asked:
         found = compile_looks(task, request, effects, memory.magnification, report)
         if not found:

@@ -47,6 +47,9 @@ class Request:
     # 2 sigma + |bias| with which the insertion after it would still have its share of
     # the goal, at the present zoom; None: no insertion follows, or none would do
     borne_um: float | None = None
+    # the same with which it would be as likely as with a faultless look at another
+    # zoom, where that one's jump leaves less than the share; None: it does not
+    worth_um: float | None = None
 
 
 def requests(

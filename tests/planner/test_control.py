@@ -8,28 +8,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planner.checks.budget import Sighted
-from planner.checks.insert_budget import share_of_goal
 from planner.control import (
     GIVE_UP,
     Turn,
-    borne_um,
     control_of,
     folded_mean,
     tolerance_um,
     turn_of,
 )
 from planner.diagnostics import Report
-from planner.inputs.task import Task
-from planner.inserting import insertion_of
-from planner.leaving import left_by
 from planner.model.steps import unfold
 from tests.planner.examples import ROOT
-from tests.planner.placed import look, read, with_step
+from tests.planner.placed import read, with_step
 
 GEAR = ROOT / "examples" / "gear_on_shaft" / "task.yaml"
-WITHIN_UM = 1.45
-
 DRAWS = 400_000
 
 
@@ -76,57 +68,6 @@ def test_an_angle_finer_than_the_axes_is_refused() -> None:
         report = Report()
         tolerance_um(task, (align,), align, None, report)
         assert [d.code for d in report.found] == codes
-
-
-def seen_in_gear() -> dict[str, Sighted]:
-    """Return the looks before the gear is aligned, in round numbers."""
-    shaft = look("shaft_plate.post", "find_shaft", 1.4)
-    return {
-        "gear": look("gear.bore", "gear_in_fingers", 0.05),
-        "shaft_plate": replace(shaft, steady_um=0.3),  # most of it is the zoom's scale
-    }
-
-
-def probability(task: Task, sigma_um: float) -> float:
-    """Return P(insertion) after a look over the shaft with this sigma."""
-    states = unfold(task, Report())
-    align, insert = (
-        next(s for s in states if s.step.id == name)
-        for name in ("over_shaft", "insert")
-    )
-    seen = seen_in_gear()
-    left = left_by(task, align, "servo", WITHIN_UM, seen["shaft_plate"])
-    seen["shaft_plate"] = look("shaft_plate.post", "over_shaft", sigma_um)
-    job = insertion_of(task, states, insert, left, seen)
-    assert job is not None
-    return 1 - job.miss
-
-
-def test_what_an_insertion_bears_of_its_look_gives_just_its_share() -> None:
-    task = read(GEAR)
-    states = unfold(task, Report())
-    align = next(s for s in states if s.step.id == "over_shaft")
-    borne = borne_um(task, states, align, WITHIN_UM, seen_in_gear())
-    assert borne is not None
-    share = share_of_goal(task)
-    # the root is found to a thousandth of the size, where P falls by some .1 per um
-    assert probability(task, borne / 2) == pytest.approx(share, abs=1e-3)
-    assert (
-        probability(task, 0.9 * borne / 2) > share > probability(task, 1.1 * borne / 2)
-    )
-
-
-def test_nothing_is_borne_where_nobody_asks() -> None:
-    task = read(GEAR)
-    states, seen = unfold(task, Report()), seen_in_gear()
-    first, last = (
-        next(s for s in states if s.step.id == name)
-        for name in ("bring_between", "over_shaft")
-    )
-    assert borne_um(task, states, first, 3.0, seen) is None  # no insertion follows
-    assert borne_um(task, states, last, WITHIN_UM, {}) is None  # nothing was seen
-    aimless = replace(task, success_goal=None)
-    assert borne_um(aimless, states, last, WITHIN_UM, seen) is None
 
 
 @pytest.mark.parametrize("mean", [0.0, 0.5, -2.0, 40.0])

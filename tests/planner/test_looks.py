@@ -35,3 +35,26 @@ def test_a_look_stays_at_its_zoom_if_the_insertion_after_it_bears_that(
     assert kept.look.verdict is not None
     assert kept.look.verdict.zoom.refused == ()
     assert 1e-3 < 2 * kept.look.sigma_xy_um < 1.0
+
+
+def test_a_look_stays_at_its_zoom_where_the_jump_of_another_would_cost_more(
+    tmp_path: Path,
+) -> None:
+    """The best chain is taken, not the cheapest within what would be worth it."""
+    file = copy_example(tmp_path / "task")
+    one_look(file)
+    task, report = read(file), Report()
+    (asked,) = requests(task, unfold(task, report), 0, None)
+    effects = Effects(effort=PRESETS["fast"], max_image_error=0.01, map=map)
+    low, _ = task.workcell.optics.magnification
+    short = replace(asked, tolerance_um=1e-3, borne_um=2e-3)
+
+    kept = compile_look(
+        task, replace(short, worth_um=5.0), effects, low, report, once=True
+    )
+    loose = compile_look(
+        task, replace(asked, tolerance_um=5.0), effects, low, report, once=True
+    )
+    assert kept is not None
+    assert loose is not None
+    assert kept.look.sigma_xy_um < loose.look.sigma_xy_um
