@@ -169,17 +169,15 @@ class NominalRender:
         Each owner for itself: to both sides along x and y by the spread that trials
         have, and round the circle or to both sides where its angle is unknown.
         """
-        here, found = (self(), self.veil().through), []
-        for layers, weight in _elsewhere(self.case):
-            there = NominalRender(case=replace(self.case, static=layers))
-            root = math.sqrt(weight)
-            found.append(
-                Sway(
-                    shown=root * (there() - here[0]),
-                    through=root * (there.veil().through - here[1]),
-                )
+        image, through = self(), self.veil().through
+        found = [(nominal_render(case), root) for case, root in _elsewhere(self.case)]
+        return tuple(
+            Sway(
+                shown=root * (there() - image),
+                through=root * (there.veil().through - through),
             )
-        return tuple(found)
+            for there, root in found
+        )
 
     def _picture(
         self, moved: tuple[Layer, ...], *, dz_um: float, zoom: float
@@ -213,21 +211,36 @@ def nominal_render(case: LookCase) -> NominalRender:
     return NominalRender(case=case)
 
 
-def _elsewhere(case: LookCase) -> Iterator[tuple[tuple[Layer, ...], float]]:
-    """Yield what stands still as it may lie too, and the weight of each way."""
+def swayed(case: LookCase) -> FloatArray:
+    """Return what the image of a look changes by as what stands still lies elsewhere.
+
+    Returns
+    -------
+    (C, rows, columns) float64 array
+        Shares of full scale, as `NominalRender.sways` shows them.
+    """
+    image = nominal_render(case)()
+    changes = [root * (nominal_render(c)() - image) for c, root in _elsewhere(case)]
+    return np.array(changes).reshape(-1, *image.shape)
+
+
+def _elsewhere(case: LookCase) -> Iterator[tuple[LookCase, float]]:
+    """Yield the look with what stands still elsewhere, and the root of its weight."""
     own = case.target.name.partition(".")[0]
     names = sorted({layer.name.partition(".")[0] for layer in case.static} - {own})
     sigma = case.spread.occluder_sigma_um
     for name in names if sigma > 0 else ():
         for x, y in ((sigma, 0.0), (-sigma, 0.0), (0.0, sigma), (0.0, -sigma)):
-            yield _moved(case.static, name, x, y), 1 / 2
+            moved = _moved(case.static, name, x, y)
+            yield replace(case, static=moved), math.sqrt(1 / 2)
     for what in case.spread.turning:
         turns = [what.sigma_theta_rad, -what.sigma_theta_rad]
         if what.is_any:
             turns = [2 * math.pi * k / _TURNS for k in range(1, _TURNS)]
         for turn in turns:
             weight = 1 / (_TURNS if what.is_any else 2)
-            yield turned(case.static, what, turn), weight
+            there = turned(case.static, what, turn)
+            yield replace(case, static=there), math.sqrt(weight)
 
 
 def _moved(

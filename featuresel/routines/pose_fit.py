@@ -137,18 +137,15 @@ class _Linear:
     pixels: int
 
     def move(self, job: Job, pose: Pose, depths: float) -> FloatArray | None:
-        """Return the step, (P + 3,), as far as may be believed; None if there is none."""
-        pick = np.flatnonzero(job.free.chosen)
-        move = np.zeros(job.free.numbers + 3)
-        try:
-            move[pick] = np.linalg.solve(
-                self.normal[np.ix_(pick, pick)], self.right[pick]
-            )
-        except np.linalg.LinAlgError:
+        """Return the step, (P + 3,), as far as it is believed; None if there is none."""
+        move, most = self._solved(job.free.chosen), _deepest(job, pose, depths)
+        if move is not None and abs(move[3]) > most:
+            # the rest goes to where it belongs at that focus: cut to the same share it
+            # would seem to have settled
+            move = self._solved(job.free.chosen, math.copysign(most, move[3]))
+        if move is None:
             return None
-        if not np.isfinite(move).all():
-            return None
-        move *= _shortened(job, pose, move, depths)
+        move *= _shortened(job, move)
         # the focus stays where planes are, its square positive
         after = _after(job, pose, move)
         move[3] = job.focus(after) - job.focus(pose)
@@ -157,6 +154,20 @@ class _Linear:
             move[6] = after.veiling.core - pose.veiling.core
             move[POSE:-3] = _sways(job, after.veiling) - _sways(job, pose.veiling)
         return move
+
+    def _solved(
+        self, chosen: BoolArray, focus: float | None = None
+    ) -> FloatArray | None:
+        """Return the step to the minimum, (P + 3,), at a step of the focus if given."""
+        pick, move = chosen.copy(), np.zeros(len(self.right))
+        if focus is not None:
+            pick[3], move[3] = False, focus
+        right = self.right - self.normal @ move
+        try:
+            move[pick] = np.linalg.solve(self.normal[np.ix_(pick, pick)], right[pick])
+        except np.linalg.LinAlgError:
+            return None
+        return move if np.isfinite(move).all() else None
 
     def after(self, move: FloatArray) -> _Linear:
         """Return the problem with chi squared as a step leaves it."""
@@ -231,13 +242,16 @@ def _together(seen: list[Seen]) -> Seen:
     )
 
 
-def _shortened(job: Job, pose: Pose, move: FloatArray, depths: float) -> float:
+def _shortened(job: Job, move: FloatArray) -> float:
     """Return what a step is cut to: farther, the slopes no longer hold."""
     far = _moved_px(job, math.hypot(move[0], move[1]), move[2], move[4])
+    return float(1 / max(1.0, far / _FAR_PX))
+
+
+def _deepest(job: Job, pose: Pose, depths: float) -> float:
+    """Return the most that a step may change the focus, or its square."""
     most = depths * job.looks.step_um
-    if job.squared:
-        most *= 2 * abs(pose.z_um) + most
-    return float(1 / max(1.0, far / _FAR_PX, abs(move[3]) / most))
+    return most * (2 * abs(pose.z_um) + most) if job.squared else most
 
 
 def _after(job: Job, pose: Pose, move: FloatArray) -> Pose:

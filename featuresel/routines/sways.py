@@ -14,15 +14,12 @@ import numpy as np
 from featuresel.routines import FloatArray, LookModel
 
 _FAINTEST = 0.5  # of what noise makes of it in all pixels: less moves no answer as far
-_MOST = 10
+_MOST = 8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SwayMaps:
-    """Changes of light and of the share let through, by one standard deviation each.
-
-    The principal ones of independent amounts of mean 0, strongest first.
-    """
+    """Changes by one standard deviation each of independent amounts of mean 0."""
 
     light: FloatArray  # (S, rows, columns)
     through: FloatArray  # (S, rows, columns)
@@ -38,11 +35,6 @@ def sway_maps(model: LookModel, image: FloatArray) -> SwayMaps:
     image : (rows, columns) float array
         The nominal image.
 
-    Notes
-    -----
-    With the rows of D the changes that `LookModel.sways` names over the pixels' noise,
-    the covariance of the image is D^T D = V S^2 V^T. Row k of S V^T is of one standard
-    deviation of an amount of its own, whatever D's rows were (Karhunen and Loeve).
     """
     changes = model.sways()
     if not changes:
@@ -50,13 +42,32 @@ def sway_maps(model: LookModel, image: FloatArray) -> SwayMaps:
         return SwayMaps(light=none, through=none)
     shown = np.stack([change.shown for change in changes])
     through = np.stack([change.through for change in changes])
-    noise = np.sqrt(model.camera.variance(image))
-    mix, strength, _ = np.linalg.svd(
-        (shown / noise).reshape(len(shown), -1), full_matrices=False
-    )
-    kept = mix[:, :_MOST][:, strength[:_MOST] > _FAINTEST].T
-    largest = np.abs(kept).argmax(axis=1)[:, None]
-    kept = kept * np.sign(np.take_along_axis(kept, largest, axis=1))  # else free
+    kept = principal(shown / np.sqrt(model.camera.variance(image)))
     through = np.tensordot(kept, through, 1)
     light = np.tensordot(kept, shown, 1) - through * model.alone()
     return SwayMaps(light=light, through=through)
+
+
+def principal(changes: FloatArray) -> FloatArray:
+    """Return the few sums of changes that matter, as weights of theirs.
+
+    Parameters
+    ----------
+    changes : (C, rows, columns) float array
+        Of an image over its pixels' noise, by one standard deviation each of C
+        independent amounts.
+
+    Returns
+    -------
+    (S, C) float64 array
+        Rows of weights, the strongest first. The sums that they make are again of one
+        standard deviation of S independent amounts: with D = U S V^T the covariance is
+        D^T D, and row k of S V^T is U^T D (Karhunen and Loeve).
+    """
+    mix, strength, _ = np.linalg.svd(
+        changes.reshape(len(changes), -1), full_matrices=False
+    )
+    kept = mix[:, :_MOST][:, strength[:_MOST] > _FAINTEST].T
+    largest = np.abs(kept).argmax(axis=1)[:, None]
+    signed: FloatArray = kept * np.sign(np.take_along_axis(kept, largest, axis=1))
+    return signed  # whose signs are free else
