@@ -29,6 +29,30 @@ _SURE = LensErrors()  # no error is known, none unknown
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Turning:
+    """Something that is not the target's owner, at an angle that nobody has measured.
+
+    Its layers turn about a point of the world, all of them together.
+    """
+
+    owner: str
+    x_um: float
+    y_um: float
+    sigma_theta_rad: float  # pi: any angle
+
+    def __post_init__(self) -> None:
+        if not 0 < self.sigma_theta_rad <= math.pi:
+            raise ValueError(
+                f"sigma_theta_rad must be in (0, pi], got {self.sigma_theta_rad}"
+            )
+
+    @property
+    def is_any(self) -> bool:
+        """Return whether the angle is uniform over the circle."""
+        return self.sigma_theta_rad >= math.pi
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Spread:
     """What trials are perturbed by; sigmas are one standard deviation per axis."""
 
@@ -41,6 +65,7 @@ class Spread:
     search_um: float  # how far off a look may start; trials reach it at the extremes
     # of what stands still and is not the target's owner, all of it together
     occluder_sigma_um: float = 0.0
+    turning: tuple[Turning, ...] = ()  # of that, what lies at unknown angles
     noise: tuple[float, float] = (1.0, 1.0)  # uniform, times the sensor's noise
     lens: LensErrors = _SURE  # only its sigmas count, about the look's own
 

@@ -9,14 +9,12 @@ from featuresel.candidates import chains, routines
 from featuresel.case import LookCase
 from featuresel.completeness import seen_share
 from featuresel.constraints import Constraints
-from featuresel.crlb import camera_of, fisher
-from featuresel.information import limit
 from featuresel.nominal import nominal_render
+from featuresel.place_limit import limit_um
 from featuresel.race import race, round_ends
 from featuresel.routines import Artifact, Failure, load
 from featuresel.score import Score
 from featuresel.select import Limits, Selection, select
-from featuresel.sensitivity import sensitivities
 from featuresel.trials import Map, Outcome, Prepared, prepare
 
 ROUNDS = (8, 24, 64, 304, 1024)  # trials at the end of each; most chains leave early
@@ -207,29 +205,3 @@ def make_ready(
     if not found:  # nothing could be prepared: the trials say of each why
         found = chains(case.target, costs=dict.fromkeys(names, 1.0))
     return Prepared(chains=found, artifacts=ready)
-
-
-def limit_um(case: LookCase) -> float | None:
-    """Return the Cramer-Rao limit of a look's place, the worse axis, as planned.
-
-    What the trials vary is unknown to the estimator too: angle, focus, zoom, light.
-    """
-    seen = sensitivities(case, names=unknowns(case))
-    known = limit(fisher(seen, camera_of(case)))
-    worse = max(known["x"], known["y"])
-    return worse if worse < float("inf") else None
-
-
-def unknowns(case: LookCase) -> Sequence[str]:
-    """Return what an estimator must find besides the place, by the limit's names."""
-    spread, names = case.spread, ["x", "y"]
-    if case.target.kind != "circle":
-        names.append("theta")
-    if spread.focus_sigma_um > 0:
-        names.append("z")
-    if spread.magnification_sigma > 0:
-        names.append("zoom")
-    names.append("gain")
-    if spread.light_gradient[1] > 0:
-        names += ["gradient_x", "gradient_y"]
-    return names

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from featuresel.case import Turning
 from optics.lens import MAX_DISTORTION, LensErrors
 from optics.outline import place
 from optics.scene import Layer
@@ -12,9 +13,12 @@ from optics.sensor import Sensor
 
 
 def shifted(
-    layers: tuple[Layer, ...], owner: str, by_um: tuple[float, float]
+    layers: tuple[Layer, ...],
+    owner: str,
+    by_um: tuple[float, float],
+    turns: Sequence[tuple[Turning, float]] = (),
 ) -> tuple[Layer, ...]:
-    """Return what stands still, moved as one where it is not the owner's.
+    """Return what stands still, turned and moved as one where it is not the owner's.
 
     Parameters
     ----------
@@ -24,13 +28,35 @@ def shifted(
         Whose layers stay.
     by_um : (x, y)
         How far the others move.
+    turns : sequence of (Turning, rad)
+        By how much some of them turn first.
     """
+    for what, turn_rad in turns:
+        layers = turned(layers, what, turn_rad)
     if by_um == (0.0, 0.0):
         return layers
     return tuple(
         layer
         if layer.name.partition(".")[0] == owner
         else replace(layer, outline=place(layer.outline, *by_um, 0.0))
+        for layer in layers
+    )
+
+
+def turned(
+    layers: tuple[Layer, ...], what: Turning, turn_rad: float
+) -> tuple[Layer, ...]:
+    """Return layers with those of one owner turned about its point, rad."""
+    if turn_rad == 0.0:
+        return layers
+    x, y = what.x_um, what.y_um
+    return tuple(
+        replace(
+            layer,
+            outline=place(place(layer.outline, -x, -y, 0.0), x, y, turn_rad),
+        )
+        if layer.name.partition(".")[0] == what.owner
+        else layer
         for layer in layers
     )
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
@@ -16,10 +17,11 @@ from featuresel.case import (
     still_layers,
     still_lights,
 )
-from featuresel.routines import Blur, Camera, Drifts, Veil
+from featuresel.disturb import turned
+from featuresel.routines import Blur, Camera, Drifts, Sway, Veil
 from optics.lamplight import Light
 from optics.microscope import Microscope
-from optics.outline import Outline, Ring, Segment
+from optics.outline import Outline, Ring, Segment, place
 from optics.prepared import prepare
 from optics.render import Covered
 from optics.scene import Illumination, Layer, Scene, Window
@@ -31,6 +33,7 @@ _POINT = 1e-12  # fill factor of samples that integrate over no area
 _VEILED = 3.0  # fields: the face behind what stands in front ends out of sight
 _HELD_PX = 1 << 22  # of images that are kept, 32 MiB: routines ask for the same ones
 _BACKDROPS = 4  # settings whose still layers are kept
+_TURNS = 12  # of the circle, where an angle is unknown: blur leaves its first waves
 
 Asked = tuple[float, ...]  # numbers that an image depends on
 T = TypeVar("T")
@@ -160,6 +163,22 @@ class NominalRender:
         black, white = (_faced(even, top_um, share) for share in (0.0, 1.0))
         return Veil(light=self.case.light.gain * black, through=white - black)
 
+    def sways(self) -> tuple[Sway, ...]:
+        """Return how the image may differ as what stands still may lie elsewhere.
+
+        Each owner for itself: to both sides along x and y by the spread that trials
+        have, and round the circle or to both sides where its angle is unknown.
+        """
+        image, through = self(), self.veil().through
+        found = [(nominal_render(case), root) for case, root in _elsewhere(self.case)]
+        return tuple(
+            Sway(
+                shown=root * (there() - image),
+                through=root * (there.veil().through - through),
+            )
+            for there, root in found
+        )
+
     def _picture(
         self, moved: tuple[Layer, ...], *, dz_um: float, zoom: float
     ) -> FloatArray:
@@ -190,6 +209,50 @@ class NominalRender:
 def nominal_render(case: LookCase) -> NominalRender:
     """Return the renderer that routines prepare with."""
     return NominalRender(case=case)
+
+
+def swayed(case: LookCase) -> FloatArray:
+    """Return what the image of a look changes by as what stands still lies elsewhere.
+
+    Returns
+    -------
+    (C, rows, columns) float64 array
+        Shares of full scale, as `NominalRender.sways` shows them.
+    """
+    image = nominal_render(case)()
+    changes = [root * (nominal_render(c)() - image) for c, root in _elsewhere(case)]
+    return np.array(changes).reshape(-1, *image.shape)
+
+
+def _elsewhere(case: LookCase) -> Iterator[tuple[LookCase, float]]:
+    """Yield the look with what stands still elsewhere, and the root of its weight."""
+    own = case.target.name.partition(".")[0]
+    names = sorted({layer.name.partition(".")[0] for layer in case.static} - {own})
+    sigma = case.spread.occluder_sigma_um
+    for name in names if sigma > 0 else ():
+        for x, y in ((sigma, 0.0), (-sigma, 0.0), (0.0, sigma), (0.0, -sigma)):
+            moved = _moved(case.static, name, x, y)
+            yield replace(case, static=moved), math.sqrt(1 / 2)
+    for what in case.spread.turning:
+        turns = [what.sigma_theta_rad, -what.sigma_theta_rad]
+        if what.is_any:
+            turns = [2 * math.pi * k / _TURNS for k in range(1, _TURNS)]
+        for turn in turns:
+            weight = 1 / (_TURNS if what.is_any else 2)
+            there = turned(case.static, what, turn)
+            yield replace(case, static=there), math.sqrt(weight)
+
+
+def _moved(
+    layers: tuple[Layer, ...], owner: str, x_um: float, y_um: float
+) -> tuple[Layer, ...]:
+    """Return layers with those of one owner moved."""
+    return tuple(
+        replace(layer, outline=place(layer.outline, x_um, y_um, 0.0))
+        if layer.name.partition(".")[0] == owner
+        else layer
+        for layer in layers
+    )
 
 
 def _backdrop(case: LookCase, scope: Microscope, focus_um: float) -> Backdrop:

@@ -48,6 +48,8 @@ class Trial:
     occluder_um: tuple[float, float] = (0.0, 0.0)  # of what is not the target's owner
     lens: LensErrors | None = None  # what it truly does; None: what is known of it
     noise: float = 1.0  # times the sensor's
+    # by which each of the spread's `turning` is turned, rad
+    turns_rad: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,7 +151,14 @@ def _perturbed(case: LookCase, trial: Trial) -> LookCase:
     owner = case.target.name.partition(".")[0]
     return replace(
         case,
-        static=shifted(case.static, owner, trial.occluder_um),
+        static=shifted(
+            case.static,
+            owner,
+            trial.occluder_um,
+            tuple(zip(case.spread.turning, trial.turns_rad, strict=True))
+            if trial.turns_rad  # a trial made elsewhere turns nothing
+            else (),
+        ),
         microscope=_zoomed(case, trial),
         focus_um=case.focus_um + trial.dz_um,
         model=trial.model,
@@ -268,4 +277,19 @@ def _trial(
         occluder_um=(sigma * float(rest.occluder[0]), sigma * float(rest.occluder[1])),
         lens=true_lens(case.lens, case.spread.lens, rest.lens),
         noise=low + rest.noise * (high - low),
+        turns_rad=_turns(case, index, root),
+    )
+
+
+def _turns(case: LookCase, index: int, root: int) -> tuple[float, ...]:
+    """Return by how much what lies at unknown angles is turned, rad."""
+    if not case.spread.turning:
+        return ()
+    rng = generator(root, f"{case.key}/turning {index}")
+    points = rng.random(len(case.spread.turning))
+    return tuple(
+        (2 * float(at) - 1) * math.pi
+        if what.is_any
+        else what.sigma_theta_rad * float(truncnorm.ppf(at, -_CUT, _CUT))
+        for what, at in zip(case.spread.turning, points, strict=True)
     )

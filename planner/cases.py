@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-from featuresel.case import LookCase, Spread
+from featuresel.case import LookCase, Spread, Turning
 from featuresel.contour import with_contour
 from featuresel.routines import Target
 from optics.fidelity import Fidelity, choose
@@ -267,6 +267,7 @@ def _spread(
         pose_sigma_theta_rad=min(_sigma_theta(task, spot), math.pi),
         search_um=search_um(task, spot),
         occluder_sigma_um=_occluder_sigma_um(task, request, spot, static),
+        turning=_turning(task, request, spot, static),
         lens=LensErrors(field_curvature_sigma_per_um=lens.field_curvature_sigma_per_um),
     )
 
@@ -278,11 +279,42 @@ def _occluder_sigma_um(
 
     What lies lower hides nothing.
     """
-    higher = {la.name.partition(".")[0] for la in static if la.z_um > spot.z_um}
     return max(
-        (locate_place(task, request.state, name).sigma_xy_um for name in higher),
+        (
+            locate_place(task, request.state, name).sigma_xy_um
+            for name in _higher(spot, static)
+        ),
         default=0.0,
     )
+
+
+def _turning(
+    task: Task, request: Request, spot: Place, static: Sequence[Layer]
+) -> tuple[Turning, ...]:
+    """Return the parts that stand higher than the target at an angle nobody knows.
+
+    A tool's angle is in the spread of its tips.
+    """
+    places = [
+        locate_place(task, request.state, name)
+        for name in _higher(spot, static)
+        if name in task.parts
+    ]
+    return tuple(
+        Turning(
+            owner=place.owner,
+            x_um=place.pose.x_um,
+            y_um=place.pose.y_um,
+            sigma_theta_rad=min(place.sigma_theta_rad, math.pi),
+        )
+        for place in places
+        if place.sigma_theta_rad > 0
+    )
+
+
+def _higher(spot: Place, static: Sequence[Layer]) -> list[str]:
+    """Return whose layers stand higher than the target, by name."""
+    return sorted({la.name.partition(".")[0] for la in static if la.z_um > spot.z_um})
 
 
 def _angle_tolerance(request: Request, shape: Shape) -> float | None:

@@ -147,6 +147,18 @@ class Veil:
     through: FloatArray  # (rows, columns) share of the target's light let through
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sway:
+    """What one likely error in the place or angle of what stands still changes.
+
+    Such errors are independent and have mean 0: the sum of the products of their
+    changes is the covariance of the image.
+    """
+
+    shown: FloatArray  # (rows, columns) change of the image, the target as planned
+    through: FloatArray  # (rows, columns) change of the share let through
+
+
 class Render(Protocol):
     """Renders the look's region with the target displaced from its nominal pose."""
 
@@ -217,6 +229,10 @@ class LookModel(Protocol):
 
     def veil(self, dz_um: float = 0.0) -> Veil:
         """Return what stands in front of the target, `dz_um` off nominal focus."""
+        ...
+
+    def sways(self) -> Sequence[Sway]:
+        """Return how the image may differ as what stands still may lie elsewhere."""
         ...
 
 

@@ -29,6 +29,8 @@ class Veiling:
 
     focus_um: float  # off nominal
     core: float = 0.0  # share of its light that is blurred less
+    # how far it lies elsewhere, in standard deviations of each of its sways; () is 0
+    sways: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

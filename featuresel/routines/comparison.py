@@ -23,7 +23,8 @@ _SOME = 300  # pixels, enough to tell a wrong start
 _LOOSE = 3.0  # times the spread, that focus and zoom are held to: images tell more
 _IN_VIEW = 0.2  # of the cells, that a turn is judged by
 _CLEAR = 0.02  # share of the target's light that must come through
-POSE = 7  # numbers of the pose: place, turn, focus, zoom, and two of the front
+# numbers of the pose: place, turn, focus, zoom, and two of the front; its sways follow
+POSE = 7
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,25 +36,34 @@ class Free:
     zoom_sigma: float  # 0: the zoom is nominal
     gradient: bool  # whether the light may have one
     front_sigmas: tuple[float, float] | None  # of `Veiling`; None: all is clear
+    sways: int = 0  # of what stands in front, S
+
+    @property
+    def numbers(self) -> int:
+        """Return how many numbers a pose has, P: `POSE` and the sways."""
+        return POSE + self.sways
 
     @property
     def chosen(self) -> BoolArray:
-        """Return which of the pose's numbers, gain and gradients are free, (10,)."""
+        """Return which of the pose's numbers, gain and gradients are free, (P + 3,)."""
         z, zoom, front = self.z_sigma_um > 0, self.zoom_sigma > 0, self.front_sigmas
         pose = (True, True, self.turn, z, zoom, *2 * (front is not None,))
-        return np.array([*pose, True, self.gradient, self.gradient])
+        light = (True, self.gradient, self.gradient)
+        return np.array([*pose, *self.sways * (True,), *light])
 
     def precision(self, *, squared: bool) -> FloatArray:
-        """Return the weights that draw all but place, turn and light to nominal, (10,).
+        """Return the weights that draw all but place, turn and light to nominal.
 
-        Only so much that what cannot be seen stays nominal.
+        (P + 3,); only so much that what cannot be seen stays nominal. Sways are drawn
+        as they are spread: they are many, and images tell some of them hardly.
         """
-        weights, z = np.zeros(POSE + 3), _LOOSE * self.z_sigma_um
+        weights, z = np.zeros(self.numbers + 3), _LOOSE * self.z_sigma_um
         fronts = self.front_sigmas or (0.0, 0.0)
         sigmas = (z**2 if squared else z, self.zoom_sigma, *fronts)
         for k, sigma in enumerate(sigmas, start=3):
             if sigma > 0:
                 weights[k] = 1 / (_LOOSE * sigma) ** 2
+        weights[POSE : self.numbers] = 1.0
         return weights
 
 
@@ -88,8 +98,13 @@ class Job:
 
     @property
     def held(self) -> Job:
-        """Return the job with what stands in front held at the target's focus."""
-        return replace(self, free=replace(self.free, front_sigmas=None))
+        """Return the job with what stands in front held at the target's focus.
+
+        And where it is planned to be.
+        """
+        free = replace(self.free, front_sigmas=None, sways=0)
+        front = None if self.front is None else self.front.steady
+        return replace(self, free=free, front=front)
 
     @property
     def sides(self) -> tuple[int, ...]:
@@ -123,7 +138,7 @@ class Seen:
 
     value: FloatArray  # (N,) of the image
     target: FloatArray  # (3, N): light by gain, and by gradients
-    slopes: FloatArray  # (POSE, N) by the pose, in even light
+    slopes: FloatArray  # (P, N) by the pose, in even light
     place: FloatArray  # (2, N) across the region, -.5 to .5
 
 
@@ -149,7 +164,7 @@ def see(job: Job, view: View, pose: Pose, pixels: tuple[IntArray, IntArray]) -> 
     focus = looks.focus
     if job.looks.is_even and not job.squared:  # by the height, not by its square
         focus = 2 * here.z_um * focus
-    slopes = np.zeros((POSE, len(columns)))
+    slopes = np.zeros((job.free.numbers, len(columns)))
     for k, slope in enumerate(
         (looks.across, looks.down, looks.turn, focus, looks.grow)
     ):
@@ -157,7 +172,7 @@ def see(job: Job, view: View, pose: Pose, pixels: tuple[IntArray, IntArray]) -> 
     mean = looks.value
     if job.front is not None:
         front = job.front.at(here, columns, rows)
-        slopes *= front.through
+        slopes[:5] *= front.through
         slopes[5:] = front.light_slopes + front.through_slopes * mean
         mean = front.light + front.through * mean
     place = _place(job, columns, rows)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -21,8 +21,8 @@ class Veiled:
 
     light: FloatArray  # (N,)
     through: FloatArray  # (N,)
-    light_slopes: FloatArray  # (2, N) by the numbers of a `Veiling`
-    through_slopes: FloatArray  # (2, N)
+    light_slopes: FloatArray  # (2 + S, N) by the numbers of a `Veiling`
+    through_slopes: FloatArray  # (2 + S, N)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,6 +37,9 @@ class Front:
         float  # the K heights are from -reach to reach off nominal, at equal steps
     )
     axis_px: tuple[float, float]  # column and row that zoom leaves alone
+    # (S, rows, columns) what each sway changes them by; zoom and focus do not move them
+    sway_light: Float32Array
+    sway_through: Float32Array
 
     def at(self, pose: Pose, columns: IntArray, rows: IntArray) -> Veiled:
         """Return what pixels show, (N,), as the pose has it in front.
@@ -46,14 +49,18 @@ class Front:
         front = pose.veiling
         four, (value, by_focus) = self._heights(front.focus_um)
         seen, slopes = [], []
-        for maps, cores in (
-            (self.light, self.core_light),
-            (self.through, self.core_through),
+        for maps, cores, sways in (
+            (self.light, self.core_light, self.sway_light),
+            (self.through, self.core_through, self.sway_through),
         ):
             near = self._read(maps[four], pose.zoom, columns, rows)
             core = value @ self._read(cores[four], pose.zoom, columns, rows)
-            seen.append(value @ near + front.core * core)
-            slopes.append(np.stack((by_focus @ near, core)))
+            swayed = sways[:, rows, columns]
+            shown = value @ near + front.core * core
+            if front.sways:
+                shown += np.array(front.sways, np.float32) @ swayed
+            seen.append(shown)
+            slopes.append(np.concatenate((np.stack((by_focus @ near, core)), swayed)))
         return Veiled(
             light=seen[0],
             through=seen[1],
@@ -71,6 +78,12 @@ class Front:
             for m in (self.light, self.through)
         )
         return light, through
+
+    @property
+    def steady(self) -> Front:
+        """Return the same in its planned place, without sways."""
+        none = self.sway_light[:0]
+        return replace(self, sway_light=none, sway_through=none)
 
     def _heights(self, focus_um: float) -> tuple[slice, FloatArray]:
         """Return four coefficients and their weights, (2, 4): of value and slope."""

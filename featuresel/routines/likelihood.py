@@ -41,7 +41,7 @@ from featuresel.routines.pose_start import start_pose
 IntArray = npt.NDArray[np.intp]
 
 NAME = "likelihood"
-VERSION = "3"
+VERSION = "4"
 KINDS: tuple[TargetKind, ...] = ("circle", "teeth", "outline", "jaws")
 GIVES: tuple[Known, ...] = ("xy", "theta", "z", "zoom")
 NEEDS: tuple[Known, ...] = ("xy",)

@@ -29,7 +29,7 @@ from featuresel.routines.pose_job import prepare_job, read_job
 from featuresel.routines.pose_start import start_pose
 
 NAME = "one_step"
-VERSION = "3"
+VERSION = "4"
 KINDS: tuple[TargetKind, ...] = ("circle", "teeth", "outline", "jaws")
 GIVES: tuple[Known, ...] = ("xy", "theta", "z", "zoom")
 NEEDS: tuple[Known, ...] = ("xy", "theta", "z")

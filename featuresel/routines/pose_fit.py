@@ -32,6 +32,7 @@ _FAR_PX = 1.5  # the most that one step may move the image
 _FAR_DEPTHS = 1.0  # the most that one step may change the focus, steps of the planes
 _FULL = 0.99  # of full scale, where the camera may have clipped
 _MOST_CORE = 0.3  # beyond, it would stand for another focus of what stands in front
+_MOST_SWAY = 5.0  # standard deviations: what lies farther off was not planned for
 _ZOOMS = (0.8, 1.25)  # beyond, nothing that starts near nominal gets
 
 
@@ -41,7 +42,7 @@ class PoseFit:
 
     pose: Pose
     light: FloatArray  # (3,) gain, and its changes across and down the region
-    covariance: FloatArray  # (10, 10) of the pose, POSE numbers, and of light
+    covariance: FloatArray  # (P + 3, P + 3) of the pose's P numbers and of light
     squared: bool  # the covariance is of the square of the focus
     chi2: float  # of the pixels used, each: 1 if only noise is left
     used: float  # share of the pixels that are the target's
@@ -95,7 +96,7 @@ def fit_pose(job: Job, start: Pose) -> PoseFit | Failure:
         if move[3] * before < 0:  # about focus slopes vanish, and steps go to and fro
             depths /= 2
         before = float(move[3])
-        pose, light = _after(job, pose, move), linear.light + move[POSE:]
+        pose, light = _after(job, pose, move), linear.light + move[-3:]
         length = float(move @ linear.normal @ move)
         # steps shrink by squares at the end: the next one over this is, squared too,
         # this one over the last
@@ -121,7 +122,7 @@ def step_once(job: Job, start: Pose) -> PoseFit | Failure:
     if move is None:
         return Failure(code="no_contrast", message="the image tells no pose")
     end = _after(job, start, move)
-    return linear.after(move).result(job, end, linear.light + move[POSE:])
+    return linear.after(move).result(job, end, linear.light + move[-3:])
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,32 +130,44 @@ class _Linear:
     """The linear least-squares problem at one pose."""
 
     light: FloatArray  # (3,) that it starts from
-    normal: FloatArray  # (10, 10)
-    right: FloatArray  # (10,)
+    normal: FloatArray  # (P + 3, P + 3)
+    right: FloatArray  # (P + 3,)
     chi2: float
     used: float
     pixels: int
 
     def move(self, job: Job, pose: Pose, depths: float) -> FloatArray | None:
-        """Return the step, (10,), as far as may be believed; None if there is none."""
-        pick = np.flatnonzero(job.free.chosen)
-        move = np.zeros(POSE + 3)
-        try:
-            move[pick] = np.linalg.solve(
-                self.normal[np.ix_(pick, pick)], self.right[pick]
-            )
-        except np.linalg.LinAlgError:
+        """Return the step, (P + 3,), as far as it is believed; None if there is none."""
+        move, most = self._solved(job.free.chosen), _deepest(job, pose, depths)
+        if move is not None and abs(move[3]) > most:
+            # the rest goes to where it belongs at that focus: cut to the same share it
+            # would seem to have settled
+            move = self._solved(job.free.chosen, math.copysign(most, move[3]))
+        if move is None:
             return None
-        if not np.isfinite(move).all():
-            return None
-        move *= _shortened(job, pose, move, depths)
+        move *= _shortened(job, move)
         # the focus stays where planes are, its square positive
         after = _after(job, pose, move)
         move[3] = job.focus(after) - job.focus(pose)
         if job.free.front_sigmas is not None:
             move[5] = after.veiling.focus_um - pose.veiling.focus_um
             move[6] = after.veiling.core - pose.veiling.core
+            move[POSE:-3] = _sways(job, after.veiling) - _sways(job, pose.veiling)
         return move
+
+    def _solved(
+        self, chosen: BoolArray, focus: float | None = None
+    ) -> FloatArray | None:
+        """Return the step to the minimum, (P + 3,), at a step of the focus if given."""
+        pick, move = chosen.copy(), np.zeros(len(self.right))
+        if focus is not None:
+            pick[3], move[3] = False, focus
+        right = self.right - self.normal @ move
+        try:
+            move[pick] = np.linalg.solve(self.normal[np.ix_(pick, pick)], right[pick])
+        except np.linalg.LinAlgError:
+            return None
+        return move if np.isfinite(move).all() else None
 
     def after(self, move: FloatArray) -> _Linear:
         """Return the problem with chi squared as a step leaves it."""
@@ -164,7 +177,7 @@ class _Linear:
     def result(self, job: Job, pose: Pose, light: FloatArray) -> PoseFit:
         """Return the fit that ends at a pose."""
         pick = np.ix_(*2 * (np.flatnonzero(job.free.chosen),))
-        covariance = np.zeros((POSE + 3,) * 2)
+        covariance = np.zeros((job.free.numbers + 3,) * 2)
         covariance[pick] = np.linalg.pinv(self.normal[pick], hermitian=True)
         return PoseFit(
             pose=pose,
@@ -206,7 +219,7 @@ def _linear(
     right = design @ (weight * residual)
     front = pose.veiling
     off = (job.focus(pose), pose.zoom - 1, front.focus_um, front.core)
-    right[3:POSE] -= pull[3:POSE] * off
+    right[3:-3] -= pull[3:-3] * np.append(off, _sways(job, front))
     return _Linear(
         light=light,
         normal=(design * weight) @ design.T + np.diag(pull),
@@ -229,13 +242,16 @@ def _together(seen: list[Seen]) -> Seen:
     )
 
 
-def _shortened(job: Job, pose: Pose, move: FloatArray, depths: float) -> float:
+def _shortened(job: Job, move: FloatArray) -> float:
     """Return what a step is cut to: farther, the slopes no longer hold."""
     far = _moved_px(job, math.hypot(move[0], move[1]), move[2], move[4])
+    return float(1 / max(1.0, far / _FAR_PX))
+
+
+def _deepest(job: Job, pose: Pose, depths: float) -> float:
+    """Return the most that a step may change the focus, or its square."""
     most = depths * job.looks.step_um
-    if job.squared:
-        most *= 2 * abs(pose.z_um) + most
-    return float(1 / max(1.0, far / _FAR_PX, abs(move[3]) / most))
+    return most * (2 * abs(pose.z_um) + most) if job.squared else most
 
 
 def _after(job: Job, pose: Pose, move: FloatArray) -> Pose:
@@ -251,7 +267,7 @@ def _after(job: Job, pose: Pose, move: FloatArray) -> Pose:
         turn_rad=pose.turn_rad + float(move[2]),
         z_um=z_um,
         zoom=min(max(pose.zoom + float(move[4]), _ZOOMS[0]), _ZOOMS[1]),
-        front=_front(job, pose, z_um, move[5:POSE]),
+        front=_front(job, pose, z_um, move[5:-3]),
     )
 
 
@@ -267,7 +283,15 @@ def _front(job: Job, pose: Pose, z_um: float, move: FloatArray) -> Veiling | Non
     return Veiling(
         focus_um=min(max(was.focus_um + float(move[0]), -reach), reach),
         core=min(max(was.core + float(move[1]), -_MOST_CORE), _MOST_CORE),
+        sways=tuple(
+            np.clip(_sways(job, was) + move[2:], -_MOST_SWAY, _MOST_SWAY).tolist()
+        ),
     )
+
+
+def _sways(job: Job, front: Veiling) -> FloatArray:
+    """Return how far what stands in front lies elsewhere, (S,)."""
+    return np.array(front.sways or (0.0,) * job.free.sways)
 
 
 def _moved_px(job: Job, place_px: float, turn_rad: float, zoom: float) -> float:

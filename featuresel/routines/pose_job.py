@@ -23,6 +23,7 @@ from featuresel.routines.front import Front
 from featuresel.routines.fronts import front_maps
 from featuresel.routines.planes import FOCUS_SIGMAS, prepare_planes
 from featuresel.routines.spline import runout_coefficients
+from featuresel.routines.sways import sway_maps
 
 _LEAST_SIGNAL = 0.03  # of full scale, that the target must vary by
 _SHARES = (-0.9, -0.5, 0.5, 0.7, 0.9)  # of the range of turns, where they are looked at
@@ -68,6 +69,9 @@ def prepare_job(
         }
         for name, values in maps.items():
             arrays[name] = runout_coefficients(values).astype(np.float32)
+        swaying = sway_maps(model, image)
+        arrays["front_sway_light"] = swaying.light.astype(np.float32)
+        arrays["front_sway_through"] = swaying.through.astype(np.float32)
     if odd_px is not None:
         arrays["odd"] = _cells(odd_px, made)
     camera, drifts = model.camera, model.drifts
@@ -107,6 +111,8 @@ def read_job(views: tuple[View, ...], artifact: Artifact) -> Job:
             core_through=arrays["front_core_through"],
             reach_um=p["front_reach_um"],
             axis_px=(p["axis_column"], p["axis_row"]),
+            sway_light=arrays["front_sway_light"],
+            sway_through=arrays["front_sway_through"],
         )
         sigmas = (
             p["front_focus_sigma_um"],
@@ -128,6 +134,7 @@ def read_job(views: tuple[View, ...], artifact: Artifact) -> Job:
             zoom_sigma=p["zoom_sigma"],
             gradient=p["gradient"] > 0,
             front_sigmas=sigmas,
+            sways=0 if front is None else len(front.sway_light),
         ),
         symmetry=int(p["symmetry"]),
     )
