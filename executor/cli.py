@@ -33,7 +33,7 @@ from executor.run_summaries import read_runs
 from executor.site import Site, find_site
 from executor.station import preflight
 from executor.summary import table
-from executor.tape import read_record
+from executor.tape import read_record, records_of
 from executor.whole_run import Asking, Ended, header_of, perform
 from schemas.plan import Plan
 
@@ -150,17 +150,17 @@ def _report(call: Call, plan: Plan, ended: Ended) -> int:
 
 
 def _replay(call: Call, file: PlanFile, folder: Path) -> int:
-    """Run the plan on a record and say whether the commands are the same."""
+    """Run the plan on a run's records and say whether the commands are the same."""
     artifacts = Artifacts.from_folder(file.plan, call.folder)
-    recorded = read_record(folder)
-    found = replay(file, artifacts, recorded, anyway=call.anyway)
-    _say(f"{found.same} of {found.commands} commands are the same")
-    if found.difference:
-        raise ExecutorError("MP876", found.difference)
-    if recorded.others:
-        _say("not replayed, by who resumed the run: " + ", ".join(recorded.others))
-    ended = "the record breaks off there" if found.broken_off else found.result.code
-    _say(f"{file.plan.name}: replayed, {ended or 'done'}")
+    paths = records_of(folder)
+    for path in paths:
+        which = f"{path.name}: " if len(paths) > 1 else ""
+        found = replay(file, artifacts, read_record(path), anyway=call.anyway)
+        _say(f"{which}{found.same} of {found.commands} commands are the same")
+        if found.difference:
+            raise ExecutorError("MP876", which + found.difference)
+        ended = "the record breaks off there" if found.broken_off else found.result.code
+        _say(f"{which}{file.plan.name}: replayed, {ended or 'done'}")
     return DONE
 
 
