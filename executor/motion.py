@@ -185,9 +185,14 @@ class Motion:
                 fault.append("NOT STOPPED: " + "; ".join(left))
 
     def stop(self, station: Station) -> list[str]:
-        """Stop all devices at the same time; return what could not be stopped."""
+        """Stop all devices at the same time; return what could not be stopped.
+
+        A motion whose order was given up may begin after that: its own stop is waited
+        for.
+        """
         calls = ((f"{n}.stop", d.stop) for n, d in _movers(station).items())
-        return call_all(calls, station.rules.safety.call_s)
+        limit_s = station.rules.safety.call_s
+        return [*call_all(calls, limit_s), *self._caller.settle(limit_s)]
 
     @contextmanager
     def guarded(self, station: Station) -> Iterator[None]:
@@ -208,7 +213,7 @@ class Motion:
         station: Station,
         name: str,
         call: Callable[[], T],
-        late: Callable[[], None] = lambda: None,
+        late: Callable[[], None] | None = None,
     ) -> T:
         """Make a device call within the station's limit."""
         return self._caller.call(name, call, station.rules.safety.call_s, late)
