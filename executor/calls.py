@@ -18,12 +18,18 @@ T = TypeVar("T")
 class _Job:
     """One call on its way to the thread that makes it."""
 
+    name: str
     call: Callable[[], Any]
-    late: Callable[[], None]  # made after the call if nobody waits for it any more
+    # made after the call if nobody waits for it any more
+    late: Callable[[], None] | None
     done: threading.Lock = field(default_factory=threading.Lock)
     given_up: threading.Event = field(default_factory=threading.Event)
     value: Any = None
     error: Exception | None = None
+    late_error: Exception | None = None
+
+
+_Jobs = SimpleQueue[_Job | None]
 
 
 class Caller:
@@ -34,14 +40,15 @@ class Caller:
     """
 
     def __init__(self) -> None:
-        self._jobs: SimpleQueue[_Job | None] | None = None
+        self._worker: tuple[_Jobs, threading.Thread] | None = None
+        self._left: list[tuple[_Job, threading.Thread]] = []  # that may begin a motion
 
     def call(
         self,
         name: str,
         call: Callable[[], T],
         limit_s: float,
-        late: Callable[[], None] = lambda: None,
+        late: Callable[[], None] | None = None,
     ) -> T:
         """Return what `call` returns.
 
@@ -55,17 +62,18 @@ class Caller:
             By the machine's own clock, whatever the station's says.
         late : callable
             Made when a call that was given up, or interrupted, returns after all: a
-            motion that it began late must not go on.
+            motion that it began late must not go on. `settle` waits for it.
 
         Raises
         ------
         ExecutorError
             MP844 if it takes longer; MP841 if it raises.
         """
-        job = _Job(call, late)
+        job = _Job(name, call, late)
         job.done.acquire()
-        self._queue().put(job)
+        jobs = self._queue()
         try:
+            jobs.put(job)
             answered = job.done.acquire(timeout=limit_s)
         except BaseException:  # an interrupt: what the call begins must not go on
             self._give_up(job)
@@ -81,21 +89,52 @@ class Caller:
         value: T = job.value
         return value
 
+    def settle(self, limit_s: float) -> list[str]:
+        """Wait for motions whose calls were given up; return what is left of them.
+
+        Their threads end with the process: without this a motion that begins late
+        would not be stopped any more.
+        """
+        for _, thread in self._left:
+            thread.join(limit_s)
+        self._left = [(job, t) for job, t in self._left if t.is_alive() or _why(job)]
+        return [
+            _why(job)
+            or f"{job.name} has not returned: what it begins will not be stopped"
+            for job, _ in self._left
+        ]
+
     def _give_up(self, job: _Job) -> None:
         """Leave a call, and the thread that makes it, behind."""
         job.given_up.set()
-        self._jobs = None
+        worker, self._worker = self._worker, None
+        if worker is None:
+            return
+        jobs, thread = worker
+        jobs.put(None)  # an interrupt may have kept the job itself from being put
+        if job.late is not None:
+            self._left.append((job, thread))
 
-    def _queue(self) -> SimpleQueue[_Job | None]:
+    def _queue(self) -> _Jobs:
         """Return the queue of a thread that is free."""
-        if self._jobs is None:
-            self._jobs = SimpleQueue()
-            threading.Thread(target=_work, args=(self._jobs,), daemon=True).start()
-            weakref.finalize(self, self._jobs.put, None)
-        return self._jobs
+        if self._worker is None:
+            jobs: _Jobs = SimpleQueue()
+            thread = threading.Thread(target=_work, args=(jobs,), daemon=True)
+            thread.start()
+            self._worker = jobs, thread
+            weakref.finalize(self, jobs.put, None)
+        return self._worker[0]
 
 
-def _work(jobs: SimpleQueue[_Job | None]) -> None:
+def _why(job: _Job) -> str:
+    """Return what went wrong with the stop of a motion that began late."""
+    error = job.late_error
+    if error is None:
+        return ""
+    return f"{job.name} returned late, its stop: {type(error).__name__}: {error}"
+
+
+def _work(jobs: _Jobs) -> None:
     """Make the calls of a queue until None comes, or one was given up."""
     while (job := jobs.get()) is not None:
         if job.given_up.is_set():
@@ -106,8 +145,18 @@ def _work(jobs: SimpleQueue[_Job | None]) -> None:
             job.error = error
         job.done.release()
         if job.given_up.is_set():
-            job.late()
+            _stop(job)
             return
+
+
+def _stop(job: _Job) -> None:
+    """Undo what a call began that nobody waited for any more."""
+    if job.late is None:
+        return
+    try:
+        job.late()
+    except Exception as error:  # noqa: BLE001 - as above; `settle` tells it
+        job.late_error = error
 
 
 def call_all(

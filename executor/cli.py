@@ -14,7 +14,7 @@ from executor.artifacts import Artifacts
 from executor.asked import Call, parse
 from executor.comparison import compare
 from executor.comparison_report import comparison_json, comparison_text
-from executor.errors import BUG, CODES, DONE, FAILED, STOPPED, ExecutorError
+from executor.errors import BUG, CODES, DONE, FAILED, MACHINE, STOPPED, ExecutorError
 from executor.listing import plan_lines
 from executor.marking import mark, write_marked
 from executor.picture_report import report_json, report_text, together
@@ -33,13 +33,28 @@ from executor.run_summaries import read_runs
 from executor.site import Site, find_site
 from executor.station import preflight
 from executor.summary import table
-from executor.tape import read_record
+from executor.tape import read_record, records_of
 from executor.whole_run import Asking, Ended, header_of, perform
+from schemas.console import OutputLostError, flush, say, tell
 from schemas.plan import Plan
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Return the exit status: 0 done, 1 no, 2 input, 3 machine, 4 stopped, 70 a bug."""
+    try:
+        status = _status(argv)
+        flush()
+    except OutputLostError as error:
+        tell(f"error: {error}")
+        return MACHINE
+    except Exception as error:  # the one place that catches everything
+        tell(f"bug in microplan: {type(error).__name__}: {error}")
+        return BUG
+    return status
+
+
+def _status(argv: Sequence[str] | None) -> int:
+    """Do what was asked for; return the exit status."""
     try:
         call = parse(argv)
     except SystemExit as leaving:  # argparse: 0 after --help, 2 for a wrong call
@@ -53,9 +68,6 @@ def main(argv: Sequence[str] | None = None) -> int:
         stopped = ExecutorError("MP860", "stopped before the run began")
         _tell(stopped, call.plan_file)
         return stopped.exit_status
-    except Exception as error:  # the one place that catches everything
-        print(f"bug in microplan: {type(error).__name__}: {error}", file=sys.stderr)
-        return BUG
 
 
 def _run(call: Call) -> int:
@@ -85,10 +97,10 @@ def _on_station(call: Call, file: PlanFile, stack: ExitStack) -> int:
     preflight(plan, site.station)
     artifacts = Artifacts.from_folder(plan, call.folder)
     if call.mode == "check":
-        _say(f"{plan.name}: {len(plan.steps)} steps fit the station")
+        say(f"{plan.name}: {len(plan.steps)} steps fit the station")
         return DONE
     if call.mode == "dry-run":
-        _say("\n".join(plan_lines(plan)))
+        say("\n".join(plan_lines(plan)))
         return DONE
     asking = _asking(call)
     run = stack.enter_context(new_run(path, discard=call.discard))
@@ -127,40 +139,40 @@ def _site(call: Call, plan: Plan, left: Path | None) -> Site:
 def _report(call: Call, plan: Plan, ended: Ended) -> int:
     """Print table, findings and verdicts; return the exit status."""
     result, verdict = ended.result, ended.verdict
-    _say(table(result, ended.errors_um))
-    _say(f"run folder: {ended.folder}")
+    say(table(result, ended.errors_um))
+    say(f"run folder: {ended.folder}")
     if verdict is not None:
         truly = "seated" if verdict.success else "not seated"
-        _say(
+        say(
             f"the cell's own verdict: {truly}, offset {verdict.offset_um:.3g} um, "
             f"height {verdict.height_um:.3g} um"
             + (f", {verdict.collided}" if verdict.collided else "")
             + (", still held" if verdict.held else "")
         )
     if result.code is None:
-        _say(f"{plan.name}: done in {result.time_s:.1f} s")
+        say(f"{plan.name}: done in {result.time_s:.1f} s")
         return DONE
     where = f"step {result.step}: " if result.step else ""
     _tell(ExecutorError(result.code, where + result.message), call.plan_file)
     if CODES[result.code][1] == STOPPED:
-        _say(f"{plan.name}: stopped; --resume goes on with it")
+        say(f"{plan.name}: stopped; --resume goes on with it")
         return STOPPED
-    _say(f"{plan.name}: failed")
+    say(f"{plan.name}: failed")
     return CODES[result.code][1]
 
 
 def _replay(call: Call, file: PlanFile, folder: Path) -> int:
-    """Run the plan on a record and say whether the commands are the same."""
+    """Run the plan on a run's records and say whether the commands are the same."""
     artifacts = Artifacts.from_folder(file.plan, call.folder)
-    recorded = read_record(folder)
-    found = replay(file, artifacts, recorded, anyway=call.anyway)
-    _say(f"{found.same} of {found.commands} commands are the same")
-    if found.difference:
-        raise ExecutorError("MP876", found.difference)
-    if recorded.others:
-        _say("not replayed, by who resumed the run: " + ", ".join(recorded.others))
-    ended = "the record breaks off there" if found.broken_off else found.result.code
-    _say(f"{file.plan.name}: replayed, {ended or 'done'}")
+    paths = records_of(folder)
+    for path in paths:
+        which = f"{path.name}: " if len(paths) > 1 else ""
+        found = replay(file, artifacts, read_record(path), anyway=call.anyway)
+        say(f"{which}{found.same} of {found.commands} commands are the same")
+        if found.difference:
+            raise ExecutorError("MP876", which + found.difference)
+        ended = "the record breaks off there" if found.broken_off else found.result.code
+        say(f"{which}{file.plan.name}: replayed, {ended or 'done'}")
     return DONE
 
 
@@ -182,9 +194,9 @@ def _look_at_pictures(call: Call, plan: Plan, pictures: Path) -> int:
             write_marked(marked, path.name, picture)
         findings.append(replace(found, image=None))
     overall = together(seer, findings, still=call.still)
-    tell = report_json if call.format == "json" else report_text
-    _say(tell(seer, findings, overall))
-    print(f"marked pictures: {marked}", file=sys.stderr)
+    told = report_json if call.format == "json" else report_text
+    say(told(seer, findings, overall))
+    tell(f"marked pictures: {marked}")
     right = all(f.found for f in findings) and not overall.refuted
     return DONE if right else FAILED
 
@@ -192,8 +204,8 @@ def _look_at_pictures(call: Call, plan: Plan, pictures: Path) -> int:
 def _compare(call: Call, file: PlanFile) -> int:
     """Join runs of the plan; 1 if they refute what it predicted."""
     found = compare(file.plan, read_runs(call.runs, file))
-    tell = comparison_json if call.format == "json" else comparison_text
-    _say(tell(file.plan, found))
+    told = comparison_json if call.format == "json" else comparison_text
+    say(told(file.plan, found))
     return FAILED if found.refuted else DONE
 
 
@@ -209,7 +221,7 @@ def _question() -> Callable[[str], bool] | None:
         return None
 
     def ask(question: str) -> bool:
-        print(f"{question} y goes on, anything else stops", file=sys.stderr)
+        tell(f"{question} y goes on, anything else stops")
         return sys.stdin.readline().strip() == "y"
 
     return ask
@@ -221,7 +233,7 @@ def _asker() -> Callable[[], bool] | None:
         return None
 
     def ask() -> bool:
-        print("paused: Enter goes on, q stops, Ctrl-C stops at once", file=sys.stderr)
+        tell("paused: Enter goes on, q stops, Ctrl-C stops at once")
         return sys.stdin.readline() == "\n"  # "" is the end of the input: nobody there
 
     return ask
@@ -242,27 +254,19 @@ def _gate() -> Callable[[str], None]:
         )
 
     def wait(what: str) -> None:
-        print(f"next: {what}\nEnter goes on, q stops", file=sys.stderr, flush=True)
+        tell(f"next: {what}\nEnter goes on, q stops")
         if sys.stdin.readline() not in ("\n", "\r\n"):
             raise ExecutorError("MP860", "stopped by the operator before this")
 
     return wait
 
 
-def _say(text: str) -> None:
-    """Print text; a reader that has left, as `head` does, is no fault."""
-    try:
-        print(text, flush=True)
-    except BrokenPipeError:  # what the interpreter flushes at its end goes nowhere
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-
-
 def _tell(error: ExecutorError, plan_file: Path) -> None:
     """Print a finding."""
-    print(f"error[{error.code}]: {error.message}", file=sys.stderr)
-    print(f"  --> {plan_file}", file=sys.stderr)
-    print(f"   = {CODES[error.code][0]}", file=sys.stderr)
-    print(f"   = more: microplan explain {error.code}", file=sys.stderr)
+    tell(f"error[{error.code}]: {error.message}")
+    tell(f"  --> {plan_file}")
+    tell(f"   = {CODES[error.code][0]}")
+    tell(f"   = more: microplan explain {error.code}")
 
 
 if __name__ == "__main__":

@@ -139,14 +139,20 @@ def measured(
 ) -> Shown:
     """Return what one chain answers, whatever the gates say of it.
 
+    It starts where the feature is believed to be, not where the plan's own picture has
+    it: tools land elsewhere, and what is aligned to them goes along.
+
     Raises
     ------
     ExecutorError
         MP820 if it finds nothing.
     """
+    column, row = rig.frame_of(look).to_pixel(
+        *picture.expected.apply(*measure.offset_um)
+    )
     start = Guess(
-        column=measure.reference.column,
-        row=measure.reference.row,
+        column=column,
+        row=row,
         theta_rad=picture.expected.theta_rad + measure.turn_rad
         if picture.believed is not None
         else None,

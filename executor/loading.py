@@ -6,9 +6,11 @@ import importlib
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from executor.calls import Caller
 from executor.errors import ExecutorError
 
 GROUP = "microplan.drivers"
+ASK_S = 5.0  # a device may take so long to tell what it has
 
 # what a device must have, by role; `executor.drivers` says what each must do
 _DEVICE = ("model", "serial")
@@ -68,11 +70,10 @@ def check_role(device: object, role: str, key: str) -> None:
 
 def _has(device: object, name: str, key: str) -> bool:
     """Return whether a device has an attribute; MP813 if asking for it fails."""
-    try:
-        return hasattr(device, name)
-    except Exception as error:  # a property may ask the device itself
-        kind = type(error).__name__
-        raise ExecutorError("MP813", f"{key}.{name}: {kind}: {error}") from error
+    try:  # a property may ask the device itself
+        return Caller().call(f"{key}.{name}", lambda: hasattr(device, name), ASK_S)
+    except ExecutorError as error:
+        raise ExecutorError("MP813", error.message) from error
 
 
 def _attribute(name: str, key: str) -> Any:

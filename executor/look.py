@@ -17,7 +17,8 @@ from featuresel.routines.fusion import fuse
 from schemas.plan import AxisMove, Look, OnFailure
 
 # a look that ends so did not see what it looks for
-UNSEEN = ("MP820", "MP821", "MP822", "MP823", "MP825", "MP826")
+NOT_FOUND = "MP820"
+UNSEEN = (NOT_FOUND, "MP821", "MP822", "MP823", "MP825", "MP826")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,6 +75,8 @@ def look_at(
             further = len(look.view.focus_stops_um)
             trouble = error.exit_status in (MACHINE, STOPPED)  # nothing moves any more
             if trouble or tries > max(_retries(error, on_failure), further):
+                if error.code == NOT_FOUND:
+                    error.append(_searched(rig, look))
                 raise
             continue
         rig.beliefs.update(
@@ -142,6 +145,15 @@ def to_unit(counts: Counts, bits: int) -> FloatArray:
     """Return counts as 0..1 of full scale, float64."""
     unit: FloatArray = counts / float(2**bits - 1)
     return unit
+
+
+def _searched(rig: Rig, look: Look) -> str:
+    """Return where a target was looked for: it may stand beyond."""
+    at = rig.beliefs.world(look.target, rig.readings())
+    return (
+        f"it is looked for within {look.measure.capture_um:.3g} um of "
+        f"({at.x_um:.1f}, {at.y_um:.1f}) um, where it is believed"
+    )
 
 
 def _retries(error: ExecutorError, on_failure: Sequence[OnFailure]) -> int:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TypeVar
 
+from executor.answers import as_frame, as_number, as_pair, as_reading, as_truth
 from executor.arrival import arrive
 from executor.calls import Caller, call_all
 from executor.drivers import AxisReading, Frame, Mover
@@ -185,9 +186,14 @@ class Motion:
                 fault.append("NOT STOPPED: " + "; ".join(left))
 
     def stop(self, station: Station) -> list[str]:
-        """Stop all devices at the same time; return what could not be stopped."""
+        """Stop all devices at the same time; return what could not be stopped.
+
+        A motion whose order was given up may begin after that: its own stop is waited
+        for.
+        """
         calls = ((f"{n}.stop", d.stop) for n, d in _movers(station).items())
-        return call_all(calls, station.rules.safety.call_s)
+        limit_s = station.rules.safety.call_s
+        return [*call_all(calls, limit_s), *self._caller.settle(limit_s)]
 
     @contextmanager
     def guarded(self, station: Station) -> Iterator[None]:
@@ -208,7 +214,7 @@ class Motion:
         station: Station,
         name: str,
         call: Callable[[], T],
-        late: Callable[[], None] = lambda: None,
+        late: Callable[[], None] | None = None,
     ) -> T:
         """Make a device call within the station's limit."""
         return self._caller.call(name, call, station.rules.safety.call_s, late)
@@ -217,7 +223,15 @@ class Motion:
         """Return where an axis group is, and whether it says that it moves."""
         axes = station.axes(group)
         name = f"{group}.reading"
-        found = self._call(station, name, lambda: (axes.reading(), axes.moving()))
+
+        def ask() -> tuple[AxisReading, bool]:
+            reading, moving = axes.reading(), axes.moving()
+            return (
+                as_reading(name, reading),
+                as_truth(f"{group}.moving", moving),
+            )
+
+        found = self._call(station, name, ask)
         check_finite(group, {axis: getattr(found[0], axis) for axis in AXES})
         return found
 
@@ -278,7 +292,8 @@ class Motion:
         """Wait until a drive says that it stands; its reading is checked meanwhile."""
         clock, limit_s = station.clock, station.rules.drive_timeout_s
         began_s = clock.now_s()
-        while self._call(station, f"{name}.moving", moving):
+        asked = f"{name}.moving"
+        while as_truth(asked, self._call(station, asked, moving)):
             read(station)
             if clock.now_s() - began_s > limit_s:
                 raise ExecutorError(
@@ -288,13 +303,16 @@ class Motion:
 
     def _opening(self, station: Station) -> float:
         """Return the jaws' reading, um."""
-        found = self._call(station, "jaws.reading", station.jaws().reading)
+        name = "jaws.reading"
+        found = as_number(name, self._call(station, name, station.jaws().reading))
         check_finite("jaws", {"opening_um": found})
         return found
 
     def _lens(self, station: Station, which: int) -> float:
         """Return magnification (0) or focus (1) as the lens reads it."""
-        zoom, focus_um = self._call(station, "lens.reading", station.lens.reading)
+        name = "lens.reading"
+        found = as_pair(name, self._call(station, name, station.lens.reading))
+        zoom, focus_um = found
         check_finite("lens", {"magnification": zoom, "focus_um": focus_um})
         return (zoom, focus_um)[which]
 
@@ -302,7 +320,9 @@ class Motion:
         """Return what the camera gives."""
         camera, limit_s = station.camera, station.rules.safety.grab_s
         frame = self._caller.call(
-            "camera.grab", lambda: camera.grab(region, after_s=after_s), limit_s
+            "camera.grab",
+            lambda: as_frame("camera.grab", camera.grab(region, after_s=after_s)),
+            limit_s,
         )
         check_finite("camera", {"exposed_s": frame.exposed_s})
         return frame

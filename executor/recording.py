@@ -18,6 +18,7 @@ from executor.safety import AXES
 from executor.station import Station
 
 FORMAT = 1
+RESUMES = "journal_lines"  # of the first line: how many a run was resumed from, or 0
 CALLS = "calls.jsonl"
 MORE_CALLS = "calls-*.jsonl"  # of executors that resumed the run
 ROLES: Mapping[str, str] = {  # field of a station -> name of the device

@@ -9,12 +9,18 @@ from executor.artifacts import Artifacts
 from executor.beliefs import Beliefs
 from executor.errors import ExecutorError
 from executor.frames import Frames
+from executor.intents import FILE
 from executor.journal import Journal
+from executor.past import Past, past_in
 from executor.plan_file import PlanFile
+from executor.recording import CALLS, RESUMES
+from executor.resume import take_up
 from executor.rig import Rig
 from executor.run import RunResult, run_plan
 from executor.tape import Recorded, Tape
 from executor.tape_station import tape_station
+
+ASKED = "MP864"  # how a run ends whose question the operator did not say yes to
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,7 +41,7 @@ def replay(
     """Return whether a plan on a record gives the commands of the record.
 
     The core is that of any run; only the devices are others, which answer from the
-    record.
+    record. An executor that resumed the run begins from the journal as it was then.
 
     Parameters
     ----------
@@ -51,9 +57,10 @@ def replay(
     Raises
     ------
     ExecutorError
-        MP877 if the record is of another plan, or cannot be used.
+        MP877 if the record is of another plan, or cannot be used; MP867 if the journal
+        that its executor resumed from is damaged.
     """
-    head = recorded.head
+    head, past = recorded.head, _past(recorded)
     for key, now in (("plan_sha256", file.sha256), ("arrays_sha256", artifacts.sha256)):
         if head.get(key) != now and not anyway:
             raise ExecutorError(
@@ -71,8 +78,48 @@ def replay(
         journal=Journal(io.StringIO(), _Silent()),
         frames=Frames(None, wanted=bool(head.get("whole_frames"))),
     )
-    result = run_plan(rig)
-    return _judged(tape, result)
+    return _judged(tape, _run(rig, past, recorded))
+
+
+def _past(recorded: Recorded) -> Past | None:
+    """Return what the executor of a record resumed from; None if it began the run."""
+    count = recorded.head.get(RESUMES)
+    if count is None and recorded.path.name == CALLS:
+        return None  # of an executor that did not tell yet
+    if not isinstance(count, int) or isinstance(count, bool) or count < 0:
+        raise ExecutorError(
+            "MP877", f"{recorded.path} does not say from where it resumed the run"
+        )
+    if count == 0:
+        return None
+    path = recorded.path.with_name(FILE)
+    try:
+        lines = path.read_bytes().splitlines(keepends=True)
+    except OSError as error:
+        raise ExecutorError("MP877", f"{path}: {error.strerror}") from error
+    if len(lines) < count:
+        raise ExecutorError(
+            "MP877", f"{path} has {len(lines)} lines, the run was resumed from {count}"
+        )
+    return past_in(b"".join(lines[:count]), str(path)).past
+
+
+def _run(rig: Rig, past: Past | None, recorded: Recorded) -> RunResult:
+    """Begin, or go on, as the executor did."""
+
+    def answer(_question: str) -> bool:
+        return recorded.ended != ASKED  # as the operator answered then
+
+    try:
+        if past is None:
+            rig.standing()  # the journal's first line holds it
+        else:
+            take_up(rig, past, answer)
+    except ExecutorError as error:
+        return RunResult(
+            code=error.code, message=error.message, step=None, steps=(), time_s=0.0
+        )
+    return run_plan(rig)
 
 
 def _judged(tape: Tape, result: RunResult) -> Replayed:

@@ -5,10 +5,21 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 
+from executor.answers import as_number, as_reading
 from executor.calibration import IDENTITY, Calibration
 from executor.calls import Caller
-from executor.drivers import Axes, AxisReading, Camera, Clock, Gripper, Lens, Light
+from executor.drivers import (
+    Axes,
+    AxisReading,
+    Camera,
+    Clock,
+    Device,
+    Gripper,
+    Lens,
+    Light,
+)
 from executor.errors import ExecutorError
 from executor.gain import check_gains
 from executor.safety import AXES, Rules, check_finite
@@ -64,13 +75,22 @@ class Station:
         return self.robot
 
     def devices(self) -> dict[str, str]:
-        """Return model and serial number of every device, by role."""
+        """Return model and serial number of every device, by role.
+
+        Raises
+        ------
+        ExecutorError
+            MP841 or MP844 if a device cannot say it.
+        """
         found = {
             "stage": self.stage, "robot": self.robot, "jaws": self.gripper,
             "lens": self.lens, "light": self.light, "camera": self.camera,
         }  # fmt: skip
+        caller, limit_s = Caller(), self.rules.safety.call_s
         return {
-            role: f"{device.model} {device.serial}"
+            role: caller.call(
+                f"the {role}'s model", partial(_described, device), limit_s
+            )
             for role, device in found.items()
             if device is not None
         }
@@ -80,6 +100,11 @@ class Station:
         if self.gripper is None:
             raise ExecutorError("MP807", "the plan needs jaws, the station has none")
         return self.gripper
+
+
+def _described(device: Device) -> str:
+    """Return a device's model and serial number."""
+    return f"{device.model} {device.serial}"
 
 
 def preflight(plan: Plan, station: Station, *, begun: bool = False) -> None:
@@ -237,7 +262,8 @@ def _check_start(plan: Plan, station: Station) -> None:
     caller, limit_s = Caller(), station.rules.safety.call_s
     for start in starts:
         axes, settle = station.axes(start.axes), station.rules.settle(start.axes)
-        reading = caller.call(f"{start.axes}.reading", axes.reading, limit_s)
+        name = f"{start.axes}.reading"
+        reading = as_reading(name, caller.call(name, axes.reading, limit_s))
         check_finite(start.axes, {axis: getattr(reading, axis) for axis in AXES})
         for name, wanted, found in _pairs(start, reading):
             if not abs(wanted - found) <= settle.window(name) + _MATCH * abs(wanted):
@@ -249,7 +275,9 @@ def _check_start(plan: Plan, station: Station) -> None:
     opening_um = plan.opening_start_um
     if opening_um is None:
         return
-    reads_um = caller.call("jaws.reading", station.jaws().reading, limit_s)
+    reads_um = as_number(
+        "jaws.reading", caller.call("jaws.reading", station.jaws().reading, limit_s)
+    )
     check_finite("jaws", {"opening_um": reads_um})
     window_um = station.rules.jaws_window_um
     if not abs(reads_um - opening_um) <= window_um + _MATCH * abs(opening_um):

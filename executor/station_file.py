@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
 
+from executor.answers import CheckedClock
 from executor.calibration import Calibration, ZoomPoint
 from executor.errors import ExecutorError
 from executor.loading import ROLES, build, check_role, load
@@ -64,6 +65,7 @@ def read_station(path: Path, plan_folder: Path) -> Loaded:
         hub: _made(table, f"hubs.{hub}", folders) for hub, table in hubs_wanted.items()
     }
     devices = {role: _device(wanted.table(role), role, hubs, folders) for role in roles}
+    clock = devices.get("clock")
     station = Station(
         stage=devices["stage"],
         robot=devices.get("robot"),
@@ -71,7 +73,7 @@ def read_station(path: Path, plan_folder: Path) -> Loaded:
         lens=devices["lens"],
         light=devices["light"],
         camera=devices["camera"],
-        clock=devices.get("clock") or WallClock(),
+        clock=WallClock() if clock is None else CheckedClock(clock),
         offer=offer,
         rules=rules,
     )

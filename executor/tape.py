@@ -23,14 +23,18 @@ _NOW = "clock.now_s"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recorded:
-    """What a record holds: its first line, the calls, how the run ended."""
+    """What a record holds: its first line, the calls, how its executor ended."""
 
-    folder: Path
+    path: Path
     head: Mapping[str, Any]
     rows: tuple[Mapping[str, Any], ...]
     broken_off: bool  # nobody wrote how it ended
     ended: str | None  # its code, None: done
-    others: tuple[str, ...] = ()  # records of executors that resumed the run
+
+    @property
+    def folder(self) -> Path:
+        """Return the run folder."""
+        return self.path.parent
 
     @property
     def unfinished(self) -> bool:
@@ -43,15 +47,26 @@ class Recorded:
         return sum(is_command(row["call"]) for row in self.rows)
 
 
-def read_record(folder: Path) -> Recorded:
-    """Return the record of a run folder.
+def records_of(folder: Path) -> tuple[Path, ...]:
+    """Return the records of a run folder, one of every executor that worked on it."""
+    later = [path for path in folder.glob(MORE_CALLS) if _number(path)]
+    return (folder / CALLS, *sorted(later, key=_number))
+
+
+def _number(path: Path) -> int:
+    """Return which executor a record is of, 0 for a file that is none."""
+    word = path.stem.rpartition("-")[2]
+    return int(word) if word.isdecimal() else 0
+
+
+def read_record(path: Path) -> Recorded:
+    """Return the record of one executor.
 
     Raises
     ------
     ExecutorError
         MP877 if there is none, or it cannot be understood.
     """
-    path = folder / CALLS
     try:
         if path.stat().st_size > MOST_BYTES:
             raise ExecutorError("MP877", f"{path} is larger than {MOST_BYTES} bytes")
@@ -64,12 +79,11 @@ def read_record(folder: Path) -> Recorded:
     rows = sorted((r for r in data[1:] if "call" in r), key=lambda row: row["n"])
     ends = [r for r in data[1:] if "ended" in r]
     return Recorded(
-        folder=folder,
+        path=path,
         head=data[0],
         rows=tuple(rows),
         broken_off=not ends,
         ended=ends[-1]["ended"] if ends else None,
-        others=tuple(sorted(each.name for each in folder.glob(MORE_CALLS))),
     )
 
 

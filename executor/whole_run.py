@@ -20,7 +20,7 @@ from executor.motion import Motion
 from executor.operator import Operator
 from executor.past import Header
 from executor.plan_file import PlanFile
-from executor.recording import CALLS, Record
+from executor.recording import CALLS, RESUMES, Record
 from executor.resume import begin, take_up
 from executor.rig import Rig
 from executor.run import RunResult, run_plan
@@ -95,7 +95,7 @@ def perform(
     with (
         _open(run.path / EVENTS, "a") as stream,
         run.intents() as intents,
-        _recorded(calls, frames, station, _facts(file, site, artifacts)) as record,
+        _recorded(calls, frames, station, _facts(file, site, artifacts, run)) as record,
         Operator(asking.pause) as operator,
     ):
         rig = Rig(
@@ -188,9 +188,12 @@ def _open(path: Path, mode: Literal["a", "w"]) -> Iterator[TextIO]:
             stream.close()
 
 
-def _facts(file: PlanFile, site: Site, artifacts: Artifacts) -> dict[str, Any]:
+def _facts(
+    file: PlanFile, site: Site, artifacts: Artifacts, run: RunFolder
+) -> dict[str, Any]:
     """Return what a record says of its run beside the devices."""
     return {
+        RESUMES: 0 if run.found is None else run.found.seq,
         "plan": file.plan.name,
         "plan_sha256": file.sha256,
         "arrays_sha256": artifacts.sha256,

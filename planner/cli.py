@@ -4,23 +4,19 @@ from __future__ import annotations
 
 import argparse
 import os
-import re
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol, TextIO
+from typing import TYPE_CHECKING, Protocol
 
 from planner.arguments import build_parser
 from planner.diagnostics import TITLES, Report, Span
+from schemas.console import OutputLostError, flush, say, tell
 
 if TYPE_CHECKING:
     from schemas.plan import Plan
 
 DONE, NO, BAD_INPUT, BUG = 0, 1, 2, 70
-# all control characters but tabs and line ends, and those that turn text round
-_CONTROL = re.compile(
-    r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069\ud800-\udfff]"
-)
 
 
 class Coded(Protocol):
@@ -35,16 +31,26 @@ def main(argv: Sequence[str] | None = None) -> int:
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
     try:
-        call = build_parser(_RUNS).parse_args(argv)
-    except SystemExit as leaving:  # argparse: 0 after --help, 2 for a wrong call
-        return int(leaving.code or 0)
-    try:
-        status: int = call.run(call)
+        status = _status(argv)
+        flush()
+    except OutputLostError as error:
+        tell(f"error: {error}")
+        return BAD_INPUT
     except Exception as error:  # the one place that catches everything
-        print(f"bug in microplan: {type(error).__name__}: {error}", file=sys.stderr)
+        tell(f"bug in microplan: {type(error).__name__}: {error}")
         if os.environ.get("MICROPLAN_TRACEBACK"):
             raise
         return BUG
+    return status
+
+
+def _status(argv: Sequence[str] | None) -> int:
+    """Do what was asked for; return the exit status."""
+    try:
+        call = build_parser(_RUNS).parse_args(argv)
+    except SystemExit as leaving:  # argparse: 0 after --help, 2 for a wrong call
+        return int(leaving.code or 0)
+    status: int = call.run(call)
     return status
 
 
@@ -102,7 +108,7 @@ def _compile(call: argparse.Namespace) -> int:
         write_folder(files, folder)
         said = f"{plan_summary(files.plan)}\nplan folder: {folder}"
         if call.timings:
-            _say(times_summary(files.timings), sys.stderr)
+            tell(times_summary(files.timings))
         if call.golden is not None:
             said += "\n" + _golden(call, files.plan, folder, report)
     except OutputError as error:
@@ -195,13 +201,13 @@ def _tradeoff(call: argparse.Namespace) -> int:
 def _tell_step(done: int, count: int, step: str) -> None:
     """Say which step is being compiled, on a terminal only."""
     if sys.stderr.isatty():
-        print(f"compiling {step} ({done + 1} of {count}) ...", file=sys.stderr)
+        tell(f"compiling {step} ({done + 1} of {count}) ...")
 
 
 def _progress(step: str) -> None:
     """Say what is being worked on, on a terminal only."""
     if sys.stderr.isatty():
-        print(f"measuring {step} ...", file=sys.stderr)
+        tell(f"measuring {step} ...")
 
 
 def _diff(call: argparse.Namespace) -> int:
@@ -227,7 +233,7 @@ def _diff(call: argparse.Namespace) -> int:
         told = changes_text(found.changes, tell_all=call.all)
         if call.format == "json":
             told = changes_json(found.changes, str(call.old), str(call.new))
-        _say(told, sys.stdout)
+        say(told)
         return NO if found.failing else DONE
     report = Report(found=findings_of(found.changes, found.failing, str(call.new)))
     return _tell(call, report, f"{len(found.changes)} differences")
@@ -239,13 +245,13 @@ def _explain(call: argparse.Namespace) -> int:
 
     if call.code is None:
         listed = (f"{code}  {title}" for code, title in TITLES.items())
-        _say("\n".join(listed), sys.stdout)
+        say("\n".join(listed))
         return DONE
     text = page(call.code)
     if text is None:
-        _say(f"no code {call.code!r}; microplan explain lists all", sys.stderr)
+        tell(f"no code {call.code!r}; microplan explain lists all")
         return BAD_INPUT
-    _say(text.rstrip(), sys.stdout)
+    say(text.rstrip())
     return DONE
 
 
@@ -255,9 +261,9 @@ def _init(call: argparse.Namespace) -> int:
     from planner.outputs.starter import write_starter
 
     try:
-        _say(write_starter(call.folder), sys.stdout)
+        say(write_starter(call.folder))
     except OutputError as error:
-        _say(f"error[{error.code}]: {error}", sys.stderr)
+        tell(f"error[{error.code}]: {error}")
         return BAD_INPUT
     return DONE
 
@@ -268,7 +274,7 @@ def _schema(call: argparse.Namespace) -> int:
 
     from schemas import load
 
-    _say(json.dumps(load(call.name), indent=2, ensure_ascii=False), sys.stdout)
+    say(json.dumps(load(call.name), indent=2, ensure_ascii=False))
     return DONE
 
 
@@ -283,28 +289,12 @@ def _tell(call: argparse.Namespace, report: Report, result: str) -> int:
     from planner.outputs.findings import render_findings
 
     out, err = render_findings(report.in_order, result, call.format)
-    _say(err, sys.stderr)
-    _say(out, sys.stdout)
+    tell(err)
+    say(out)
     if report.failed:
         return BAD_INPUT
     refused = any(d.severity == "infeasible" for d in report.found)
     return NO if refused else DONE
-
-
-def _say(text: str, stream: TextIO) -> None:
-    """Print text, if any; a reader that has left, as `head` does, is no fault.
-
-    Names in files may hold what a terminal obeys, or what its encoding does not have.
-    """
-    if not text:
-        return
-    text = _CONTROL.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
-    encoding = stream.encoding or "utf-8"
-    text = text.encode(encoding, "backslashreplace").decode(encoding)
-    try:
-        print(text, file=stream, flush=True)
-    except BrokenPipeError:  # what the interpreter flushes at its end goes nowhere
-        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 _RUNS = {

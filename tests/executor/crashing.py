@@ -78,7 +78,7 @@ class Direct(Caller):
         name: str,
         call: Callable[[], T],
         limit_s: float,
-        late: Callable[[], None] = lambda: None,
+        late: Callable[[], None] | None = None,
     ) -> T:
         """Return what `call` returns, with the codes of `Caller`."""
         try:

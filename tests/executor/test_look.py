@@ -7,6 +7,7 @@ import itertools
 import json
 import math
 from dataclasses import replace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -18,11 +19,21 @@ from executor.journal import Journal
 from executor.look import look_at, look_near, to_unit
 from executor.rig import Rig
 from executor.simulated.cell import build_cell
-from featuresel.routines import Artifact
+from featuresel.routines import Artifact, Drifts, FloatArray, LookModel, Target, ncc
 from schemas.plan import Gates, Look, OnFailure, Region, RoutineUse
 from schemas.pose import Pose
 from schemas.views import CoarseFirst
-from tests.executor.disc import PictureCamera, look, noisy, quiet_cell, rig_of
+from tests.executor.disc import (
+    CENTER,
+    PITCH_UM,
+    RADIUS_UM,
+    PictureCamera,
+    disc,
+    look,
+    noisy,
+    quiet_cell,
+    rig_of,
+)
 
 
 def blinking(rig: Rig, dark: int) -> PictureCamera:
@@ -72,7 +83,71 @@ def test_a_bias_is_left_alone_at_an_unknown_angle() -> None:
     plain = look_at(rig, found)  # the gear lies at any angle, and none is measured
     biased = replace(found, measure=replace(found.measure, bias_um=(2.0, 0.5)))
     seen = look_at(rig, biased)
-    assert (seen.x_um, seen.y_um) == (plain.x_um, plain.y_um)
+    at = (plain.x_um, plain.y_um)
+    assert (seen.x_um, seen.y_um) == pytest.approx(at, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("believed_um", "there_um"),
+    [
+        ((0.0, 0.0), (6.0, -6.0)),
+        ((11.0, 0.0), (17.0, 3.0)),
+        ((8.0, -9.0), (4.0, -14.0)),
+    ],
+)
+def test_a_look_searches_about_where_its_target_is_believed(
+    believed_um: tuple[float, float], there_um: tuple[float, float]
+) -> None:
+    rig, found = searching(8.0, there_um)
+    rig.beliefs.update("gear", rig.readings(), *believed_um, None)
+    seen = look_at(rig, found)
+    assert (seen.x_um, seen.y_um) == pytest.approx(there_um, abs=0.1)
+
+
+def test_a_target_beyond_the_search_is_not_found() -> None:
+    rig, found = searching(8.0, (12.0, 0.0))
+    rig.beliefs.update("gear", rig.readings(), 1.0, 0.0, None)
+    with pytest.raises(ExecutorError, match="at the search's rim") as caught:
+        look_at(rig, found)
+    where = "it is looked for within 25 um of (1.0, 0.0) um, where it is believed"
+    assert caught.value.message.endswith(where)
+    assert caught.value.code == "MP820"
+
+
+class Drawn:
+    """The disc for a routine that is prepared."""
+
+    drifts = Drifts(focus_sigma_um=0.0, zoom_sigma=0.0, gradient=0.0, axis_px=CENTER)
+
+    def __call__(
+        self, *, dx_um: float = 0.0, dy_um: float = 0.0, theta_rad: float = 0.0
+    ) -> FloatArray:
+        return disc(dx_um, dy_um)
+
+
+def searching(search_um: float, there_um: tuple[float, float]) -> tuple[Rig, Look]:
+    """Return a rig and a look that correlates within `search_um` of a start."""
+    rig, found = seeing(*there_um)
+    target = Target(
+        name="gear",
+        kind="circle",
+        column=CENTER[0],
+        row=CENTER[1],
+        theta_rad=0.0,
+        px_per_um=1 / PITCH_UM,
+        search_px=search_um / PITCH_UM,
+        theta_range_rad=math.pi,
+        symmetry=1,
+        bright=True,
+        parameters={"radius_um": RADIUS_UM},
+    )
+    artifact = ncc.prepare(cast(LookModel, Drawn()), target)
+    assert isinstance(artifact, Artifact)
+    use = RoutineUse(
+        id="ncc", version=ncc.VERSION, parameters=artifact.parameters, arrays=None
+    )
+    rig.artifacts = Artifacts({("disc", "ncc"): artifact})
+    return rig, replace(found, measure=replace(found.measure, chain=(use,)))
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ import io
 import json
 import os
 import shutil
+import signal
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,7 @@ from executor.beliefs import Beliefs
 from executor.cli import main
 from executor.drivers import Clock
 from executor.frames import Frames, read_png, write_png
+from executor.intents import FileStore
 from executor.journal import Journal
 from executor.plan_file import PlanFile
 from executor.recording import Record, plain
@@ -80,15 +82,13 @@ def changed(built: Path, tmp_path: Path, **control: float) -> Path:
     return copy
 
 
-def rows(run: Path) -> list[dict[str, Any]]:
-    return [
-        json.loads(x) for x in (run / "calls.jsonl").read_text("utf-8").split("\n") if x
-    ]
+def rows(run: Path, name: str = "calls.jsonl") -> list[dict[str, Any]]:
+    return [json.loads(x) for x in (run / name).read_text("utf-8").split("\n") if x]
 
 
-def rewrite(run: Path, lines: list[dict[str, Any]]) -> None:
+def rewrite(run: Path, lines: list[dict[str, Any]], name: str = "calls.jsonl") -> None:
     text = "".join(json.dumps(line) + "\n" for line in lines)
-    (run / "calls.jsonl").write_text(text, "utf-8")
+    (run / name).write_text(text, "utf-8")
 
 
 def test_a_run_on_its_own_record_gives_the_same_commands(
@@ -192,10 +192,114 @@ def test_a_run_that_broke_off_is_replayed_as_far_as_its_record_goes(
     (run / "calls.jsonl").write_text(text[: len(text) // 2], "utf-8")
     assert again(built, run) == 0
     assert "the record breaks off there" in capsys.readouterr().out
-    (run / "calls-2.jsonl").write_text("", "utf-8")  # the run went on, in there
+
+
+@pytest.fixture(scope="module")
+def resumed(built: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the folder of a run that three executors worked on, two of them ended.
+
+    The first in an approach of the alignment, the second after its first look.
+    """
+    folder = tmp_path_factory.mktemp("runs") / "run"
+    words = [str(built), "--station", "sim", "--run-dir", str(folder)]
+    ends = ['"name": "approach 2"', '"kind": "known"']
+    with contextlib.redirect_stdout(io.StringIO()):
+        assert ended_at(ends[0], [*words, "--seed", "4"]) == 4
+        assert ended_at(ends[1], [*words, "--resume"]) == 4
+        assert main([*words, "--resume"]) == 0
+    return folder
+
+
+def ended_at(text: str, words: list[str]) -> int:
+    """Return how a run ends that is told to when its journal has a line with `text`."""
+    append = FileStore.append
+
+    def tell(self: FileStore, line: bytes) -> None:
+        append(self, line)
+        if text.encode() in line:
+            os.kill(os.getpid(), signal.SIGTERM)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(FileStore, "append", tell)
+        return main(words)
+
+
+def test_whoever_resumed_a_run_is_replayed_too(
+    built: Path, resumed: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    names = ["calls.jsonl", "calls-2.jsonl", "calls-3.jsonl"]
+    for name in names:
+        assert sum("with" in row for row in rows(resumed, name)) > 0  # it did something
+    assert again(built, resumed) == 0
+    told = capsys.readouterr().out.splitlines()
+    assert [line.partition(":")[0] for line in told] == [n for n in names for _ in "12"]
+    for name, line in zip(names, told[::2], strict=True):
+        given = sum("with" in row for row in rows(resumed, name))
+        assert line == f"{name}: {given} of {given} commands are the same"
+    assert [line.partition("replayed, ")[2] for line in told[1::2]] == [
+        "the record breaks off there", "the record breaks off there", "done",
+    ]  # fmt: skip
+
+
+def test_a_resumed_run_that_parts_says_where(
+    built: Path, resumed: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = copied(resumed, tmp_path)
+    path = sorted((run / "frames").glob("*_by3.png"))[0]
+    write_png(path, np.roll(read_png(path), 4, axis=1))
+    assert again(built, run, "--anyway") == 1
+    heard = capsys.readouterr()
+    assert "error[MP876]: calls-3.jsonl: command" in heard.err
+    assert heard.out.count("are the same") == 3
+
+
+def test_a_refused_resumption_is_replayed_as_one(
+    built: Path, resumed: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = copied(resumed, tmp_path)
+    (run / "calls-3.jsonl").unlink()
+    lines = rows(run, "calls-2.jsonl")
+    first = next(k for k, row in enumerate(lines) if "with" in row)
+    for row in lines[:first]:
+        if row.get("call") == "stage.reading":
+            row["gave"][0] += 50.0  # somebody moved the stage meanwhile
+    end = {"ended": "MP865", "why": ""}
+    rewrite(run, [*lines[:first], end], "calls-2.jsonl")
     assert again(built, run) == 0
-    told = capsys.readouterr().out
-    assert "not replayed, by who resumed the run: calls-2.jsonl" in told
+    assert "calls-2.jsonl: gear-on-shaft: replayed, MP865" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("spoil", "why"),
+    [
+        (lambda run: (run / "journal.jsonl").unlink(), "No such file"),
+        (lambda run: (run / "journal.jsonl").write_text(""), "has 0 lines"),
+        (lambda run: told_lines(run, None), "does not say from where"),
+        (lambda run: told_lines(run, True), "does not say from where"),
+        (lambda run: told_lines(run, "12"), "does not say from where"),
+        (lambda run: told_lines(run, 10**9), "was resumed from 1000000000"),
+    ],
+)
+def test_a_resumed_run_without_its_journal_is_refused(
+    spoil: Any,
+    why: str,
+    built: Path,
+    resumed: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    run = copied(resumed, tmp_path)
+    spoil(run)
+    assert again(built, run) == 2
+    said = capsys.readouterr().err
+    assert "error[MP877]" in said
+    assert why in said
+
+
+def told_lines(run: Path, count: Any) -> None:
+    """Have the second executor tell another place from which it resumed the run."""
+    lines = rows(run, "calls-2.jsonl")
+    rewrite(run, [{**lines[0], "journal_lines": count}, *lines[1:]], "calls-2.jsonl")
 
 
 def test_a_command_that_was_not_given_again_is_told(
@@ -312,8 +416,9 @@ def recorded(plan: Plan, folder: Path, run: Path, station: Station) -> Replayed:
             journal=Journal(io.StringIO(), station.clock),
             frames=frames,
         )
+        rig.standing()  # as the journal of a run begins
         record.close(run_plan(rig).code)
-    return replay(file, artifacts, read_record(run))
+    return replay(file, artifacts, read_record(run / "calls.jsonl"))
 
 
 def test_the_offer_comes_back_as_it_was() -> None:
@@ -325,13 +430,13 @@ def test_the_offer_comes_back_as_it_was() -> None:
 
 
 def test_the_rules_of_a_replay_are_those_of_the_run(built: Path, ran: Path) -> None:
-    station = tape_station(Tape(read_record(ran)))
+    station = tape_station(Tape(read_record(ran / "calls.jsonl")))
     cell = build_cell(read_world(built / "world.json"), 0)
     assert station.rules == cell.station.rules
 
 
 def test_waiting_ends_where_the_record_says_no_more(ran: Path) -> None:
-    clock = tape_station(Tape(read_record(ran))).clock
+    clock = tape_station(Tape(read_record(ran / "calls.jsonl"))).clock
     times = [clock.now_s() for _ in range(50)]
     assert times == sorted(times)
     clock.wait(20.0)

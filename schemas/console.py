@@ -1,0 +1,67 @@
+"""What a command prints, as any terminal, pipe or full disk bears it."""
+
+from __future__ import annotations
+
+import os
+import re
+import sys
+from typing import TextIO
+
+# all control characters but tabs and line ends, and those that turn text round
+_CONTROL = re.compile(
+    r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069\ud800-\udfff]"
+)
+
+
+class OutputLostError(Exception):
+    """Results that standard output did not take; the message says why."""
+
+
+def say(text: str) -> None:
+    """Print results on standard output.
+
+    A reader that has left, as `head` does, is no fault: nobody wants the rest.
+
+    Raises
+    ------
+    OutputLostError
+        If they cannot be written otherwise, to a disk that is full for one.
+    """
+    error = _print(text, sys.stdout)
+    if error is not None:
+        raise OutputLostError(f"standard output: {error.strerror or error}")
+
+
+def tell(text: str) -> None:
+    """Print findings or progress on standard error, if anybody takes them."""
+    _print(text, sys.stderr)
+
+
+def flush() -> None:
+    """Have on standard output what others wrote there; raises as `say`."""
+    say("")
+
+
+def _print(text: str, stream: TextIO | None) -> OSError | None:
+    """Print text, if any, and return what lost it.
+
+    Names in files may hold what a terminal obeys, or what its encoding does not have.
+    """
+    if stream is None:  # closed before the process began
+        return None
+    text = _CONTROL.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
+    encoding = stream.encoding or "utf-8"
+    text = text.encode(encoding, "backslashreplace").decode(encoding)
+    try:
+        print(text, end="\n" if text else "", file=stream, flush=True)
+    except OSError as error:
+        _leave(stream)
+        return None if isinstance(error, BrokenPipeError) else error
+    return None
+
+
+def _leave(stream: TextIO) -> None:
+    """Send nowhere what is left: the interpreter would flush it at its end."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, stream.fileno())
+    os.close(nowhere)
