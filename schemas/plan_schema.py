@@ -9,12 +9,14 @@ from __future__ import annotations
 import dataclasses
 import inspect
 import json
+import re
 import types
 import typing
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal, Union, get_args, get_origin
 
+from schemas.field_notes import field_notes
 from schemas.plan import FORMAT_VERSION, Plan
 
 Rule = dict[str, Any]
@@ -39,10 +41,7 @@ def plan_schema() -> Rule:
     rule = _rule(Plan, defs)
     plan = defs.pop("Plan")
     major = FORMAT_VERSION.partition(".")[0]
-    plan["properties"]["format_version"] = {
-        "type": "string",
-        "pattern": rf"^{major}\.[0-9]+$",
-    }
+    plan["properties"]["format_version"]["pattern"] = rf"^{major}\.[0-9]+$"
     if rule != _reference(Plan):
         raise TypeError("a plan must be a dataclass")
     return {
@@ -92,7 +91,12 @@ def _variants(kinds: list[Any], defs: dict[str, Rule]) -> Rule:
     return {
         "type": "object",
         "required": ["kind"],
-        "properties": {"kind": {"enum": [n for kind in kinds for n in names[kind]]}},
+        "properties": {
+            "kind": {
+                "enum": [n for kind in kinds for n in names[kind]],
+                "description": "which of them; says what other keys there are",
+            }
+        },
         "allOf": [
             {
                 "if": {"properties": {"kind": {"enum": list(names[kind])}}},
@@ -116,18 +120,30 @@ def _tuple(args: tuple[Any, ...], defs: dict[str, Rule]) -> Rule:
 
 
 def _dataclass(kind: type, defs: dict[str, Rule]) -> Rule:
-    """Return a reference to a dataclass' rule."""
+    """Return a reference to a dataclass' rule; every field must have a comment."""
     if kind.__name__ not in defs:
         defs[kind.__name__] = {}  # a type may hold itself
         hints, fields = typing.get_type_hints(kind), dataclasses.fields(kind)
+        notes = field_notes(kind)
         defs[kind.__name__] = {
             "description": (inspect.getdoc(kind) or "").partition("\n")[0],
             "type": "object",
-            "properties": {f.name: _rule(hints[f.name], defs) for f in fields},
+            "properties": {
+                f.name: {
+                    **_rule(hints[f.name], defs),
+                    "description": in_json(notes[f.name]),
+                }
+                for f in fields
+            },
             "required": [f.name for f in fields if f.default is dataclasses.MISSING],
             "additionalProperties": False,
         }
     return _reference(kind)
+
+
+def in_json(note: str) -> str:
+    """Return what a comment says, in the words of JSON."""
+    return re.sub(r"\bNone\b", "null", note).replace("()", "[]")
 
 
 def _reference(kind: type) -> Rule:
