@@ -158,7 +158,7 @@ def _add_init(parser: argparse.ArgumentParser) -> None:
 
 def _add_schema(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `microplan schema`."""
-    parser.add_argument("name", choices=("task", "workcell", "plan"))
+    parser.add_argument("name", choices=("task", "workcell", "plan", "station"))
 
 
 def count(text: str) -> int:
