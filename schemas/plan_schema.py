@@ -16,6 +16,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal, Union, get_args, get_origin
 
+from schemas.codec import to_data
 from schemas.field_notes import field_notes
 from schemas.plan import FORMAT_VERSION, Plan
 
@@ -37,17 +38,20 @@ def plan_schema() -> Rule:
     allowed; a reader is more patient (`schemas.codec`). Variants are told apart by
     `kind` with `if`/`then`, so that a validator's errors name the exact key.
     """
-    defs: dict[str, Rule] = {}
-    rule = _rule(Plan, defs)
-    plan = defs.pop("Plan")
+    schema = schema_of(Plan, "microplan plan")
     major = FORMAT_VERSION.partition(".")[0]
-    plan["properties"]["format_version"]["pattern"] = rf"^{major}\.[0-9]+$"
-    if rule != _reference(Plan):
-        raise TypeError("a plan must be a dataclass")
+    schema["properties"]["format_version"]["pattern"] = rf"^{major}\.[0-9]+$"
+    return schema
+
+
+def schema_of(kind: type, title: str) -> Rule:
+    """Return the JSON Schema of the data that a frozen dataclass is written as."""
+    defs: dict[str, Rule] = {}
+    _dataclass(kind, defs)
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
-        "title": "microplan plan",
-        **plan,
+        "title": title,
+        **defs.pop(kind.__name__),
         "$defs": {name: defs[name] for name in sorted(defs)},
     }
 
@@ -132,6 +136,7 @@ def _dataclass(kind: type, defs: dict[str, Rule]) -> Rule:
                 f.name: {
                     **_rule(hints[f.name], defs),
                     "description": in_json(notes[f.name]),
+                    **_default(f),
                 }
                 for f in fields
             },
@@ -139,6 +144,13 @@ def _dataclass(kind: type, defs: dict[str, Rule]) -> Rule:
             "additionalProperties": False,
         }
     return _reference(kind)
+
+
+def _default(field: dataclasses.Field[Any]) -> Rule:
+    """Return what a key means that is left out, {} if it must be there."""
+    if field.default is dataclasses.MISSING:
+        return {}
+    return {"default": to_data(field.default)}
 
 
 def in_json(note: str) -> str:
