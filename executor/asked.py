@@ -59,7 +59,7 @@ def parse(argv: Sequence[str] | None) -> Call:
     SystemExit
         0 after --help, 2 for a call that cannot be understood.
     """
-    parser = _parser()
+    parser = build_parser()
     found = parser.parse_args(argv)
     wrong = _contradiction(found)
     if wrong:
@@ -134,7 +134,7 @@ def angle_number(text: str) -> float:
     return value
 
 
-def _parser() -> argparse.ArgumentParser:
+def build_parser() -> argparse.ArgumentParser:
     """Return the reader of the command line."""
     parser = argparse.ArgumentParser(
         prog="microplan-run",
@@ -179,7 +179,12 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--runs", type=Path, nargs="+", default=[], metavar="RUN", help="compare: them"
     )
-    parser.add_argument("--format", choices=["text", "json"], default="text")
+    parser.add_argument(
+        "--format",
+        choices=["text", "json"],
+        default="text",
+        help="of what replay and compare tell",
+    )
     return parser
 
 

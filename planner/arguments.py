@@ -158,7 +158,8 @@ def _add_init(parser: argparse.ArgumentParser) -> None:
 
 def _add_schema(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `microplan schema`."""
-    parser.add_argument("name", choices=("task", "workcell", "plan"))
+    names = ("task", "workcell", "plan", "station")
+    parser.add_argument("name", choices=names, help="which file's")
 
 
 def count(text: str) -> int:

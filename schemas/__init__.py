@@ -6,7 +6,7 @@ import json
 from importlib import resources
 from typing import Any
 
-NAMES = ("task", "workcell", "plan")
+NAMES = ("task", "workcell", "plan", "station")
 
 
 def load(name: str) -> dict[str, Any]:

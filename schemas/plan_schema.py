@@ -9,12 +9,15 @@ from __future__ import annotations
 import dataclasses
 import inspect
 import json
+import re
 import types
 import typing
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal, Union, get_args, get_origin
 
+from schemas.codec import to_data
+from schemas.field_notes import field_notes
 from schemas.plan import FORMAT_VERSION, Plan
 
 Rule = dict[str, Any]
@@ -35,20 +38,20 @@ def plan_schema() -> Rule:
     allowed; a reader is more patient (`schemas.codec`). Variants are told apart by
     `kind` with `if`/`then`, so that a validator's errors name the exact key.
     """
-    defs: dict[str, Rule] = {}
-    rule = _rule(Plan, defs)
-    plan = defs.pop("Plan")
+    schema = schema_of(Plan, "microplan plan")
     major = FORMAT_VERSION.partition(".")[0]
-    plan["properties"]["format_version"] = {
-        "type": "string",
-        "pattern": rf"^{major}\.[0-9]+$",
-    }
-    if rule != _reference(Plan):
-        raise TypeError("a plan must be a dataclass")
+    schema["properties"]["format_version"]["pattern"] = rf"^{major}\.[0-9]+$"
+    return schema
+
+
+def schema_of(kind: type, title: str) -> Rule:
+    """Return the JSON Schema of the data that a frozen dataclass is written as."""
+    defs: dict[str, Rule] = {}
+    _dataclass(kind, defs)
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
-        "title": "microplan plan",
-        **plan,
+        "title": title,
+        **defs.pop(kind.__name__),
         "$defs": {name: defs[name] for name in sorted(defs)},
     }
 
@@ -92,7 +95,12 @@ def _variants(kinds: list[Any], defs: dict[str, Rule]) -> Rule:
     return {
         "type": "object",
         "required": ["kind"],
-        "properties": {"kind": {"enum": [n for kind in kinds for n in names[kind]]}},
+        "properties": {
+            "kind": {
+                "enum": [n for kind in kinds for n in names[kind]],
+                "description": "which of them; says what other keys there are",
+            }
+        },
         "allOf": [
             {
                 "if": {"properties": {"kind": {"enum": list(names[kind])}}},
@@ -116,18 +124,38 @@ def _tuple(args: tuple[Any, ...], defs: dict[str, Rule]) -> Rule:
 
 
 def _dataclass(kind: type, defs: dict[str, Rule]) -> Rule:
-    """Return a reference to a dataclass' rule."""
+    """Return a reference to a dataclass' rule; every field must have a comment."""
     if kind.__name__ not in defs:
         defs[kind.__name__] = {}  # a type may hold itself
         hints, fields = typing.get_type_hints(kind), dataclasses.fields(kind)
+        notes = field_notes(kind)
         defs[kind.__name__] = {
             "description": (inspect.getdoc(kind) or "").partition("\n")[0],
             "type": "object",
-            "properties": {f.name: _rule(hints[f.name], defs) for f in fields},
+            "properties": {
+                f.name: {
+                    **_rule(hints[f.name], defs),
+                    "description": in_json(notes[f.name]),
+                    **_default(f),
+                }
+                for f in fields
+            },
             "required": [f.name for f in fields if f.default is dataclasses.MISSING],
             "additionalProperties": False,
         }
     return _reference(kind)
+
+
+def _default(field: dataclasses.Field[Any]) -> Rule:
+    """Return what a key means that is left out, {} if it must be there."""
+    if field.default is dataclasses.MISSING:
+        return {}
+    return {"default": to_data(field.default)}
+
+
+def in_json(note: str) -> str:
+    """Return what a comment says, in the words of JSON."""
+    return re.sub(r"\bNone\b", "null", note).replace("()", "[]")
 
 
 def _reference(kind: type) -> Rule:

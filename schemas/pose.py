@@ -10,9 +10,9 @@ from dataclasses import dataclass
 class Pose:
     """A turn by `theta_rad` (counter-clockwise), then a shift by (x, y)."""
 
-    x_um: float
-    y_um: float
-    theta_rad: float = 0.0
+    x_um: float  # shift along x
+    y_um: float  # shift along y
+    theta_rad: float = 0.0  # turn, counter-clockwise
 
     def __post_init__(self) -> None:
         if not all(math.isfinite(v) for v in (self.x_um, self.y_um, self.theta_rad)):

@@ -15,7 +15,7 @@ class Prism:
 
     corners_um: tuple[Point, ...]  # counter-clockwise, in the owner's frame
     low_um: float  # above the owner's underside
-    high_um: float
+    high_um: float  # above the owner's underside
 
     def __post_init__(self) -> None:
         if len(self.corners_um) < 3:
@@ -28,8 +28,8 @@ class Prism:
 class Solid:
     """A part: a prism for its plate and one for each post."""
 
-    name: str
-    prisms: tuple[Prism, ...]
+    name: str  # the part's
+    prisms: tuple[Prism, ...]  # the plate first
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,6 +39,6 @@ class Fingers:
     An opening of w shifts the left one by -w / 2 along x, the right one by w / 2.
     """
 
-    tool: str
-    left: Prism
-    right: Prism
+    tool: str  # its name
+    left: Prism  # opens to -x
+    right: Prism  # opens to +x

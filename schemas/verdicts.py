@@ -20,8 +20,8 @@ class FitVerdict:
     """
 
     hole_um: float  # diameter as drawn
-    shaft_um: float
-    fit: FitClass
+    shaft_um: float  # diameter as drawn
+    fit: FitClass  # all, some or none of the parts as made go together
     clearance_um: tuple[float, float, float]  # difference of the diameters
     capture_um: tuple[float, float, float]  # sideways error that still goes in
     taper_um: float  # what leaning walls may take of the clearance
@@ -31,14 +31,14 @@ class FitVerdict:
     tilt_takes_um: float  # of the clearance, over the engaged length
     wedging_rad: float | None  # below this tilt it cannot wedge; None: no friction
     wedging_depth_um: float  # from here on geometry keeps the tilt below that
-    may_wedge: bool
+    may_wedge: bool  # whether it can jam at some tilt
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Offender:
     """What one term of a budget costs; the worst comes first."""
 
-    term: str
+    term: str  # as in the budget's rows
     size_um: float  # as in the budget's rows
     slope_per_um: float  # dP/dsize; above 0 where spread helps what mostly fails
     halved_probability: float  # P if the term were half as large
@@ -49,9 +49,9 @@ class Offender:
 class Change:
     """One change that would give the step's share of the goal; the cheapest first."""
 
-    what: str
+    what: str  # what to change
     halvings: float  # of a term, or doublings of the clearance; 0: another method
-    success_probability: float
+    success_probability: float  # with it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,25 +61,25 @@ class Allowed:
     error: str  # focus, zoom, light, gradient or pose
     look: str  # target of the look
     least: float  # zoom and light: ratio to what was planned
-    most: float
-    unit: str
-    source: str
+    most: float  # largest error
+    unit: str  # of least and most
+    source: str  # how it was found
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class YieldPoint:
     """P(success) where one size or tolerance is another."""
 
-    value_um: float
-    success_probability: float
+    value_um: float  # of the size or tolerance
+    success_probability: float  # there
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class YieldCurve:
     """P(success) over one size or tolerance, all else as it is."""
 
-    over: str
-    points: tuple[YieldPoint, ...]
+    over: str  # which size or tolerance
+    points: tuple[YieldPoint, ...]  # by rising value
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,10 +87,10 @@ class BudgetAnalysis:
     """What a budget's probability hangs on."""
 
     required_probability: float  # the step's share of the goal
-    offenders: tuple[Offender, ...]
+    offenders: tuple[Offender, ...]  # worst first
     changes: tuple[Change, ...]  # () if the share is met
-    allowed: tuple[Allowed, ...]
-    yields: tuple[YieldCurve, ...]
+    allowed: tuple[Allowed, ...]  # largest errors of looks' settings
+    yields: tuple[YieldCurve, ...]  # P(success) over sizes and tolerances
     # Added after 2.1; None: unknown.
     miss_probability: float | None = None  # digits of what is too rare for 1 - P
     # xx, xy, yy of what the servo cannot see, about the offset; sizes not among it
@@ -104,7 +104,7 @@ MethodName = Literal["servo", "look_then_move"]
 class MethodOption:
     """What one way to run an alignment would give."""
 
-    method: MethodName
+    method: MethodName  # which way
     success_probability: float | None  # of the insertion; None: none follows
     looks: float  # expected
     expected_s: float  # looks and settling
@@ -114,19 +114,19 @@ class MethodOption:
 class MethodChoice:
     """Which way was taken, and why."""
 
-    asked: Literal["auto", "servo", "look_then_move"]
-    method: MethodName
-    reason: str
-    options: tuple[MethodOption, ...]
+    asked: Literal["auto", "servo", "look_then_move"]  # what the task asks for
+    method: MethodName  # what is used
+    reason: str  # why
+    options: tuple[MethodOption, ...]  # what was compared
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Force:
     """One force as an interval: its size is known to a factor of ten at best."""
 
-    name: str
-    least_un: float
-    most_un: float
+    name: str  # what pulls
+    least_un: float  # lower end
+    most_un: float  # upper end
     validity: str  # where the formula holds, and what was assumed
 
 
@@ -134,22 +134,22 @@ class Force:
 class Rung:
     """One action of a release, tried if those before it did not do."""
 
-    action: str
-    why: str
+    action: str  # what is done
+    why: str  # when it helps
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReleaseVerdict:
     """Whether a released part stays: what pulls it along, and what holds it."""
 
-    verdict: Literal["stays", "may stick", "will stick"]
-    reason: str
+    verdict: Literal["stays", "may stick", "will stick"]  # whether it stays
+    reason: str  # why
     contact_um2: float  # of one finger
     finger: tuple[Force, ...]  # between the part and one finger
     holding: tuple[Force, ...]  # between the part and what it lies on
-    weight_un: tuple[float, float]
-    pull_un: tuple[float, float]
-    hold_un: tuple[float, float]
+    weight_un: tuple[float, float]  # of the part
+    pull_un: tuple[float, float]  # of one finger, all forces together
+    hold_un: tuple[float, float]  # of what it lies on, all forces together
     ladder: tuple[Rung, ...]  # planned; the executor opens and looks, no more
     verified_by: str | None  # step that looks whether it worked; None: none does
 
@@ -169,17 +169,17 @@ class GraspVerdict:
     squeeze_um: float  # by which each finger bends
     force_un: tuple[float, float] | None  # None: the workcell tells no stiffness
     lift_un: tuple[float, float]  # weight, and what it lies on holding it
-    verdict: Literal["holds", "may slip", "will slip", "unknown"]
-    reason: str
+    verdict: Literal["holds", "may slip", "will slip", "unknown"]  # whether it holds
+    reason: str  # why
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TurnRow:
     """One error term of an angle."""
 
-    term: str
-    sigma_rad: float
-    source: str
+    term: str  # what errs
+    sigma_rad: float  # one sigma
+    source: str  # where the number comes from
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -189,14 +189,14 @@ class PlacingVerdict:
     target: str  # its place ...
     on: str  # ... is to be here,
     verified_by: str  # which this step checks
-    within_um: float
+    within_um: float  # distance that is asked for
     half_um: float  # half of all parts lie nearer, if none sticks
     most_um: float  # and 95 % nearer than this
-    place_probability: float
+    place_probability: float  # that it lies within that
     within_rad: float | None  # of its angle against what `on` belongs to; None: any
     turn_rows: tuple[TurnRow, ...]  # what turns it
-    turn_sigma_rad: float
-    turn_probability: float
+    turn_sigma_rad: float  # of the angle
+    turn_probability: float  # that the angle is within within_rad
     far_um: float  # of its farthest point from the target
     far_sigma_um: float  # by which the angle moves that point
     stick_probability: float  # of the workcell

@@ -16,9 +16,9 @@ ZoomReason = Literal["workcell", "finest detail", "field", "useful ceiling", "tr
 class ZoomBound:
     """A magnification that a look may not go below or beyond, and why."""
 
-    end: Literal["least", "most"]
-    magnification: float
-    by: ZoomReason
+    end: Literal["least", "most"]  # which end of the range
+    magnification: float  # the bound
+    by: ZoomReason  # what bounds it
     reason: str  # with its numbers
 
 
@@ -26,17 +26,17 @@ class ZoomBound:
 class ZoomTried:
     """A magnification at which the trials were not good enough."""
 
-    magnification: float
-    reason: str
+    magnification: float  # that was tried
+    reason: str  # what the trials missed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ZoomLimits:
     """The magnifications that a look allows, in closed form."""
 
-    least: float
-    most: float
-    bounds: tuple[ZoomBound, ...]
+    least: float  # smallest magnification
+    most: float  # largest magnification
+    bounds: tuple[ZoomBound, ...]  # what bounds either end
     refused: tuple[ZoomTried, ...] = ()  # in the order they were tried
 
 
@@ -44,29 +44,29 @@ class ZoomLimits:
 class ApertureRow:
     """What the microscope is at one of the magnifications that are tried."""
 
-    magnification: float
-    aperture: float
-    um_per_px: float
+    magnification: float  # one that is tried
+    aperture: float  # numerical, object side
+    um_per_px: float  # in object space
     cutoff_um: float  # shortest period that the lens passes, wavelength / (2 A)
     depth_um: float  # depth of field, n wavelength / A**2, from end to end
-    field_um: tuple[float, float]
-    chosen: bool
+    field_um: tuple[float, float]  # width, height
+    chosen: bool  # whether the look uses it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FocusAccepted:
     """Focus heights at which the trials still measured a feature, at its own height."""
 
-    feature: str
-    least_um: float
-    most_um: float
+    feature: str  # which feature
+    least_um: float  # lowest
+    most_um: float  # highest
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FocusCover:
     """Which heights of the target the focus and its further stops take in."""
 
-    accepted: tuple[FocusAccepted, ...]
+    accepted: tuple[FocusAccepted, ...]  # by feature
     sigma_um: float  # of the target's height
     margin_um: float  # kept from the ends of what is accepted
     covered_um: tuple[float, float]  # errors of the height, at least one stop sharp
@@ -77,8 +77,8 @@ class FocusCover:
 class TimeRow:
     """One thing that a look waits for."""
 
-    what: str
-    time_s: float
+    what: str  # what is waited for
+    time_s: float  # how long
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,17 +90,17 @@ class ViewChange:
     focus_um: float | None  # way of the focus; None: from where is not known
     lateral_sigma_um: float  # shift of the image over that way, per axis
     times: tuple[TimeRow, ...]  # in order
-    total_s: float
+    total_s: float  # of all of them
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ViewVerdict:
     """Why a look is set as it is, and what that costs."""
 
-    zoom: ZoomLimits
-    apertures: tuple[ApertureRow, ...]
-    focus: FocusCover
-    change: ViewChange | None = None
+    zoom: ZoomLimits  # magnifications that are allowed
+    apertures: tuple[ApertureRow, ...]  # by magnification
+    focus: FocusCover  # heights that are covered
+    change: ViewChange | None = None  # since the look before; None: not known
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -111,6 +111,6 @@ class CoarseFirst:
     """
 
     look: str  # id, of the same step
-    axes: Literal["stage", "robot"]
+    axes: Literal["stage", "robot"]  # what moves
     at_um: tuple[float, float]  # world place of the target for the fine look
     most_um: float  # a longer way is a fault

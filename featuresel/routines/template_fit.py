@@ -18,6 +18,7 @@ _SETTLED_PX = 5e-3  # the next is far shorter; slopes rounded to 1/32 px hop by 
 _LEAST_IN_VIEW = 0.8  # of the template's pixels
 _LEAST_GAIN = 0.05  # of the template's contrast
 _SLOPING = 0.1  # of the steepest slope: an edge
+_MOST_READ = 32766  # values at a time: `remap` counts rows in short integers
 _BESIDE_PX = 10  # of an edge, compared: as far as defocus of 10 um and more may blur it
 # Of what has nothing behind it, about its edges. A template in focus keeps .97 with
 # fingers 10 um out of it (A = .42); at 25 um .92 is left, and some answers are wrong.
@@ -208,7 +209,13 @@ def _moves(
     The last two move the rim by 1 px. `remap` rounds to 1/32 px: enough for a slope.
     """
     x, y = (np.asarray(values, dtype=np.float32)[:, None] for values in at)
-    across, down = cv2.remap(slopes, x, y, cv2.INTER_LINEAR)[:, 0].T.astype(np.float64)
+    found = [
+        cv2.remap(
+            slopes, x[k : k + _MOST_READ], y[k : k + _MOST_READ], cv2.INTER_LINEAR
+        )
+        for k in range(0, len(x), _MOST_READ)
+    ]
+    across, down = np.concatenate(found)[:, 0].T.astype(np.float64)
     c, s = math.cos(pose[2]), math.sin(pose[2])
     out, over = c * unit[0] + s * unit[1], c * unit[1] - s * unit[0]
     turn = pose[3] * (across * over - down * out)

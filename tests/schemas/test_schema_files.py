@@ -51,5 +51,7 @@ def test_defaults_obey_their_own_rule(name: str) -> None:
 
 
 def test_an_unknown_format_is_refused() -> None:
-    with pytest.raises(ValueError, match="name must be one of task, workcell, plan"):
-        schemas.load("station")
+    with pytest.raises(
+        ValueError, match="name must be one of task, workcell, plan, station"
+    ):
+        schemas.load("cell")

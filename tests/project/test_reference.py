@@ -1,0 +1,85 @@
+"""The pages of docs/reference are what schemas, parsers and codes say, all of it."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import executor.cli
+import planner.cli
+import schemas
+
+ROOT = Path(__file__).parents[2]
+PAGES = ROOT / "docs" / "reference"
+
+
+def keys(node: Any) -> set[str]:
+    """Return every key that a schema names."""
+    found: set[str] = set()
+    if isinstance(node, dict):
+        found |= set(node.get("properties", {}))
+        for inner in node.values():
+            found |= keys(inner)
+    elif isinstance(node, list):
+        for inner in node:
+            found |= keys(inner)
+    return found
+
+
+def rows(name: str) -> list[list[str]]:
+    """Return the cells of all tables of a page, heads left out."""
+    text = (PAGES / f"{name}.md").read_text(encoding="utf-8")
+    lines = [line for line in text.splitlines() if line.startswith(("| `", "| ["))]
+    return [[cell.strip() for cell in line.split("|")[1:-1]] for line in lines]
+
+
+def test_the_pages_are_what_the_generator_writes() -> None:
+    words = [sys.executable, "docs/reference.py", "--check"]
+    done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.stdout + done.stderr == ""
+    assert done.returncode == 0
+
+
+@pytest.mark.parametrize("name", schemas.NAMES)
+def test_every_key_of_a_format_is_told_and_explained(name: str) -> None:
+    told = rows(name)
+    assert {row[0].strip("`") for row in told} == keys(schemas.load(name))
+    assert [row for row in told if not (row[1] and row[3] and row[5])] == []
+
+
+@pytest.mark.parametrize("name", ["task", "workcell", "station"])
+def test_a_number_of_a_file_has_unit_and_range(name: str) -> None:
+    numbers = [row for row in rows(name) if row[1] == "number"]
+    assert len(numbers) > 10
+    assert [row[0] for row in numbers if not row[2]] == []
+    ranged = [row for row in numbers if name != "station"]  # its reader bounds few
+    assert [row[0] for row in ranged if not row[4]] == []
+
+
+def test_every_option_of_both_programs_is_told(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    text = (PAGES / "cli.md").read_text(encoding="utf-8")
+    told = set(re.findall(r"--[a-z][a-z-]+", text))
+    assert planner.cli.main(["--help"]) == 0
+    helps = [capsys.readouterr().out]
+    for command in re.findall(r"^    (\w+)  ", helps[0], re.MULTILINE):
+        assert f"### `microplan {command}`" in text
+        assert planner.cli.main([command, "--help"]) == 0
+        helps.append(capsys.readouterr().out)
+    assert executor.cli.main(["--help"]) == 0
+    helps.append(capsys.readouterr().out)
+    named = set(re.findall(r"--[a-z][a-z-]+", "".join(helps)))
+    assert len(named) > 30
+    assert named - {"--help"} <= told
+
+
+def test_every_diagnostic_is_told_with_its_page() -> None:
+    told = {row[0][1:6] for row in rows("diagnostics")}
+    pages = {page.stem for page in (ROOT / "docs" / "diagnostics").glob("MP*.md")}
+    assert told == pages
