@@ -146,6 +146,39 @@ def _add_diff(parser: argparse.ArgumentParser) -> None:
     _add_format(parser)
 
 
+def _add_export(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `microplan export`."""
+    parser.add_argument("plan", type=Path, help="plan folder, or the plan.json in it")
+    parser.add_argument(
+        "--to",
+        required=True,
+        choices=("dxf", "json", "ome-tiff", "useq"),
+        help="dxf, json: predicted outlines; ome-tiff: reference images; useq: "
+        "positions and focus stacks",
+    )
+    parser.add_argument(
+        "-o",
+        "--out",
+        type=Path,
+        required=True,
+        help="dxf, ome-tiff: a folder; json: a file; useq: a .yaml or .json file",
+    )
+    parser.add_argument(
+        "--look",
+        action="append",
+        default=[],
+        metavar="ID",
+        help="only this look; may be given again",
+    )
+    parser.add_argument(
+        "--channel", metavar="PRESET", help="useq: preset of the group Channel"
+    )
+    parser.add_argument(
+        "--overwrite", action="store_true", help="replace an older export"
+    )
+    _add_format(parser)
+
+
 def _add_explain(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `microplan explain`."""
     parser.add_argument("code", nargs="?", help="as MP104; default: list all")
@@ -192,6 +225,7 @@ _COMMANDS: Mapping[str, tuple[Callable[[argparse.ArgumentParser], None], str]] =
     "render": (_add_render, "render what a step will see"),
     "tradeoff": (_add_tradeoff, "measure speed against accuracy"),
     "diff": (_add_diff, "tell what changed between two plans"),
+    "export": (_add_export, "write a plan's looks in another tool's format"),
     "explain": (_add_explain, "tell more about a finding"),
     "schema": (_add_schema, "print the schema of a format"),
 }

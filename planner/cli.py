@@ -233,6 +233,32 @@ def _diff(call: argparse.Namespace) -> int:
     return _tell(call, report, f"{len(found.changes)} differences")
 
 
+def _export(call: argparse.Namespace) -> int:
+    """Write a plan's looks in another tool's format."""
+    from planner.exporting.export import ExportCall, export
+    from planner.exporting.folder import ExportError
+    from planner.outputs.errors import OutputError
+
+    report, said = Report(), ""
+    try:
+        said = export(
+            ExportCall(
+                plan=call.plan,
+                to=call.to,
+                out=call.out,
+                looks=tuple(call.look),
+                channel=call.channel,
+                overwrite=call.overwrite,
+            ),
+            report,
+        )
+    except ExportError as error:
+        report.error(error.code, Span(file=error.file), str(error), error.hint)
+    except OutputError as error:
+        report.error(error.code, Span(file=str(call.out)), str(error))
+    return _tell(call, report, said)
+
+
 def _explain(call: argparse.Namespace) -> int:
     """Print the page of a code, or all codes."""
     from planner.outputs.shipped import page
@@ -309,7 +335,8 @@ def _say(text: str, stream: TextIO) -> None:
 
 _RUNS = {
     "init": _init, "check": _check, "compile": _compile, "render": _render,
-    "tradeoff": _tradeoff, "diff": _diff, "explain": _explain, "schema": _schema,
+    "tradeoff": _tradeoff, "diff": _diff, "export": _export,
+    "explain": _explain, "schema": _schema,
 }  # fmt: skip
 
 

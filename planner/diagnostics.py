@@ -102,6 +102,9 @@ TITLES: Mapping[str, str] = {
     "MP703": "file is there already",
     "MP704": "plan cannot be read",
     "MP710": "plans differ",
+    "MP720": "nothing to export",
+    "MP721": "plan folder is not whole",
+    "MP722": "exported plan is infeasible",
 }
 
 # infeasible: understood, but the answer is no (exit status 1)
