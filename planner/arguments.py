@@ -9,6 +9,7 @@ from pathlib import Path
 from planner.comparing.changes import KINDS
 from planner.comparing.tolerances import parse_rule
 from planner.presets import PRESETS
+from schemas import NAMES
 
 Run = Callable[[argparse.Namespace], int]
 
@@ -191,7 +192,7 @@ def _add_init(parser: argparse.ArgumentParser) -> None:
 
 def _add_schema(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `microplan schema`."""
-    parser.add_argument("name", choices=("task", "workcell", "plan"))
+    parser.add_argument("name", choices=NAMES)
 
 
 def count(text: str) -> int:

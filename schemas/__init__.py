@@ -6,7 +6,7 @@ import json
 from importlib import resources
 from typing import Any
 
-NAMES = ("task", "workcell", "plan")
+NAMES = ("task", "workcell", "plan", "outlines")
 
 
 def load(name: str) -> dict[str, Any]:

@@ -1,7 +1,8 @@
-"""The plan's JSON Schema, made from the plan's types.
+"""JSON Schemas of what microplan writes, made from the types of plan and outlines.
 
-`python -m schemas.plan_schema` writes it to `plan.schema.json`, which is what
-`schemas.load("plan")` returns.
+`python -m schemas.plan_schema` writes them to `plan.schema.json` and
+`outlines.schema.json`, which is what `schemas.load("plan")` and `load("outlines")`
+return.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal, Union, get_args, get_origin
 
+from schemas.outlines import VERSION, Outlines
 from schemas.plan import FORMAT_VERSION, Plan
 
 Rule = dict[str, Any]
@@ -35,27 +37,34 @@ def plan_schema() -> Rule:
     allowed; a reader is more patient (`schemas.codec`). Variants are told apart by
     `kind` with `if`/`then`, so that a validator's errors name the exact key.
     """
+    return _schema(Plan, "microplan plan", "format_version", FORMAT_VERSION)
+
+
+def outlines_schema() -> Rule:
+    """Return the JSON Schema of what `microplan export --to json` writes."""
+    return _schema(Outlines, "microplan outlines", "version", VERSION)
+
+
+def schema_text(schema: Rule) -> str:
+    """Return a schema as its file holds it."""
+    return json.dumps(schema, indent=2) + "\n"
+
+
+def _schema(kind: type, title: str, key: str, version: str) -> Rule:
+    """Return the schema of a type whose `key` names a version "major.minor"."""
     defs: dict[str, Rule] = {}
-    rule = _rule(Plan, defs)
-    plan = defs.pop("Plan")
-    major = FORMAT_VERSION.partition(".")[0]
-    plan["properties"]["format_version"] = {
-        "type": "string",
-        "pattern": rf"^{major}\.[0-9]+$",
-    }
-    if rule != _reference(Plan):
-        raise TypeError("a plan must be a dataclass")
+    rule = _rule(kind, defs)
+    if rule != _reference(kind):
+        raise TypeError("a format must be a dataclass")
+    whole = defs.pop(kind.__name__)
+    major = version.partition(".")[0]
+    whole["properties"][key] = {"type": "string", "pattern": rf"^{major}\.[0-9]+$"}
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
-        "title": "microplan plan",
-        **plan,
+        "title": title,
+        **whole,
         "$defs": {name: defs[name] for name in sorted(defs)},
     }
-
-
-def schema_text() -> str:
-    """Return the schema as the file holds it."""
-    return json.dumps(plan_schema(), indent=2) + "\n"
 
 
 def _rule(kind: Any, defs: dict[str, Rule]) -> Rule:
@@ -135,6 +144,7 @@ def _reference(kind: type) -> Rule:
 
 
 if __name__ == "__main__":
-    Path(__file__).with_name("plan.schema.json").write_text(
-        schema_text(), encoding="utf-8", newline="\n"
-    )
+    for name, schema in (("plan", plan_schema()), ("outlines", outlines_schema())):
+        Path(__file__).with_name(f"{name}.schema.json").write_text(
+            schema_text(schema), encoding="utf-8", newline="\n"
+        )

@@ -80,15 +80,20 @@ def _comments(outlines: Outlines, look: LookOutlines) -> Iterator[Tag]:
     yield 999, f"microplan: look {look.look} of plan {outlines.plan}, simulated"
     yield 999, f"target {look.target}, its frame, um, y up"
     yield 999, f"plan {outlines.status}; image sha256 {look.image_sha256}"
-    yield 999, (
-        f"{look.um_per_px:.9g} um per px; origin at column {look.column_px:.9g} px, "
-        f"row {look.row_px:.9g} px, turned by {math.degrees(pose.theta_rad):.9g} deg"
+    yield 999, f"{look.um_per_px:.9g} um per px"
+    yield (
+        999,
+        (
+            f"origin at column {look.column_px:.9g} px, row {look.row_px:.9g} px, "
+            f"turned by {math.degrees(pose.theta_rad):.9g} deg"
+        ),
     )
 
 
 def _header() -> Iterator[Tag]:
     yield from _section(
-        "HEADER", iter([(9, "$ACADVER"), (1, "AC1009"), (9, "$INSUNITS"), (70, MICRONS)])
+        "HEADER",
+        iter([(9, "$ACADVER"), (1, "AC1009"), (9, "$INSUNITS"), (70, MICRONS)]),
     )
 
 

@@ -77,9 +77,7 @@ class PlanFolder:
                 f"{size[0]} x {size[1]}",
                 file,
             )
-        pixels: Any = cv2.imdecode(
-            np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED
-        )
+        pixels: Any = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
         if pixels is None or pixels.dtype != np.uint8 or pixels.ndim != 2:
             raise ExportError("MP721", f"{file} is no grey picture of 8 bit", file)
         if picture_sha256(pixels) != look.scene.image_sha256:

@@ -54,7 +54,8 @@ def ome_xml(folder: PlanFolder, viewed: Viewed) -> str:
         element.text = _legal(element.text)
         for name, value in element.items():
             element.set(name, _legal(value) or "")
-    return ET.tostring(root, encoding="us-ascii", xml_declaration=True).decode("ascii")
+    data: bytes = ET.tostring(root, encoding="us-ascii", xml_declaration=True)
+    return data.decode("ascii")
 
 
 def tiff(image: Picture, description: str, um_per_px: float) -> bytes:
@@ -124,7 +125,9 @@ def _image(root: ET.Element, folder: PlanFolder, viewed: Viewed) -> None:
     """Add the image, its pixels' size, its light and where it was taken."""
     look, optics = viewed.look, folder.world.optics
     image = ET.SubElement(root, "Image", ID="Image:0", Name=look.id)
-    ET.SubElement(image, "Description").text = (
+    ET.SubElement(
+        image, "Description"
+    ).text = (
         f"Predicted by microplan: {viewed.scene.target.name} in step {viewed.step.id}"
     )
     ET.SubElement(image, "InstrumentRef", ID="Instrument:0")

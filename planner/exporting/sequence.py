@@ -95,7 +95,7 @@ def _position(folder: PlanFolder, viewed: Viewed) -> dict[str, Any]:
     optics = folder.world.optics
     depth = optics.medium_index * optics.wavelength_um
     depth /= aperture(folder.world, look) ** 2
-    position = {
+    return {
         "name": look.id,
         "x": stage.x_um,
         "y": stage.y_um,
@@ -107,7 +107,6 @@ def _position(folder: PlanFolder, viewed: Viewed) -> dict[str, Any]:
             },
         },
     }
-    return position
 
 
 def _notes(viewed: Viewed) -> dict[str, Any]:
