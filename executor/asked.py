@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from executor.completion import SHELLS, Completion
 from executor.simulated.faults import FAULTS
 from executor.site import SIMULATED
 
@@ -180,6 +181,12 @@ def _parser() -> argparse.ArgumentParser:
         "--runs", type=Path, nargs="+", default=[], metavar="RUN", help="compare: them"
     )
     parser.add_argument("--format", choices=["text", "json"], default="text")
+    parser.add_argument(
+        "--completion",
+        action=Completion,
+        choices=SHELLS,
+        help="print a script that completes this command, and do nothing else",
+    )
     return parser
 
 

@@ -195,6 +195,11 @@ def _add_schema(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("name", choices=NAMES)
 
 
+def _add_completion(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `microplan completion`."""
+    parser.add_argument("shell", choices=("bash", "zsh", "fish"))
+
+
 def count(text: str) -> int:
     """Return a whole number from 1 on."""
     value = int(text)
@@ -229,4 +234,5 @@ _COMMANDS: Mapping[str, tuple[Callable[[argparse.ArgumentParser], None], str]] =
     "export": (_add_export, "write a plan's looks in another tool's format"),
     "explain": (_add_explain, "tell more about a finding"),
     "schema": (_add_schema, "print the schema of a format"),
+    "completion": (_add_completion, "print a completion script for a shell"),
 }

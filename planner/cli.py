@@ -298,6 +298,18 @@ def _schema(call: argparse.Namespace) -> int:
     return DONE
 
 
+def _completion(call: argparse.Namespace) -> int:
+    """Print a script that completes this command in a shell."""
+    from planner.completion import script
+
+    try:
+        _say(script(build_parser(_RUNS), call.shell).rstrip("\n"), sys.stdout)
+    except ImportError:
+        _say("completion needs shtab: install microplan[completion]", sys.stderr)
+        return BAD_INPUT
+    return DONE
+
+
 def _refuse(call: argparse.Namespace, report: Report, error: Coded) -> int:
     """Tell what could not be done with the call itself, beside the findings."""
     report.error(error.code, Span(file=call.task), str(error))
@@ -336,7 +348,7 @@ def _say(text: str, stream: TextIO) -> None:
 _RUNS = {
     "init": _init, "check": _check, "compile": _compile, "render": _render,
     "tradeoff": _tradeoff, "diff": _diff, "export": _export,
-    "explain": _explain, "schema": _schema,
+    "explain": _explain, "schema": _schema, "completion": _completion,
 }  # fmt: skip
 
 
