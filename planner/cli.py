@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Protocol, TextIO
 
 from planner.arguments import build_parser
 from planner.diagnostics import TITLES, Report, Span
+from planner.terminal import in_colour, painted
 
 if TYPE_CHECKING:
     from schemas.plan import Plan
@@ -321,7 +322,7 @@ def _tell(call: argparse.Namespace, report: Report, result: str) -> int:
     from planner.outputs.findings import render_findings
 
     out, err = render_findings(report.in_order, result, call.format)
-    _say(err, sys.stderr)
+    _say(err, sys.stderr, findings=True)
     _say(out, sys.stdout)
     if report.failed:
         return BAD_INPUT
@@ -329,16 +330,19 @@ def _tell(call: argparse.Namespace, report: Report, result: str) -> int:
     return NO if refused else DONE
 
 
-def _say(text: str, stream: TextIO) -> None:
+def _say(text: str, stream: TextIO, *, findings: bool = False) -> None:
     """Print text, if any; a reader that has left, as `head` does, is no fault.
 
     Names in files may hold what a terminal obeys, or what its encoding does not have.
+    Findings are in colour where that is wanted.
     """
     if not text:
         return
     text = _CONTROL.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
     encoding = stream.encoding or "utf-8"
     text = text.encode(encoding, "backslashreplace").decode(encoding)
+    if findings and in_colour(stream, os.environ):
+        text = painted(text)
     try:
         print(text, file=stream, flush=True)
     except BrokenPipeError:  # what the interpreter flushes at its end goes nowhere
