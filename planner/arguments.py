@@ -96,6 +96,11 @@ def _add_compile(parser: argparse.ArgumentParser) -> None:
         help="say on standard error what took how long",
     )
     parser.add_argument("--update", action="store_true", help="renew the golden plan")
+    parser.add_argument(
+        "--watch",
+        action="store_true",
+        help="compile again whenever a file of the task changes, until Ctrl-C",
+    )
     _add_tolerance(parser)
     _add_task(parser)
 

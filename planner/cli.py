@@ -15,9 +15,11 @@ from planner.diagnostics import TITLES, Report, Span
 from planner.terminal import in_colour, painted
 
 if TYPE_CHECKING:
+    from planner.outputs.emit import PlanFiles
     from schemas.plan import Plan
 
 DONE, NO, BAD_INPUT, BUG = 0, 1, 2, 70
+STOPPED = 130  # by Ctrl-C, as shells tell it
 # all control characters but tabs and line ends, and those that turn text round
 _CONTROL = re.compile(
     r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069\ud800-\udfff]"
@@ -41,6 +43,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         return int(leaving.code or 0)
     try:
         status: int = call.run(call)
+    except KeyboardInterrupt:
+        _say("stopped", sys.stderr)
+        return STOPPED
     except Exception as error:  # the one place that catches everything
         print(f"bug in microplan: {type(error).__name__}: {error}", file=sys.stderr)
         if os.environ.get("MICROPLAN_TRACEBACK"):
@@ -73,15 +78,41 @@ def _check(call: argparse.Namespace) -> int:
 
 def _compile(call: argparse.Namespace) -> int:
     """Compile a task into a plan folder."""
-    from planner.caching.store import Store, place
-    from planner.compiler import Options
-    from planner.compiling import compile_file
-    from planner.diffing import DiffError, read_plan
-    from planner.outputs.emit import check_folder, write_folder
+    from planner.diffing import DiffError
     from planner.outputs.errors import OutputError
     from planner.outputs.summary import plan_summary, times_summary
 
+    if call.watch:
+        return _watch(call)
     report = Report()
+    try:
+        made = _compiled(call, report)
+        if made is None:
+            return _tell(call, report, "")
+        files, folder = made
+        said = f"{plan_summary(files.plan)}\nplan folder: {folder}"
+        if call.timings:
+            _say(times_summary(files.timings), sys.stderr)
+        if call.golden is not None:
+            said += "\n" + _golden(call, files.plan, folder, report)
+    except OutputError as error:
+        return _refuse(call, report, error)
+    except DiffError as error:
+        report.error(error.code, Span(file=error.file), str(error))
+        return _tell(call, report, "")
+    return _tell(call, report, said)
+
+
+def _compiled(
+    call: argparse.Namespace, report: Report
+) -> tuple[PlanFiles, Path] | None:
+    """Return what a task compiles to and where it was written, None if at fault."""
+    from planner.caching.store import Store, place
+    from planner.compiler import Options
+    from planner.compiling import compile_file
+    from planner.diffing import read_plan
+    from planner.outputs.emit import check_folder, write_folder
+
     store = None if call.no_cache else Store(call.cache or place())
     options = Options(
         preset=call.preset,
@@ -95,23 +126,36 @@ def _compile(call: argparse.Namespace) -> int:
         if call.golden is not None and not call.update:
             read_plan(call.golden)  # what cannot be compared need not be compiled
 
+    files = compile_file(call.task, report, options, store, ready)
+    if files is None:
+        return None
+    folder = call.out or _beside(call.task, files.plan.name)
+    write_folder(files, folder)
+    return files, folder
+
+
+def _watch(call: argparse.Namespace) -> int:
+    """Compile whenever a file changes; only Ctrl-C or an unusable call ends it."""
+    from planner.outputs.errors import OutputError
+    from planner.outputs.findings import render_findings
+    from planner.watching import last_plan, round_text, watch
+
+    if call.golden is not None or call.update or call.format != "text":
+        _say("--watch goes with neither --golden nor --format", sys.stderr)
+        return BAD_INPUT
+
+    def compiled(report: Report) -> Plan | None:
+        made = _compiled(call, report)
+        return None if made is None else made[0].plan
+
     try:
-        files = compile_file(call.task, report, options, store, ready)
-        if files is None:
-            return _tell(call, report, "")
-        folder = call.out or _beside(call.task, files.plan.name)
-        write_folder(files, folder)
-        said = f"{plan_summary(files.plan)}\nplan folder: {folder}"
-        if call.timings:
-            _say(times_summary(files.timings), sys.stderr)
-        if call.golden is not None:
-            said += "\n" + _golden(call, files.plan, folder, report)
+        for found in watch(call.task, compiled, last_plan(call.out)):
+            grave = [d for d in found.report.in_order if d.severity != "note"]
+            _say(render_findings(grave, "", "text")[1], sys.stderr, findings=True)
+            _say(round_text(found, Path(call.task).parent), sys.stdout)
     except OutputError as error:
-        return _refuse(call, report, error)
-    except DiffError as error:
-        report.error(error.code, Span(file=error.file), str(error))
-        return _tell(call, report, "")
-    return _tell(call, report, said)
+        return _refuse(call, Report(), error)
+    return DONE
 
 
 def _beside(task: str, name: str) -> Path:

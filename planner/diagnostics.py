@@ -145,6 +145,7 @@ class Report:
 
     found: list[Diagnostic] = field(default_factory=list)
     files: dict[str, str] = field(default_factory=dict)  # path read -> its sha256
+    sought: set[str] = field(default_factory=set)  # paths, read or not
 
     def error(self, code: str, where: Span, message: str, hint: str = "") -> None:
         """Add something that makes the input unusable (exit status 2)."""
