@@ -1,4 +1,4 @@
-"""`microplan compile --watch`: a task compiled again whenever one of its files changes."""
+"""`microplan compile --watch`: a task compiled again whenever a file of it changes."""
 
 from __future__ import annotations
 

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from optics.outline import Arc, Ring, Segment, flatten
 from planner.exporting.runs import border, runs
+from planner.exporting.sequence import MOST_PLANES, planes_um
 from planner.exporting.tracks import along, ends_um, stretch
 
 PIE = Ring(  # a half disc: an arc and a chord
@@ -83,3 +84,18 @@ def test_normals_lead_out_of_the_material() -> None:
             to = np.array([x, y]) - polygon
             left = (ahead[:, 0] * to[:, 1] - ahead[:, 1] * to[:, 0] > 0).all()
             assert left == inside  # a convex polygon, run counter-clockwise
+
+
+@given(st.floats(-500.0, 500.0), st.floats(-500.0, 500.0), st.floats(0.01, 400.0))
+def test_a_focus_stack_has_the_plans_focus_and_both_ends(
+    low: float, high: float, depth: float
+) -> None:
+    found = planes_um(low, high, depth)
+    assert found == sorted(set(found))
+    assert len(found) <= MOST_PLANES
+    assert 0.0 in found
+    assert found[0] == pytest.approx(min(low, 0.0), abs=1e-6)
+    assert found[-1] == pytest.approx(max(high, 0.0), abs=1e-6)
+    steps = np.diff(found)
+    widest = max(0.5 * depth, (found[-1] - found[0]) / (MOST_PLANES - 3))
+    assert (steps <= widest * (1 + 1e-6) + 1e-6).all()
