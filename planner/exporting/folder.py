@@ -145,6 +145,8 @@ def _viewed(
     """Yield the looks with their scenes."""
     by_look = {scene.look: scene for scene in scenes.looks}
     for step, look in looks:
+        if not min(look.view.um_per_px, look.view.magnification) > 0:
+            raise ExportError("MP721", f"look {look.id!r} has no scale", file)
         if look.id not in by_look:
             raise ExportError("MP721", f"{file} says nothing of look {look.id!r}", file)
         yield Viewed(step=step, look=look, scene=by_look[look.id])

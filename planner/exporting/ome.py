@@ -7,7 +7,7 @@ import struct
 from xml.etree import ElementTree as ET
 
 from planner.exporting.folder import PlanFolder, Viewed
-from planner.exporting.sight import aperture
+from planner.exporting.sight import microscope
 from planner.pictures import Picture
 
 NAMESPACE = "http://www.openmicroscopy.org/Schemas/OME/2016-06"
@@ -116,7 +116,7 @@ def _instrument(root: ET.Element, folder: PlanFolder, viewed: Viewed) -> None:
         "Objective",
         ID="Objective:0",
         Model=f"{folder.world.name}, simulated",
-        LensNA=_number(aperture(folder.world, viewed.look)),
+        LensNA=_number(microscope(folder, viewed).aperture),
         NominalMagnification=_number(viewed.look.view.magnification),
     )
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +15,7 @@ from optics.outline import Edge, Ring, Segment
 from planner.exporting.folder import PlanFolder, Viewed
 from planner.exporting.runs import Run, border, runs
 from planner.exporting.sight import Sight, sight_of, target_rings
-from planner.exporting.tracks import along, ends_um, stretch
+from planner.exporting.tracks import Track
 from planner.pictures import Picture
 from schemas.outlines import (
     ArcEdge,
@@ -41,11 +41,11 @@ _POLARITIES: tuple[Polarity, ...] = ("unclear", "dark_to_light", "light_to_dark"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Track:
+class _Sampled:
     """One ring sampled: where, seen or not, and how the image steps there."""
 
     body: str
-    ring: Ring  # in the world
+    line: Track  # in the world
     way_um: FloatArray  # (N,) middles of equal lengths
     points: FloatArray  # (N, 4) world
     covered: BoolArray
@@ -54,7 +54,7 @@ class _Track:
     @property
     def spacing_um(self) -> float:
         """Return the length that one sample stands for."""
-        return float(ends_um(self.ring)[-1]) / len(self.way_um)
+        return self.line.length_um / len(self.way_um)
 
 
 def look_outlines(folder: PlanFolder, viewed: Viewed) -> LookOutlines:
@@ -97,7 +97,7 @@ def look_outlines(folder: PlanFolder, viewed: Viewed) -> LookOutlines:
         image=look.scene.image,
         image_sha256=look.scene.image_sha256,
         filter_px=width_px,
-        length_um=sum(float(ends_um(track.ring)[-1]) for track in tracks),
+        length_um=sum(track.line.length_um for track in tracks),
         hidden_um=sum(t.spacing_um * int(t.covered.sum()) for t in tracks),
         outside_um=sum(
             t.spacing_um * int((~t.covered & ~t.seen).sum()) for t in tracks
@@ -106,21 +106,21 @@ def look_outlines(folder: PlanFolder, viewed: Viewed) -> LookOutlines:
     )
 
 
-def _tracks(rings: Sequence[tuple[str, Ring]], sight: Sight) -> list[_Track]:
+def _tracks(rings: Sequence[tuple[str, Ring]], sight: Sight) -> list[_Sampled]:
     """Return the rings of a target, sampled evenly."""
-    total_um = sum(float(ends_um(ring)[-1]) for _, ring in rings)
+    lines = [(body, Track(ring)) for body, ring in rings]
+    total_um = sum(line.length_um for _, line in lines)
     spacing_um = max(SPACING_PX * sight.microscope.um_per_px, total_um / MOST)
     found = []
-    for body, ring in rings:
-        length_um = float(ends_um(ring)[-1])
-        count = max(math.ceil(length_um / spacing_um), 8)
-        way = (np.arange(count) + 0.5) * length_um / count
-        points = along(ring, way)
+    for body, line in lines:
+        count = max(math.ceil(line.length_um / spacing_um), 8)
+        way = (np.arange(count) + 0.5) * line.length_um / count
+        points = line.along(way)
         covered = sight.covered(points)
         found.append(
-            _Track(
+            _Sampled(
                 body=body,
-                ring=ring,
+                line=line,
                 way_um=way,
                 points=points,
                 covered=covered,
@@ -131,7 +131,7 @@ def _tracks(rings: Sequence[tuple[str, Ring]], sight: Sight) -> list[_Track]:
 
 
 def _steps(
-    image: Picture, sight: Sight, tracks: Sequence[_Track]
+    image: Picture, sight: Sight, tracks: Sequence[_Sampled]
 ) -> tuple[float, list[FloatArray]]:
     """Return the filter's width, and every sample's step; 0 where none is seen."""
     light = image.astype(np.float64) / 255
@@ -173,7 +173,7 @@ def _worth(light: FloatArray, where: FloatArray, width_px: float) -> float:
     return worth(light, where, seen)
 
 
-def _faintest(steps: Sequence[FloatArray], tracks: Sequence[_Track]) -> float:
+def _faintest(steps: Sequence[FloatArray], tracks: Sequence[_Sampled]) -> float:
     """Return the least step of which the sign can be relied on."""
     seen = np.concatenate([s[t.seen] for s, t in zip(steps, tracks, strict=True)])
     if len(seen) == 0:
@@ -182,7 +182,7 @@ def _faintest(steps: Sequence[FloatArray], tracks: Sequence[_Track]) -> float:
 
 
 def _pieces(
-    track: _Track, sight: Sight, step: FloatArray, faintest: float, pose: Pose
+    track: _Sampled, sight: Sight, step: FloatArray, faintest: float, pose: Pose
 ) -> list[EdgePiece]:
     """Return the pieces of one ring in the target's frame."""
     kinds = np.where(np.abs(step) < faintest, 0, np.where(step > 0, 1, 2))
@@ -199,54 +199,40 @@ def _pieces(
 
 
 def _ways(
-    track: _Track, sight: Sight, found: Sequence[Run]
+    track: _Sampled, sight: Sight, found: Sequence[Run]
 ) -> list[tuple[float, float]]:
     """Return where each run begins and ends along the ring, um.
 
     Where an edge goes under a body or out of the frame the place is found exactly, else
     it is midway between two samples.
     """
-    length = float(ends_um(track.ring)[-1])
+    length, step = track.line.length_um, track.spacing_um
     if len(found) == 1:
         return [(0.0, length)]
-    half = track.spacing_um / 2
-    count = len(track.way_um)
-    first = [track.way_um[run.first] for run in found]
-    last = [
-        track.way_um[run.last % count] + length * (run.last // count) for run in found
-    ]
+    first = (np.array([run.first for run in found]) + 0.5) * step
+    last = (np.array([run.last for run in found]) + 0.5) * step
 
     def seen(way_um: FloatArray) -> BoolArray:
-        points = along(track.ring, way_um)
+        points = track.line.along(way_um)
         return sight.framed(points) & ~sight.covered(points)
 
-    ends = []
-    for index, run in enumerate(found):
-        before, after = found[index - 1], found[(index + 1) % len(found)]
-        begin, end = first[index] - half, last[index] + half
-        if run.kind >= 0 and before.kind < 0:
-            begin = _edge_of_sight(seen, first[index], -2 * half)
-        if run.kind >= 0 and after.kind < 0:
-            end = _edge_of_sight(seen, last[index], 2 * half)
-        ends.append((begin, end) if begin >= 0 else (begin + length, end + length))
-    return ends
-
-
-def _edge_of_sight(
-    seen: Callable[[FloatArray], BoolArray], at_um: float, step_um: float
-) -> float:
-    """Return how far sight reaches from a place that is seen to one that is not."""
-    found = border(seen, np.array([at_um]), np.array([at_um + step_um]))
-    return float(found[0])
+    own = np.array([run.kind >= 0 for run in found])
+    leaves = own & ~np.roll(own, -1)  # the next one is not seen
+    enters = own & ~np.roll(own, 1)
+    begin, end = first - step / 2, last + step / 2
+    begin[enters] = border(seen, first[enters], first[enters] - step)
+    end[leaves] = border(seen, last[leaves], last[leaves] + step)
+    shift = np.where(begin < 0, length, 0.0)
+    return list(zip((begin + shift).tolist(), (end + shift).tolist(), strict=True))
 
 
 def _piece(
-    track: _Track, run: Run, ends: tuple[float, float], step: FloatArray, pose: Pose
+    track: _Sampled, run: Run, ends: tuple[float, float], step: FloatArray, pose: Pose
 ) -> EdgePiece:
     """Return one piece in the target's frame."""
     own = step[np.arange(run.first, run.last + 1) % len(step)]
     closed = run.samples == len(step)
-    edges = track.ring.edges if closed else stretch(track.ring, *ends)
+    edges = track.line.ring.edges if closed else track.line.stretch(*ends)
     back = pose.inverse()
     return EdgePiece(
         body=track.body,

@@ -48,15 +48,14 @@ def runs(kinds: IntArray, least: int) -> list[Run]:
         In order; one run if all are equal. None begins before the line does.
     """
     found = _split(kinds)
-    while True:
-        lost = _lost(found, least)
-        if lost is None:
-            return found
+    while lost := _lost(found, least):
         kinds = kinds.copy()
-        run = found[lost]
-        where = np.arange(run.first, run.last + 1) % len(kinds)
-        kinds[where] = found[lost - 1].kind
+        for index in lost:
+            run = found[index]
+            where = np.arange(run.first, run.last + 1) % len(kinds)
+            kinds[where] = found[index - 1].kind
         found = _split(kinds)
+    return found
 
 
 def border(
@@ -87,15 +86,23 @@ def _split(kinds: IntArray) -> list[Run]:
     ]
 
 
-def _lost(found: list[Run], least: int) -> int | None:
-    """Return the shortest run that is too short to stand between two alike."""
-    short = [
-        (run.samples, index)
+def _lost(found: list[Run], least: int) -> list[int]:
+    """Return the shortest runs that stand between two alike, no two of them adjacent.
+
+    Those of `least` samples and more are never among them.
+    """
+    between = [
+        index
         for index, run in enumerate(found)
-        if run.kind >= 0
-        and run.samples < least
-        and len(found) > 1
-        and found[index - 1].kind == found[(index + 1) % len(found)].kind
-        and found[index - 1].kind >= 0
+        if run.samples < least
+        and min(run.kind, found[index - 1].kind) >= 0
+        and found[index - 1].kind == found[(index + 1) % len(found)].kind != run.kind
     ]
-    return min(short)[1] if short else None
+    shortest = min((found[index].samples for index in between), default=0)
+    lost: list[int] = []
+    for index in between:
+        if found[index].samples == shortest and (not lost or index > lost[-1] + 1):
+            lost.append(index)
+    if len(lost) > 1 and lost[0] == 0 and lost[-1] == len(found) - 1:
+        lost.pop()  # the last and the first are neighbours
+    return lost

@@ -10,7 +10,7 @@ import numpy as np
 import yaml
 
 from planner.exporting.folder import PlanFolder, Viewed
-from planner.exporting.sight import aperture
+from planner.exporting.sight import microscope
 from schemas.codec import to_data
 from schemas.scenes import LookScene
 
@@ -92,9 +92,7 @@ def planes_um(low_um: float, high_um: float, depth_um: float) -> list[float]:
 def _position(folder: PlanFolder, viewed: Viewed) -> dict[str, Any]:
     """Return one look as a position with its own focus stack."""
     look, stage = viewed.look, viewed.scene.stage
-    optics = folder.world.optics
-    depth = optics.medium_index * optics.wavelength_um
-    depth /= aperture(folder.world, look) ** 2
+    depth_um = microscope(folder, viewed).wave_depth_um
     return {
         "name": look.id,
         "x": stage.x_um,
@@ -103,7 +101,7 @@ def _position(folder: PlanFolder, viewed: Viewed) -> dict[str, Any]:
         "sequence": {
             "metadata": {"microplan": _notes(viewed)},
             "z_plan": {
-                "relative": planes_um(*look.measure.usable_focus_um, depth),
+                "relative": planes_um(*look.measure.usable_focus_um, depth_um),
             },
         },
     }

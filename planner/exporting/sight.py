@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -85,27 +85,38 @@ def sight_of(folder: PlanFolder, viewed: Viewed) -> Sight:
     ExportError
         MP721 if the folder's files do not fit each other.
     """
-    target, world = viewed.scene.target, folder.world
-    own = [body_of(folder, viewed, name) for name in target.bodies]
-    top_um = max(body.z_um for body in own)
-    covers = []
+    lens, names = folder.world.optics.lens, viewed.scene.target.bodies
+    top_um = max((body_of(folder, viewed, name).z_um for name in names), default=0.0)
+    try:
+        return Sight(
+            microscope=microscope(folder, viewed),
+            lens=LensErrors(
+                distortion=lens.distortion,
+                lateral_x=lens.lateral_um_per_um[0],
+                lateral_y=lens.lateral_um_per_um[1],
+                scale_per_um=lens.scale_per_um,
+            ),
+            defocus_um=top_um - viewed.look.view.focus_um,
+            covers=tuple(_covers(folder, viewed, top_um)),
+        )
+    except (ValueError, shapely.errors.GEOSException) as error:
+        file = folder.path / "world.json"
+        raise ExportError("MP721", f"{file}: {error}", file) from error
+
+
+def _covers(
+    folder: PlanFolder, viewed: Viewed, top_um: float
+) -> Iterator[BaseGeometry]:
+    """Yield what lies above the target."""
     for body in viewed.scene.bodies:
-        if body.z_um > top_um + HIGHER_UM and body.name not in target.bodies:
+        if (
+            body.z_um > top_um + HIGHER_UM
+            and body.name not in viewed.scene.target.bodies
+        ):
             outline, at = _outline(folder, body.name), body.pose
             cover = polygon(place(outline, at.x_um, at.y_um, at.theta_rad))
             shapely.prepare(cover)
-            covers.append(cover)
-    return Sight(
-        microscope=microscope(world, viewed.look),
-        lens=LensErrors(
-            distortion=world.optics.lens.distortion,
-            lateral_x=world.optics.lens.lateral_um_per_um[0],
-            lateral_y=world.optics.lens.lateral_um_per_um[1],
-            scale_per_um=world.optics.lens.scale_per_um,
-        ),
-        defocus_um=top_um - viewed.look.view.focus_um,
-        covers=tuple(covers),
-    )
+            yield cover
 
 
 def target_rings(folder: PlanFolder, viewed: Viewed) -> list[tuple[str, Ring]]:
@@ -127,23 +138,33 @@ def target_rings(folder: PlanFolder, viewed: Viewed) -> list[tuple[str, Ring]]:
     return found
 
 
-def microscope(world: World, look: Look) -> Microscope:
-    """Return the microscope as a look sets it."""
-    optics = world.optics
-    return Microscope(
-        aperture=aperture(world, look),
-        wavelength_um=optics.wavelength_um,
-        medium_index=optics.medium_index,
-        magnification=look.view.magnification,
-        pitch_um=optics.pitch_um,
-        width_px=optics.width_px,
-        height_px=optics.height_px,
-        fill_factor=optics.fill_factor,
-    )
+def microscope(folder: PlanFolder, viewed: Viewed) -> Microscope:
+    """Return the microscope as a look sets it.
+
+    Raises
+    ------
+    ExportError
+        MP721 if the world's numbers make none.
+    """
+    optics, look = folder.world.optics, viewed.look
+    try:
+        return Microscope(
+            aperture=_aperture(folder.world, look),
+            wavelength_um=optics.wavelength_um,
+            medium_index=optics.medium_index,
+            magnification=look.view.magnification,
+            pitch_um=optics.pitch_um,
+            width_px=optics.width_px,
+            height_px=optics.height_px,
+            fill_factor=optics.fill_factor,
+        )
+    except ValueError as error:
+        file = folder.path / "world.json"
+        raise ExportError("MP721", f"{file}: {error}", file) from error
 
 
-def aperture(world: World, look: Look) -> float:
-    """Return the numerical aperture of a look.
+def _aperture(world: World, look: Look) -> float:
+    """Return the numerical aperture of a look; ValueError if nobody tells it.
 
     What the plan says; an older plan says nothing, then on a line between those that
     the cell states, on logarithmic scales.
@@ -152,7 +173,11 @@ def aperture(world: World, look: Look) -> float:
     for row in rows:
         if row.chosen:
             return row.aperture
-    zooms, apertures = np.log(np.array(world.optics.apertures)).T
+    if not world.optics.apertures:
+        raise ValueError("no numerical aperture is stated")
+    stated = sorted(world.optics.apertures)
+    zooms = [math.log(zoom) for zoom, _ in stated]
+    apertures = [math.log(aperture) for _, aperture in stated]
     at = math.log(look.view.magnification)
     return math.exp(float(np.interp(at, zooms, apertures)))
 

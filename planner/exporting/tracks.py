@@ -15,62 +15,72 @@ FloatArray = npt.NDArray[np.float64]
 LEAST_UM = 1e-6  # of an edge that is left of a cut: below it is rounding
 
 
-def ends_um(ring: Ring) -> FloatArray:
-    """Return how far along the ring each edge ends, (edges,) um."""
-    found: FloatArray = np.cumsum([edge.length_um for edge in ring.edges])
-    return found
+class Track:
+    """A ring with the length of the way to each of its edges' ends."""
 
+    def __init__(self, ring: Ring) -> None:
+        self.ring = ring
+        lengths = [edge.length_um for edge in ring.edges]
+        self._ends: FloatArray = np.cumsum(lengths)
+        self._begins: FloatArray = self._ends - lengths
 
-def along(ring: Ring, way_um: FloatArray) -> FloatArray:
-    """Return points of a ring and their normals out of the material.
+    @property
+    def length_um(self) -> float:
+        """Return the length of the ring."""
+        return float(self._ends[-1])
 
-    Parameters
-    ----------
-    ring : Ring
-        With the material on the left of every edge.
-    way_um : (N,) float array
-        How far along the ring, um; taken modulo its length.
+    def along(self, way_um: FloatArray) -> FloatArray:
+        """Return points of the ring and their normals out of the material.
 
-    Returns
-    -------
-    (N, 4) float64 array
-        x, y in um, and the unit normal.
-    """
-    ends = ends_um(ring)
-    way = np.mod(way_um, ends[-1])
-    which = np.minimum(np.searchsorted(ends, way, side="right"), len(ends) - 1)
-    found = np.empty((len(way), 4))
-    for index in np.unique(which):
-        here, edge = which == index, ring.edges[index]
-        begin = ends[index] - edge.length_um
-        found[here] = _on(edge, (way[here] - begin) / edge.length_um)
-    return found
+        Parameters
+        ----------
+        way_um : (N,) float array
+            How far along the ring, um; taken modulo its length. The material is on
+            the left of every edge.
 
+        Returns
+        -------
+        (N, 4) float64 array
+            x, y in um, and the unit normal.
+        """
+        way = np.mod(way_um, self.length_um)
+        which = np.searchsorted(self._ends, way, side="right")
+        which = np.minimum(which, len(self._ends) - 1)
+        order = np.argsort(which, kind="stable")
+        found = np.empty((len(way), 4))
+        for here in np.split(order, np.flatnonzero(np.diff(which[order])) + 1):
+            if len(here):
+                index = which[here[0]]
+                edge = self.ring.edges[index]
+                share = (way[here] - self._begins[index]) / edge.length_um
+                found[here] = _on(edge, share)
+        return found
 
-def stretch(ring: Ring, first_um: float, last_um: float) -> tuple[Edge, ...]:
-    """Return the edges from one place along a ring to another, at most once round.
+    def stretch(self, first_um: float, last_um: float) -> tuple[Edge, ...]:
+        """Return the edges from one place along the ring to another.
 
-    Parameters
-    ----------
-    ring : Ring
-        The ring.
-    first_um, last_um : float
-        From 0 on; `last_um` is the larger, and may lie beyond the ring's end.
-    """
-    return tuple(_stretch(ring, first_um, last_um))
+        Parameters
+        ----------
+        first_um, last_um : float
+            From 0 on; `last_um` is the larger, at most by the ring's length, and may
+            lie beyond the ring's end.
+        """
+        return tuple(self._stretch(first_um, last_um))
 
-
-def _stretch(ring: Ring, first_um: float, last_um: float) -> Iterator[Edge]:
-    length = float(ends_um(ring)[-1])
-    begin = 0.0
-    for turn in (0, 1):
-        for edge in ring.edges:
-            low = max(first_um, begin) - begin
-            high = min(last_um, begin + edge.length_um) - begin
+    def _stretch(self, first_um: float, last_um: float) -> Iterator[Edge]:
+        count = len(self.ring.edges)
+        index = int(np.searchsorted(self._ends, first_um, side="right"))
+        turn = 0.0
+        while turn + self._begins[index % count] < last_um:
+            edge = self.ring.edges[index % count]
+            begin = turn + self._begins[index % count]
+            low = max(first_um - begin, 0.0)
+            high = min(last_um - begin, edge.length_um)
             if high - low > LEAST_UM:
                 yield cut(edge, low / edge.length_um, high / edge.length_um)
-            begin += edge.length_um
-        begin = (turn + 1) * length  # no rounding from one turn to the next
+            index += 1
+            if index % count == 0:
+                turn += self.length_um
 
 
 def cut(edge: Edge, first: float, last: float) -> Edge:

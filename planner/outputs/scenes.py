@@ -45,7 +45,7 @@ def _target(task: Task, shape: Shape, spot: Place) -> SeenTarget:
     if shape.owner in task.workcell.tools:
         names, ring = tuple(f"{shape.owner}.{side}" for side in ("left", "right")), None
     else:
-        inner = shape.name.partition(".")[2]
+        inner = shape.name.partition(".")[2].partition(".")[0]
         posts = task.parts[shape.owner].posts
         names = (f"{shape.owner}.{inner}" if inner in posts else shape.owner,)
         ring = target_ring(outline_of(task, shape), shape)

@@ -26,7 +26,7 @@ from optics.outline import flatten, place
 from planner.cli import main
 from planner.exporting.dxf import LAYERS
 from planner.exporting.folder import PlanFolder, Viewed, read_folder
-from planner.exporting.tracks import along
+from planner.exporting.tracks import Track
 from schemas.codec import from_data
 from schemas.outlines import LookOutlines, Outlines, SegmentEdge
 from schemas.plan import Look, Plan, parse_plan
@@ -491,6 +491,14 @@ def _open(data: Any) -> None:
     data["parts"][0]["outline"]["rings"][0]["edges"].pop()
 
 
+def _blind(data: Any) -> None:
+    data["optics"]["wavelength_um"] = -1.0
+
+
+def _aimless(data: Any) -> None:
+    data["looks"][0]["target"]["bodies"] = []
+
+
 @pytest.mark.parametrize(
     ("name", "spoil"),
     [
@@ -505,6 +513,8 @@ def _open(data: Any) -> None:
         ("scenes.json", lambda file: change(file, _cut)),
         ("world.json", lambda file: change(file, _open)),
         ("world.json", lambda file: change(file, lambda d: d.update(parts=[]))),
+        ("world.json", lambda file: change(file, _blind)),
+        ("scenes.json", lambda file: change(file, _aimless)),
     ],
 )  # fmt: skip
 def test_a_folder_that_is_not_whole_is_refused(
@@ -549,7 +559,7 @@ def test_scenes_have_the_target_where_the_plan_expects_it(
         folder = read_folder(compiled_example, [viewed.look.id])
         body = next(b for b in viewed.scene.bodies if b.name == target.bodies[0])
         ring = folder.outlines[body.name].rings[target.ring]
-        xy = along(ring, np.linspace(0, 1, 401)[:-1] * 1e4)[:, :2]
+        xy = Track(ring).along(np.linspace(0, 1, 401)[:-1] * 1e4)[:, :2]
         middle = body.pose.apply(*((xy.max(axis=0) + xy.min(axis=0)) / 2))
         pose = measure.reference.pose
         assert math.dist(middle, (pose.x_um, pose.y_um)) < 3.0  # a notch of the bore

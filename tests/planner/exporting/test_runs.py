@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from optics.outline import Arc, Ring, Segment, flatten
 from planner.exporting.runs import border, runs
 from planner.exporting.sequence import MOST_PLANES, planes_um
-from planner.exporting.tracks import along, ends_um, stretch
+from planner.exporting.tracks import Track
 
 PIE = Ring(  # a half disc: an arc and a chord
     edges=(
@@ -21,6 +21,7 @@ PIE = Ring(  # a half disc: an arc and a chord
         Segment(start=(-2.0, 2.0), end=(4.0, 2.0)),
     )
 )
+LINE = Track(PIE)
 
 
 @given(st.lists(st.integers(-2, 2), min_size=1, max_size=40), st.integers(0, 5))
@@ -60,24 +61,24 @@ def test_a_border_is_found_to_rounding() -> None:
 def test_a_stretch_is_as_long_as_it_should_be_and_lies_on_the_ring(
     first: float, share: float
 ) -> None:
-    length = float(ends_um(PIE)[-1])
+    length = LINE.length_um
     assert length == pytest.approx(3 * math.pi + 6)
     begin, end = first * length, (first + share) * length
-    edges = stretch(PIE, begin, end)
+    edges = LINE.stretch(begin, end)
     assert sum(edge.length_um for edge in edges) == pytest.approx(
         share * length, abs=1e-5
     )
     for before, after in pairwise(edges):
         assert math.dist(before.end, after.start) < 1e-5
-    ends = along(PIE, np.array([begin, end]))[:, :2]
+    ends = LINE.along(np.array([begin, end]))[:, :2]
     assert math.dist(edges[0].start, ends[0]) < 1e-5
     assert math.dist(edges[-1].end, ends[1]) < 1e-5
 
 
 def test_normals_lead_out_of_the_material() -> None:
-    way = np.linspace(0.0, float(ends_um(PIE)[-1]), 41)[:-1] + 0.01
+    way = np.linspace(0.0, LINE.length_um, 41)[:-1] + 0.01
     polygon = flatten(PIE, 1e-4)
-    points = along(PIE, way)
+    points = LINE.along(way)
     for side, inside in ((0.05, False), (-0.05, True)):
         for x, y in points[:, :2] + side * points[:, 2:]:
             ahead = np.roll(polygon, -1, axis=0) - polygon
