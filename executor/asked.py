@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from executor.completion import SHELLS, Completion
 from executor.simulated.faults import FAULTS
 from executor.site import SIMULATED
 
@@ -184,6 +185,12 @@ def build_parser() -> argparse.ArgumentParser:
         choices=["text", "json"],
         default="text",
         help="of what replay and compare tell",
+    )
+    parser.add_argument(
+        "--completion",
+        action=Completion,
+        choices=SHELLS,
+        help="print a script that completes this command, and do nothing else",
     )
     return parser
 

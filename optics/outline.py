@@ -197,13 +197,13 @@ def _chord_starts(edge: Edge, chord_um: float) -> FloatArray:
     """Return where the chords of one edge begin, (N, 2) um."""
     if isinstance(edge, Segment):
         return np.array([edge.start], dtype=np.float64)
-    count = _chords(edge, chord_um)
+    count = chords(edge, chord_um)
     angle = edge.start_rad + np.arange(count) / count * edge.sweep_rad
     unit = np.column_stack([np.cos(angle), np.sin(angle)])
     return np.array(edge.center) + edge.radius_um * unit
 
 
-def _chords(arc: Arc, chord_um: float) -> int:
+def chords(arc: Arc, chord_um: float) -> int:
     """Return how many chords keep the sagitta below `chord_um`, at least 3 a circle."""
     half = math.acos(max(1 - chord_um / arc.radius_um, 0.5))  # never above 60 degrees
     return max(1, math.ceil(abs(arc.sweep_rad) / (2 * half) - 1e-12))

@@ -9,6 +9,7 @@ from pathlib import Path
 from planner.comparing.changes import KINDS
 from planner.comparing.tolerances import parse_rule
 from planner.presets import PRESETS
+from schemas import NAMES
 
 Run = Callable[[argparse.Namespace], int]
 
@@ -95,6 +96,11 @@ def _add_compile(parser: argparse.ArgumentParser) -> None:
         help="say on standard error what took how long",
     )
     parser.add_argument("--update", action="store_true", help="renew the golden plan")
+    parser.add_argument(
+        "--watch",
+        action="store_true",
+        help="compile again whenever a file of the task changes, until Ctrl-C",
+    )
     _add_tolerance(parser)
     _add_task(parser)
 
@@ -146,6 +152,39 @@ def _add_diff(parser: argparse.ArgumentParser) -> None:
     _add_format(parser)
 
 
+def _add_export(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `microplan export`."""
+    parser.add_argument("plan", type=Path, help="plan folder, or the plan.json in it")
+    parser.add_argument(
+        "--to",
+        required=True,
+        choices=("dxf", "json", "ome-tiff", "useq"),
+        help="dxf, json: predicted outlines; ome-tiff: reference images; useq: "
+        "positions and focus stacks",
+    )
+    parser.add_argument(
+        "-o",
+        "--out",
+        type=Path,
+        required=True,
+        help="dxf, ome-tiff: a folder; json: a file; useq: a .yaml or .json file",
+    )
+    parser.add_argument(
+        "--look",
+        action="append",
+        default=[],
+        metavar="ID",
+        help="only this look; may be given again",
+    )
+    parser.add_argument(
+        "--channel", metavar="PRESET", help="useq: preset of the group Channel"
+    )
+    parser.add_argument(
+        "--overwrite", action="store_true", help="replace an older export"
+    )
+    _add_format(parser)
+
+
 def _add_explain(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `microplan explain`."""
     parser.add_argument("code", nargs="?", help="as MP104; default: list all")
@@ -158,8 +197,12 @@ def _add_init(parser: argparse.ArgumentParser) -> None:
 
 def _add_schema(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `microplan schema`."""
-    names = ("task", "workcell", "plan", "station")
-    parser.add_argument("name", choices=names, help="which file's")
+    parser.add_argument("name", choices=NAMES, help="which file's")
+
+
+def _add_completion(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `microplan completion`."""
+    parser.add_argument("shell", choices=("bash", "zsh", "fish"), help="whose script")
 
 
 def count(text: str) -> int:
@@ -193,6 +236,8 @@ _COMMANDS: Mapping[str, tuple[Callable[[argparse.ArgumentParser], None], str]] =
     "render": (_add_render, "render what a step will see"),
     "tradeoff": (_add_tradeoff, "measure speed against accuracy"),
     "diff": (_add_diff, "tell what changed between two plans"),
+    "export": (_add_export, "write a plan's looks in another tool's format"),
     "explain": (_add_explain, "tell more about a finding"),
     "schema": (_add_schema, "print the schema of a format"),
+    "completion": (_add_completion, "print a completion script for a shell"),
 }

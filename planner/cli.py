@@ -11,12 +11,15 @@ from typing import TYPE_CHECKING, Protocol
 
 from planner.arguments import build_parser
 from planner.diagnostics import TITLES, Report, Span
+from planner.terminal import in_colour, painted
 from schemas.console import OutputLostError, flush, say, tell
 
 if TYPE_CHECKING:
+    from planner.outputs.emit import PlanFiles
     from schemas.plan import Plan
 
 DONE, NO, BAD_INPUT, BUG = 0, 1, 2, 70
+STOPPED = 130  # by Ctrl-C, as shells tell it
 
 
 class Coded(Protocol):
@@ -33,6 +36,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         status = _status(argv)
         flush()
+    except KeyboardInterrupt:
+        tell("stopped")
+        return STOPPED
     except OutputLostError as error:
         tell(f"error: {error}")
         return BAD_INPUT
@@ -78,15 +84,41 @@ def _check(call: argparse.Namespace) -> int:
 
 def _compile(call: argparse.Namespace) -> int:
     """Compile a task into a plan folder."""
-    from planner.caching.store import Store, place
-    from planner.compiler import Options
-    from planner.compiling import compile_file
-    from planner.diffing import DiffError, read_plan
-    from planner.outputs.emit import check_folder, write_folder
+    from planner.diffing import DiffError
     from planner.outputs.errors import OutputError
     from planner.outputs.summary import plan_summary, times_summary
 
+    if call.watch:
+        return _watch(call)
     report = Report()
+    try:
+        made = _compiled(call, report)
+        if made is None:
+            return _tell(call, report, "")
+        files, folder = made
+        said = f"{plan_summary(files.plan)}\nplan folder: {folder}"
+        if call.timings:
+            tell(times_summary(files.timings))
+        if call.golden is not None:
+            said += "\n" + _golden(call, files.plan, folder, report)
+    except OutputError as error:
+        return _refuse(call, report, error)
+    except DiffError as error:
+        report.error(error.code, Span(file=error.file), str(error))
+        return _tell(call, report, "")
+    return _tell(call, report, said)
+
+
+def _compiled(
+    call: argparse.Namespace, report: Report
+) -> tuple[PlanFiles, Path] | None:
+    """Return what a task compiles to and where it was written, None if at fault."""
+    from planner.caching.store import Store, place
+    from planner.compiler import Options
+    from planner.compiling import compile_file
+    from planner.diffing import read_plan
+    from planner.outputs.emit import check_folder, write_folder
+
     store = None if call.no_cache else Store(call.cache or place())
     options = Options(
         preset=call.preset,
@@ -100,23 +132,36 @@ def _compile(call: argparse.Namespace) -> int:
         if call.golden is not None and not call.update:
             read_plan(call.golden)  # what cannot be compared need not be compiled
 
+    files = compile_file(call.task, report, options, store, ready)
+    if files is None:
+        return None
+    folder = call.out or _beside(call.task, files.plan.name)
+    write_folder(files, folder)
+    return files, folder
+
+
+def _watch(call: argparse.Namespace) -> int:
+    """Compile whenever a file changes; only Ctrl-C or an unusable call ends it."""
+    from planner.outputs.errors import OutputError
+    from planner.outputs.findings import render_findings
+    from planner.watching import last_plan, round_text, watch
+
+    if call.golden is not None or call.update or call.format != "text":
+        tell("--watch goes with neither --golden nor --format")
+        return BAD_INPUT
+
+    def compiled(report: Report) -> Plan | None:
+        made = _compiled(call, report)
+        return None if made is None else made[0].plan
+
     try:
-        files = compile_file(call.task, report, options, store, ready)
-        if files is None:
-            return _tell(call, report, "")
-        folder = call.out or _beside(call.task, files.plan.name)
-        write_folder(files, folder)
-        said = f"{plan_summary(files.plan)}\nplan folder: {folder}"
-        if call.timings:
-            tell(times_summary(files.timings))
-        if call.golden is not None:
-            said += "\n" + _golden(call, files.plan, folder, report)
+        for found in watch(call.task, compiled, last_plan(call.out)):
+            grave = [d for d in found.report.in_order if d.severity != "note"]
+            _tell_findings(render_findings(grave, "", "text")[1])
+            say(round_text(found, Path(call.task).parent))
     except OutputError as error:
-        return _refuse(call, report, error)
-    except DiffError as error:
-        report.error(error.code, Span(file=error.file), str(error))
-        return _tell(call, report, "")
-    return _tell(call, report, said)
+        return _refuse(call, Report(), error)
+    return DONE
 
 
 def _beside(task: str, name: str) -> Path:
@@ -239,6 +284,32 @@ def _diff(call: argparse.Namespace) -> int:
     return _tell(call, report, f"{len(found.changes)} differences")
 
 
+def _export(call: argparse.Namespace) -> int:
+    """Write a plan's looks in another tool's format."""
+    from planner.exporting.export import ExportCall, export
+    from planner.exporting.folder import ExportError
+    from planner.outputs.errors import OutputError
+
+    report, said = Report(), ""
+    try:
+        said = export(
+            ExportCall(
+                plan=call.plan,
+                to=call.to,
+                out=call.out,
+                looks=tuple(call.look),
+                channel=call.channel,
+                overwrite=call.overwrite,
+            ),
+            report,
+        )
+    except ExportError as error:
+        report.error(error.code, Span(file=error.file), str(error), error.hint)
+    except OutputError as error:
+        report.error(error.code, Span(file=str(call.out)), str(error))
+    return _tell(call, report, said)
+
+
 def _explain(call: argparse.Namespace) -> int:
     """Print the page of a code, or all codes."""
     from planner.outputs.shipped import page
@@ -278,6 +349,18 @@ def _schema(call: argparse.Namespace) -> int:
     return DONE
 
 
+def _completion(call: argparse.Namespace) -> int:
+    """Print a script that completes this command in a shell."""
+    from planner.completion import script
+
+    try:
+        say(script(build_parser(_RUNS), call.shell).rstrip("\n"))
+    except ImportError:
+        tell("completion needs shtab: install microplan[completion]")
+        return BAD_INPUT
+    return DONE
+
+
 def _refuse(call: argparse.Namespace, report: Report, error: Coded) -> int:
     """Tell what could not be done with the call itself, beside the findings."""
     report.error(error.code, Span(file=call.task), str(error))
@@ -289,7 +372,7 @@ def _tell(call: argparse.Namespace, report: Report, result: str) -> int:
     from planner.outputs.findings import render_findings
 
     out, err = render_findings(report.in_order, result, call.format)
-    tell(err)
+    _tell_findings(err)
     say(out)
     if report.failed:
         return BAD_INPUT
@@ -297,9 +380,15 @@ def _tell(call: argparse.Namespace, report: Report, result: str) -> int:
     return NO if refused else DONE
 
 
+def _tell_findings(text: str) -> None:
+    """Print findings, in colour where that is wanted."""
+    tell(text, painted if in_colour(sys.stderr, os.environ) else None)
+
+
 _RUNS = {
     "init": _init, "check": _check, "compile": _compile, "render": _render,
-    "tradeoff": _tradeoff, "diff": _diff, "explain": _explain, "schema": _schema,
+    "tradeoff": _tradeoff, "diff": _diff, "export": _export,
+    "explain": _explain, "schema": _schema, "completion": _completion,
 }  # fmt: skip
 
 

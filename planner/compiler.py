@@ -32,6 +32,7 @@ from planner.steps import CompiledStep, compile_step
 from schemas import plan as p
 from schemas.codec import to_data
 from schemas.pose import Pose
+from schemas.scenes import Scenes
 
 UNLIKELY = "MP602"  # every step can be done, together they succeed too rarely
 PLACES = 6  # decimals of a feature, um: a picometre, as in `sweep.ROUNDING_UM`
@@ -75,6 +76,7 @@ def compile_task(task: Task, report: Report, options: Options) -> PlanFiles | No
     return PlanFiles(
         plan=plan,
         world=build_world(task, initial(task)),
+        scenes=Scenes(looks=tuple(look.placed for look in looks)),
         images={look.look.scene.image: look.picture for look in looks},
         arrays={k: v for look in looks for k, v in look.arrays.items()},
         timings={**timings, "total_s": time.perf_counter() - started},

@@ -44,6 +44,7 @@ def compile_file(
     whole = None if store is None else remembered(store, task, asked)
     if whole is not None:
         report.found.extend(whole.findings)
+        report.files.update(whole.files)
         files: PlanFiles = whole.made
         ready(files.plan.name)
         return replace(files, timings={"total_s": time.perf_counter() - started})

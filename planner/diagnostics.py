@@ -102,6 +102,9 @@ TITLES: Mapping[str, str] = {
     "MP703": "file is there already",
     "MP704": "plan cannot be read",
     "MP710": "plans differ",
+    "MP720": "nothing to export",
+    "MP721": "plan folder is not whole",
+    "MP722": "exported plan is infeasible",
 }
 
 # infeasible: understood, but the answer is no (exit status 1)
@@ -142,6 +145,7 @@ class Report:
 
     found: list[Diagnostic] = field(default_factory=list)
     files: dict[str, str] = field(default_factory=dict)  # path read -> its sha256
+    sought: set[str] = field(default_factory=set)  # paths, read or not
 
     def error(self, code: str, where: Span, message: str, hint: str = "") -> None:
         """Add something that makes the input unusable (exit status 2)."""

@@ -34,6 +34,7 @@ from planner.model.sightings import (
 )
 from planner.model.targets import Shape
 from planner.model.views import ViewPlan
+from planner.outputs.scenes import look_scene
 from planner.pictures import Picture, picture
 from planner.presets import Effort
 from planner.records import evidence, scene_record, together_record, view_record
@@ -41,6 +42,7 @@ from planner.sets import ChosenSet, Search, Sets, wanted
 from planner.steady import steady_sigma_um
 from planner.tried import Arrays, Tried, arrays_of
 from schemas import plan as p
+from schemas.scenes import LookScene
 from schemas.views import ZoomTried
 
 BORNE = "what the insertion bears at this magnification"
@@ -68,6 +70,7 @@ class CompiledLook:
     arrays: Arrays
     distortion_sigma_um: float  # of the middle of the target, by the lens
     coherence_um: float  # how far partly coherent light moves it
+    placed: LookScene
     found: tuple[Measured, ...] = ()  # the features measured, the target first
     steady_um: float = math.inf  # `Sighted.steady_um`
 
@@ -305,6 +308,9 @@ class _Job:
                 task.workcell, case.microscope, spot_of(task, request, shape)
             ),
             coherence_um=middle_offset_um(task, request.state, shape, case.microscope),
+            placed=look_scene(
+                task, request.state, request.id, shape, spot_of(task, request, shape)
+            ),
             found=tuple(found),
             steady_um=math.inf
             if together is not None

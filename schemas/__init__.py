@@ -6,7 +6,7 @@ import json
 from importlib import resources
 from typing import Any
 
-NAMES = ("task", "workcell", "plan", "station")
+NAMES = ("task", "workcell", "plan", "station", "outlines")
 
 
 def load(name: str) -> dict[str, Any]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import sys
+from collections.abc import Callable
 from typing import TextIO
 
 # all control characters but tabs and line ends, and those that turn text round
@@ -32,9 +33,12 @@ def say(text: str) -> None:
         raise OutputLostError(f"standard output: {error.strerror or error}")
 
 
-def tell(text: str) -> None:
-    """Print findings or progress on standard error, if anybody takes them."""
-    _print(text, sys.stderr)
+def tell(text: str, paint: Callable[[str], str] | None = None) -> None:
+    """Print findings or progress on standard error, if anybody takes them.
+
+    `paint` may add what a terminal obeys, once the text itself holds none of it.
+    """
+    _print(text, sys.stderr, paint)
 
 
 def flush() -> None:
@@ -42,7 +46,9 @@ def flush() -> None:
     say("")
 
 
-def _print(text: str, stream: TextIO | None) -> OSError | None:
+def _print(
+    text: str, stream: TextIO | None, paint: Callable[[str], str] | None = None
+) -> OSError | None:
     """Print text, if any, and return what lost it.
 
     Names in files may hold what a terminal obeys, or what its encoding does not have.
@@ -52,6 +58,7 @@ def _print(text: str, stream: TextIO | None) -> OSError | None:
     text = _CONTROL.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
     encoding = stream.encoding or "utf-8"
     text = text.encode(encoding, "backslashreplace").decode(encoding)
+    text = paint(text) if paint else text
     try:
         print(text, end="\n" if text else "", file=stream, flush=True)
     except OSError as error:

@@ -1,7 +1,8 @@
-"""The plan's JSON Schema, made from the plan's types.
+"""JSON Schemas of what microplan writes, made from the types of plan and outlines.
 
-`python -m schemas.plan_schema` writes it to `plan.schema.json`, which is what
-`schemas.load("plan")` returns.
+`python -m schemas.plan_schema` writes them to `plan.schema.json` and
+`outlines.schema.json`, which is what `schemas.load("plan")` and `load("outlines")`
+return.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from typing import Any, Literal, Union, get_args, get_origin
 
 from schemas.codec import to_data
 from schemas.field_notes import field_notes
+from schemas.outlines import VERSION, Outlines
 from schemas.plan import FORMAT_VERSION, Plan
 
 Rule = dict[str, Any]
@@ -38,9 +40,19 @@ def plan_schema() -> Rule:
     allowed; a reader is more patient (`schemas.codec`). Variants are told apart by
     `kind` with `if`/`then`, so that a validator's errors name the exact key.
     """
-    schema = schema_of(Plan, "microplan plan")
-    major = FORMAT_VERSION.partition(".")[0]
-    schema["properties"]["format_version"]["pattern"] = rf"^{major}\.[0-9]+$"
+    return _versioned(Plan, "microplan plan", "format_version", FORMAT_VERSION)
+
+
+def outlines_schema() -> Rule:
+    """Return the JSON Schema of what `microplan export --to json` writes."""
+    return _versioned(Outlines, "microplan outlines", "version", VERSION)
+
+
+def _versioned(kind: type, title: str, key: str, version: str) -> Rule:
+    """Return the schema of a type whose `key` names a version "major.minor"."""
+    schema = schema_of(kind, title)
+    major = version.partition(".")[0]
+    schema["properties"][key]["pattern"] = rf"^{major}\.[0-9]+$"
     return schema
 
 
@@ -56,9 +68,9 @@ def schema_of(kind: type, title: str) -> Rule:
     }
 
 
-def schema_text() -> str:
-    """Return the schema as the file holds it."""
-    return json.dumps(plan_schema(), indent=2) + "\n"
+def schema_text(schema: Rule) -> str:
+    """Return a schema as its file holds it."""
+    return json.dumps(schema, indent=2) + "\n"
 
 
 def _rule(kind: Any, defs: dict[str, Rule]) -> Rule:
@@ -163,6 +175,7 @@ def _reference(kind: type) -> Rule:
 
 
 if __name__ == "__main__":
-    Path(__file__).with_name("plan.schema.json").write_text(
-        schema_text(), encoding="utf-8", newline="\n"
-    )
+    for name, schema in (("plan", plan_schema()), ("outlines", outlines_schema())):
+        Path(__file__).with_name(f"{name}.schema.json").write_text(
+            schema_text(schema), encoding="utf-8", newline="\n"
+        )

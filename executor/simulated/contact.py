@@ -145,7 +145,7 @@ def _drop_if_lost(truth: Truth, body: Body) -> None:
 
 
 def lean(truth: Truth, body: Body) -> None:
-    """Let the post in a part's hole push, however far it drifted since the last move."""
+    """Let the post in a part's hole push, however far it drifted since."""
     for host, post in posts(truth):
         if body.on_post == post.name:
             keep_around(truth, body, host, post)

@@ -28,6 +28,7 @@ def read_bytes(
     most : int
         Bytes that it may have; no more are read.
     """
+    report.sought.add(str(path))
     try:
         if path.exists() and not path.is_file() and not path.is_dir():
             report.error("MP001", at, f"cannot read {file}: it is no regular file")

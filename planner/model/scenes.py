@@ -111,7 +111,9 @@ def _edge_points(task: Task, shape: Shape, spot: Place) -> FloatArray:
 
     They stand evenly along all edges, in the middle of as many equal lengths.
     """
-    rings = _target_rings(outline_of(task, shape), shape)
+    rings = outline_of(task, shape)
+    only = target_ring(rings, shape)
+    rings = rings if only is None else Outline(rings=(rings.rings[only],))
     posed = place(rings, spot.pose.x_um, spot.pose.y_um, spot.pose.theta_rad)
     edges = [edge for ring in posed.rings for edge in ring.edges]
     ends = np.cumsum([edge.length_um for edge in edges])
@@ -139,15 +141,14 @@ def _points_on(edge: Edge, share: FloatArray) -> FloatArray:
     return np.array(edge.center) + edge.radius_um * unit
 
 
-def _target_rings(outline: Outline, shape: Shape) -> Outline:
-    """Return the rings that are the target: for a circle, the one at its radius."""
+def target_ring(outline: Outline, shape: Shape) -> int | None:
+    """Return which ring of `outline_of` is the target; None: all, it is no circle."""
     if shape.kind != "circle":
-        return outline
+        return None
     radius = shape.parameters["radius_um"]
 
     def misfit(ring_index: int) -> float:
         x0, y0, x1, y1 = Outline(rings=(outline.rings[ring_index],)).bounds_um
         return abs(max(x1, -x0) - radius) + abs(max(y1, -y0) - radius)
 
-    best = min(range(len(outline.rings)), key=misfit)
-    return Outline(rings=(outline.rings[best],))
+    return min(range(len(outline.rings)), key=misfit)

@@ -18,6 +18,7 @@ from planner.outputs.errors import OutputError
 from planner.pictures import Picture
 from schemas.codec import to_data
 from schemas.plan import Plan, dump_plan
+from schemas.scenes import Scenes
 from schemas.world import World
 
 # Enough that rings written as numbers still close when they are read again.
@@ -30,6 +31,7 @@ class PlanFiles:
 
     plan: Plan
     world: World
+    scenes: Scenes
     images: Mapping[str, Picture]  # path in the folder -> (rows, columns) 8 bit
     arrays: Mapping[str, Mapping[str, npt.NDArray[np.float32]]]  # npz path -> arrays
     timings: Mapping[str, float]  # stage -> seconds; never compared
@@ -52,7 +54,7 @@ def write_folder(files: PlanFiles, folder: Path) -> None:
         try:
             _fill(files, fresh)
             fresh.chmod(0o755)
-            _swap(fresh, folder)
+            swap(fresh, folder)
         except BaseException:
             shutil.rmtree(fresh, ignore_errors=True)
             raise
@@ -86,7 +88,7 @@ def replace_folder(source: Path, folder: Path) -> None:
         try:
             shutil.copytree(source, fresh, dirs_exist_ok=True)
             fresh.chmod(0o755)
-            _swap(fresh, folder)
+            swap(fresh, folder)
         except BaseException:
             shutil.rmtree(fresh, ignore_errors=True)
             raise
@@ -112,6 +114,7 @@ def _fill(files: PlanFiles, folder: Path) -> None:
     (folder / "artifacts").mkdir()
     _write_text(folder / "plan.json", dump_plan(files.plan))
     _write_json(folder / "world.json", to_data(files.world, WORLD_DIGITS))
+    _write_json(folder / "scenes.json", to_data(files.scenes, WORLD_DIGITS))
     _write_json(folder / "timings.json", dict(files.timings))
     _write_json(folder / "inputs.json", dict(files.inputs))
     for name, pixels in files.images.items():
@@ -137,7 +140,7 @@ def _write_text(path: Path, text: str) -> None:
         stream.write(text)
 
 
-def _swap(fresh: Path, folder: Path) -> None:
+def swap(fresh: Path, folder: Path) -> None:
     """Put `fresh` in the place of `folder`, which is kept until the last moment."""
     if not folder.exists():
         fresh.rename(folder)

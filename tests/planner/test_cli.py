@@ -164,6 +164,20 @@ def test_init_writes_a_task_that_checks_and_overwrites_nothing(
     assert "error[MP702]" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("name", ["task", "workcell"])
+def test_what_init_writes_names_a_schema_that_lies_beside_it(
+    name: str, tmp_path: Path
+) -> None:
+    assert main(["init", str(tmp_path / "job")]) == 0
+    file = tmp_path / "job" / f"{name}.yaml"
+    first = file.read_text(encoding="utf-8").splitlines()[0]
+    before, _, place = first.partition("$schema=")
+    assert before == "# yaml-language-server: "
+    assert "//" not in place  # found without a network
+    schema = json.loads((file.parent / place).read_text(encoding="utf-8"))
+    assert schema == load(name)
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_schema_prints_a_format(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["schema", name]) == 0

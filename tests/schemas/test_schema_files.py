@@ -52,6 +52,37 @@ def test_defaults_obey_their_own_rule(name: str) -> None:
 
 def test_an_unknown_format_is_refused() -> None:
     with pytest.raises(
-        ValueError, match="name must be one of task, workcell, plan, station"
+        ValueError, match="name must be one of task, workcell, plan, station, outlines"
     ):
         schemas.load("cell")
+
+
+@pytest.mark.parametrize("name", ["task", "workcell"])
+def test_every_key_is_explained(name: str) -> None:
+    """What an editor shows beside a key: its own words, or what it refers to."""
+    schema = schemas.load(name)
+    assert schema["title"]
+    silent, told = [], 0
+    for path, rule in keys(schema):
+        meant = schema["$defs"].get(rule.get("$ref", "").rpartition("/")[2], {})
+        says = rule.get("description") or meant.get("description", "")
+        if len(says.split()) < 2:
+            silent.append(path)
+        told += 1
+    assert silent == []
+    assert told > 60
+
+
+def keys(rule: Any, path: str = "") -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield the rule of every key that a user may write, not what decides on them."""
+    if isinstance(rule, list):
+        for item in rule:
+            yield from keys(item, path)
+        return
+    if not isinstance(rule, dict):
+        return
+    for name, inner in rule.get("properties", {}).items():
+        yield f"{path}/{name}", inner
+    for name, inner in rule.items():
+        if name not in ("if", "then", "else"):
+            yield from keys(inner, f"{path}/{name}")

@@ -42,8 +42,8 @@ def test_a_folder_holds_what_it_should(files: PlanFiles, tmp_path: Path) -> None
     folder = tmp_path / "deep" / "x.plan"
     write_folder(files, folder)
     assert sorted(content(folder)) == [
-        "artifacts/a.npz", "images/a.png", "inputs.json", "plan.json", "timings.json",
-        "world.json",
+        "artifacts/a.npz", "images/a.png", "inputs.json", "plan.json", "scenes.json",
+        "timings.json", "world.json",
     ]  # fmt: skip
     assert list(folder.parent.iterdir()) == [folder]  # nothing is left beside it
 

@@ -1,0 +1,103 @@
+"""Exports put in their place: whole or not at all, and over nothing unasked."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+
+from planner.outputs.emit import swap
+from planner.outputs.errors import OutputError
+
+INDEX = "export.json"  # by which a folder is known to be an export
+_STRANGE = re.compile(r"[^A-Za-z0-9_-]")
+_MOST_NAME = 80  # characters: file systems allow 255, and a suffix comes after them
+
+
+def check_free(out: Path, *, folder: bool, overwrite: bool) -> None:
+    """Raise unless an export may be put at `out`.
+
+    Raises
+    ------
+    OutputError
+        MP702 if a folder stands where a file should, or the other way round; MP703 if
+        there is something already: of an older export only if `overwrite` is False.
+    """
+    if not os.path.lexists(out):
+        return
+    if out.is_dir() != folder:
+        kind = "a folder" if out.is_dir() else "no folder"
+        raise OutputError("MP702", f"{out} is {kind}")
+    if folder and not any(out.iterdir()):
+        return
+    if folder and not (out / INDEX).is_file():
+        raise OutputError(
+            "MP703", f"{out} holds other things than an export; it is left untouched"
+        )
+    if not folder and not out.is_file():
+        raise OutputError("MP702", f"{out} is no regular file")
+    if not overwrite:
+        raise OutputError("MP703", f"{out} is there already; --overwrite replaces it")
+
+
+def write_file(out: Path, data: bytes, *, overwrite: bool) -> None:
+    """Write a file; errors as `check_free`, MP702 if it cannot be written."""
+    check_free(out, folder=False, overwrite=overwrite)
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(prefix=".export.", dir=out.parent)
+        try:
+            with os.fdopen(handle, "wb") as stream:
+                stream.write(data)
+            Path(name).chmod(0o644)
+            Path(name).replace(out)
+        except BaseException:
+            Path(name).unlink(missing_ok=True)
+            raise
+    except (OSError, ValueError) as error:
+        raise OutputError("MP702", f"{out} cannot be written: {error}") from error
+
+
+def write_folder(
+    out: Path, files: Mapping[str, bytes], index: object, *, overwrite: bool
+) -> None:
+    """Write a folder of files and their index; errors as `write_file`.
+
+    An older export is replaced whole.
+    """
+    check_free(out, folder=True, overwrite=overwrite)
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        fresh = Path(tempfile.mkdtemp(prefix=".export.", dir=out.parent))
+        try:
+            for name, data in files.items():
+                (fresh / name).write_bytes(data)
+            text = json.dumps(index, indent=2, ensure_ascii=False) + "\n"
+            (fresh / INDEX).write_bytes(text.encode("utf-8", "backslashreplace"))
+            fresh.chmod(0o755)
+            swap(fresh, out)
+        except BaseException:
+            shutil.rmtree(fresh, ignore_errors=True)
+            raise
+    except (OSError, ValueError) as error:
+        raise OutputError("MP702", f"{out} cannot be written: {error}") from error
+
+
+def file_names(ids: list[str], suffix: str) -> list[str]:
+    """Return a file name for each id, all different on every file system.
+
+    Characters other than letters, digits, `_` and `-` become `_`.
+    """
+    found: list[str] = []
+    for name in ids:
+        stem = _STRANGE.sub("_", name)[:_MOST_NAME] or "_"
+        fresh, more = stem, 1
+        while f"{fresh}{suffix}".lower() in map(str.lower, found):
+            more += 1
+            fresh = f"{stem}.{more}"
+        found.append(f"{fresh}{suffix}")
+    return found
