@@ -63,6 +63,11 @@ def _run(call: Call) -> int:
     file = read_plan(call.plan_file)
     if call.mode == "compare":
         return _compare(call, file)
+    if call.mode == "report" and call.record is not None:
+        from executor.run_report import write_report
+
+        _say(f"report: {write_report(call.record)}")
+        return DONE
     if call.record is not None:
         return _replay(call, file, call.record)
     if call.pictures is not None:
@@ -129,6 +134,7 @@ def _report(call: Call, plan: Plan, ended: Ended) -> int:
     result, verdict = ended.result, ended.verdict
     _say(table(result, ended.errors_um))
     _say(f"run folder: {ended.folder}")
+    _write_report(ended.folder)
     if verdict is not None:
         truly = "seated" if verdict.success else "not seated"
         _say(
@@ -147,6 +153,16 @@ def _report(call: Call, plan: Plan, ended: Ended) -> int:
         return STOPPED
     _say(f"{plan.name}: failed")
     return CODES[result.code][1]
+
+
+def _write_report(folder: Path) -> None:
+    """Write the run's report; one that cannot be written changes no outcome."""
+    from executor.run_report import write_report  # only when it is written
+
+    try:
+        _say(f"report: {write_report(folder)}")
+    except ExecutorError as error:
+        print(f"note: no report: {error.message}", file=sys.stderr)
 
 
 def _replay(call: Call, file: PlanFile, folder: Path) -> int:

@@ -95,6 +95,9 @@ def _add_compile(parser: argparse.ArgumentParser) -> None:
         help="say on standard error what took how long",
     )
     parser.add_argument("--update", action="store_true", help="renew the golden plan")
+    parser.add_argument(
+        "--report", action="store_true", help="write report.html in the plan folder too"
+    )
     _add_tolerance(parser)
     _add_task(parser)
 
@@ -146,6 +149,15 @@ def _add_diff(parser: argparse.ArgumentParser) -> None:
     _add_format(parser)
 
 
+def _add_report(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `microplan report`."""
+    parser.add_argument("plan", type=Path, help="plan folder, or its plan.json")
+    parser.add_argument(
+        "-o", "--out", type=Path, help="file; default: report.html in the plan folder"
+    )
+    _add_format(parser)
+
+
 def _add_explain(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `microplan explain`."""
     parser.add_argument("code", nargs="?", help="as MP104; default: list all")
@@ -192,6 +204,7 @@ _COMMANDS: Mapping[str, tuple[Callable[[argparse.ArgumentParser], None], str]] =
     "render": (_add_render, "render what a step will see"),
     "tradeoff": (_add_tradeoff, "measure speed against accuracy"),
     "diff": (_add_diff, "tell what changed between two plans"),
+    "report": (_add_report, "write a plan's report as one HTML page"),
     "explain": (_add_explain, "tell more about a finding"),
     "schema": (_add_schema, "print the schema of a format"),
 }

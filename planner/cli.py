@@ -101,6 +101,10 @@ def _compile(call: argparse.Namespace) -> int:
         folder = call.out or _beside(call.task, files.plan.name)
         write_folder(files, folder)
         said = f"{plan_summary(files.plan)}\nplan folder: {folder}"
+        if call.report:
+            from planner.reporting.report import write_report
+
+            said += f"\nreport: {write_report(folder, None)}"
         if call.timings:
             _say(times_summary(files.timings), sys.stderr)
         if call.golden is not None:
@@ -233,6 +237,20 @@ def _diff(call: argparse.Namespace) -> int:
     return _tell(call, report, f"{len(found.changes)} differences")
 
 
+def _report(call: argparse.Namespace) -> int:
+    """Write the report of a plan folder."""
+    from planner.diffing import DiffError
+    from planner.outputs.errors import OutputError
+    from planner.reporting.report import write_report
+
+    report, said = Report(), ""
+    try:
+        said = f"report: {write_report(call.plan, call.out)}"
+    except (DiffError, OutputError) as error:
+        report.error(error.code, Span(file=str(call.plan)), str(error))
+    return _tell(call, report, said)
+
+
 def _explain(call: argparse.Namespace) -> int:
     """Print the page of a code, or all codes."""
     from planner.outputs.shipped import page
@@ -309,7 +327,8 @@ def _say(text: str, stream: TextIO) -> None:
 
 _RUNS = {
     "init": _init, "check": _check, "compile": _compile, "render": _render,
-    "tradeoff": _tradeoff, "diff": _diff, "explain": _explain, "schema": _schema,
+    "tradeoff": _tradeoff, "diff": _diff, "report": _report, "explain": _explain,
+    "schema": _schema,
 }  # fmt: skip
 
 

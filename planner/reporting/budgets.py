@@ -1,4 +1,5 @@
-"""The error budget of a step: its terms as bars, what each costs, what would mend it."""
+"""The error budget of a step: its terms as bars, what each costs, what would mend "
+"it."""
 
 from __future__ import annotations
 
@@ -90,7 +91,7 @@ def yield_figure(step: Step, one: YieldCurve, *, short: bool = False) -> Element
         up_label="P(success)",
         height=196 if short else 224,
     )
-    stands = "" if here is None else f" The upright line is this plan's {um(here)}."
+    stands = "" if here is None else f"; the upright line is this plan's {um(here)}"
     drawing = curve(
         f"P(success) of {step.id} over the {name}",
         f"From {chance(points[0][1])} at {um(points[0][0])} to {chance(points[-1][1])} "
@@ -103,18 +104,17 @@ def yield_figure(step: Step, one: YieldCurve, *, short: bool = False) -> Element
     )
     caption = Caption(
         title=f"Yield over the {name}",
-        shows=f"The chance that {step.id} succeeds if the {name} were another, all else "
-        f"as it is.{stands}",
+        shows=f"The chance that {step.id} succeeds if the {name} were another, all "
+        f"else "
+        f"as it is{stands}.",
         judge="Good: the plan stands on the flat top, above the dashed share of the "
         "goal; bad: on the slope.",
-        do=_yield_advice(points, required, here),
+        do=_yield_advice(points, required),
     )
     return figure(caption, drawing)
 
 
-def _yield_advice(
-    points: list[tuple[float, float]], required: float | None, here: float | None
-) -> str:
+def _yield_advice(points: list[tuple[float, float]], required: float | None) -> str:
     """Return which sizes still give the share, by the points there are."""
     if required is None:
         return "Choose a size on the flat top."
@@ -122,8 +122,7 @@ def _yield_advice(
     if not enough:
         return "No size on the curve gives the share: change something else."
     low, high = um(min(enough)), um(max(enough))
-    words = f"Of the sizes worked out, {low} to {high} give the share."
-    return words if here is None else f"{words} Order parts accordingly."
+    return f"Stay within {low} to {high}, which give the share."
 
 
 def _here(step: Step, over: str) -> float | None:
@@ -170,14 +169,15 @@ def _caption(step: Step) -> Caption:
     limit = kind.get(step.verb, "the distance allowed")
     reach = ""
     if budget.limit_um is not None and together > 0:
-        reach = f" Here it is {number(budget.limit_um / together)} sigma away."
+        reach = f" (here {number(budget.limit_um / together)} sums away)"
     worst = max((r for r in budget.rows if r.sigma_um), key=lambda r: r.sigma_um or 0.0)
     return Caption(
         title="Error budget",
-        shows=f"One standard deviation per axis of every error that {step.id} sees, the "
+        shows=f"One standard deviation per axis of every error that {step.id} sees, "
+        f"the "
         f"root of their squares, and {limit} as the dashed line.",
-        judge="Good: the sum ends three times nearer to zero than the line; bad: it "
-        f"comes near it.{reach}",
+        judge=f"Good: the line is three sums away or more{reach}; bad: the sum comes "
+        "near it.",
         do=f"Begin with the longest bar, {worst.term}: {worst.source}.",
     )
 

@@ -32,7 +32,8 @@ class _Spread:
 
 
 def error_picture(folder: PlanFolder) -> Element | None:
-    """Return the image of a look and the ellipse of what is left; None without looks."""
+    """Return the image of a look and the ellipse of what is left; None without "
+    "looks."""
     spread = _of_budget(folder) or _of_look(folder)
     if spread is None:
         return None
@@ -52,10 +53,12 @@ def error_picture(folder: PlanFolder) -> Element | None:
     )
     caption = Caption(
         title=f"What is left of the error at {spread.step}",
-        shows=f"The predicted image of {spread.look.target} and, enlarged, where 68 % and "
+        shows=f"The predicted image of {spread.look.target} and, enlarged, where 68 "
+        f"% and "
         f"95 % of the errors lie; the dashed circle is {spread.room_name}, "
         f"{um(spread.room_um)}.",
-        judge="Good: the outer ellipse lies well inside the circle; bad: it touches it.",
+        judge="Good: the outer ellipse lies well inside the circle; bad: it touches "
+        "it.",
         do="If it is long in one direction, mend what acts along it: the step's budget "
         "names it.",
     )
@@ -78,18 +81,15 @@ def sigmas(share: float) -> float:
 def _of_budget(folder: PlanFolder) -> _Spread | None:
     """Return the error of the least likely step with a budget, None if none has one."""
     steps = folder.plan.steps
-    found = [
-        s for s in steps
-        if s.budget.analysis is not None and s.budget.analysis.covariance_um2 is not None
-    ]  # fmt: skip
+    found = [s for s in steps if _covariance(s) is not None]
     if not found:
         return None
     step = min(found, key=lambda s: s.budget.success_probability)
     look = _before(folder, step)
-    analysis, room = step.budget.analysis, step.budget.limit_um
-    if look is None or analysis is None or room is None:
+    room = step.budget.limit_um
+    if look is None or room is None:
         return None
-    xx, xy, yy = analysis.covariance_um2 or (0.0, 0.0, 0.0)
+    xx, xy, yy = _covariance(step) or (0.0, 0.0, 0.0)
     left = next(
         (r.sigma_um for r in step.budget.rows if r.term.endswith("left by the servo")),
         None,
@@ -100,6 +100,12 @@ def _of_budget(folder: PlanFolder) -> _Spread | None:
         look=look, step=step.id, covariance_um2=(xx + more, xy, yy + more),
         room_um=room, room_name=name,
     )  # fmt: skip
+
+
+def _covariance(step: Step) -> Covariance | None:
+    """Return the spread of what a servo cannot see, None if it is not told."""
+    analysis = step.budget.analysis
+    return None if analysis is None else analysis.covariance_um2
 
 
 def _before(folder: PlanFolder, step: Step) -> Look | None:
@@ -145,7 +151,8 @@ def _image(folder: PlanFolder, look: Look) -> Element | None:
         el("rect", x=x, y=y, width=side, height=side, fill="#000"),
         el("use", href=f"#{image_id(look)}", class_="pixels"),
         lines,
-        x=0, y=0, width=_SIDE, height=_SIDE, viewBox=f"{x:.5g} {y:.5g} {side:.5g} {side:.5g}",
+        x=0, y=0, width=_SIDE, height=_SIDE,
+        viewBox=f"{x:.5g} {y:.5g} {side:.5g} {side:.5g}",
     )  # fmt: skip
 
 

@@ -1,4 +1,5 @@
-"""The first page, fit to be passed on: verdict, margin, fixes, yield, depth, methods."""
+"""The first page, fit to be passed on: verdict, margin, fixes, yield, depth, "
+"methods."""
 
 from __future__ import annotations
 
@@ -226,12 +227,13 @@ def _depth(folder: PlanFolder) -> Element | None:
     chart = bars(f"Usable focus of {len(rows)} looks", words, rows, least=least,
                  unit="error of the focus, \u00b5m")  # fmt: skip
     others = len(looks) - len(rows)
-    more_ = f" {others} further looks stand more." if others > 0 else ""
+    more_ = f"; {others} further looks stand more" if others > 0 else ""
     caption = Caption(
         title=f"Depth of field: {textbook}",
         shows="The errors of focus at which each look was still measured within its "
-        f"tolerance, the narrowest first, beside the lens's depth of field of {textbook} "
-        f"from end to end.{more_}",
+        f"tolerance, the narrowest first, beside the lens's depth of field of "
+        f"{textbook} "
+        f"from end to end{more_}.",
         judge="Good: ranges several times the repeatability of your focus; bad: one "
         "that ends near zero.",
         do=_focus_advice(looks),
@@ -245,7 +247,8 @@ def _focus_advice(looks: Sequence[Look]) -> str:
     high = min(look.measure.usable_focus_um[1] for look in looks)
     if low > high:
         return "No one focus error suits all: set the focus for each look."
-    return f"Keep the focus within {span(low, high, MICRO)} of nominal: all looks stand it."
+    within = span(low, high, f"{MICRO}m")
+    return f"Keep the focus within {within} of nominal: all looks stand it."
 
 
 def depth_um(look: Look) -> float | None:

@@ -23,18 +23,23 @@ def methods(folder: PlanFolder) -> Element:
     )
     libraries = f" ({versions})" if versions else ""
     text = (
-        f"The assembly {plan.name} was planned with microplan {p.microplan}{libraries}, "
+        f"The assembly {plan.name} was planned with microplan "
+        f"{p.microplan}{libraries}, "
         f"preset {p.preset}, seed {p.seed}, after Feddema and Simon, CAD-Driven "
         "Microassembly and Visual Servoing, ICRA 1998. Images of "
         f"{needs.width_px} \u00d7 {needs.height_px} pixels of {number(needs.pitch_um)} "
-        "\u00b5m were predicted from the parts' drawings by incoherent Fourier optics to "
-        f"{number(p.max_image_error)} of unit contrast where the effects ledger does not "
-        f"say otherwise. Chains of image routines were tried on up to {trials} images a "
+        "\u00b5m were predicted from the parts' drawings by incoherent Fourier "
+        "optics to "
+        f"{number(p.max_image_error)} of unit contrast where the effects ledger does "
+        f"not "
+        f"say otherwise. Chains of image routines were tried on up to {trials} "
+        f"images a "
         "look with focus, magnification, light and pose disturbed; the chances follow "
         "from the error budget. All of it is simulated. "
     )
     hashes = (
-        f"SHA-256 of plan.json {folder.sha256}; of the normalised task {p.task_sha256}; "
+        f"SHA-256 of plan.json {folder.sha256}; of the normalised task "
+        f"{p.task_sha256}; "
         f"of the workcell {p.workcell_sha256}."
     )
     return el("p", text, el("span", hashes, class_="hash"), class_="methods")

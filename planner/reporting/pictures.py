@@ -40,9 +40,12 @@ def look_picture(folder: PlanFolder, look: Look) -> Element:
         shows=f"The image predicted for the look at {number(look.view.magnification)} "
         "times, the whole frame and its search region enlarged, with what is measured, "
         "the region searched and what stands in the light drawn in.",
-        judge="Good: the solid lines lie on visible edges, and drawing and image flicker "
-        "in place; bad: an edge that is measured is blurred away or behind a dashed body.",
-        do="If the part on your screen looks different from this, stop and compare light, "
+        judge="Good: the solid lines lie on visible edges, and drawing and image "
+        "flicker "
+        "in place; bad: an edge that is measured is blurred away or behind a dashed "
+        "body.",
+        do="If the part on your screen looks different from this, stop and compare "
+        "light, "
         "focus and side of the part before running the plan.",
     )
     if data is None:
@@ -209,10 +212,12 @@ def trial_pictures(folder: PlanFolder, look: Look) -> Iterator[Element]:
         yield figure(
             Caption(
                 title="At the ends of the usable range",
-                shows="The search region as the trials saw it at the last error of focus "
+                shows="The search region as the trials saw it at the last error of "
+                "focus "
                 "or magnification at which every draw was still measured within the "
                 "tolerance.",
-                judge="Good: you would not expect to find the target in a picture worse "
+                judge="Good: you would not expect to find the target in a picture "
+                "worse "
                 "than these; bad: they look sharp, and the range ends near zero.",
                 do=_range_advice(look),
             ),
@@ -229,7 +234,8 @@ def trial_pictures(folder: PlanFolder, look: Look) -> Iterator[Element]:
             Caption(
                 title=f"The worst trial, number {index}",
                 shows=f"The trial whose answer was furthest off{off}.",
-                judge="Good: a picture so poor that nobody would trust it; bad: one that "
+                judge="Good: a picture so poor that nobody would trust it; bad: one "
+                      "that "
                 "looks like the others.",
                 do=f"microplan render TASK --step {look.id.partition('.')[0]} --trial "
                 f"{index} -o worst.png makes it again at full depth.",

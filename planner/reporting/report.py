@@ -15,6 +15,10 @@ from schemas.html.elements import el
 from schemas.html.page import document, link
 
 NAME = "report.html"
+_FOOT = (
+    "One file, no scripts, nothing fetched. Lengths are of the object; a spread is one "
+    "standard deviation per axis."
+)
 
 
 def plan_report(folder: PlanFolder) -> str:
@@ -46,8 +50,7 @@ def plan_report(folder: PlanFolder) -> str:
             el("h1", plan.name),
         ),
         main,
-        el("footer", el("p", "One file, no scripts, nothing fetched. Lengths are of the "
-                        "object; a spread is one standard deviation per axis.")),
+        el("footer", el("p", _FOOT)),
     )  # fmt: skip
 
 

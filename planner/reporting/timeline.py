@@ -79,17 +79,19 @@ def timeline(plan: Plan, world: World | None) -> Iterator[Element]:
         at += span.total_s
     open_ = [span.step for span in found if not span.told]
     words = "; ".join(f"{row.label} {row.said}" for row in rows)
-    lacking = f" Not all times are known of: {', '.join(open_)}." if open_ else ""
+    lacking = f"; not all times are known of {', '.join(open_)}" if open_ else ""
     chart = bars(f"Timeline, {quantity(at, 's')} in all", words, rows, unit="s",
                  most=max(at, 1e-6) * 1.02)  # fmt: skip
     caption = Caption(
         title=f"Timeline: about {quantity(at, 's')}",
         shows="When each step happens if every look finds its target at the first try: "
-        "axes moving and settling, zoom and focus, exposures, and the further looks of a "
-        f"servo. Jaws, light and height sweeps have no stated time.{lacking}",
+        "axes moving and settling, zoom and focus, exposures, and the further looks "
+        "of a "
+        f"servo (jaws, light and height sweeps have no stated time){lacking}.",
         judge="Good: the long bars are those that must be slow, as an insertion; bad: "
         "zoom and focus take most of it.",
-        do="To save time, order looks of one magnification and focus behind each other.",
+        do="To save time, order looks of one magnification and focus behind each "
+        "other.",
     )
     key = [("b1", "axes"), ("b2", "zoom and focus"), ("b3", "exposure"),
            ("", "servo")]  # fmt: skip

@@ -63,11 +63,14 @@ def robustness(look: Look, evidence: LookEvidence | None) -> Iterator[Element]:
     caption = Caption(
         title="Robustness over focus and magnification",
         shows=f"In each cell how many of its trials {_chain(look)} measured within two "
-        f"tolerances, of how many, and below it the largest error; {len(trials)} trials "
+        f"tolerances, of how many, and below it the largest error; {len(trials)} "
+        f"trials "
         "in all, with light, pose and noise disturbed as well.",
-        judge=f"Good: all of all and errors below the tolerance of {um(tolerance)}; bad: "
+        judge=f"Good: all of all and errors below the tolerance of {um(tolerance)}; "
+        f"bad: "
         "fewer than all, above all where an answer was wrong without a word.",
-        do=f"Stay within {signed(low)} to {signed(high)} \u00b5m of focus at nominal zoom "
+        do=f"Stay within {signed(low)} to {signed(high)} \u00b5m of focus at nominal "
+        f"zoom "
         f"and {number(small, 4)} to {number(large, 4)} of the magnification at nominal "
         "focus: there every draw met the tolerance.",
     )
@@ -106,12 +109,13 @@ def accuracy(look: Look) -> Iterator[Element]:
     beside = (
         ""
         if limit is None
-        else (f" The physical limit of a place, one sigma, is {um(limit)} here.")
+        else (f"; the physical limit of a place, one sigma, is {um(limit)}")
     )
     caption = Caption(
         title="Accuracy against time of all routines",
-        shows="Every chain tried: dots answered rightly in all their trials, crosses did "
-        f"not; the line joins those that none is both quicker and better than.{beside}",
+        shows="Every chain tried: dots answered rightly in all their trials, crosses "
+        "did "
+        f"not; the line joins those that none is both quicker and better than{beside}.",
         judge="Good: the circled choice lies well below the tolerance and far to the "
         "left; bad: only crosses lie below it.",
         do="If the choice is close to the tolerance, look at a higher magnification or "

@@ -104,7 +104,9 @@ def bars(
 ) -> Element:
     """Return bars below their labels on one scale that starts at `least`."""
     ends = [row.start + sum(size for size, _ in row.pieces) for row in rows]
-    high = most if most is not None else max([*ends, limit or 0.0, 1e-12]) * 1.02
+    high = (
+        most if most is not None else max([*ends, 1.22 * (limit or 0.0), 1e-12]) * 1.02
+    )
     scale = Scale(low=least, high=max(high, least + 1e-9))
     height = len(rows) * _ROW + 30
 
@@ -118,14 +120,14 @@ def bars(
         place = "tick mid" if at > 14 else "tick"
         drawn.append(el("text", number(value), x=at, y=height - 14, class_=place))
     if unit:
-        drawn.append(el("text", unit, x=WIDTH - 2, y=height - 2, class_="tick end"))
+        drawn.append(el("text", unit, x=_LEFT, y=height - 2, class_="tick"))
     for k, row in enumerate(rows):
         drawn += _bar(row, k * _ROW, x)
     if limit is not None:
         at = x(limit)
         drawn.append(el("line", x1=at, x2=at, y1=0, y2=height - 26, class_="limit"))
         words = f"{limit_name} {number(limit)}"
-        drawn.append(el("text", words, x=at - 3, y=height - 2, class_="limit end"))
+        drawn.append(el("text", words, x=at + 3, y=height - 2, class_="limit end"))
     return chart(title, description, drawn, width=WIDTH, height=height)
 
 

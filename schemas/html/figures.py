@@ -6,7 +6,7 @@ import math
 
 NARROW = "\u202f"  # no-break space between a number and its unit
 MINUS = "\u2212"
-MICRO = "\u00b5m"
+MICRO = "\u00b5"
 
 
 def number(value: float | None, digits: int = 3) -> str:

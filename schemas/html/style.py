@@ -149,6 +149,8 @@ gap:.8rem}
 .strip{display:grid;
 grid-template-columns:repeat(auto-fill,minmax(min(100%,8.2rem),1fr));
 gap:.7rem;max-width:52rem}
+.strip.wide-tiles{grid-template-columns:repeat(auto-fill,
+minmax(min(100%,20rem),1fr))}
 .strip div{min-width:0}.strip p{font-size:.82rem;margin:.25rem 0 0}
 .strip img{width:100%;background:#000}
 .key{list-style:none;display:flex;flex-wrap:wrap;gap:.2rem 1.1rem;padding:0;
