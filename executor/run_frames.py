@@ -18,9 +18,11 @@ _CAPTION = Caption(
     title="First and last frame of each step",
     shows="What the camera gave first and last in every step that kept a frame, made "
     "smaller.",
-    judge="Good: the last frame of a step looks like the plan's image of it; bad: parts "
+    judge="Good: the last frame of a step looks like the plan's image of it; bad: "
+    "parts "
     "are missing, turned or blurred.",
-    do=f"For more, look into {FOLDER}/: the frames there are lossless, and all of them.",
+    do=f"For more, look into {FOLDER}/: the frames there are lossless, and all of "
+    f"them.",
 )
 _MOST_STEPS = 60  # a page with more would not be read
 

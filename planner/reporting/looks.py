@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from planner.reporting.folder import PlanFolder
 from planner.reporting.ledger import ledger
 from planner.reporting.margins import need_um
-from planner.reporting.pictures import look_picture, place_id, trial_pictures
+from planner.reporting.pictures import look_picture, marked, place_id, trial_pictures
 from planner.reporting.trials import accuracy, rejected, robustness
 from schemas.html.elements import Element, Node, el, slug
 from schemas.html.figures import degrees, number, quantity, span, um
@@ -24,14 +24,14 @@ def look_id(look: Look) -> str:
 def look_section(folder: PlanFolder, look: Look) -> Element:
     """Return everything about one look."""
     evidence = folder.evidence.get(look.id)
-    shown = None if folder.world is None or evidence is None else evidence
+    placed = marked(folder, look)
     content: Iterator[Node] = iter(
         [
             el("h3", f"Look {look.id}: {look.target}"),
             _facts(look),
             look_picture(folder, look),
-            _measured(look, linked=evidence is not None),
-            _bodies(look, linked=shown is not None),
+            _measured(look, placed),
+            _bodies(look, placed),
             el("div", [*robustness(look, evidence)], [*accuracy(look)], class_="cols"),
             [*trial_pictures(folder, look)],
             [*rejected(look)],
@@ -74,27 +74,26 @@ def _apertures(look: Look) -> tuple[ApertureRow, ...]:
     return () if look.verdict is None else look.verdict.apertures
 
 
-def _measured(look: Look, *, linked: bool) -> Element:
+def _measured(look: Look, placed: set[str]) -> Element:
     """Return the features measured, with links to their places in the picture."""
     columns = (
         Column("measured"), Column("routines"), Column("if they fail"),
         Column("one sigma", numeric=True), Column("searched within", numeric=True),
     )  # fmt: skip
     rows: list[list[Node]] = []
-    for k, measure in enumerate(look.measures):
+    for measure in look.measures:
         name = measure.feature or look.target
-        target = place_id(look, f"={name}") if linked else place_id(look, f"region {k}")
         spare = " > ".join(use.id for use in measure.fallback) or "nothing"
         rows.append(
             [
-                link(name, target), chain_of(measure), spare,
+                _named(look, name, f"={name}", placed), chain_of(measure), spare,
                 um(measure.sigma_xy_um), um(measure.capture_um),
             ]
         )  # fmt: skip
     return table(columns, rows, label=f"What {look.id} measures")
 
 
-def _bodies(look: Look, *, linked: bool) -> Element:
+def _bodies(look: Look, placed: set[str]) -> Element:
     """Return what is in view, the highest first, with links to its places."""
     shades = {shade.by: shade for shade in look.scene.shades}
     rows: list[list[Node]] = []
@@ -108,12 +107,15 @@ def _bodies(look: Look, *, linked: bool) -> Element:
                 f"{number(100 * shade.shaded, 2)} % shaded"
             )
         )
-        name: Node = layer.name
-        if linked:
-            name = link(layer.name, place_id(look, layer.name))
+        name = _named(look, layer.name, layer.name, placed)
         rows.append([name, um(layer.z_um), number(layer.reflectance, 2), said])
     columns = (
         Column("in view"), Column("height of its face", numeric=True),
         Column("reflectance", numeric=True), Column("of the target's edges"),
     )  # fmt: skip
     return table(columns, rows, label=f"What {look.id} has in view")
+
+
+def _named(look: Look, name: str, place: str, placed: set[str]) -> Node:
+    """Return a name, as a link where it has a place in the picture."""
+    return link(name, place_id(look, place)) if place in placed else name

@@ -32,6 +32,18 @@ def image_id(look: Look) -> str:
     return slug("image", look.id)
 
 
+def marked(folder: PlanFolder, look: Look) -> set[str]:
+    """Return the names of what has a place in a look's picture."""
+    evidence, world = folder.evidence.get(look.id), folder.world
+    if look.scene.image not in folder.pictures or evidence is None:
+        return set()
+    found = {f"={mark.name}" for mark in evidence.features}
+    if world is not None:
+        names = [layer.name for layer in look.scene.layers]
+        found |= {n for n in names if body(world, evidence, n) is not None}
+    return found
+
+
 def look_picture(folder: PlanFolder, look: Look) -> Element:
     """Return the figure of a look: image, drawing, and a flicker between them."""
     data = folder.pictures.get(look.scene.image)

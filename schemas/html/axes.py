@@ -36,7 +36,8 @@ class Scale:
 
     def ticks(self) -> list[float]:
         """Return round values on the scale, four to nine where it has them."""
-        return _decades(self) if self.log else _even(self)
+        narrow = self.high < 5 * self.low  # it may hold no 1, 2 or 5
+        return _decades(self) if self.log and not narrow else _even(self)
 
 
 def around(values: list[float], *, zero: bool = False) -> Scale:
@@ -98,7 +99,7 @@ def _even(scale: Scale) -> list[float]:
     power = 10.0 ** math.floor(math.log10(rough))
     step = next(k * power for k in (1.0, 2.0, 5.0, 10.0) if k * power >= rough)
     first, last = math.ceil(scale.low / step), math.floor(scale.high / step)
-    return [round(k * step, 12) for k in range(first, last + 1)]
+    return [k * step for k in range(first, last + 1)]
 
 
 def _decades(scale: Scale) -> list[float]:

@@ -94,7 +94,7 @@ def _attribute(name: str, value: str | float) -> tuple[str, str]:
     return name, text
 
 
-def _text(value: str | float) -> str:
+def _text(value: Value) -> str:
     """Return an attribute's value as text."""
     if value is True:
         return ""
