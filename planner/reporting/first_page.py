@@ -31,7 +31,7 @@ def first_page(folder: PlanFolder) -> Element:
     return el(
         "section",
         _verdict(plan),
-        _tightest(found),
+        _tightest(found, whole=plan.status == "feasible"),
         facts(_facts(folder)),
         _offenders(plan, found),
         el("div", [f for f in figures if f is not None], class_="cols"),
@@ -54,7 +54,9 @@ def _verdict(plan: Plan) -> list[Node]:
            reason.message)
         for reason in plan.reasons
     ]  # fmt: skip
-    return [lead, el("ul", reasons) if reasons else None]
+    help_ = sorted({f"microplan explain {reason.code}" for reason in plan.reasons})
+    mend = el("p", "How to mend it: ", [[el("code", h), " "] for h in help_])
+    return [lead, [el("ul", reasons), mend] if reasons else None]
 
 
 def _step_link(plan: Plan, step: str) -> Node:
@@ -72,18 +74,19 @@ def _chance(plan: Plan) -> str:
     return f"P(success) {chance(plan.success_probability)}{goal}, by simulation alone"
 
 
-def _tightest(found: list[Margin]) -> Element | None:
+def _tightest(found: list[Margin], *, whole: bool) -> Element | None:
     """Return the tightest margin as a sentence."""
     if not found:
         return None
     tight = found[0]
+    words = "Tightest margin: " if whole else "Tightest margin of what was worked out: "
     room = (
         f"{number(tight.ratio, 2)} times what is needed"
         if tight.ratio >= 1
         else f"only {number(tight.ratio, 2)} of what is needed"
     )
     return el(
-        "p", el("strong", "Tightest margin: "), link(tight.step, step_id(tight.step)),
+        "p", el("strong", words), link(tight.step, step_id(tight.step)),
         f", {tight.subject}: {tight.has}, {tight.needs}; room {room}.",
     )  # fmt: skip
 
@@ -150,8 +153,8 @@ def _tight_looks(found: list[Margin]) -> list[Node]:
                Column("must be", numeric=True), Column("fix"))  # fmt: skip
     return [
         el("h2", "Three worst offenders"),
-        el("p", "No step of this plan inserts or places a part, so there is no error "
-           "budget; these have the least room."),
+        el("p", "No step that was worked out inserts or places a part, so there is "
+           "no error budget; these have the least room."),
         table(columns, rows, label="Worst offenders"),
     ]  # fmt: skip
 

@@ -74,13 +74,13 @@ def timeline(plan: Plan, world: World | None) -> Iterator[Element]:
     for span in found:
         pieces = ((span.axes_s, "b1"), (span.lens_s, "b2"), (span.frames_s, "b3"),
                   (span.servo_s, ""))  # fmt: skip
-        said = quantity(span.total_s, "s") if span.told else _unknown(span)
+        said = _said(span)
         rows.append(Bar(label=span.step, pieces=pieces, said=said, start=at))
         at += span.total_s
     open_ = [span.step for span in found if not span.told]
     words = "; ".join(f"{row.label} {row.said}" for row in rows)
     lacking = f"; not all times are known of {', '.join(open_)}" if open_ else ""
-    chart = bars(f"Timeline, {quantity(at, 's')} in all", words, rows, unit="s",
+    chart = bars(f"Timeline, {quantity(at, 's')} in all", words, rows, unit="seconds",
                  most=max(at, 1e-6) * 1.02)  # fmt: skip
     caption = Caption(
         title=f"Timeline: about {quantity(at, 's')}",
@@ -105,10 +105,11 @@ def _swatch(kind: str) -> Element:
     return el("svg", box, viewBox="0 0 28 14", aria_hidden="true")
 
 
-def _unknown(span: Span) -> str:
-    if span.total_s:
-        return f"more than {quantity(span.total_s, 's')}"
-    return "time not known"
+def _said(span: Span) -> str:
+    """Return how long a step takes, as far as it is known."""
+    if span.told:
+        return quantity(span.total_s, "s") if span.total_s else "no time stated"
+    return f"more than {quantity(span.total_s, 's')}" if span.total_s else "not known"
 
 
 def _added(span: Span, what: str, time_s: float) -> Span:

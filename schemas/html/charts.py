@@ -79,7 +79,7 @@ def scatter(
     """Return points with their front, the choice and a limit upwards."""
     drawn: list[Element] = [*axes.draw()]
     if limit is not None:
-        drawn += _limit(axes, limit, limit_name)
+        drawn += _limit(axes, limit, limit_name, left=True)
     if len(front) > 1:
         drawn.append(el("polyline", points=_stairs(axes, front), class_="front"))
     for point in points:
@@ -101,6 +101,7 @@ def bars(
     unit: str = "",
     most: float | None = None,
     least: float = 0.0,
+    band: tuple[float, float] | None = None,
 ) -> Element:
     """Return bars below their labels on one scale that starts at `least`."""
     ends = [row.start + sum(size for size, _ in row.pieces) for row in rows]
@@ -114,6 +115,11 @@ def bars(
         return _LEFT + min(max(scale.share(value), 0.0), 1.0) * (WIDTH - _LEFT - _RIGHT)
 
     drawn: list[Element] = []
+    if band is not None:
+        low, wide = x(band[0]), x(band[1]) - x(band[0])
+        drawn.append(
+            el("rect", x=low, y=0, width=wide, height=height - 26, class_="band")
+        )
     for value in scale.ticks():
         at = x(value)
         drawn.append(el("line", x1=at, x2=at, y1=0, y2=height - 26, class_="grid"))
@@ -121,13 +127,13 @@ def bars(
         drawn.append(el("text", number(value), x=at, y=height - 14, class_=place))
     if unit:
         drawn.append(el("text", unit, x=_LEFT, y=height - 2, class_="tick"))
-    for k, row in enumerate(rows):
-        drawn += _bar(row, k * _ROW, x)
     if limit is not None:
         at = x(limit)
         drawn.append(el("line", x1=at, x2=at, y1=0, y2=height - 26, class_="limit"))
         words = f"{limit_name} {number(limit)}"
         drawn.append(el("text", words, x=at + 3, y=height - 2, class_="limit end"))
+    for k, row in enumerate(rows):
+        drawn += _bar(row, k * _ROW, x)
     return chart(title, description, drawn, width=WIDTH, height=height)
 
 
@@ -149,12 +155,15 @@ def _bar(row: Bar, top: float, x: Callable[[float], float]) -> list[Element]:
     return drawn
 
 
-def _limit(axes: Axes, limit: float, name: str) -> list[Element]:
+def _limit(axes: Axes, limit: float, name: str, *, left: bool = False) -> list[Element]:
     """Return a limit upwards with its name."""
-    left, right, y = axes.x(axes.across.low), axes.x(axes.across.high), axes.y(limit)
+    x0, x1, y = axes.x(axes.across.low), axes.x(axes.across.high), axes.y(limit)
+    place = (
+        {"x": x0 + 4, "class_": "limit"} if left else {"x": x1, "class_": "limit end"}
+    )
     return [
-        el("line", x1=left, x2=right, y1=y, y2=y, class_="limit"),
-        el("text", name, x=right, y=y - 4, class_="limit end"),
+        el("line", x1=x0, x2=x1, y1=y, y2=y, class_="limit"),
+        el("text", name, y=y - 4, **place),
     ]
 
 

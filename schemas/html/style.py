@@ -92,13 +92,15 @@ figcaption span{display:block;margin-top:.15rem}
 figcaption .do{color:var(--ink)}
 svg,img{max-width:100%;height:auto;display:block}
 svg.chart{width:100%;max-width:31rem}
-svg.chart text{font-size:11px;fill:var(--ink)}
+svg.chart text{font-size:11px;fill:var(--ink);stroke:var(--paper);stroke-width:3px;
+paint-order:stroke;stroke-linejoin:round}
 svg.chart .tick{fill:var(--soft);font-size:10.5px}
 .mid{text-anchor:middle}.end{text-anchor:end}
 svg .grid{stroke:var(--line);stroke-width:.7}
 svg .axis{stroke:var(--soft);stroke-width:1}
 svg .limit{stroke:var(--bad);stroke-width:1.4;stroke-dasharray:5 3}
-svg.chart text.limit{stroke:none;fill:var(--bad)}
+svg.chart text.limit{fill:var(--bad);stroke:var(--paper);stroke-width:3px;
+stroke-dasharray:none}
 svg .curve{fill:none;stroke:var(--data);stroke-width:2}
 svg .front{fill:none;stroke:var(--soft);stroke-width:1.2}
 svg .band{fill:var(--data);opacity:.16}
