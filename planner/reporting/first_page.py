@@ -226,19 +226,21 @@ def _depth(folder: PlanFolder) -> Element | None:
         )
     least = min(row.start for row in rows) * 1.1 or -1.0
     words = "; ".join(f"{row.label} {row.said}" for row in rows)
-    textbook = " and ".join(um(d) for d in depths) or "not known"
+    joint = " to " if len(depths) > 2 else " and "
+    ends = [um(d) for d in dict.fromkeys((depths[0], depths[-1]))] if depths else []
+    textbook = joint.join(ends) or "not known"
     chart = bars(f"Usable focus of {len(rows)} looks", words, rows, least=least,
-                 unit="error of the focus, \u00b5m")  # fmt: skip
+                 unit="error of the focus, \u00b5m",
+                 band=(-depths[-1] / 2, depths[-1] / 2) if depths else None)  # fmt: skip
     others = len(looks) - len(rows)
     more_ = f"; {others} further looks stand more" if others > 0 else ""
     caption = Caption(
         title=f"Depth of field: {textbook}",
         shows="The errors of focus at which each look was still measured within its "
-        f"tolerance, the narrowest first, beside the lens's depth of field of "
-        f"{textbook} "
-        f"from end to end{more_}.",
+        "tolerance, the narrowest first, over the lens's depth of field as a band, "
+        f"{textbook} from end to end{more_}.",
         judge="Good: ranges several times the repeatability of your focus; bad: one "
-        "that ends near zero.",
+        "that ends within the band.",
         do=_focus_advice(looks),
     )
     return figure(caption, chart)
