@@ -67,6 +67,8 @@ def check_page(markup: str) -> Page:
     named = [s for s in page.of("svg") if s.get("role") == "img"]
     assert all(s["aria-label"] for s in named)
     assert all(found.get("scope") in ("row", "col") for found in page.of("th"))
+    cells = [c for c in page.of("td") if "data-of" in c]
+    assert all(c["role"] == "cell" for c in cells)
     assert len(page.of("h1")) == len(page.of("main")) == 1
     _captions(page)
     return page

@@ -229,9 +229,9 @@ def _depth(folder: PlanFolder) -> Element | None:
     joint = " to " if len(depths) > 2 else " and "
     ends = [um(d) for d in dict.fromkeys((depths[0], depths[-1]))] if depths else []
     textbook = joint.join(ends) or "not known"
+    half = depths[-1] / 2 if depths else 0.0
     chart = bars(f"Usable focus of {len(rows)} looks", words, rows, least=least,
-                 unit="error of the focus, \u00b5m",
-                 band=(-depths[-1] / 2, depths[-1] / 2) if depths else None)  # fmt: skip
+                 unit="error of the focus, \u00b5m", band=(-half, half))  # fmt: skip
     others = len(looks) - len(rows)
     more_ = f"; {others} further looks stand more" if others > 0 else ""
     caption = Caption(

@@ -80,9 +80,10 @@ def table(
 ) -> Element:
     """Return a table whose first column heads the rows; on phones rows are stacked.
 
-    `ids` are of the rows, where something links to them.
+    Roles are said: to a browser, cells that are stacked are no cells any more. `ids` are
+    of the rows, where something links to them.
     """
-    head = el("tr", [_head(column) for column in columns])
+    head = el("tr", [_head(column) for column in columns], role="row")
     body = [
         el(
             "tr",
@@ -91,15 +92,17 @@ def table(
                 for k, (column, cell) in enumerate(zip(columns, row, strict=True))
             ],
             id=ids[n] if ids else None,
+            role="row",
         )
         for n, row in enumerate(rows)
     ]
     content = el(
         "table",
         el("caption", caption) if caption else None,
-        el("thead", head),
-        el("tbody", body),
+        el("thead", head, role="rowgroup"),
+        el("tbody", body, role="rowgroup"),
         class_="stack",
+        role="table",
         aria_label=label or None,
     )
     return el("div", content, class_="wide")
@@ -163,11 +166,12 @@ def png_size(data: bytes) -> tuple[int, int]:
 
 
 def _head(column: Column) -> Element:
-    return el("th", column.name, scope="col", class_="n" if column.numeric else None)
+    kind = "n" if column.numeric else None
+    return el("th", column.name, scope="col", class_=kind, role="columnheader")
 
 
 def _cell(column: Column, cell: Node, *, first: bool) -> Element:
     kind = "n" if column.numeric else None
     if first:
-        return el("th", cell, scope="row", class_=kind)
-    return el("td", cell, class_=kind, data_of=column.name)
+        return el("th", cell, scope="row", class_=kind, role="rowheader")
+    return el("td", cell, class_=kind, data_of=column.name, role="cell")
