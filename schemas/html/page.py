@@ -80,7 +80,7 @@ def table(
 ) -> Element:
     """Return a table whose first column heads the rows; on phones rows are stacked.
 
-    Roles are said: to a browser, cells that are stacked are no cells any more. `ids` are
+    Roles are said: to a browser, stacked cells are no cells any more. `ids` are
     of the rows, where something links to them.
     """
     head = el("tr", [_head(column) for column in columns], role="row")

@@ -36,7 +36,7 @@ def page(folder: PlanFolder) -> Page:
     return check_page(plan_report(folder))
 
 
-def test_the_command_and_the_compiler_write_the_same_bytes(
+def test_the_same_plan_gives_the_same_bytes(
     compiled_example: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     copy = Path(shutil.copytree(compiled_example, tmp_path / "copy.plan"))
