@@ -61,9 +61,9 @@ def chance(value: float | None) -> str:
     """Return a probability; what is almost 1 is not written as 1."""
     if value is None:
         return "\u2013"
-    if value in (0.0, 1.0):
-        return f"{value:.0f}"
-    if value > 0.99995:
+    if value == 0:
+        return "0"
+    if 0.99995 < value < 1:
         return "> 0.9999"
     if value < 0.00005:
         return "< 0.0001"

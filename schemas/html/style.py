@@ -68,7 +68,7 @@ table.map{width:100%;max-width:34rem}
 table.map td{text-align:center;border:2px solid var(--paper);padding:.35rem .25rem;
 background:var(--panel)}
 table.map td small{display:block;white-space:nowrap}
-table.map th{font-size:.78rem;border:0;padding:.35rem .5rem .35rem 0;white-space:nowrap}
+table.map th{font-size:.78rem;border:0;padding:.35rem .4rem .35rem 0}
 table.map thead th{text-align:center;padding:.2rem .2rem;vertical-align:bottom}
 table.map thead td{background:none;border:0}
 table.map td.good{background:var(--good-bg);color:var(--good)}

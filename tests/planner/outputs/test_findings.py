@@ -23,7 +23,17 @@ def finding(
 
 def test_every_form_can_be_asked_for() -> None:
     runs = dict.fromkeys(
-        ("init", "check", "compile", "render", "tradeoff", "diff", "explain", "schema"),
+        (
+            "init",
+            "check",
+            "compile",
+            "render",
+            "tradeoff",
+            "diff",
+            "report",
+            "explain",
+            "schema",
+        ),
         lambda call: 0,
     )
     for form in FORMATS:
