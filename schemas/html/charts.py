@@ -157,15 +157,14 @@ def _bar(row: Bar, top: float, x: Callable[[float], float]) -> list[Element]:
 
 def _limit(axes: Axes, limit: float, name: str, *, left: bool = False) -> list[Element]:
     """Return a limit upwards with its name; below it where there is no room above."""
-    high = axes.up.share(limit) > 0.85
     x0, x1, y = axes.x(axes.across.low), axes.x(axes.across.high), axes.y(limit)
-    place = (
-        {"x": x0 + 4, "class_": "limit"} if left else {"x": x1, "class_": "limit end"}
-    )
+    high = axes.up.share(limit) > 0.85
+    side = "limit" if left else "limit end"
     return [
         el("line", x1=x0, x2=x1, y1=y, y2=y, class_="limit"),
-        el("text", name, y=y + 14 if high else y - 4, **place),
-    ]
+        el("text", name, x=x0 + 4 if left else x1, y=y + 14 if high else y - 4,
+           class_=side),
+    ]  # fmt: skip
 
 
 def _point(axes: Axes, point: Point) -> Element:
