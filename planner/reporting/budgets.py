@@ -136,7 +136,7 @@ def _here(step: Step, over: str) -> float | None:
 
 def total_um(budget: Budget) -> float:
     """Return the root of the sum of squares of all terms."""
-    return math.sqrt(sum((row.sigma_um or 0.0) ** 2 for row in budget.rows))
+    return math.hypot(*(row.sigma_um or 0.0 for row in budget.rows))
 
 
 def _bars(budget: Budget) -> Element:

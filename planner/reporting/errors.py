@@ -17,6 +17,7 @@ from schemas.plan import AlignAction, Look, Step
 
 _SIDE = 176.0  # of image and plan view, in units of the chart
 _SHARES = (0.68, 0.95)
+_FAR_UM = 1e9  # a kilometre: squares of what is farther might be no numbers any more
 Covariance = tuple[float, float, float]  # xx, xy, yy
 
 
@@ -94,7 +95,7 @@ def _of_budget(folder: PlanFolder) -> _Spread | None:
         (r.sigma_um for r in step.budget.rows if r.term.endswith("left by the servo")),
         None,
     )
-    more = (left or 0.0) ** 2
+    more = min(left or 0.0, _FAR_UM) ** 2
     name = "the capture radius" if step.verb == "insert" else "what is allowed"
     return _Spread(
         look=look, step=step.id, covariance_um2=(xx + more, xy, yy + more),
@@ -159,7 +160,7 @@ def _image(folder: PlanFolder, look: Look) -> Element | None:
 def _plan_view(spread: _Spread) -> Iterator[Element]:
     """Yield ellipses, the circle of what is allowed and a scale, y up."""
     long, short, angle = ellipse(spread.covariance_um2)
-    reach = 1.12 * max(spread.room_um, sigmas(_SHARES[-1]) * long)
+    reach = 1.12 * max(spread.room_um, sigmas(_SHARES[-1]) * long) or 1.0
     scale = _SIDE / 2 / reach
     cx, cy = 360 - _SIDE / 2, _SIDE / 2
     turn = f"translate({cx:.4g} {cy:.4g}) rotate({-math.degrees(angle):.4g})"

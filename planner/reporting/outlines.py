@@ -25,11 +25,12 @@ class Frame:
 
     @classmethod
     def of(cls, plan: Plan, look: Look) -> Frame:
-        """Return the frame of a look."""
+        """Return the frame of a look; a plan that is edited by hand may hold zeros."""
+        needs = plan.requirements
         return cls(
-            width_px=plan.requirements.width_px,
-            height_px=plan.requirements.height_px,
-            px_per_um=1 / look.view.um_per_px,
+            width_px=max(needs.width_px, 1),
+            height_px=max(needs.height_px, 1),
+            px_per_um=1 / (look.view.um_per_px or 1.0),
         )
 
     @property

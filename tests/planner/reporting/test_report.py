@@ -145,6 +145,26 @@ def test_plans_of_one_look_and_of_nothing_have_reports(folder: PlanFolder) -> No
         check_page(plan_report(replace(folder, plan=replace(plan, steps=steps))))
 
 
+@pytest.mark.parametrize("value", [0.0, 1e300])
+def test_odd_numbers_are_shown_as_they_are(folder: PlanFolder, value: float) -> None:
+    insert = next(s for s in folder.plan.steps if s.verb == "insert")
+    before = next(s for s in folder.plan.steps if s.id == "over_shaft")
+    (look,), analysis = before.looks, insert.budget.analysis
+    assert analysis is not None
+    rows = tuple(replace(row, sigma_um=value) for row in insert.budget.rows)
+    flat = replace(analysis, covariance_um2=(0.0, 0.0, 0.0), miss_probability=0.0)
+    budget = replace(insert.budget, rows=rows, limit_um=0.0, analysis=flat)
+    found = replace(
+        look,
+        view=replace(look.view, um_per_px=value, field_um=(value, value)),
+        measure=replace(look.measure, usable_focus_um=(0.0, value)),
+        evidence=replace(look.evidence, tolerance_um=value),
+    )
+    plan = _with(folder.plan, insert.id, budget=budget)
+    plan = _with(plan, before.id, looks=(found,))
+    check_page(plan_report(replace(folder, plan=plan)))
+
+
 def test_a_plan_alone_has_a_report(compiled_example: Path, tmp_path: Path) -> None:
     alone = tmp_path / "plan.json"
     shutil.copyfile(compiled_example / "plan.json", alone)
