@@ -12,8 +12,8 @@ from executor.completion import SHELLS, Completion
 from executor.simulated.faults import FAULTS
 from executor.site import SIMULATED
 
-MODES = ("run", "check", "dry-run", "replay", "compare")
-NO_STATION = ("replay", "compare")  # they touch no device
+MODES = ("run", "check", "dry-run", "replay", "compare", "report")
+NO_STATION = ("replay", "compare", "report")  # they touch no device
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -98,7 +98,9 @@ def _contradiction(found: argparse.Namespace) -> str:
         return f"--mode {mode} touches no device: leave --station and --inject out"
     if mode == "replay" and (record is None) == (pictures is None):
         return "--mode replay needs --from RUN, or --pictures FOLDER and --look LOOK"
-    if mode != "replay" and not (record is None and pictures is None):
+    if mode == "report" and (record is None or pictures is not None):
+        return "--mode report needs --from RUN"
+    if mode not in ("replay", "report") and not (record is None and pictures is None):
         return "--from and --pictures are for --mode replay"
     if (pictures is None) != (not found.look):
         return "--pictures and --look belong together: the look that they show"
@@ -153,7 +155,9 @@ def build_parser() -> argparse.ArgumentParser:
         choices=MODES,
         default="run",
         help="check: read and compare only; dry-run: list what would be done; replay: "
-        "run on a record, or measure pictures; compare: join several runs",
+        "run on a record, or measure pictures; compare: join several runs; report: "
+        "write "
+        "a run's report.html anew",
     )
     parser.add_argument("--run-dir", type=Path, help="default: <plan name>.run beside")
     parser.add_argument(

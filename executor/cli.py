@@ -75,6 +75,11 @@ def _run(call: Call) -> int:
     file = read_plan(call.plan_file)
     if call.mode == "compare":
         return _compare(call, file)
+    if call.mode == "report" and call.record is not None:
+        from executor.run_report import write_report
+
+        say(f"report: {write_report(call.record)}")
+        return DONE
     if call.record is not None:
         return _replay(call, file, call.record)
     if call.pictures is not None:
@@ -141,6 +146,7 @@ def _report(call: Call, plan: Plan, ended: Ended) -> int:
     result, verdict = ended.result, ended.verdict
     say(table(result, ended.errors_um))
     say(f"run folder: {ended.folder}")
+    _write_report(ended.folder)
     if verdict is not None:
         truly = "seated" if verdict.success else "not seated"
         say(
@@ -159,6 +165,16 @@ def _report(call: Call, plan: Plan, ended: Ended) -> int:
         return STOPPED
     say(f"{plan.name}: failed")
     return CODES[result.code][1]
+
+
+def _write_report(folder: Path) -> None:
+    """Write the run's report; one that cannot be written changes no outcome."""
+    from executor.run_report import write_report  # only when it is written
+
+    try:
+        say(f"report: {write_report(folder)}")
+    except ExecutorError as error:
+        tell(f"note: no report: {error.message}")
 
 
 def _replay(call: Call, file: PlanFile, folder: Path) -> int:

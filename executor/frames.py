@@ -138,13 +138,19 @@ def region_data(region: Region | None) -> list[int] | None:
 
 def write_png(path: Path, counts: Any) -> None:
     """Write counts at their own depth; OSError if that does not work."""
+    path.write_bytes(png_bytes(counts))
+
+
+def png_bytes(counts: Any) -> bytes:
+    """Return counts as a PNG file at their own depth; OSError if there is none."""
     import cv2  # heavy, and only a run that keeps frames needs it
 
     plain = np.ascontiguousarray(counts)
     done, data = cv2.imencode(".png", plain, [cv2.IMWRITE_PNG_COMPRESSION, _PNG_LEVEL])
     if not done:
         raise OSError("it cannot be encoded")
-    path.write_bytes(data.tobytes())
+    found: bytes = data.tobytes()
+    return found
 
 
 def read_png(path: Path) -> Counts:

@@ -25,9 +25,10 @@ FRESH = "summary.new"  # until it is whole
 CELL = "cell.json"  # the simulated cell's own
 PLAN = "plan.json"
 STATION = "station.toml"
+REPORT = "report.html"
 # what a run leaves in its folder: nothing else is ever deleted
 OURS = {LOCK, EVENTS, FILE, SUMMARY, CELL, PLAN, STATION, FOLDER, CALLS,
-        FRESH, "summary.txt", "cell.new"}  # fmt: skip
+        FRESH, REPORT, "summary.txt", "cell.new", f"{REPORT}.new"}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

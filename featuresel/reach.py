@@ -9,6 +9,7 @@ from functools import partial
 from typing import Literal, Protocol
 
 import numpy as np
+import numpy.typing as npt
 
 from featuresel.axes import words
 from featuresel.bias import BiasCurve
@@ -17,6 +18,7 @@ from featuresel.drift import Pictures, one_by_one, through_focus
 from featuresel.perturb import Trial
 from featuresel.trials import Outcome, Prepared, measure_picture
 
+BytesArray = npt.NDArray[np.uint8]
 Setting = Literal["focus", "zoom", "light", "gradient", "pose"]
 
 # Steps outward from nominal; the zoom's and the light's are of their ratio. A drift
@@ -59,6 +61,14 @@ class Direction:
         return tuple(self.sign * step for step in steps[self.setting])
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Reached:
+    """The last drift that is borne, and what the camera shows there."""
+
+    drift: float  # 0 if none is borne
+    picture: BytesArray | None  # 8 bit, of the first draw; None: none is borne
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Search:
     """One chain of a look, asked how far settings may drift."""
@@ -78,9 +88,17 @@ class Search:
     def reach(self, direction: Direction, holds: Holds) -> float:
         """Return the last drift in one direction at which `holds`, 0 if none does.
 
+        As `reached`, without the picture.
+        """
+        return self.reached(direction, holds).drift
+
+    def reached(self, direction: Direction, holds: Holds) -> Reached:
+        """Return the last drift in one direction at which `holds`, with a picture.
+
         The target lies at as many random places of its pose spread as there are
         draws, the same at all drifts. Which drifts are tried says `last_held`.
         """
+        shown: dict[int, BytesArray] = {}
         drifts = direction.drifts
         trials = {drift: self._trials(direction, drift) for drift in drifts}
         pictures: Pictures = partial(one_by_one, self.case)
@@ -88,15 +106,16 @@ class Search:
             pictures = through_focus(self.case, trials[drifts[-1]])
 
         def held(step: int) -> bool:
-            tried = trials[drifts[step]]
-            found = [
-                self._outcome(trial, picture)
-                for trial, picture in zip(tried, pictures(tried), strict=True)
-            ]
+            tried, found = trials[drifts[step]], []
+            for trial, picture in zip(tried, pictures(tried), strict=True):
+                shown.setdefault(step, _eight_bit(picture))
+                found.append(self._outcome(trial, picture))
             return holds(drifts[step], found)
 
         last = last_held(len(drifts), held)
-        return drifts[last] if last >= 0 else 0.0
+        return Reached(
+            drift=drifts[last] if last >= 0 else 0.0, picture=shown.get(last)
+        )
 
     def _outcome(self, trial: Trial, picture: np.ndarray) -> Outcome:
         """Return what the chain says of one picture."""
@@ -163,6 +182,12 @@ def last_held(count: int, holds: Callable[[int], bool]) -> int:
         middle = (good + bad) // 2
         good, bad = (middle, bad) if holds(middle) else (good, middle)
     return good
+
+
+def _eight_bit(picture: np.ndarray) -> BytesArray:
+    """Return a picture in 0..1 as 8 bit."""
+    found: BytesArray = np.clip(np.rint(picture * 255), 0, 255).astype(np.uint8)
+    return found
 
 
 def _drifted(trial: Trial, setting: Setting, drift: float) -> Trial:

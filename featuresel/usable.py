@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 
 from featuresel.bias import BiasCurve
 from featuresel.candidates import Chain
 from featuresel.case import LookCase
-from featuresel.reach import Direction, Search
+from featuresel.reach import BytesArray, Direction, Search
 from featuresel.trials import Map, Outcome, Prepared
 
 # Focus goes farther and takes longer: those two first.
@@ -23,6 +23,8 @@ class UsableRange:
 
     focus_um: tuple[float, float]  # error of the focus height
     magnification: tuple[float, float]  # ratio to nominal
+    # 8 bit, at the least and most focus and zoom; None where a range has no end
+    pictures: tuple[BytesArray | None, ...] = field(default=(), compare=False)
 
 
 def usable_range(
@@ -54,10 +56,13 @@ def usable_range(
         draws=draws,
         curve=curve,
     )
-    reach = partial(search.reach, holds=partial(_meets, case))
-    nearer, farther, smaller, larger = map(reach, [NEARER, FARTHER, SMALLER, LARGER])
+    reach = partial(search.reached, holds=partial(_meets, case))
+    ends = list(map(reach, [NEARER, FARTHER, SMALLER, LARGER]))
+    nearer, farther, smaller, larger = (end.drift for end in ends)
     return UsableRange(
-        focus_um=(nearer, farther), magnification=(1 + smaller, 1 + larger)
+        focus_um=(nearer, farther),
+        magnification=(1 + smaller, 1 + larger),
+        pictures=tuple(end.picture for end in ends),
     )
 
 

@@ -101,6 +101,9 @@ def _add_compile(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="compile again whenever a file of the task changes, until Ctrl-C",
     )
+    parser.add_argument(
+        "--report", action="store_true", help="write report.html in the plan folder too"
+    )
     _add_tolerance(parser)
     _add_task(parser)
 
@@ -185,6 +188,15 @@ def _add_export(parser: argparse.ArgumentParser) -> None:
     _add_format(parser)
 
 
+def _add_report(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `microplan report`."""
+    parser.add_argument("plan", type=Path, help="plan folder, or its plan.json")
+    parser.add_argument(
+        "-o", "--out", type=Path, help="file; default: report.html in the plan folder"
+    )
+    _add_format(parser)
+
+
 def _add_explain(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `microplan explain`."""
     parser.add_argument("code", nargs="?", help="as MP104; default: list all")
@@ -237,6 +249,7 @@ _COMMANDS: Mapping[str, tuple[Callable[[argparse.ArgumentParser], None], str]] =
     "tradeoff": (_add_tradeoff, "measure speed against accuracy"),
     "diff": (_add_diff, "tell what changed between two plans"),
     "export": (_add_export, "write a plan's looks in another tool's format"),
+    "report": (_add_report, "write a plan's report as one HTML page"),
     "explain": (_add_explain, "tell more about a finding"),
     "schema": (_add_schema, "print the schema of a format"),
     "completion": (_add_completion, "print a completion script for a shell"),

@@ -97,6 +97,10 @@ def _compile(call: argparse.Namespace) -> int:
             return _tell(call, report, "")
         files, folder = made
         said = f"{plan_summary(files.plan)}\nplan folder: {folder}"
+        if call.report:
+            from planner.reporting.report import write_report
+
+            said += f"\nreport: {write_report(folder, None)}"
         if call.timings:
             tell(times_summary(files.timings))
         if call.golden is not None:
@@ -310,6 +314,20 @@ def _export(call: argparse.Namespace) -> int:
     return _tell(call, report, said)
 
 
+def _report(call: argparse.Namespace) -> int:
+    """Write the report of a plan folder."""
+    from planner.diffing import DiffError
+    from planner.outputs.errors import OutputError
+    from planner.reporting.report import write_report
+
+    report, said = Report(), ""
+    try:
+        said = f"report: {write_report(call.plan, call.out)}"
+    except (DiffError, OutputError) as error:
+        report.error(error.code, Span(file=str(call.plan)), str(error))
+    return _tell(call, report, said)
+
+
 def _explain(call: argparse.Namespace) -> int:
     """Print the page of a code, or all codes."""
     from planner.outputs.shipped import page
@@ -387,7 +405,7 @@ def _tell_findings(text: str) -> None:
 
 _RUNS = {
     "init": _init, "check": _check, "compile": _compile, "render": _render,
-    "tradeoff": _tradeoff, "diff": _diff, "export": _export,
+    "tradeoff": _tradeoff, "diff": _diff, "export": _export, "report": _report,
     "explain": _explain, "schema": _schema, "completion": _completion,
 }  # fmt: skip
 

@@ -78,6 +78,7 @@ def compile_task(task: Task, report: Report, options: Options) -> PlanFiles | No
         world=build_world(task, initial(task)),
         scenes=Scenes(looks=tuple(look.placed for look in looks)),
         images={look.look.scene.image: look.picture for look in looks},
+        shots=tuple(look.shot for look in looks if look.shot is not None),
         arrays={k: v for look in looks for k, v in look.arrays.items()},
         timings={**timings, "total_s": time.perf_counter() - started},
         inputs=_inputs(report),

@@ -16,6 +16,7 @@ from planner.cases import build_case
 from planner.checks.views import view_verdict
 from planner.diagnostics import Report
 from planner.effects import effect_rows
+from planner.evidence import evidence_of
 from planner.frames import frame, seen_scene
 from planner.inputs.task import Task
 from planner.lens import (
@@ -34,6 +35,7 @@ from planner.model.sightings import (
 )
 from planner.model.targets import Shape
 from planner.model.views import ViewPlan
+from planner.outputs.emit import Shot
 from planner.outputs.scenes import look_scene
 from planner.pictures import Picture, picture
 from planner.presets import Effort
@@ -73,6 +75,7 @@ class CompiledLook:
     placed: LookScene
     found: tuple[Measured, ...] = ()  # the features measured, the target first
     steady_um: float = math.inf  # `Sighted.steady_um`
+    shot: Shot | None = None  # what reports show of it
 
 
 def compile_look(
@@ -315,6 +318,7 @@ class _Job:
             steady_um=math.inf
             if together is not None
             else steady_sigma_um(found[0].tried, found[0].chosen, task.seed),
+            shot=evidence_of(task, request, found, self.effects.memo),
         )
 
 

@@ -28,8 +28,7 @@ def compiled_example(tmp_path_factory: pytest.TempPathFactory) -> Path:
     All workers of one test run share it: the first compiles, the others wait. Nobody
     may change it.
     """
-    base = tmp_path_factory.getbasetemp()
-    shared = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
+    shared = _shared(tmp_path_factory)
     folder = shared / "gear-on-shaft.plan"
     with (shared / "gear-on-shaft.lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)  # let go when the file closes
@@ -39,3 +38,26 @@ def compiled_example(tmp_path_factory: pytest.TempPathFactory) -> Path:
             done = microplan("compile", task, *options)
             assert done.returncode == 0, done.stderr
     return folder
+
+
+@pytest.fixture(scope="session")
+def example_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the folder of one good run, frames kept; what it printed is beside it.
+
+    `tests.executor.kept` says what lies beside it. All workers share it, as above, and
+    nobody may change it.
+    """
+    from tests.executor.kept import RUN, SAID, keep_run  # most tests need no run
+
+    shared = _shared(tmp_path_factory)
+    with (shared / "gear.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not (shared / SAID).exists():
+            keep_run(shared)
+    return shared / RUN
+
+
+def _shared(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder that all workers of one test run have."""
+    base = tmp_path_factory.getbasetemp()
+    return base.parent if "PYTEST_XDIST_WORKER" in os.environ else base

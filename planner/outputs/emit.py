@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from planner.outputs.errors import OutputError
 from planner.pictures import Picture
+from schemas import evidence as shown
 from schemas.codec import to_data
 from schemas.plan import Plan, dump_plan
 from schemas.scenes import Scenes
@@ -23,6 +24,14 @@ from schemas.world import World
 
 # Enough that rings written as numbers still close when they are read again.
 WORLD_DIGITS = 15
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Shot:
+    """What reports show of a look, with its pictures by their path in the folder."""
+
+    evidence: shown.LookEvidence
+    pictures: Mapping[str, Picture]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,6 +45,7 @@ class PlanFiles:
     arrays: Mapping[str, Mapping[str, npt.NDArray[np.float32]]]  # npz path -> arrays
     timings: Mapping[str, float]  # stage -> seconds; never compared
     inputs: Mapping[str, object]  # raw-file hashes and versions; never compared
+    shots: tuple[Shot, ...] = ()  # what reports show of each look
 
 
 def write_folder(files: PlanFiles, folder: Path) -> None:
@@ -117,16 +127,27 @@ def _fill(files: PlanFiles, folder: Path) -> None:
     _write_json(folder / "scenes.json", to_data(files.scenes, WORLD_DIGITS))
     _write_json(folder / "timings.json", dict(files.timings))
     _write_json(folder / "inputs.json", dict(files.inputs))
-    for name, pixels in files.images.items():
-        ok, data = cv2.imencode(".png", pixels)
-        if not ok:
-            raise OSError(f"{name} could not be encoded")
-        (folder / name).write_bytes(data.tobytes())
+    _write_pictures(folder, files.images)
+    if files.shots:
+        (folder / shown.FOLDER).mkdir()
+    for shot in files.shots:
+        path = folder / shown.FOLDER / f"{shot.evidence.look}.json"
+        _write_json(path, to_data(shot.evidence))
+        _write_pictures(folder, shot.pictures)
     for name, arrays in files.arrays.items():
         with (folder / name).open("wb") as stream:
             np.savez(
                 stream, allow_pickle=False, **{k: arrays[k] for k in sorted(arrays)}
             )
+
+
+def _write_pictures(folder: Path, pictures: Mapping[str, Picture]) -> None:
+    """Write pictures by their paths in a folder."""
+    for name, pixels in pictures.items():
+        ok, data = cv2.imencode(".png", pixels)
+        if not ok:
+            raise OSError(f"{name} could not be encoded")
+        (folder / name).write_bytes(data.tobytes())
 
 
 def _write_json(path: Path, data: object) -> None:

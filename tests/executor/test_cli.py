@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import io
 import json
 import os
 import shutil
@@ -16,21 +14,16 @@ import pytest
 
 from executor.cli import main
 from schemas.plan import dump_plan, parse_plan
-from tests.executor.bench import Folder, assembly, world
+from tests.executor.kept import PLAN, SAID
 
 STEPS = 12
 STATION = Path(__file__).parents[2] / "examples" / "stations" / "simulated.toml"
 
 
 @pytest.fixture(scope="module")
-def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def built(example_run: Path) -> Path:
     """Return a plan folder of the whole job; the gear lies near its place."""
-    folder = tmp_path_factory.mktemp("plans") / "gear.plan"
-    maker = Folder(folder)
-    found = world()
-    parts = tuple(replace(p, sigma_xy_um=min(p.sigma_xy_um, 8.0)) for p in found.parts)
-    maker.write(assembly(maker), replace(found, parts=parts))
-    return folder
+    return example_run.with_name(PLAN)
 
 
 def run(plan: Path, folder: Path, *options: str) -> int:
@@ -59,12 +52,9 @@ def edited(plan: Path, tmp_path: Path, old: str, new: str) -> Path:
 
 
 @pytest.fixture(scope="module")
-def ran(built: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+def ran(example_run: Path) -> tuple[Path, str]:
     """Return the run folder of one good run, frames kept, and what it printed."""
-    folder, heard = tmp_path_factory.mktemp("runs") / "run", io.StringIO()
-    with contextlib.redirect_stdout(heard):
-        assert run(built, folder, "--seed", "3") == 0
-    return folder, heard.getvalue()
+    return example_run, example_run.with_name(SAID).read_text(encoding="utf-8")
 
 
 def test_the_gear_ends_on_the_post(ran: tuple[Path, str]) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -65,3 +66,10 @@ def test_ranges_of_looks_are_those_found_by_trying_all(
     monkeypatch.setattr(reach, "last_held", plain)
     assert usable_range(case, ready, (routine,), root_seed=3, draws=1) == quick
     assert quick.focus_um[0] < 0 < quick.focus_um[1]
+    size = (case.window.rows, case.window.columns)
+    assert [p.shape for p in quick.pictures if p is not None] == [size] * 4
+    # out of focus neighbours differ less than at the ends of the zoom, which are sharp
+    steps = [
+        float(np.diff(p.astype(float)).std()) for p in quick.pictures if p is not None
+    ]
+    assert max(steps[:2]) < min(steps[2:])

@@ -14,6 +14,7 @@ from planner.cli import main
 from planner.diagnostics import Report
 from planner.inputs.read_task import load_task
 from planner.inputs.task import Task
+from planner.reporting.report import write_report
 from tests.planner.examples import change, copy_example, one_look
 
 Compile = Callable[..., dict[str, bytes]]
@@ -67,8 +68,11 @@ def test_a_cache_changes_nothing_but_the_time(
     assert files(*cache) == plain
     first = len(made)
     assert first > 3
-    assert files(*cache) == plain  # all of it kept
+    told = files(*cache, "--report")  # all of it kept
     assert len(made) == first
+    again = write_report(tmp_path / "new", tmp_path / "again.html")
+    assert told.pop("report.html") == again.read_bytes()
+    assert told == plain
     change(task, "seed: 1998", "seed: 1999")
     fresh = files(*cache)
     assert len(made) > first

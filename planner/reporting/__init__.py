@@ -1,0 +1,1 @@
+"""The report of a plan: one page, made from the plan folder alone."""

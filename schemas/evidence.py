@@ -1,0 +1,57 @@
+"""What the trials of a look showed: written beside the plan, for reports alone.
+
+No run reads it; a plan folder without it is whole. Lengths are um, angles rad.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from schemas.pose import Pose
+
+FOLDER = "evidence"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FeatureMark:
+    """Where a feature that a look measures should be, and what it is."""
+
+    name: str
+    kind: str  # of target
+    pose: Pose  # of its frame in the world
+    z_um: float
+    parameters: Mapping[str, float]  # as a routine's target has them
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrialRecord:
+    """One trial of the chain that was chosen."""
+
+    trial: int
+    focus_um: float  # error of the focus
+    magnification: float  # ratio to nominal
+    error_um: float | None  # None: no answer
+    failure: str  # code; "" where it answered
+    wrong: bool  # it answered, but falsely
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Shown:
+    """An image that the trials made, of the look's region."""
+
+    what: str  # focus, magnification or worst
+    value: float  # error of the focus, or ratio of the zoom; the trial's number
+    image: str  # path in the plan folder
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LookEvidence:
+    """What a report shows of a look beside the plan."""
+
+    look: str
+    places: Mapping[str, Pose]  # part or tool -> where it is while looking, world
+    opening_um: float | None  # of the jaws
+    features: tuple[FeatureMark, ...]  # as measured, the target first
+    trials: tuple[TrialRecord, ...]
+    shown: tuple[Shown, ...]

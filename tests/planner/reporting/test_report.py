@@ -1,0 +1,245 @@
+"""The report of a plan: one page from the plan folder, whatever names it holds."""
+
+from __future__ import annotations
+
+import math
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from planner.cli import main
+from planner.reporting.errors import ellipse, sigmas
+from planner.reporting.folder import PlanFolder, read_folder
+from planner.reporting.margins import margins
+from planner.reporting.pictures import place_id
+from planner.reporting.report import plan_report, write_report
+from planner.reporting.timeline import spans
+from schemas.plan import Plan, Reason, dump_plan
+from tests.names import renamed
+from tests.pages import Page, check_page
+
+EVIL = "<script>alert(1)</script>"
+
+
+@pytest.fixture(scope="module")
+def folder(compiled_example: Path) -> PlanFolder:
+    """Return the example's plan folder."""
+    return read_folder(compiled_example)
+
+
+@pytest.fixture(scope="module")
+def page(folder: PlanFolder) -> Page:
+    """Return the example's report."""
+    return check_page(plan_report(folder))
+
+
+def test_the_same_plan_gives_the_same_bytes(
+    compiled_example: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    copy = Path(shutil.copytree(compiled_example, tmp_path / "copy.plan"))
+    assert main(["report", str(copy)]) == 0
+    assert f"report: {copy / 'report.html'}" in capsys.readouterr().out
+    again = write_report(compiled_example / "plan.json", tmp_path / "out" / "r.html")
+    assert again.read_bytes() == (copy / "report.html").read_bytes()
+
+
+def test_the_first_page_has_what_is_passed_on(folder: PlanFolder, page: Page) -> None:
+    text, plan = " ".join(page.text), folder.plan
+    assert "Feasible" in text
+    assert f"P(success) {plan.success_probability:.4f}" in text
+    insert = next(s for s in plan.steps if s.verb == "insert")
+    assert insert.budget.analysis is not None
+    for offender in insert.budget.analysis.offenders[:3]:
+        assert offender.term in text
+    for digest in (folder.sha256, plan.provenance.task_sha256):
+        assert digest in text
+    for words in ("Tightest margin", "Yield over", "Depth of field", "Methods",
+                  f"microplan {plan.provenance.microplan}"):  # fmt: skip
+        assert words in text
+
+
+def test_every_step_and_look_has_its_place(folder: PlanFolder, page: Page) -> None:
+    text = " ".join(page.text)
+    for number, step in enumerate(folder.plan.steps, 1):
+        assert f"{number}. {step.id}" in text
+    maps = [t for t in page.of("table") if t.get("class") == "map"]
+    assert len(maps) == len(folder.looks)
+    radios = [i for i in page.of("input") if i["type"] == "radio"]
+    assert len(radios) == 4 * len(folder.looks)
+    assert sum("checked" in radio for radio in radios) == len(folder.looks)
+    for look in folder.looks:
+        for score in (look.evidence.chosen, *look.evidence.others):
+            assert score.reason in text
+
+
+def test_rows_link_to_places_in_the_picture(folder: PlanFolder, page: Page) -> None:
+    look = next(look for look in folder.looks if look.id == "over_shaft")
+    names = [layer.name for layer in look.scene.layers]
+    names += [f"={measure.feature or look.target}" for measure in look.measures]
+    assert len(names) == 6
+    places = {place_id(look, name) for name in names}
+    assert places <= set(page.ids)
+    assert places <= {a["href"][1:] for a in page.of("a")}
+
+
+def test_a_part_called_script_stays_a_name(
+    compiled_example: Path, tmp_path: Path
+) -> None:
+    copy = renamed(compiled_example, tmp_path, "gear", EVIL)
+    found = read_folder(copy)
+    assert any(look.target.startswith(EVIL) for look in found.looks)
+    markup = plan_report(found)
+    page = check_page(markup)
+    assert EVIL not in markup
+    assert EVIL in " ".join(page.text)
+
+
+def test_an_infeasible_plan_tells_why(folder: PlanFolder) -> None:
+    plan = folder.plan
+    reason = Reason(code="MP501", step="over_shaft", message="no routine finds it")
+    steps = plan.steps[:7]
+    short = replace(
+        plan, status="infeasible", reasons=(reason,), steps=steps,
+        success_probability=0.0,
+    )  # fmt: skip
+    text = " ".join(check_page(plan_report(replace(folder, plan=short))).text)
+    assert "Infeasible" in text
+    assert "ends before over_shaft" in text
+    assert reason.message in text
+    assert "no error budget" in text
+
+
+def test_a_budget_that_falls_short_names_the_cheapest_change(
+    folder: PlanFolder,
+) -> None:
+    insert = next(s for s in folder.plan.steps if s.verb == "insert")
+    analysis = insert.budget.analysis
+    assert analysis is not None
+    worst = replace(analysis.offenders[0], largest_um=0.1, size_um=0.5)
+    hopeless = replace(analysis.offenders[1], largest_um=None)
+    budget = replace(
+        insert.budget,
+        success_probability=0.5,
+        analysis=replace(analysis, offenders=(worst, hopeless)),
+    )
+    plan = _with(folder.plan, insert.id, budget=budget)
+    text = " ".join(check_page(plan_report(replace(folder, plan=plan))).text)
+    assert "bring it from 0.5\u202f\u00b5m to 0.1\u202f\u00b5m or less" in text
+    assert "no size of this term alone gives the goal" in text
+
+
+def _with(plan: Plan, name: str, **changes: object) -> Plan:
+    steps = (
+        replace(s, **changes) if s.id == name else s  # type: ignore[arg-type]
+        for s in plan.steps
+    )
+    return replace(plan, steps=tuple(steps))
+
+
+def test_plans_of_one_look_and_of_nothing_have_reports(folder: PlanFolder) -> None:
+    plan = folder.plan
+    for steps in (plan.steps[:1], plan.steps[4:5], ()):
+        check_page(plan_report(replace(folder, plan=replace(plan, steps=steps))))
+
+
+@pytest.mark.parametrize("value", [0.0, 1e300])
+def test_odd_numbers_are_shown_as_they_are(folder: PlanFolder, value: float) -> None:
+    insert = next(s for s in folder.plan.steps if s.verb == "insert")
+    before = next(s for s in folder.plan.steps if s.id == "over_shaft")
+    (look,), analysis = before.looks, insert.budget.analysis
+    assert analysis is not None
+    rows = tuple(replace(row, sigma_um=value) for row in insert.budget.rows)
+    flat = replace(analysis, covariance_um2=(0.0, 0.0, 0.0), miss_probability=0.0)
+    budget = replace(insert.budget, rows=rows, limit_um=0.0, analysis=flat)
+    found = replace(
+        look,
+        view=replace(look.view, um_per_px=value, field_um=(value, value)),
+        measure=replace(look.measure, usable_focus_um=(0.0, value)),
+        evidence=replace(look.evidence, tolerance_um=value),
+    )
+    plan = _with(folder.plan, insert.id, budget=budget)
+    plan = _with(plan, before.id, looks=(found,))
+    check_page(plan_report(replace(folder, plan=plan)))
+
+
+def test_a_plan_alone_has_a_report(compiled_example: Path, tmp_path: Path) -> None:
+    alone = tmp_path / "plan.json"
+    shutil.copyfile(compiled_example / "plan.json", alone)
+    text = " ".join(check_page(plan_report(read_folder(alone))).text)
+    assert "is not in the plan folder" in text
+
+
+@pytest.mark.parametrize("name", ["../secret.png", "/etc/passwd", "images/none.png"])
+def test_pictures_outside_the_folder_are_not_shown(
+    folder: PlanFolder, compiled_example: Path, tmp_path: Path, name: str
+) -> None:
+    shutil.copyfile(
+        compiled_example / folder.looks[0].scene.image, tmp_path / "secret.png"
+    )
+    first = folder.plan.steps[0]
+    look = first.looks[0]
+    moved = replace(look, scene=replace(look.scene, image=name))
+    plan = replace(folder.plan, steps=(replace(first, looks=(moved,)),))
+    inside = tmp_path / "inside"
+    inside.mkdir()
+    (inside / "plan.json").write_text(dump_plan(plan), encoding="utf-8")
+    assert read_folder(inside).pictures == {}
+
+
+def test_what_is_no_plan_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["report", str(tmp_path / "none")]) == 2
+    assert "error[MP704]" in capsys.readouterr().err
+    (tmp_path / "plan.json").write_text("{}", encoding="utf-8")
+    assert main(["report", str(tmp_path)]) == 2
+
+
+def test_a_report_that_cannot_be_written_is_told(
+    compiled_example: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "file").write_text("")
+    out = tmp_path / "file" / "report.html"
+    assert main(["report", str(compiled_example), "-o", str(out)]) == 2
+    assert "error[MP702]" in capsys.readouterr().err
+
+
+def test_margins_are_in_order_and_hold_in_a_feasible_plan(folder: PlanFolder) -> None:
+    found = margins(folder.plan)
+    ratios = [m.ratio for m in found]
+    assert ratios == sorted(ratios)
+    assert min(ratios) >= 1
+    assert {m.look for m in found if m.look} == {look.id for look in folder.looks}
+
+
+def test_the_timeline_agrees_with_what_the_looks_wait_for(folder: PlanFolder) -> None:
+    found = {span.step: span for span in spans(folder.plan, folder.world)}
+    for step in folder.plan.steps:
+        waits = sum(
+            look.verdict.change.total_s for look in step.looks
+            if look.verdict is not None and look.verdict.change is not None
+        )  # fmt: skip
+        servo = 0.0 if step.control is None else step.control.expected_s
+        if step.looks:
+            assert found[step.id].total_s == pytest.approx(waits + servo, abs=1e-5)
+    # 260 um at 20 um/s, and the stage settles
+    assert folder.world is not None
+    expected = 260 / 20 + folder.world.stage.settle_s
+    assert found["insert"].total_s == pytest.approx(expected)
+
+
+def test_the_ellipse_holds_its_share_of_errors() -> None:
+    covariance = np.array([[0.5, 0.2], [0.2, 0.3]])
+    long, short, angle = ellipse((0.5, 0.2, 0.3))
+    c, s = math.cos(angle), math.sin(angle)
+    turn = np.array([[c, -s], [s, c]])
+    back = turn @ np.diag([long**2, short**2]) @ turn.T
+    np.testing.assert_allclose(back, covariance, atol=1e-12)
+    draws = np.random.default_rng(1).multivariate_normal((0, 0), covariance, 100_000)
+    radius = np.hypot(*(draws @ turn / (long, short)).T)
+    for share in (0.68, 0.95):
+        inside = float((radius < sigmas(share)).mean())
+        assert inside == pytest.approx(share, abs=4 * math.sqrt(0.25 / 100_000))

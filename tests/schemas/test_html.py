@@ -1,0 +1,165 @@
+"""Elements, numbers and charts of pages: nothing from a file becomes markup."""
+
+from __future__ import annotations
+
+import math
+from html.parser import HTMLParser
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from schemas.html.axes import Axes, Scale, around, around_log
+from schemas.html.charts import Bar, Point, bars, curve, scatter
+from schemas.html.elements import el, slug, write
+from schemas.html.figures import chance, number, um
+from schemas.html.page import document, png_size, png_uri
+
+# what markup, addresses and terminals obey, and what they do not
+LETTERS = "<>&\"'/;:=#(){}ab \u00e9\u202e\x00\ud800\n"
+TEXT = st.text(st.sampled_from(LETTERS), max_size=20)
+VALUES = st.floats(-1e6, 1e6)
+
+
+class Heard(HTMLParser):
+    """What a reader of the markup hears: elements, attributes and text."""
+
+    def __init__(self, markup: str) -> None:
+        super().__init__(convert_charrefs=True)
+        self.tags: list[str] = []
+        self.attributes: list[tuple[str, str | None]] = []
+        self.text = ""
+        self.feed(markup)
+        self.close()
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+        self.attributes += attrs
+
+    def handle_data(self, data: str) -> None:
+        self.text += data
+
+
+@given(text=TEXT, value=TEXT)
+def test_no_text_becomes_markup(text: str, value: str) -> None:
+    heard = Heard(write(el("p", text, title=value)))
+    assert heard.tags == ["p"]
+    assert [name for name, _ in heard.attributes] == ["title"]
+    plain = "".join(c for c in text if c.isprintable() or c == "\t")
+    assert all(c in heard.text for c in plain)
+
+
+@given(names=st.lists(TEXT, min_size=2, max_size=2, unique=True))
+def test_other_names_have_other_ids(names: list[str]) -> None:
+    one, two = map(slug, names)
+    assert one != two
+    assert not set(one) - set(
+        "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789._-"
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "attributes"),
+    [
+        ("script", {}),
+        ("iframe", {}),
+        ("p", {"onclick": "x"}),
+        ("a", {"href": "https://example.org"}),
+        ("a", {"href": "javascript:x"}),
+        ("img", {"src": "data:text/html;base64,AAAA"}),
+        ("img", {"src": "picture.png"}),
+    ],
+)
+def test_what_could_run_or_fetch_is_refused(
+    name: str, attributes: dict[str, str]
+) -> None:
+    with pytest.raises(ValueError, match="page"):
+        el(name, **attributes)
+
+
+def test_a_style_fetches_nothing() -> None:
+    assert "url(" not in write(el("p", style="background:url(http://x)"))
+    with pytest.raises(ValueError, match="style"):
+        write(el("style", "p{}</style><p>"))
+    assert "//" not in document("a page", el("p", "text"))
+
+
+def test_what_turns_text_round_is_spelled_out() -> None:
+    assert "\u202e" not in write(el("p", "a\u202eb", title="\x00"))
+    assert "\\u202e" in write(el("p", "a\u202eb"))
+
+
+@pytest.mark.parametrize(
+    ("value", "said"),
+    [
+        (0.0, "0"), (1234.5, "1234"), (12.345, "12.3"), (0.012345, "0.0123"),
+        (-0.5, "\u22120.5"), (1.2e-5, "1.2\u00d710\u207b\u2075"), (100.0, "100"),
+        (None, "\u2013"), (math.inf, "any"), (-0.0, "0"),
+    ],
+)  # fmt: skip
+def test_numbers_have_three_digits(value: float | None, said: str) -> None:
+    assert number(value) == said
+
+
+@given(value=st.floats(1e-3, 1e5))
+def test_a_number_is_told_to_half_a_percent(value: float) -> None:
+    assert float(number(value)) == pytest.approx(value, rel=0.0051)
+
+
+def test_small_lengths_are_told_in_nm() -> None:
+    assert um(0.0342) == "34\u202fnm"
+    assert um(2.9) == "2.9\u202f\u00b5m"
+
+
+def test_almost_certain_is_not_certain() -> None:
+    assert chance(1.0) == "1.0000"
+    assert chance(1 - 1e-9) == "> 0.9999"
+    assert chance(1e-9) == "< 0.0001"
+    assert chance(0.99359) == "0.9936"
+
+
+@given(values=st.lists(VALUES, min_size=1, max_size=6))
+def test_ticks_lie_on_their_scale(values: list[float]) -> None:
+    sized = [abs(v) + 1e-3 for v in values]
+    for scale in (around(values), around(values, zero=True), around_log(sized)):
+        ticks = scale.ticks()
+        assert ticks
+        assert all(-1e-9 <= scale.share(tick) <= 1 + 1e-9 for tick in ticks)
+        assert len(ticks) <= 16
+
+
+@given(
+    xs=st.lists(VALUES, min_size=2, max_size=6),
+    y=st.floats(1e-6, 1e6),
+    name=TEXT,
+)
+def test_charts_hold_finite_numbers_alone(xs: list[float], y: float, name: str) -> None:
+    axes = Axes(across=around(xs), up=around_log([y]), across_label=name, up_label=name)
+    points = [Point(x=x, y=y, label=name, named=name) for x in xs]
+    drawn = [
+        curve(name, name, axes, [(x, y) for x in xs], here=xs[0], limit=y),
+        scatter(name, name, axes, points, front=[(x, y) for x in xs]),
+        bars(name, name, [Bar(label=name, pieces=((y, ""),), said=name)], limit=y),
+    ]
+    for each in drawn:
+        heard = Heard(write(each))
+        kept = " ".join(
+            v or "" for k, v in heard.attributes if k not in ("aria-label",)
+        )
+        assert "nan" not in kept
+        assert "inf" not in kept
+        assert heard.tags[:3] == ["svg", "title", "desc"]
+
+
+def test_a_scale_rises() -> None:
+    with pytest.raises(ValueError, match="rises"):
+        Scale(low=1.0, high=1.0)
+    with pytest.raises(ValueError, match="logarithm"):
+        Scale(low=0.0, high=1.0, log=True)
+
+
+def test_only_pictures_are_taken_into_a_page() -> None:
+    with pytest.raises(ValueError, match="picture"):
+        png_uri(b"<svg onload=x>")
+    with pytest.raises(ValueError, match="PNG"):
+        png_size(b"\x89PNG\r\n\x1a\n")
