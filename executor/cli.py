@@ -35,7 +35,7 @@ from executor.station import preflight
 from executor.summary import table
 from executor.tape import read_record
 from executor.whole_run import Asking, Ended, header_of, perform
-from schemas.plan import Plan
+from schemas.plan import Plan, newer_note
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -61,6 +61,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _run(call: Call) -> int:
     """Do what was asked; errors are the caller's to report."""
     file = read_plan(call.plan_file)
+    if note := newer_note(file.plan):
+        print(f"note: {note}", file=sys.stderr)
     if call.mode == "compare":
         return _compare(call, file)
     if call.record is not None:

@@ -156,6 +156,15 @@ def _add_init(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("folder", type=Path, help="new, or without these files")
 
 
+def _add_migrate(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `microplan migrate`."""
+    parser.add_argument("task", metavar="file", help="task.yaml or workcell.yaml")
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument("-o", "--out", type=Path, help="a new file; default: print it")
+    where.add_argument("--in-place", action="store_true", help="replace the file")
+    _add_format(parser)
+
+
 def _add_schema(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `microplan schema`."""
     parser.add_argument("name", choices=("task", "workcell", "plan"))
@@ -192,6 +201,7 @@ _COMMANDS: Mapping[str, tuple[Callable[[argparse.ArgumentParser], None], str]] =
     "render": (_add_render, "render what a step will see"),
     "tradeoff": (_add_tradeoff, "measure speed against accuracy"),
     "diff": (_add_diff, "tell what changed between two plans"),
+    "migrate": (_add_migrate, "rewrite a task of an older format"),
     "explain": (_add_explain, "tell more about a finding"),
     "schema": (_add_schema, "print the schema of a format"),
 }

@@ -223,6 +223,8 @@ def _diff(call: argparse.Namespace) -> int:
         report = Report()
         report.error(error.code, Span(file=error.file), str(error))
         return _tell(call, report, "")
+    for note in found.notes:
+        _say(f"note: {note}", sys.stderr)
     if call.format in ("text", "json"):
         told = changes_text(found.changes, tell_all=call.all)
         if call.format == "json":
@@ -272,6 +274,25 @@ def _schema(call: argparse.Namespace) -> int:
     return DONE
 
 
+def _migrate(call: argparse.Namespace) -> int:
+    """Rewrite a task or workcell of an older format."""
+    from planner.migrating import MigrateCall, migrate
+    from planner.outputs.errors import OutputError
+
+    report = Report()
+    try:
+        told = migrate(
+            MigrateCall(file=call.task, out=call.out, in_place=call.in_place), report
+        )
+    except OutputError as error:
+        return _refuse(call, report, error)
+    if told is None:
+        return _tell(call, report, "")
+    _say(told.said, sys.stderr)
+    _say(told.text.removesuffix("\n"), sys.stdout)
+    return DONE
+
+
 def _refuse(call: argparse.Namespace, report: Report, error: Coded) -> int:
     """Tell what could not be done with the call itself, beside the findings."""
     report.error(error.code, Span(file=call.task), str(error))
@@ -309,7 +330,8 @@ def _say(text: str, stream: TextIO) -> None:
 
 _RUNS = {
     "init": _init, "check": _check, "compile": _compile, "render": _render,
-    "tradeoff": _tradeoff, "diff": _diff, "explain": _explain, "schema": _schema,
+    "tradeoff": _tradeoff, "diff": _diff, "migrate": _migrate, "explain": _explain,
+    "schema": _schema,
 }  # fmt: skip
 
 

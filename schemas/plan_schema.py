@@ -41,7 +41,7 @@ def plan_schema() -> Rule:
     major = FORMAT_VERSION.partition(".")[0]
     plan["properties"]["format_version"] = {
         "type": "string",
-        "pattern": rf"^{major}\.[0-9]+$",
+        "pattern": rf"^{major}\.(0|[1-9][0-9]{{0,5}})$",
     }
     if rule != _reference(Plan):
         raise TypeError("a plan must be a dataclass")
