@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -18,8 +18,10 @@ from schemas import plan as p
 
 GOLDEN = Path(__file__).parents[1] / "golden" / "gear_on_shaft.fast.json"
 ANGLE_RAD = 0.01  # stands for the look's own; no chain comes near it
-# A machine's last digits, relative: `python -m benchmarks machines` measures them.
-NOISE = 1e-7
+# What another machine makes of a need, relative, and of what no image enters:
+# `python -m benchmarks machines` finds .0043 and 0.
+NOISE = 5e-3
+ROUNDING = 1e-9
 TIMES = 200
 
 
@@ -42,29 +44,38 @@ class Choice:
             found.chosen and found.chosen.chain,
             found.fallback and found.fallback.chain,
             [score.chain for score in found.pareto],
-            [(chain, why.partition(":")[0]) for chain, why in found.reasons],
+            [(chain, why.startswith("rejected")) for chain, why in found.reasons],
         )
 
     def noisy(self, noise: float, rng: np.random.Generator) -> Choice:
-        """Return the same scores, each number off by up to `noise` of itself."""
+        """Return the same scores, each number off by up to `noise` of itself.
 
-        def off(value: float) -> float:
-            return value * (1 + noise * rng.uniform(-1, 1))
+        A bias, which may nearly vanish, is off by `noise` of the spread as well.
+        """
+
+        def off(value: float, beside: float = 0.0) -> float:
+            return value + noise * rng.uniform(-1, 1) * (abs(value) + beside)
 
         return replace(
             self,
             scores=tuple(
                 replace(
                     s,
-                    cost=off(s.cost),
+                    cost=s.cost * (1 + ROUNDING * rng.uniform(-1, 1)),
                     sigma_um=s.sigma_um and off(s.sigma_um),
-                    bias_um=s.bias_um and (off(s.bias_um[0]), off(s.bias_um[1])),
+                    bias_um=s.bias_um and _pair(off, s.bias_um, s.sigma_um or 0.0),
                     sigma_theta_rad=s.sigma_theta_rad and off(s.sigma_theta_rad),
                     bias_theta_rad=s.bias_theta_rad and off(s.bias_theta_rad),
                 )
                 for s in self.scores
             ),
         )
+
+
+def _pair(
+    off: Callable[[float, float], float], values: tuple[float, float], beside: float
+) -> tuple[float, float]:
+    return off(values[0], beside), off(values[1], beside)
 
 
 def a_score(told: p.Score) -> Score:
@@ -120,7 +131,10 @@ def test_noise_in_every_score_changes_no_choice(choices: Mapping[str, Choice]) -
     rng = np.random.default_rng(1)
     for choice in choices.values():
         made = choice.made()
-        assert all(choice.noisy(NOISE, rng).made() == made for _ in range(TIMES))
+        for _ in range(TIMES):
+            found = choice.noisy(NOISE, rng).made()
+            assert found[:2] == made[:2]  # what is used, and what is fallen back on
+            assert found[3] == made[3]  # who is rejected
 
 
 def test_noise_would_change_choices_if_it_were_larger(
@@ -148,7 +162,7 @@ def test_chains_as_good_as_each_other_go_by_name(
     choice = Choice(twins, tolerance_um, None)
     rng = np.random.default_rng(2)
     for _ in range(TIMES):
-        chosen, fallback, front, _ = choice.noisy(NOISE, rng).made()
+        chosen, fallback, front, _ = choice.noisy(ROUNDING, rng).made()
         assert (chosen, fallback, front) == (("a",), ("b",), [("a",)])
 
 
@@ -161,10 +175,10 @@ def test_mirrored_features_go_by_name() -> None:
         sights = [
             Sight(
                 name=name,
-                x_um=x * (1 + NOISE * rng.uniform(-1, 1)),
-                y_um=y * (1 + NOISE * rng.uniform(-1, 1)),
-                sigma_um=0.1 * (1 + NOISE * rng.uniform(-1, 1)),
-                cost=2.0 * (1 + NOISE * rng.uniform(-1, 1)),
+                x_um=x * (1 + ROUNDING * rng.uniform(-1, 1)),
+                y_um=y * (1 + ROUNDING * rng.uniform(-1, 1)),
+                sigma_um=0.1 * (1 + ROUNDING * rng.uniform(-1, 1)),
+                cost=2.0 * (1 + ROUNDING * rng.uniform(-1, 1)),
             )
             for name, x, y in (
                 ("d", 40.0, 40.0), ("a", -40.0, 40.0), ("c", -40.0, -40.0),
