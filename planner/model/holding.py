@@ -260,5 +260,5 @@ def _nearest(turns: tuple[float, ...], theta_rad: float) -> float:
     def away(turn: float) -> float:
         return math.remainder(turn - theta_rad, math.pi)
 
-    # midway between two, the one counter-clockwise
-    return theta_rad + least(sorted(map(away, turns), reverse=True), abs, scale=1.0)
+    # midway between two, the one clockwise
+    return theta_rad + least(sorted(map(away, turns)), abs, scale=1.0)
