@@ -9,6 +9,7 @@ from pathlib import Path
 from planner.comparing.changes import KINDS
 from planner.comparing.tolerances import parse_rule
 from planner.presets import PRESETS
+from planner.vary import parse_vary
 
 Run = Callable[[argparse.Namespace], int]
 
@@ -119,7 +120,16 @@ def _add_render(parser: argparse.ArgumentParser) -> None:
 
 def _add_tradeoff(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `microplan tradeoff`."""
-    parser.add_argument("--step", help="id of the step; default: all that look")
+    what = parser.add_mutually_exclusive_group()
+    what.add_argument("--step", help="id of the step; default: all that look")
+    what.add_argument(
+        "--vary",
+        type=parse_vary,
+        metavar="AXIS,...",
+        help="compile the whole task by preset, trials, frames, zoom, each with its "
+        "usual values or those given: preset,trials=24:304",
+    )
+    parser.add_argument("--jobs", type=count, default=1, help="with --vary: processes")
     parser.add_argument(
         "--max-image-error", type=share, help="what may be chosen; default: the task's"
     )

@@ -14,6 +14,7 @@ from planner.arguments import build_parser
 from planner.diagnostics import TITLES, Report, Span
 
 if TYPE_CHECKING:
+    from planner.inputs.task import Task
     from schemas.plan import Plan
 
 DONE, NO, BAD_INPUT, BUG = 0, 1, 2, 70
@@ -176,6 +177,8 @@ def _tradeoff(call: argparse.Namespace) -> int:
     task = load_task(call.task, report)
     if task is None:
         return _tell(call, report, "")
+    if call.vary is not None:
+        return _tradeoff_of_task(call, task, report)
     try:
         found = write_tradeoff(
             task,
@@ -188,6 +191,24 @@ def _tradeoff(call: argparse.Namespace) -> int:
             _progress,
         )
     except (OutputError, RenderError) as error:
+        return _refuse(call, report, error)
+    return _tell(call, report, found)
+
+
+def _tradeoff_of_task(call: argparse.Namespace, task: Task, report: Report) -> int:
+    """Compile a whole task in several ways."""
+    from planner.outputs.errors import OutputError
+    from planner.task_tradeoff import TaskCall, VaryError, write_task_tradeoff
+
+    asked = TaskCall(
+        vary=call.vary,
+        jobs=call.jobs,
+        max_image_error=call.max_image_error,
+        out=call.out or Path(call.task).parent / f"{task.name}.tradeoff",
+    )
+    try:
+        found = write_task_tradeoff(task, asked, _progress)
+    except (OutputError, VaryError) as error:
         return _refuse(call, report, error)
     return _tell(call, report, found)
 
