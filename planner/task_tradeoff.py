@@ -199,7 +199,7 @@ def choices(first: Plan, plan: Plan) -> tuple[str, ...]:
     """Return the choices that differ between two plans, as `microplan diff` says."""
     told = []
     for change in compare_plans(first, plan):
-        if change.kind == "steps" and "looks" in change.path:
+        if change.kind == "steps":
             told.append(f"{change.where}: {change.says}")
         elif change.path[-1] in CHOICES and "evidence" not in change.path:
             step = change.path[1] if len(change.path) > 1 else ""
