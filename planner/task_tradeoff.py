@@ -84,19 +84,27 @@ def write_task_tradeoff(task: Task, call: TaskCall, tell: Callable[[str], None])
     _write(call.out, {})  # before minutes are spent
     points: list[Point] = []
     spent: list[Spent] = []
-    first: Plan | None = None
+    first, said = None, ""
     for k, way in enumerate(wanted):
         tell(f"{way.varied} ({k + 1} of {len(wanted)})")
         plan, report, took = compiled(task, way, call)
         points.append(point_of(way, plan, report, first))
         spent.append(took)
         first = plan if k == 0 else first
+        said = _told(task, call.out, points, spent)  # what is done outlives a stop
+    return f"{said}\n\nfolder: {call.out}"
+
+
+def _told(
+    task: Task, folder: Path, points: Sequence[Point], spent: Sequence[Spent]
+) -> str:
+    """Write the points so far, and return their table."""
     found, times = with_fronts(points, spent)
     record = TaskTradeoff(
         format_version=FORMAT_VERSION, task=task.name, note=NOTE, points=found
     )
     _write(
-        call.out,
+        folder,
         {
             "task.csv": points_csv(record).encode(),
             "task.json": points_json(record).encode(),
@@ -104,7 +112,7 @@ def write_task_tradeoff(task: Task, call: TaskCall, tell: Callable[[str], None])
             "task.png": task_png(record, times),
         },
     )
-    return f"{points_table(record, times)}\n\nfolder: {call.out}"
+    return points_table(record, times)
 
 
 def compiled(task: Task, way: Way, call: TaskCall) -> tuple[Plan | None, Report, Spent]:

@@ -20,7 +20,7 @@ from planner.control import (
 from planner.diagnostics import Report
 from planner.model.steps import unfold
 from tests.planner.examples import ROOT
-from tests.planner.placed import read, with_step
+from tests.planner.placed import look, read, with_step
 
 GEAR = ROOT / "examples" / "gear_on_shaft" / "task.yaml"
 DRAWS = 400_000
