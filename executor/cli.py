@@ -36,7 +36,7 @@ from executor.summary import table
 from executor.tape import read_record, records_of
 from executor.whole_run import Asking, Ended, header_of, perform
 from schemas.console import OutputLostError, flush, say, tell
-from schemas.plan import Plan
+from schemas.plan import Plan, newer_note
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -73,6 +73,8 @@ def _status(argv: Sequence[str] | None) -> int:
 def _run(call: Call) -> int:
     """Do what was asked; errors are the caller's to report."""
     file = read_plan(call.plan_file)
+    if note := newer_note(file.plan):
+        tell(f"note: {note}")
     if call.mode == "compare":
         return _compare(call, file)
     if call.mode == "report" and call.record is not None:

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from featuresel.routines import REGISTRY, Known, Routine, Target, load
+from optics.ties import ordered
 
 Chain = tuple[str, ...]
 
@@ -106,7 +107,7 @@ class _Plan:
     @property
     def names(self) -> list[str]:
         """Return the routines, the cheapest first, then by name."""
-        return sorted(self.price, key=lambda name: (self.price[name], name))
+        return ordered(sorted(self.price), self.price.__getitem__)
 
     def chains(self, names: Sequence[str]) -> tuple[Chain, ...]:
         """Return the chains made of `names`, in the order that `chains` states."""

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from featuresel.clean import SAME, Clean, same_circle
 from featuresel.feature import Feature
 from optics.outline import Arc, Edge, Point
+from optics.ties import least
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -97,7 +98,7 @@ def _of_arcs(arcs: Sequence[Arc], within_um: float) -> list[Circle]:
     for group in groups:
         sweep = min(sum(abs(arc.sweep_rad) for arc in group), math.tau)
         if sweep >= SHARE * math.tau:
-            longest = max(group, key=lambda arc: abs(arc.sweep_rad))
+            longest = least(group, lambda arc: -abs(arc.sweep_rad))
             found.append(
                 Circle(
                     center_um=longest.center,

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from featuresel.candidates import has_angle
 from featuresel.routines import Target
 from featuresel.score import CONFIDENCE, Score
+from optics.ties import above, at_most
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,7 +62,7 @@ class Constraints:
 
     def hidden(self) -> str:
         """Return whether too little of the target is seen."""
-        if self.visible is None or self.visible >= self.limits.visible:
+        if self.visible is None or at_most(self.limits.visible, self.visible):
             return ""
         return (
             f"{self.visible:.0%} of the target's edges are visible, "
@@ -104,7 +105,7 @@ class Constraints:
         """Return what the errors say against the chain."""
         if self.one_way(score):
             return "tells the place in one direction only, both are needed"
-        if score.need_um > self.tolerance_um:
+        if above(score.need_um, self.tolerance_um):
             return (
                 f"2 sigma + |bias| is {score.need_um:.3g} um, "
                 f"tolerance {self.tolerance_um:.3g} um"
@@ -115,7 +116,7 @@ class Constraints:
             return ""  # others may give it
         if score.angles < score.success or score.sigma_theta_rad is None:
             return "gives no angle, which is needed"
-        if score.need_theta_rad > self.tolerance_theta_rad:
+        if above(score.need_theta_rad, self.tolerance_theta_rad):
             return (
                 f"2 sigma + |bias| of the angle is {score.need_theta_rad:.3g} rad, "
                 f"tolerance {self.tolerance_theta_rad:.3g} rad"
@@ -128,7 +129,7 @@ class Constraints:
 
     def slow(self, score: Score) -> str:
         """Return whether one fix costs too much."""
-        if score.cost <= self.limits.cost:
+        if at_most(score.cost, self.limits.cost):
             return ""
         return f"cost {score.cost:.3g}, at most {self.limits.cost:.3g}"
 

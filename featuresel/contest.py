@@ -16,6 +16,7 @@ from featuresel.routines import Artifact, Failure, load
 from featuresel.score import Score
 from featuresel.select import Limits, Selection, select
 from featuresel.trials import Map, Outcome, Prepared, prepare
+from optics.ties import at_most
 
 ROUNDS = (8, 24, 64, 304, 1024)  # trials at the end of each; most chains leave early
 
@@ -97,7 +98,7 @@ def is_roomy(case: LookCase, found: Selection, limits: Limits | None = None) -> 
     if found.chosen is None:
         return False
     task = _task(case, limits or Limits())
-    return task.use(found.chosen) <= task.limits.roomy
+    return at_most(task.use(found.chosen), task.limits.roomy)
 
 
 def _task(case: LookCase, limits: Limits, visible: float | None = None) -> Constraints:

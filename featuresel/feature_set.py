@@ -7,11 +7,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from itertools import combinations
 
-import numpy as np
-
 from featuresel.pose_need import Known, Need
 from featuresel.set_search import Search
 from featuresel.sights import Sight, jacobian
+from optics.ties import at_most, least
 
 _MORE = 2  # features more than allowed that relaxations are tried with
 _ROUND = 1.001  # limits are said with three digits and have to hold
@@ -74,7 +73,7 @@ def choose_set(sights: Sequence[Sight], need: Need) -> FeatureSet:
 def _result(search: Search, taken: tuple[int, ...]) -> FeatureSet:
     """Return the set with its standing."""
     found, dropped = search.known(taken), search.dropped(taken)
-    qualifies = search.excess(taken) <= 1
+    qualifies = at_most(search.excess(taken), 1)
     return FeatureSet(
         names=tuple(search.sights[k].name for k in taken),
         known=found,
@@ -105,7 +104,8 @@ def _reason(search: Search, place: int, taken: tuple[int, ...]) -> str:
             f"{_said(search, with_all)}, for cost {sight.cost:.3g}"
         )
     ways = [(*taken[:at], place, *taken[at + 1 :]) for at in range(len(taken))]
-    instead = ways[int(np.argmax(search.tells(ways)))]
+    told = [-value for value in search.tells(ways).tolist()]
+    instead = ways[least(range(len(ways)), told.__getitem__, scale=1.0)]
     return (
         f"left out: in place of {_swapped(search, taken, instead)} "
         f"{_said(search, search.known(instead))} instead of {_said(search, with_all)}"
@@ -183,7 +183,7 @@ def _would_do(search: Search, changes: Mapping[str, float]) -> bool:
     """Return whether a set qualifies under other limits."""
     limits = {f.name: getattr(search.need, f.name) for f in fields(search.need)}
     search = replace(search, need=Need(**{**limits, **changes}))
-    return search.excess(search.chosen()) <= 1
+    return at_most(search.excess(search.chosen()), 1)
 
 
 def _missing(search: Search) -> tuple[str, ...]:

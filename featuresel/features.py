@@ -20,6 +20,7 @@ from featuresel.straight import (
 from featuresel.symmetry import NEAR, centroid, curve, order_of
 from featuresel.teeth import Notch, notch_of, teeth
 from optics.outline import Outline
+from optics.ties import least, ordered
 
 # Per kind, the longest edges first: what says most of a place. A drawing of a thousand
 # holes is not tried a thousand times.
@@ -113,7 +114,7 @@ def merge(
 
 def _whole(outline: Outline, rings: Sequence[Clean]) -> list[Feature]:
     """Return the whole outline; a symmetrical one about the centre of its symmetry."""
-    shown = sorted(rings, key=lambda ring: -ring.length_um)[:_MOST_RINGS]
+    shown = ordered(rings, lambda ring: -ring.length_um)[:_MOST_RINGS]
     shape = curve(shown, centroid(rings))
     order, alike, other = order_of(shape)
     x0, y0, x1, y1 = outline.bounds_um
@@ -139,7 +140,7 @@ def _whole(outline: Outline, rings: Sequence[Clean]) -> list[Feature]:
 def _toothed(rings: Sequence[Clean], rounds: Sequence[Circle]) -> list[Feature]:
     """Return the toothed rings, each with its bore and notch."""
     found = []
-    for ring in sorted(rings, key=lambda ring: -ring.length_um)[:_MOST_RINGS]:
+    for ring in ordered(rings, lambda ring: -ring.length_um)[:_MOST_RINGS]:
         toothed = teeth(ring, [circle.center_um for circle in rounds])
         if toothed is not None:
             feature, notch = toothed
@@ -159,7 +160,7 @@ def _with_bore(
         and math.dist(c.center_um, feature.center_um) <= NEAR * parameters["outer_um"]
     ]  # fmt: skip
     if bores:
-        bore = max(bores, key=lambda c: c.radius_um)
+        bore = least(bores, lambda c: -c.radius_um)
         parameters["bore_um"] = bore.radius_um
         cut = [n for ring in rings if rounded(ring, bore)
                if (n := notch_of(ring, bore)) is not None]  # fmt: skip

@@ -9,6 +9,7 @@ from collections.abc import Collection, Mapping
 import numpy as np
 
 from featuresel.information import Information, inverse, limit, places
+from optics import ties
 
 
 def prices(
@@ -96,7 +97,7 @@ def choose(
     worst = [
         max((each[name] / least[name] for name in seen), default=1.0) for each in errors
     ]
-    return subsets[int(np.argmin(np.round(worst, 9)))]
+    return subsets[ties.least(range(len(subsets)), worst.__getitem__)]
 
 
 def _errors(

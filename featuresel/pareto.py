@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 
+from featuresel.candidates import Chain
 from featuresel.score import Score
+from optics.ties import above, ordered
 
 
 def front(
@@ -25,13 +27,26 @@ def front(
     -------
     tuple of Score
         The cheapest first, each more accurate than those before it. Of scores that are
-        equal in both the first by name.
+        equal in both, within the margin of `optics.ties`, the first by name.
     """
-    ranked = sorted(scores, key=lambda s: (s.cost, error(s), s.chain))
+    ranked = ordered(ordered(sorted(scores, key=_name), error), _cost)
     kept: list[Score] = []
     least = math.inf
     for score in ranked:
-        if error(score) < least:
+        if above(least, error(score)):
             kept.append(score)
             least = error(score)
     return tuple(kept)
+
+
+def by_cost(scores: Sequence[Score]) -> list[Score]:
+    """Return scores, the cheapest first; of those that cost the same by name."""
+    return ordered(sorted(scores, key=_name), _cost)
+
+
+def _cost(score: Score) -> float:
+    return score.cost
+
+
+def _name(score: Score) -> Chain:
+    return score.chain

@@ -9,9 +9,10 @@ from dataclasses import dataclass
 from featuresel.candidates import Chain
 from featuresel.constraints import Constraints, half_period_rad
 from featuresel.constraints import Limits as Limits  # handed on: they are select's
-from featuresel.pareto import front
+from featuresel.pareto import by_cost, front
 from featuresel.routines import Target
 from featuresel.score import Score
+from optics.ties import above, least
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,7 +46,7 @@ def select(
     within each tolerance, and it costs no more than `limits.cost`. Of those the
     cheapest is taken, the first by name among equals, unless it uses more than
     `limits.roomy` of a tolerance and a dearer one is `limits.better` times more
-    accurate.
+    accurate. Numbers within the margin of `optics.ties` are equal.
 
     Parameters
     ----------
@@ -98,11 +99,11 @@ def _best(scores: Sequence[Score], task: Constraints) -> Score | None:
     """Return the cheapest that leaves room, by the rule of `select`."""
     chosen: Score | None = None
     limits = task.limits
-    for score in sorted(scores, key=lambda s: (s.cost, s.chain)):
+    for score in by_cost(scores):
         if chosen is None:
             chosen = score
-        tight = task.use(chosen) > limits.roomy
-        if tight and task.use(chosen) > limits.better * task.use(score):
+        tight = above(task.use(chosen), limits.roomy)
+        if tight and above(task.use(chosen), limits.better * task.use(score)):
             chosen = score
     return chosen
 
@@ -141,9 +142,7 @@ def _looser(reliable: Sequence[Score], task: Constraints) -> str:
         # a chain that only costs too much wants its limit raised, not the tolerances
         only_slow = [s for s in able if not task.inaccurate(s)]
         quick = [s for s in able if not task.slow(s)]
-        nearest = min(
-            only_slow or quick or able, key=lambda s: (task.use(s), s.cost, s.chain)
-        )
+        nearest = least(by_cost(only_slow or quick or able), task.use)
         return f"{_name(nearest.chain)} would pass with {_needs(nearest, task)}"
     if any(math.isfinite(s.need_um) for s in whole):
         return "no reliable chain gives an angle: break the target's symmetry"
@@ -152,7 +151,7 @@ def _looser(reliable: Sequence[Score], task: Constraints) -> str:
 
 def _safer(scores: Sequence[Score]) -> str:
     """Return how near the most reliable chain comes, where none is."""
-    rightest = max(scores, key=lambda s: (s.success - s.silent, -s.cost))
+    rightest = max(by_cost(scores), key=lambda s: s.success - s.silent)
     return (
         f"no chain is reliable; the best, {_name(rightest.chain)}, is right in "
         f"{rightest.success} of {rightest.trials} trials: look closer to focus, at "
@@ -174,10 +173,10 @@ def _unambiguous(task: Constraints) -> str:
 def _needs(score: Score, task: Constraints) -> str:
     """Return the limits the chain needs, in words."""
     parts = []
-    if score.need_um > task.tolerance_um:
+    if above(score.need_um, task.tolerance_um):
         parts.append(f"a tolerance of {score.need_um:.3g} um")
     limit = task.tolerance_theta_rad
-    if limit is not None and score.need_theta_rad > limit:
+    if limit is not None and above(score.need_theta_rad, limit):
         parts.append(f"an angle tolerance of {score.need_theta_rad:.3g} rad")
     if task.slow(score):
         parts.append(f"a cost of {score.cost:.3g}")

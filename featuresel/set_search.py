@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from featuresel.pose_need import Known, Need, known
 from featuresel.sights import Sight, information
+from optics.ties import above, at_most, least, ordered
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -37,12 +38,12 @@ class Search:
         tried = []
         for size in range(1, min(self.need.most, len(self.sights)) + 1):
             taken = self.best_of(size)
-            if self.excess(taken) > 1:
+            if above(self.excess(taken), 1):
                 taken = self.nearer(taken)
-            if self.excess(taken) <= 1:
+            if at_most(self.excess(taken), 1):
                 return taken
             tried.append(taken)
-        return min(tried, key=lambda way: (self.excess(way), -self.tells([way])[0]))
+        return least(tried, self.excess)  # of sets as near the smallest
 
     def best_of(self, size: int) -> tuple[int, ...]:
         """Return the most telling set of `size`, greedily and by exchanges.
@@ -57,10 +58,10 @@ class Search:
     def nearer(self, taken: tuple[int, ...]) -> tuple[int, ...]:
         """Return the set after exchanges that bring it nearer to the limits."""
         for _ in range(_SWEEPS):
-            ways = sorted(self._neighbours(taken), key=self.excess)
-            if not ways or not self.excess(ways[0]) < self.excess(taken) * (1 - 1e-9):
+            nearest = least([taken, *self._neighbours(taken)], self.excess)
+            if nearest == taken:
                 break
-            taken = ways[0]
+            taken = nearest
         return taken
 
     def excess(self, taken: Sequence[int]) -> float:
@@ -110,8 +111,8 @@ class Search:
 
     def _order(self) -> list[int]:
         """Return the features, cheapest first, then by name."""
-        key = [(sight.cost, sight.name) for sight in self.sights]
-        return sorted(range(len(key)), key=key.__getitem__)
+        named = sorted(range(len(self.sights)), key=lambda k: self.sights[k].name)
+        return ordered(named, lambda k: self.sights[k].cost)
 
     def _neighbours(self, taken: tuple[int, ...]) -> list[tuple[int, ...]]:
         """Return the sets with one feature exchanged, in a fixed order."""
@@ -138,12 +139,11 @@ class Search:
         return taken
 
     def _best(self, ways: Sequence[tuple[int, ...]]) -> tuple[int, ...]:
-        """Return the set that tells most, the first and cheapest within the margin."""
+        """Return the set that tells most: of all within MARGIN of it the cheapest.
+
+        Of those that cost the same the first.
+        """
         told = self.tells(ways).tolist()
-        best = 0
-        for k in range(1, len(ways)):
-            gain = told[k] - told[best]
-            cheaper = self.cost(ways[k]) < self.cost(ways[best])
-            if gain > MARGIN or (gain >= 0 and cheaper):
-                best = k
-        return ways[best]
+        near = [way for way, t in zip(ways, told, strict=True)
+                if at_most(max(told), t + MARGIN, scale=1.0)]  # fmt: skip
+        return least(near, self.cost)

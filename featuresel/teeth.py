@@ -25,6 +25,7 @@ from featuresel.symmetry import (
     pattern_of,
 )
 from optics.outline import Arc, Edge, Point
+from optics.ties import ordered
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -85,10 +86,11 @@ def _centers(ring: Clean, others: Sequence[Point]) -> list[Point]:
         if not any(math.dist(arc.center, p) <= NEAR * size for _, p in groups):
             near = [a for a in arcs if math.dist(a.center, arc.center) <= NEAR * size]
             groups.append((sum(a.length_um for a in near), arc.center))
-    groups.sort(key=lambda group: (-group[0], group[1]))
+    groups.sort(key=lambda group: group[1])
+    groups = ordered(groups, lambda group: -group[0])
     middle = centroid([ring])
     # a lone tooth that is longer or missing shifts the centroid, not as much as this
-    nearest = sorted(others, key=lambda p: (math.dist(p, middle), p))
+    nearest = ordered(sorted(others), lambda p: math.dist(p, middle), scale=size)
     bores = [p for p in nearest if math.dist(p, middle) <= _SHIFTED * size][:2]
     return [*(point for _, point in groups[:2]), *bores, middle]
 

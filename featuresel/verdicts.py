@@ -10,8 +10,10 @@ from featuresel.bounds import CONFIDENCE, Estimate, failure_upper, success_lower
 from featuresel.candidates import Chain
 from featuresel.case import LookCase
 from featuresel.constraints import Limits
+from featuresel.pareto import by_cost
 from featuresel.score import Score, score
 from featuresel.trials import Outcome, Prepared
+from optics.ties import above, at_most
 
 _TESTS = 4  # success, silent failures, place, angle: a chain may fall by any of them
 
@@ -61,7 +63,7 @@ class Verdicts:
         """Return what the place misses for certain, "" if nothing."""
         if self.one_way(score):
             return "tells the place in one direction only, both are needed"
-        if score.need_lower_um > self.case.tolerance_um:
+        if above(score.need_lower_um, self.case.tolerance_um):
             return (
                 f"2 sigma + |bias| above {score.need_lower_um:.3g} um, tolerance "
                 f"{self.case.tolerance_um:.3g} um"
@@ -75,7 +77,7 @@ class Verdicts:
             return ""
         if not score.angles:
             return "" if self.in_set else "gives no angle, which is needed"
-        if score.theta is not None and score.theta.need_lower > limit:
+        if score.theta is not None and above(score.theta.need_lower, limit):
             return (
                 f"2 sigma + |bias| of the angle above {score.theta.need_lower:.3g} "
                 f"rad, tolerance {limit:.3g} rad"
@@ -89,7 +91,7 @@ class Verdicts:
                 other.chain != score.chain
                 and other.chain[0] == score.chain[0]
                 and self.meets(other)
-                and other.cost <= score.cost
+                and at_most(other.cost, score.cost)
                 and other.success >= score.success
                 and other.silent <= score.silent
                 and self.surely_finer(other, score)
@@ -102,7 +104,7 @@ class Verdicts:
         return (
             score.success >= self.limits.success * score.trials
             and (not score.silent or score.silent_upper <= self.limits.silent_upper)
-            and self.use(score) <= 1
+            and at_most(self.use(score), 1)
         )
 
     def one_way(self, score: Score) -> bool:
@@ -138,11 +140,11 @@ class Verdicts:
         """Return whether more trials cannot change the choice."""
         if not left:
             return True
-        first = min(left, key=lambda s: (s.cost, s.chain))
+        first = by_cost(left)[0]
         return (
             first.success_lower >= self.limits.success
             and first.silent_upper <= self.limits.silent_upper
-            and self.use(first) <= self.limits.roomy
+            and at_most(self.use(first), self.limits.roomy)
         )
 
 

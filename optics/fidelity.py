@@ -19,6 +19,7 @@ from optics.models import TABLE_ERROR, find_model
 from optics.render import render
 from optics.sampling import FAR_ERROR, SINGLE_ERROR, Sampling
 from optics.scene import Layer, Scene, Window
+from optics.ties import at_most
 from optics.wrapping import MARGINS, margin_for, wrap_error
 
 FloatArray = npt.NDArray[np.float64]
@@ -59,7 +60,7 @@ class Fidelity:
     @property
     def keeps_limit(self) -> bool:
         """Return whether the predicted error is within the limit."""
-        return self.predicted_error <= self.limit
+        return at_most(self.predicted_error, self.limit)
 
 
 def choose(
@@ -115,7 +116,7 @@ def choose(
     refused: list[Refusal] = []
     for model in ladder:
         error = rounded_up(max(pilot.error(model, sampling, z) for z in focus_um))
-        if error <= limit or model == ladder[-1]:
+        if at_most(error, limit) or model == ladder[-1]:
             break
         refused.append(Refusal(model=model, predicted_error=error))
     kept = max(pilot.error("exact", sampling, z) for z in focus_um)

@@ -21,6 +21,7 @@ from optics.meeting import Face, Points, faces, meeting_points
 from optics.microscope import Microscope
 from optics.probes import probe_error, probes
 from optics.scene import Scene, Window
+from optics.ties import at_most, least
 from optics.views import full
 
 FloatArray = npt.NDArray[np.float64]
@@ -63,7 +64,7 @@ class LayerChoice:
     @property
     def keeps_limit(self) -> bool:
         """Return whether the predicted error is within the limit."""
-        return self.predicted_error <= self.limit
+        return at_most(self.predicted_error, self.limit)
 
 
 def choose_layers(
@@ -103,11 +104,11 @@ def choose_layers(
             for z in focus_um
         ]
         tried.append(LayerRefusal(treatment=treatment, predicted_error=max(errors)))
-        if tried[-1].predicted_error <= limit:
+        if at_most(tried[-1].predicted_error, limit):
             break
     # the cheaper of two that err alike comes first
-    best = next((t for t in tried if t.predicted_error <= limit), None)
-    best = best or min(tried, key=lambda t: t.predicted_error)
+    best = next((t for t in tried if at_most(t.predicted_error, limit)), None)
+    best = best or least(tried, lambda t: t.predicted_error)
     return LayerChoice(
         treatment=best.treatment,
         predicted_error=best.predicted_error,

@@ -129,7 +129,7 @@ def grown(box: Box, by_um: float) -> Box:
 
 def _spread(away: FloatArray, near: float) -> npt.NDArray[np.intp]:
     """Return nodes up to `near`: the nearest, and as many evenly among the others."""
-    order = np.argsort(away, kind="stable")
+    order = np.argsort(np.round(away / near, 9), kind="stable")  # equals in order
     inside = np.flatnonzero(away <= near)
     if len(inside) <= _TAKEN:
         return inside

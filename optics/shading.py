@@ -21,6 +21,7 @@ from optics.render import Covered, cover, render
 from optics.sampling import Sampling
 from optics.scene import Illumination, Scene, Window
 from optics.sight import Face, Sight
+from optics.ties import MARGIN
 from optics.views import full
 
 FloatArray = npt.NDArray[np.float64]
@@ -221,7 +222,8 @@ def shade_error(
     found = change(large, full(large), middle)
     most = float(found.max())
     if every > 1 and most > 0:
-        row, column = np.unravel_index(int(found.argmax()), found.shape)
+        first = int((found >= most * (1 - MARGIN)).argmax())
+        row, column = np.unravel_index(first, found.shape)
         near = Window(
             row=frame.row + int((row + 0.5) / large.height_px * frame.rows) - every,
             column=frame.column

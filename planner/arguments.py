@@ -9,6 +9,7 @@ from pathlib import Path
 from planner.comparing.changes import KINDS
 from planner.comparing.tolerances import parse_rule
 from planner.presets import PRESETS
+from planner.vary import parse_vary
 from schemas import NAMES
 
 Run = Callable[[argparse.Namespace], int]
@@ -128,7 +129,16 @@ def _add_render(parser: argparse.ArgumentParser) -> None:
 
 def _add_tradeoff(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `microplan tradeoff`."""
-    parser.add_argument("--step", help="id of the step; default: all that look")
+    what = parser.add_mutually_exclusive_group()
+    what.add_argument("--step", help="id of the step; default: all that look")
+    what.add_argument(
+        "--vary",
+        type=parse_vary,
+        metavar="AXIS,...",
+        help="compile the whole task by preset, trials, frames, zoom, each with its "
+        "usual values or those given: preset,trials=24:304",
+    )
+    parser.add_argument("--jobs", type=count, default=1, help="with --vary: processes")
     parser.add_argument(
         "--max-image-error", type=share, help="what may be chosen; default: the task's"
     )
@@ -207,6 +217,15 @@ def _add_init(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("folder", type=Path, help="new, or without these files")
 
 
+def _add_migrate(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `microplan migrate`."""
+    parser.add_argument("task", metavar="file", help="task.yaml or workcell.yaml")
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument("-o", "--out", type=Path, help="a new file; default: print it")
+    where.add_argument("--in-place", action="store_true", help="replace the file")
+    _add_format(parser)
+
+
 def _add_schema(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `microplan schema`."""
     parser.add_argument("name", choices=NAMES, help="which file's")
@@ -250,6 +269,7 @@ _COMMANDS: Mapping[str, tuple[Callable[[argparse.ArgumentParser], None], str]] =
     "diff": (_add_diff, "tell what changed between two plans"),
     "export": (_add_export, "write a plan's looks in another tool's format"),
     "report": (_add_report, "write a plan's report as one HTML page"),
+    "migrate": (_add_migrate, "rewrite a task of an older format"),
     "explain": (_add_explain, "tell more about a finding"),
     "schema": (_add_schema, "print the schema of a format"),
     "completion": (_add_completion, "print a completion script for a shell"),

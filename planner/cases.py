@@ -17,6 +17,7 @@ from optics.outline import Outline, place
 from optics.scene import Illumination, Layer, Scene
 from optics.sensor import Sensor
 from optics.shading import shade_error
+from optics.ties import above
 from planner.caching.memo import EVERY_TIME, Memo
 from planner.inputs.task import Task
 from planner.inputs.workcell import Workcell
@@ -158,7 +159,7 @@ def _lamp(
         lamp_aperture=aperture,
         window=view.region,
     )
-    return aperture if error > max_image_error else None
+    return aperture if above(error, max_image_error) else None
 
 
 def _treatment(

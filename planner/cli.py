@@ -15,6 +15,7 @@ from planner.terminal import in_colour, painted
 from schemas.console import OutputLostError, flush, say, tell
 
 if TYPE_CHECKING:
+    from planner.inputs.task import Task
     from planner.outputs.emit import PlanFiles
     from schemas.plan import Plan
 
@@ -231,6 +232,8 @@ def _tradeoff(call: argparse.Namespace) -> int:
     task = load_task(call.task, report)
     if task is None:
         return _tell(call, report, "")
+    if call.vary is not None:
+        return _tradeoff_of_task(call, task, report)
     try:
         found = write_tradeoff(
             task,
@@ -243,6 +246,24 @@ def _tradeoff(call: argparse.Namespace) -> int:
             _progress,
         )
     except (OutputError, RenderError) as error:
+        return _refuse(call, report, error)
+    return _tell(call, report, found)
+
+
+def _tradeoff_of_task(call: argparse.Namespace, task: Task, report: Report) -> int:
+    """Compile a whole task in several ways."""
+    from planner.outputs.errors import OutputError
+    from planner.task_tradeoff import TaskCall, VaryError, write_task_tradeoff
+
+    asked = TaskCall(
+        vary=call.vary,
+        jobs=call.jobs,
+        max_image_error=call.max_image_error,
+        out=call.out or Path(call.task).parent / f"{task.name}.tradeoff",
+    )
+    try:
+        found = write_task_tradeoff(task, asked, _progress)
+    except (OutputError, VaryError) as error:
         return _refuse(call, report, error)
     return _tell(call, report, found)
 
@@ -278,6 +299,8 @@ def _diff(call: argparse.Namespace) -> int:
         report = Report()
         report.error(error.code, Span(file=error.file), str(error))
         return _tell(call, report, "")
+    for note in found.notes:
+        tell(f"note: {note}")
     if call.format in ("text", "json"):
         told = changes_text(found.changes, tell_all=call.all)
         if call.format == "json":
@@ -379,6 +402,25 @@ def _completion(call: argparse.Namespace) -> int:
     return DONE
 
 
+def _migrate(call: argparse.Namespace) -> int:
+    """Rewrite a task or workcell of an older format."""
+    from planner.migrating import MigrateCall, migrate
+    from planner.outputs.errors import OutputError
+
+    report = Report()
+    try:
+        told = migrate(
+            MigrateCall(file=call.task, out=call.out, in_place=call.in_place), report
+        )
+    except OutputError as error:
+        return _refuse(call, report, error)
+    if told is None:
+        return _tell(call, report, "")
+    tell(told.said)
+    say(told.text.removesuffix("\n"))
+    return DONE
+
+
 def _refuse(call: argparse.Namespace, report: Report, error: Coded) -> int:
     """Tell what could not be done with the call itself, beside the findings."""
     report.error(error.code, Span(file=call.task), str(error))
@@ -406,6 +448,7 @@ def _tell_findings(text: str) -> None:
 _RUNS = {
     "init": _init, "check": _check, "compile": _compile, "render": _render,
     "tradeoff": _tradeoff, "diff": _diff, "export": _export, "report": _report,
+    "migrate": _migrate,
     "explain": _explain, "schema": _schema, "completion": _completion,
 }  # fmt: skip
 

@@ -26,7 +26,7 @@ from planner.model.targets import middle_um
 from planner.outputs.emit import PlanFiles
 from planner.outputs.solids import finger_solids, part_solids
 from planner.outputs.world import build_world
-from planner.presets import PRESETS, Preset
+from planner.presets import PRESETS, Effort, Preset
 from planner.requirements import requirements
 from planner.steps import CompiledStep, compile_step
 from schemas import plan as p
@@ -43,6 +43,7 @@ class Options:
     """What the command line may override; None leaves it to the task."""
 
     preset: Preset | None = None
+    effort: Effort | None = None  # None: the preset's
     max_image_error: float | None = None
     jobs: int = 1
     tell: Callable[[int, int, str], None] = lambda _done, _all, _step: None
@@ -65,7 +66,7 @@ def compile_task(task: Task, report: Report, options: Options) -> PlanFiles | No
     limit = options.max_image_error or task.optimise.image_error(preset)
     with mapper(options.jobs) as spread:
         effects = Effects(
-            effort=PRESETS[preset],
+            effort=options.effort or PRESETS[preset],
             max_image_error=limit,
             map=spread,
             memo=options.memo,

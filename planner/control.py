@@ -12,16 +12,17 @@ from planner.checks.fit import (
     LEAST_SIGMAS,
     Residual,
     combine,
-    expected_looks,
     gain_limit,
     servo_tolerance_um,
 )
+from planner.checks.fit import expected_looks as settled_looks
 from planner.checks.insert_budget import share_of_goal
 from planner.checks.methods import choose
+from planner.checks.servoing import Loop, expected_looks
 from planner.diagnostics import Report
 from planner.inputs.task import Task
 from planner.inserting import insert_s, insertion_of, travel_of
-from planner.leaving import gain_of, left_by, moved_by, residual_of
+from planner.leaving import approach_um, gain_of, left_by, moved_by, residual_of
 from planner.model.assembly import Carrier, axes_of, locate_place, owner_of
 from planner.model.requests import insertion_after
 from planner.model.steps import StepState
@@ -98,7 +99,7 @@ def tolerance_um(
             step.spans.get("tolerance_xy_um", step.where),
             f"step {step.id!r}: a tolerance of {found:.3g} um is below {LEAST_SIGMAS} "
             f"of the {carrier}'s repeatability of {sigma:.3g} um: it would take "
-            f"{expected_looks(Residual(sigma_um=sigma, within_um=found)):.0f} moves",
+            f"{settled_looks(Residual(sigma_um=sigma, within_um=found)):.0f} moves",
             f"allow at least {LEAST_SIGMAS * sigma:.3g} um, or use a finer {carrier}",
         )
     turn = turn_of(task, align)
@@ -148,7 +149,11 @@ def control_of(
     method: MethodName = "servo" if choice is None else choice.method
     if choice is None and step.method == "look_then_move":
         method = "look_then_move"
-    option = _option(task, align, within_um, method)
+    ways = () if choice is None else choice.options
+    option = next(
+        (way for way in ways if way.method == method),
+        _option(task, align, within_um, method, None, 0.0),
+    )
     approach_s = _approach_s(task, align) + setting_s
     floor_s = approach_s + option.looks * _floor_s(task, carrier)
     return Control(
@@ -217,7 +222,9 @@ def _with_chance(
     before: Sighted | None,
 ) -> MethodOption:
     """Return one way to align, with the chance of the insertion if one follows."""
-    option = _option(task, align, within_um, method)
+    here = seen.get(owner_of(align.step.target or ""))
+    look_um = here.sigma_um if here is not None and here.step == align.step.id else 0.0
+    option = _option(task, align, within_um, method, before, look_um)
     if insert is None:
         return option
     left = left_by(task, align, method, within_um, before)
@@ -226,14 +233,35 @@ def _with_chance(
 
 
 def _option(
-    task: Task, align: StepState, within_um: float, method: MethodName
+    task: Task,
+    align: StepState,
+    within_um: float,
+    method: MethodName,
+    before: Sighted | None,
+    look_um: float,
 ) -> MethodOption:
-    """Return how many looks a way takes on average, and how long."""
+    """Return how many looks a way takes on average, and how long.
+
+    `before` is what the approach goes by, `look_um` one sigma of the alignment's own
+    look.
+    """
     carrier, turn = moved_by(task, align), turn_of(task, align)
     cell, axes = task.workcell, axes_of(task, carrier)
-    looks = expected_looks(residual_of(task, within_um, carrier))
+    _, start_um = approach_um(task, align, before)
+    loop = Loop(
+        gain=gain_of(task),
+        move_um=axes.repeatability_xy_um,
+        look_um=look_um,
+        start_um=start_um,
+        within_um=within_um,
+    )
+    looks = expected_looks(loop)
     if turn is not None and turn.inside > 0:
-        looks = looks / turn.inside + turn.expected
+        # place and angle shrink by the same corrections; the one that takes longer
+        # counts, and each must be inside at one and the same look
+        near = replace(loop, start_um=residual_of(task, within_um, carrier).sigma_um)
+        settled = expected_looks(near)
+        looks = settled / turn.inside + max(looks - settled, turn.expected)
     if method == "look_then_move":
         looks = 1.0
     cycle_s = axes.settle_s + 1 / cell.camera.rate_hz * (1 + cell.camera.latency_frames)

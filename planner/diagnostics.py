@@ -21,7 +21,7 @@ TITLES: Mapping[str, str] = {
     "MP010": "path leads out of the folder",
     "MP011": "file is empty",
     "MP012": "key is not text",
-    "MP013": "format is newer than this microplan",
+    "MP013": "format is of another version",
     "MP101": "value of the wrong type",
     "MP102": "key is missing",
     "MP103": "number out of range",

@@ -12,7 +12,7 @@ from planner.comparing.pictures import compare_pictures
 from planner.comparing.tolerances import Rule
 from planner.outputs.emit import replace_file, replace_folder
 from schemas.codec import CodecError
-from schemas.plan import Plan, parse_plan
+from schemas.plan import Plan, newer_note, parse_plan
 
 MOST_BYTES = 1 << 26  # of a plan.json: some 64 MiB
 
@@ -42,6 +42,7 @@ class Difference:
 
     changes: tuple[Change, ...]
     failing: tuple[Change, ...]
+    notes: tuple[str, ...] = ()  # on what could not be compared
 
 
 def diff(call: DiffCall) -> Difference:
@@ -58,7 +59,11 @@ def diff(call: DiffCall) -> Difference:
         folders = [plan_file(path).parent for path in (call.old, call.new)]
         changes += compare_pictures(old, folders[0], new, folders[1])
     failing = tuple(c for c in changes if _fails(c, call.fail_on))
-    return Difference(changes=tuple(changes), failing=failing)
+    told = (
+        (path, newer_note(plan)) for path, plan in ((call.old, old), (call.new, new))
+    )
+    notes = tuple(f"{path}: {note}" for path, note in told if note)
+    return Difference(changes=tuple(changes), failing=failing, notes=notes)
 
 
 def diff_with_golden(

@@ -55,14 +55,7 @@ def left_by(
             term=f"{carrier} repeatability left by two moves",
             source="workcell repeatability_xy_um, nothing cut off",
         )
-    known_um = (
-        part_sigma_um(align.before, owner_of(align.step.target or ""))
-        if before is None
-        else before.sigma_um
-    )
-    start_um = math.hypot(
-        single_residual(task, carrier).sigma_um, known_um, _swing_um(task, align)
-    )
+    known_um, start_um = approach_um(task, align, before)
     first = Residual(sigma_um=start_um, within_um=within_um)
     settled = residual_of(task, within_um, carrier)
     later_um = math.hypot(settled.sigma_um, (1 - gain_of(task)) * start_um)
@@ -74,6 +67,32 @@ def left_by(
         source=f"workcell repeatability_xy_um, cut off at {within_um:.3g} um; with "
         f"{share:.3g} the first look ends it, by the look before ({known_um:.3g} um)",
     )
+
+
+def approach_um(
+    task: Task, align: StepState, before: Sighted | None
+) -> tuple[float, float]:
+    """Return how well an approach's goal is known, and where it ends: one sigma, um.
+
+    It goes by the look before, whose zoom it keeps: of the zoom's scale, the workcell's
+    own spread moves the place seen, not the one that trials stand.
+    """
+    known_um = (
+        part_sigma_um(align.before, owner_of(align.step.target or ""))
+        if before is None
+        else _seen_um(task, before)
+    )
+    landed_um = single_residual(task, moved_by(task, align)).sigma_um
+    return known_um, math.hypot(landed_um, known_um, _swing_um(task, align))
+
+
+def _seen_um(task: Task, before: Sighted) -> float:
+    """Return the spread of a look, the zoom's scale as the workcell has it."""
+    if before.steady_um is None:
+        return before.sigma_um
+    scale = task.workcell.optics.zoom.scale_sigma
+    away_um = scale * math.hypot(*before.place_um)
+    return min(before.sigma_um, math.hypot(before.steady_um, away_um))
 
 
 def unaligned(state: State, parts: Iterable[str], since: str) -> Left:

@@ -18,6 +18,7 @@ from featuresel.select import select
 from featuresel.set_trials import Member, score_set
 from featuresel.sights import Sight, sight_of
 from featuresel.trials import Map, Prepared
+from optics.ties import at_most
 from planner.caching.memo import Memo
 from planner.cases import MOST_TOGETHER, SHARE_TOGETHER, feature_case
 from planner.inputs.task import Task
@@ -121,7 +122,7 @@ class Search:
         chosen = self._tested(members, [sights[r.shape.name] for r in members], found)
         fault = self._fault(chosen)
         rival = None if self.effort.thorough else alone
-        if not fault and rival is not None and chosen.need_um >= rival.need_um:
+        if not fault and rival is not None and at_most(rival.need_um, chosen.need_um):
             fault = f"{self.shape.name} alone does better"
         if fault:
             return None, f"{' + '.join(found.names)}: {fault}"
@@ -135,7 +136,7 @@ class Search:
             tolerance_theta_rad=case.tolerance_theta_rad,
         )
         fault = task.fault(chosen.score)
-        if fault or chosen.need_um <= case.tolerance_um:
+        if fault or at_most(chosen.need_um, case.tolerance_um):
             return fault
         return (
             f"with the part's profile tolerance 2 sigma + |bias| is "

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from schemas import version
 from schemas.codec import CodecError, from_data, to_data
 from schemas.pose import Pose
 from schemas.solids import Fingers, Solid
@@ -581,10 +582,20 @@ def parse_plan(text: str) -> Plan:
     return from_data(Plan, data)
 
 
+def newer_note(plan: Plan) -> str:
+    """Return that a plan is of a newer minor version than its reader, "" if not."""
+    if not version.is_newer(plan.format_version, FORMAT_VERSION):
+        return ""
+    return (
+        f"the plan is of format {plan.format_version}, this microplan knows "
+        f"{FORMAT_VERSION}: what is new in it is passed over"
+    )
+
+
 def check_version(data: Any) -> None:
     """Raise CodecError unless `data` are of a version this reader understands."""
-    version = data.get("format_version") if isinstance(data, dict) else None
-    major = str(version).partition(".")[0]
-    ours = FORMAT_VERSION.partition(".")[0]
-    if version is None or major != ours:
-        raise CodecError(f"format_version {version!r} is not readable, need {ours}.x")
+    stated = data.get("format_version") if isinstance(data, dict) else None
+    try:
+        version.check(stated, FORMAT_VERSION)
+    except version.VersionError as error:
+        raise CodecError(f"format_version {error}") from error

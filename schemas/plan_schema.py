@@ -52,7 +52,7 @@ def _versioned(kind: type, title: str, key: str, version: str) -> Rule:
     """Return the schema of a type whose `key` names a version "major.minor"."""
     schema = schema_of(kind, title)
     major = version.partition(".")[0]
-    schema["properties"][key]["pattern"] = rf"^{major}\.[0-9]+$"
+    schema["properties"][key]["pattern"] = rf"^{major}\.(0|[1-9][0-9]{{0,5}})$"
     return schema
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -15,15 +15,16 @@ from featuresel.routines import (
     FloatArray,
     Guess,
     Known,
+    LookModel,
     Measurement,
-    Render,
     Target,
     TargetKind,
 )
+from featuresel.routines.blob_spread import spread_px
 from featuresel.routines.picture import refused
 
 NAME = "otsu"
-VERSION = "1"
+VERSION = "2"
 KINDS: tuple[TargetKind, ...] = ("circle", "teeth", "outline")
 GIVES: tuple[Known, ...] = ("xy",)
 NEEDS: tuple[Known, ...] = ()
@@ -36,7 +37,7 @@ _CONTRAST = 0.1  # least difference of the two classes' means, full scale
 _SIDE_RAD = math.radians(30)  # a bias fixed to the part is undone below this doubt
 _OFF_CENTRE_PX = 2.0  # what a seed may be off by when the angle is unknown
 _FIXED_WORK, _PIXEL_WORK = 0.1, 3.4e-5  # in box filters
-_SPREAD_PX = 0.5  # what a threshold's centroid is worth under light gradients
+_SPREAD_PX = 0.5  # of a centroid that the look's own images do not show
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,8 +50,8 @@ class _Blob:
     clipped: bool  # it touches the region's border
 
 
-def prepare(render: Render, target: Target) -> Artifact | Failure:
-    """Return the blob's area, polarity and centroid relative to the reference point."""
+def prepare(render: LookModel, target: Target) -> Artifact | Failure:
+    """Return the blob's area, polarity, centroid from the reference point, spread."""
     blobs = _blobs(render(), bright=target.bright)
     if isinstance(blobs, Failure):
         return blobs
@@ -70,7 +71,7 @@ def prepare(render: Render, target: Target) -> Artifact | Failure:
             "point, in a direction that turns with the part",
         )
     c, s = math.cos(target.theta_rad), math.sin(target.theta_rad)
-    return Artifact(
+    artifact = Artifact(
         parameters={
             "bright": float(target.bright),
             "area_px": own.area_px,
@@ -81,6 +82,10 @@ def prepare(render: Render, target: Target) -> Artifact | Failure:
             "search_px": target.search_px,
         }
     )
+    spread = spread_px(render, target, lambda image, at: measure(image, artifact, at))
+    if spread is None:
+        return artifact
+    return replace(artifact, parameters={**artifact.parameters, "spread_px": spread})
 
 
 def measure(
@@ -110,7 +115,7 @@ def measure(
         row=own.row - offset[1],
         theta_rad=None,
         score=min(ratio, 1 / ratio),
-        spread_px=_SPREAD_PX,
+        spread_px=p.get("spread_px", _SPREAD_PX),
     )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from optics.ties import least
 from schemas.verdicts import MethodChoice, MethodOption
 
 # Chances that differ by less are equal: the quicker way is taken.
@@ -40,14 +41,14 @@ def choose(
         return _chosen(servo, options, reason)
     enough = [o for chance, o in chances if chance >= goal]
     if enough:
-        best = min(enough, key=lambda o: (o.expected_s, o.method))
+        best = _quickest(enough)
         said = "meets" if len(enough) == 1 else "is the quickest to meet"
         return _chosen(
             best, options, f"{said} {goal:.4g} at {where}: {_words(options)}"
         )
     top = max(chance for chance, _ in chances)
     likely = [o for chance, o in chances if chance >= top - SAME_CHANCE]
-    best = min(likely, key=lambda o: (o.expected_s, o.method))
+    best = _quickest(likely)
     reason = f"comes nearest to {goal:.4g} at {where}: {_words(options)}"
     return _chosen(best, options, reason)
 
@@ -58,6 +59,11 @@ def _chosen(
     return MethodChoice(
         asked="auto", method=option.method, reason=reason, options=tuple(options)
     )
+
+
+def _quickest(options: Sequence[MethodOption]) -> MethodOption:
+    """Return the quickest way, the first by name of those as quick."""
+    return least(sorted(options, key=lambda o: o.method), lambda o: o.expected_s)
 
 
 def _words(options: Sequence[MethodOption]) -> str:

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 from scipy import optimize
 
+from optics.ties import ordered
 from planner.checks.insertion import ALL, OFFSET, SERVO, SIZE, Insertion
 from schemas.verdicts import Change, Offender, YieldCurve, YieldPoint
 
@@ -59,7 +60,8 @@ def offenders(job: Insertion, sizes: Sizes, goal: float) -> tuple[Offender, ...]
         for name, key, size in sizes
         if size > 0
     ]
-    return tuple(sorted(found, key=lambda o: (-o.halved_probability, o.term)))
+    found.sort(key=lambda offender: offender.term)
+    return tuple(ordered(found, lambda o: -o.halved_probability))
 
 
 def changes(
@@ -95,7 +97,7 @@ def changes(
             fits.append(Change(what=what, halvings=halvings, success_probability=goal))
     fits += _wider(job, goal, widen) + _all_finer(job, goal)
     # of what costs the same the fewest things come first
-    return tuple(sorted(fits, key=lambda change: change.halvings))
+    return tuple(ordered(fits, lambda change: change.halvings, scale=1.0))
 
 
 def yield_over_shaft(job: Insertion) -> YieldCurve:

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from optics.outline import JOIN_UM, Arc, Edge, Point, Ring, Segment
+from optics.ties import least
 from planner.inputs.dxf_edges import Piece
 
 GAP_UM = 0.01  # wider gaps are not closed; real drawings' gaps are below 10 nm
@@ -56,7 +57,7 @@ def chain(pieces: Sequence[Piece]) -> Chained:
     gaps: list[float] = []
     for path in paths:
         edges = _bridged([edge for piece in path for edge in piece.edges], gaps)
-        layer = max(sorted({p.layer for p in path}), key=lambda n: _share(path, n))
+        layer = _layer(path)
         rings.append(canonical(Ring(edges=edges, layer=layer)))
     return Chained(
         rings=tuple(rings),
@@ -66,6 +67,11 @@ def chain(pieces: Sequence[Piece]) -> Chained:
         gaps_um=tuple(gaps),
         doubled=doubled,
     )
+
+
+def _layer(path: Sequence[Piece]) -> str:
+    """Return the layer that most of a path is on, the first by name of several."""
+    return least(sorted({p.layer for p in path}), lambda name: -_share(path, name))
 
 
 def canonical(ring: Ring) -> Ring:

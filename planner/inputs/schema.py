@@ -76,11 +76,11 @@ def check(source: Source, name: str, version_key: str, report: Report) -> Checke
     name : str
         "task" or "workcell".
     version_key : str
-        The key that holds the format's version; a newer one is the only finding.
+        The key that holds the format's version; another one is the only finding.
     report : Report
         Receives the findings.
     """
-    if _is_newer(source, version_key, report):
+    if _is_other(source, version_key, report):
         return Checked.of(source, [()])
     # a Draft202012Validator of our own schema; nothing is fetched
     errors = _validator(name).iter_errors(source.data)
@@ -144,16 +144,19 @@ def _validator(name: str) -> jsonschema.Draft202012Validator:
     return jsonschema.Draft202012Validator(schemas.load(name))
 
 
-def _is_newer(source: Source, version_key: str, report: Report) -> bool:
-    """Report a version above ours; such a file may mean anything."""
+def _is_other(source: Source, version_key: str, report: Report) -> bool:
+    """Report another version than ours: what else the file says may mean anything.
+
+    Versions are whole numbers from 1 on; what is none breaks the schema.
+    """
     version = source.data.get(version_key) if isinstance(source.data, dict) else None
-    if not isinstance(version, int | float) or version <= NEWEST:
+    if not isinstance(version, int | float) or version < 1 or version == NEWEST:
         return False
     report.error(
         "MP013",
         source.value(version_key),
         f"{version_key} is {version}, this microplan reads version {NEWEST}",
-        "update microplan",
+        "update microplan" if version > NEWEST else f"microplan migrate {source.file}",
     )
     return True
 

@@ -27,7 +27,7 @@ MAX_BYTES = 1 << 20  # a task of a thousand steps is a tenth of this
 MAX_DEPTH = 32  # the formats nest 7 deep
 MAX_NODES = 20_000  # a thousand steps have 12 000
 
-_BREAK = re.compile(r"\r\n|[\n\r\x85\u2028\u2029]")  # as the YAML scanner counts lines
+BREAK = re.compile(r"\r\n|[\n\r\x85\u2028\u2029]")  # as the YAML scanner counts lines
 _INT = re.compile(r"[-+]?[0-9]+")
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
 _RADIX = re.compile(r"0o[0-7]+|0x[0-9a-fA-F]+")
@@ -104,7 +104,7 @@ def read_source(path: Path, file: str, report: Report, at: Span) -> Source | Non
     at : Span
         Where the file is asked for; findings about the file as a whole go there.
     """
-    text = _read_text(path, file, report, at)
+    text = read_text(path, file, report, at)
     return None if text is None else parse(text, path, file, report)
 
 
@@ -114,7 +114,7 @@ def parse(text: str, path: Path, file: str, report: Report) -> Source | None:
     What is wrong with a single value is reported, and the rest still read, so that all
     mistakes of a file come out at once.
     """
-    builder = _Builder(file, _BREAK.split(text), report)
+    builder = _Builder(file, BREAK.split(text), report)
     try:
         data = builder.document(yaml.parse(text, Loader=yaml.SafeLoader))
     except _RefusedError as refused:
@@ -144,7 +144,7 @@ def parse(text: str, path: Path, file: str, report: Report) -> Source | None:
     )
 
 
-def _read_text(path: Path, file: str, report: Report, at: Span) -> str | None:
+def read_text(path: Path, file: str, report: Report, at: Span) -> str | None:
     """Return the file's text without a byte order mark."""
     raw = read_bytes(path, file, at, report, most=MAX_BYTES)
     if raw is None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
+from optics.ties import ordered
 from planner.diagnostics import Report
 from planner.inputs.task import Task
 from planner.model.assembly import axes_of, bodies, owner_of
@@ -53,10 +54,8 @@ def coarse_requests(task: Task, request: Request) -> tuple[Request, ...]:
         shape = shape_of(task, request.state, name)
         if shape is not None:
             shapes.setdefault(shape.name, (name, shape))
-    known = sorted(
-        shapes.values(),
-        key=lambda each: (each[0] != request.target, -each[1].finest_um),
-    )
+    known = ordered(list(shapes.values()), lambda each: -each[1].finest_um)
+    known.sort(key=lambda each: each[0] != request.target)
     low, _ = task.workcell.optics.magnification
     found = [_coarse(task, request, name, shape) for name, shape in known]
     shown = [each for each in found if views(task, each, low, Report())]

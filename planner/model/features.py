@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from featuresel.feature import Feature, coincide, renamed
 from featuresel.features import merge, propose
 from optics.outline import Outline
+from optics.ties import ordered
 from planner.inputs.task import Feature as Declared
 from planner.inputs.task import Part, Task
 from planner.model.requests import Request
@@ -85,12 +86,14 @@ def _by_kinds(features: Sequence[Feature]) -> list[Feature]:
 
     Edges, pairs and corners of one ring tell much the same.
     """
-    found: list[tuple[int, float, str, Feature]] = []
+    found: list[tuple[int, Feature]] = []
     for kind in {feature.kind for feature in features}:
         same = [f for f in features if f.kind == kind]
-        same.sort(key=lambda feature: (-feature.edge_um, feature.name))
-        found += [(k, -f.edge_um, f.name, f) for k, f in enumerate(same)]
-    return [feature for *_, feature in sorted(found, key=lambda row: row[:3])]
+        named = sorted(same, key=lambda feature: feature.name)
+        found += enumerate(ordered(named, lambda feature: -feature.edge_um))
+    found.sort(key=lambda row: (row[0], row[1].name))
+    ranked = ordered(found, lambda row: -row[1].edge_um)
+    return [feature for _, feature in sorted(ranked, key=lambda row: row[0])]
 
 
 def _drawn(part: Part, declared: Declared) -> Feature:

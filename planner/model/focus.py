@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from optics.ties import above, at_most
 from planner.diagnostics import Report, Span
 from planner.inputs.workcell import Interval, Workcell
 from planner.model.assembly import Place
@@ -54,9 +55,9 @@ def fewest_stops(
     stops = []
     while left:
         end = left[0][1]
-        served = [low for low, _ in left if low <= end]
+        served = [low for low, _ in left if at_most(low, end, scale=1.0)]
         stops.append((max(served) + end) / 2)
-        left = [each for each in left if each[0] > end]
+        left = [each for each in left if above(each[0], end, scale=1.0)]
     return tuple(stops)
 
 

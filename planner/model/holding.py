@@ -7,6 +7,7 @@ import math
 from dataclasses import dataclass, replace
 
 from optics.outline import Outline, place
+from optics.ties import least
 from planner.diagnostics import Report
 from planner.inputs.task import Step, Task
 from planner.model.assembly import (
@@ -154,7 +155,7 @@ def settled_sigma_rad(
     )
     cuts = [(a + b) / 2 for a, b in itertools.pairwise(turns)]
     below = [0.0, *(_below(cut - theta_rad, sigma_rad) for cut in cuts), 1.0]
-    nearest = min(turns, key=lambda turn: abs(turn - theta_rad))
+    nearest = least(turns, lambda turn: abs(turn - theta_rad), scale=1.0)
     return math.sqrt(
         sum(
             (high - low) * (turn - nearest) ** 2
@@ -259,4 +260,5 @@ def _nearest(turns: tuple[float, ...], theta_rad: float) -> float:
     def away(turn: float) -> float:
         return math.remainder(turn - theta_rad, math.pi)
 
-    return theta_rad + min((away(t) for t in turns), key=abs)
+    # midway between two, the one clockwise
+    return theta_rad + least(sorted(map(away, turns)), abs, scale=1.0)

@@ -10,6 +10,7 @@ import shapely
 from optics.microscope import Microscope
 from optics.outline import Edge, FloatArray, Outline, Segment, place
 from optics.scene import Layer, Scene, Window
+from optics.ties import least
 from planner.inputs.task import Task
 from planner.model.assembly import Body, Place, State, bodies
 from planner.model.shapes import polygon
@@ -151,4 +152,4 @@ def target_ring(outline: Outline, shape: Shape) -> int | None:
         x0, y0, x1, y1 = Outline(rings=(outline.rings[ring_index],)).bounds_um
         return abs(max(x1, -x0) - radius) + abs(max(y1, -y0) - radius)
 
-    return min(range(len(outline.rings)), key=misfit)
+    return least(range(len(outline.rings)), misfit, scale=radius)

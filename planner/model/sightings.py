@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from optics.microscope import Microscope
 from optics.scene import Scene, Window
+from optics.ties import least
 from planner.diagnostics import Report
 from planner.inputs.task import Feature, Task
 from planner.model.assembly import Place, locate_place
@@ -76,7 +77,7 @@ def views(
         found.append(_lit(task, scene, scope, focus, region))
     if found:
         _report_tight(task, request, shape, spot, report)
-        widest = max((v.microscope for v in found), key=lambda scope: scope.aperture)
+        widest = least((v.microscope for v in found), lambda scope: -scope.aperture)
         _report_shade(task, request, shape, spot, widest, report)
     return tuple(found)
 

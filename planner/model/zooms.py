@@ -7,6 +7,7 @@ import math
 from dataclasses import dataclass, replace
 
 from optics.microscope import Microscope
+from optics.ties import at_most
 from planner.diagnostics import Report, Span
 from planner.inputs.workcell import Workcell
 from planner.model.assembly import Place
@@ -169,10 +170,13 @@ def magnifications(
             "locate a larger feature first",
         )
         return ()
-    rungs = [m for m in ladder(cell) if found.least <= m <= found.most]
+    rungs = [
+        m for m in ladder(cell) if at_most(found.least, m) and at_most(m, found.most)
+    ]
     if not rungs:
         rungs = [math.sqrt(found.least * found.most)]
-    useful = [m for m in rungs if m <= useful_magnification(cell, m)] or rungs[:1]
+    useful = [m for m in rungs if at_most(m, useful_magnification(cell, m))]
+    useful = useful or rungs[:1]
     return tuple(sorted(useful, key=lambda m: (m != current, m)))
 
 

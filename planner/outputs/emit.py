@@ -89,6 +89,14 @@ def replace_file(source: Path, file: Path) -> None:
         raise OutputError("MP702", f"{file} cannot be written: {error}") from error
 
 
+def replace_text(file: Path, text: str) -> None:
+    """Write a text file, whole or not at all; MP702 if it cannot be written."""
+    with tempfile.TemporaryDirectory() as folder:
+        fresh = Path(folder) / "text"
+        fresh.write_bytes(text.encode())
+        replace_file(fresh, file)
+
+
 def replace_folder(source: Path, folder: Path) -> None:
     """Copy a plan folder into place, whole or not at all; MP701, MP702 as above."""
     check_folder(folder)

@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
+from planner.outputs.task_tradeoff import Spent, TaskTradeoff
 from planner.outputs.tradeoff import Measured, StepTradeoff
 
 FloatArray = npt.NDArray[np.float64]
@@ -29,6 +30,13 @@ _MARKS = {
     "exact": ("#009E73", "o"),
 }
 _FRONT, _LIMIT, _CHOICE = "#000000", "#D55E00", "#CC79A7"
+_AXIS_MARKS = {
+    "as": ("#000000", "o"),
+    "preset": ("#0072B2", "s"),
+    "trials": ("#E69F00", "^"),
+    "frames": ("#009E73", "D"),
+    "zoom": ("#CC79A7", "v"),
+}
 _LEAST = 1e-9  # errors below are drawn here
 _MANY = 300.0  # from end to end of an axis: powers of ten are ticks enough
 
@@ -85,6 +93,52 @@ def strip_png(strip: Strip) -> bytes:
         grid[i][0].set_ylabel(f"{strip.magnifications[i]:.3g} x", fontsize=11)
         _scale_bar(grid[i][-1], strip.um_per_px[i], width, height)
     figure.suptitle(strip.title)
+    return _png(figure)
+
+
+def task_png(found: TaskTradeoff, spent: Sequence[Spent]) -> bytes:
+    """Return error, and chance of failure, over what compiling takes, as PNG.
+
+    Bars reach from the chance as predicted to that with silent failures at their bound.
+    Points without a plan that is complete are left out.
+    """
+    figure = _figure(11.0, 5.0)
+    left, right = figure.subplots(1, 2)
+    pairs = [
+        (point, took)
+        for point, took in zip(found.points, spent, strict=True)
+        if point.error_um is not None
+    ]
+    for k, (point, took) in enumerate(pairs):
+        color, shape = _AXIS_MARKS[point.varied.partition(" ")[0]]
+        error = point.error_um or 0.0
+        left.plot(took.cpu_s, error, shape, color=color, markersize=8)
+        misses = [
+            max(1 - (chance or 0.0), _LEAST)
+            for chance in (point.success_probability, point.success_lower)
+        ]
+        right.plot([took.cpu_s] * 2, misses, "-", color=color, linewidth=1.2)
+        right.plot(took.cpu_s, misses[0], shape, color=color, markersize=8)
+        for axes, value in ((left, error), (right, misses[0])):
+            axes.annotate(
+                point.varied,
+                (took.cpu_s, value),
+                xytext=(7, 5 if k % 2 else -11),
+                textcoords="offset points",
+                fontsize=8,
+            )
+    front = [(t.cpu_s, p.error_um or 0.0) for p, t in pairs if t.on_front]
+    _front_line(left, front)
+    left.set_title("one sigma per axis where the last part goes", fontsize=11)
+    left.set_ylabel("error [um]")
+    right.set_title("1 - P(success), up to silent failures at their bound", fontsize=11)
+    right.set_yscale("log")
+    for axes in (left, right):
+        axes.set_xscale("log")
+        axes.set_xlabel("compile time [s of CPU, this machine]")
+        axes.margins(x=0.2)
+        axes.grid(visible=True, which="major", alpha=0.35)
+    figure.suptitle(f"{found.task}: what accuracy costs")
     return _png(figure)
 
 

@@ -93,3 +93,15 @@ def test_two_alike_are_ambiguous(look: Look) -> None:
     found = otsu.measure(nominal_render(both)(), prepared(both), middle)
     assert isinstance(found, Failure)
     assert found.code == "ambiguous"
+
+
+@pytest.mark.parametrize("name", ["find_gear", "bore", "post"])
+def test_its_own_spread_is_what_its_errors_have(
+    name: str, look: Look, measured: Callable[..., Any]
+) -> None:
+    """By draws of pose, focus, zoom and light that `prepare` has not seen."""
+    case = look(name)
+    own_um = prepared(case).parameters["spread_px"] * case.microscope.um_per_px
+    errors = measured(case, "otsu").errors_um
+    rms = math.sqrt(float(np.square(errors).mean(axis=0).max()))
+    assert rms / 3 < own_um < 3 * rms

@@ -13,13 +13,14 @@ from planner.control import (
     Turn,
     control_of,
     folded_mean,
+    method_of,
     tolerance_um,
     turn_of,
 )
 from planner.diagnostics import Report
 from planner.model.steps import unfold
 from tests.planner.examples import ROOT
-from tests.planner.placed import read, with_step
+from tests.planner.placed import look, read, with_step
 
 GEAR = ROOT / "examples" / "gear_on_shaft" / "task.yaml"
 DRAWS = 400_000
@@ -50,7 +51,9 @@ def test_the_example_is_given_the_looks_that_its_turn_takes() -> None:
     turn = turn_of(task, align)
     assert turn is not None
     assert turn.start_rad == pytest.approx(math.radians(0.5), rel=1e-3)
-    control = control_of(task, align, 0.4)
+    seen = look("submount.mark", "find_submount", 0.12)
+    choice = method_of(task, (align,), align, 0.4, {}, Report(), seen)
+    control = control_of(task, align, 0.4, choice)
     # 4.9 sigma are 24 tolerances: two corrections shrink them 25 times
     assert turn.most == 2
     assert control.max_cycles == 4

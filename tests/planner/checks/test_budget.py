@@ -16,7 +16,7 @@ from planner.checks.budget import (
 from planner.checks.fit import Residual, combine, miss_probability
 from planner.checks.insert_budget import Left, insert_budget
 from planner.checks.insertion import Insertion
-from planner.control import control_of, tolerance_um
+from planner.control import control_of, method_of, tolerance_um
 from planner.diagnostics import Report
 from planner.inputs.task import Task
 from planner.leaving import residual_of
@@ -119,7 +119,15 @@ def test_the_servo_is_stable_and_gives_up_only_when_it_must(
         <= 1e-6
         < outside ** (control.max_cycles - 2)
     )
-    assert control.expected_cycles == pytest.approx(1 / residual.inside)
+    shaft = replace(SHAFT, sigma_um=1.35, steady_um=0.3, place_um=(270.0, 0.0))
+    choice = method_of(task, states, align, within, {}, report, shaft)
+    control = control_of(task, align, within, choice)
+    # its first look sees two landings, and what the look before did not: of the zoom,
+    # .2 % of 270 um; later ones what a settled loop leaves, and a little more
+    known_um = math.hypot(0.3, 0.002 * 270)
+    first = Residual(sigma_um=math.hypot(math.sqrt(2), known_um), within_um=within)
+    least = 1 + (1 - first.inside) / residual.inside
+    assert least < control.expected_cycles < 1.15 * least
 
 
 def test_a_stated_tolerance_is_kept_and_a_hopeless_one_refused(
