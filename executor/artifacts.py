@@ -4,14 +4,25 @@ from __future__ import annotations
 
 import hashlib
 import io
+import math
 import zipfile
 from collections.abc import Mapping, Sequence
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
 
 from executor.errors import ExecutorError
-from featuresel.routines import REGISTRY, Artifact, load
+from featuresel.routines import (
+    REGISTRY,
+    Artifact,
+    Failure,
+    FloatArray,
+    Guess,
+    Measurement,
+    load,
+)
+from featuresel.routines.chain import measure_chain
 from schemas.plan import Look, Measure, Plan, RoutineUse
 
 Stages = Sequence[tuple[str, Artifact]]
@@ -54,6 +65,38 @@ class Artifacts:
         """Return the routines of one chain, coarse to fine; `key` is `key_of` its
         feature."""
         return [(use.id, self._found[key, use.arrays or use.id]) for use in uses]
+
+
+def answer_of(image: FloatArray, stages: Stages, start: Guess) -> Measurement | Failure:
+    """Return what a chain of the plan's routines answers.
+
+    Raises
+    ------
+    ExecutorError
+        MP803 if it fails on the numbers and arrays that the plan folder gives it, or
+        answers with what is no number: a routine that cannot tell says so otherwise.
+    """
+    names = " > ".join(name for name, _ in stages)
+    try:
+        found = measure_chain(image, stages, start)
+    except Exception as error:
+        kind = type(error).__name__
+        raise ExecutorError(
+            "MP803",
+            f"{names} cannot use the numbers and arrays that the plan gives it: "
+            f"{kind}: {error}",
+        ) from error
+    if isinstance(found, Failure):
+        return found
+    for each in fields(found):
+        value = getattr(found, each.name)
+        if value is not None and not math.isfinite(value):
+            raise ExecutorError(
+                "MP803",
+                f"{names} answers {each.name} = {value} by the numbers and arrays "
+                "that the plan gives it",
+            )
+    return found
 
 
 def key_of(look: Look, measure: Measure) -> str:

@@ -106,6 +106,16 @@ def _contradiction(found: argparse.Namespace) -> str:
         return "--pictures and --look belong together: the look that they show"
     if (mode == "compare") != bool(found.runs):
         return "--mode compare and --runs RUN ... belong together"
+    alone = {
+        "--bits": found.bits is not None, "--still": found.still,
+        "--turn-deg": found.turn_deg is not None, "--marked": found.marked is not None,
+    }  # fmt: skip
+    if pictures is None and any(alone.values()):
+        return f"{next(k for k, v in alone.items() if v)} is for --pictures"
+    if found.anyway and record is None:
+        return "--anyway is for --from"
+    if found.format != "text" and pictures is None and mode != "compare":
+        return "--format is for --pictures and --mode compare; a run has summary.json"
     if found.step and mode != "run":
         return "--step is for --mode run"
     if found.resume and (found.discard or mode != "run"):
@@ -141,12 +151,17 @@ def build_parser() -> argparse.ArgumentParser:
     """Return the reader of the command line."""
     parser = argparse.ArgumentParser(
         prog="microplan-run",
-        description="Run an augmented plan on a station.",
-        epilog="Exit status: 0 done, 1 the answer is no, 2 input or call at fault, "
-        "3 machine trouble, 4 stopped, 70 a bug.",
+        description="Run an augmented plan on a station, real or simulated.",
+        epilog="Exit status: 0 done and verified; 1 the assembly failed, the plan is "
+        "infeasible, or a replay or comparison says no; 2 files or call at fault; 3 "
+        "trouble with the machine, or it does not fit the plan; 4 the operator "
+        "stopped it, or must decide; 70 a bug.",
     )
     parser.add_argument("plan", type=Path, help="plan.json, or the folder it is in")
-    parser.add_argument("--station", help="sim: the simulated cell; or a station.toml")
+    parser.add_argument(
+        "--station",
+        help="sim: the simulated cell; or a station.toml; for run, check and dry-run",
+    )
     parser.add_argument(
         "--seed", type=seed_number, help="of the simulated cell; default: 0"
     )
@@ -154,19 +169,27 @@ def build_parser() -> argparse.ArgumentParser:
         "--mode",
         choices=MODES,
         default="run",
-        help="check: read and compare only; dry-run: list what would be done; replay: "
-        "run on a record, or measure pictures; compare: join several runs; report: "
-        "write "
-        "a run's report.html anew",
+        help="run: do it (the default); check: see whether plan and station fit, "
+        "nothing moves; dry-run: list what would be done, nothing moves; replay: run "
+        "on a record, or measure pictures; compare: test what the plan predicted over "
+        "several runs; report: write a run's report.html anew",
     )
-    parser.add_argument("--run-dir", type=Path, help="default: <plan name>.run beside")
     parser.add_argument(
-        "--resume", action="store_true", help="go on with the run of the run folder"
+        "--run-dir",
+        type=Path,
+        help="where the run is kept; default: <plan's name>.run beside the plan folder",
+    )
+    parser.add_argument(
+        "--resume", action="store_true", help="go on with the run in the run folder"
     )
     parser.add_argument(
         "--discard", action="store_true", help="throw away a run that did not end"
     )
-    parser.add_argument("--no-frames", action="store_true", help="keep no images")
+    parser.add_argument(
+        "--no-frames",
+        action="store_true",
+        help="keep neither images nor calls: the run cannot be replayed",
+    )
     parser.add_argument(
         "--inject",
         action="append",
@@ -182,13 +205,18 @@ def build_parser() -> argparse.ArgumentParser:
     )
     _add_replay(parser)
     parser.add_argument(
-        "--runs", type=Path, nargs="+", default=[], metavar="RUN", help="compare: them"
+        "--runs",
+        type=Path,
+        nargs="+",
+        default=[],
+        metavar="RUN",
+        help="the run folders to compare; the plan stands before them",
     )
     parser.add_argument(
         "--format",
         choices=["text", "json"],
         default="text",
-        help="of what replay and compare tell",
+        help="of what --pictures and --mode compare print",
     )
     parser.add_argument(
         "--completion",
@@ -203,17 +231,22 @@ def _add_replay(parser: argparse.ArgumentParser) -> None:
     """Add what the mode replay reads."""
     group = parser.add_argument_group("replay")
     group.add_argument(
-        "--from", dest="record", type=Path, metavar="RUN", help="a run folder"
+        "--from", dest="record", type=Path, metavar="RUN", help="the folder of a run"
     )
     group.add_argument(
         "--anyway",
         action="store_true",
         help="go on with another plan or changed frames: tells where they part",
     )
-    group.add_argument("--pictures", type=Path, metavar="FOLDER", help="of one look")
+    group.add_argument(
+        "--pictures", type=Path, metavar="FOLDER", help="your own, of one look"
+    )
     group.add_argument("--look", default="", help="the look that the pictures show")
     group.add_argument(
-        "--bits", type=bit_number, help="of the pictures' full scale; default: theirs"
+        "--bits",
+        type=bit_number,
+        help="of the pictures' full scale; default: the file's, or the camera's if it "
+        "has more than 8",
     )
     group.add_argument(
         "--still",
@@ -230,5 +263,5 @@ def _add_replay(parser: argparse.ArgumentParser) -> None:
         "--marked",
         type=Path,
         metavar="FOLDER",
-        help="for the marked pictures; default: <look>.marked beside them",
+        help="for the marked pictures; default: <look>.marked beside theirs",
     )

@@ -109,7 +109,7 @@ def _on_station(call: Call, file: PlanFile, stack: ExitStack) -> int:
     if call.mode == "dry-run":
         say("\n".join(plan_lines(plan)))
         return DONE
-    asking = _asking(call)
+    asking = _asking(call, plan)
     run = stack.enter_context(new_run(path, discard=call.discard))
     run.begin(call.plan_file, file.source, site.source)
     return _report(call, plan, perform(call, file, site, artifacts, run, asking))
@@ -125,7 +125,7 @@ def _resume(call: Call, file: PlanFile, run: RunFolder) -> int:
     check_same(header_of(call, file, site.station.devices()), then)
     preflight(file.plan, site.station, begun=True)
     artifacts = Artifacts.from_folder(file.plan, call.folder)
-    ended = perform(call, file, site, artifacts, run, _asking(call))
+    ended = perform(call, file, site, artifacts, run, _asking(call, file.plan))
     return _report(call, file.plan, ended)
 
 
@@ -227,10 +227,23 @@ def _compare(call: Call, file: PlanFile) -> int:
     return FAILED if found.refuted else DONE
 
 
-def _asking(call: Call) -> Asking:
-    """Return what the operator can be asked."""
+def _asking(call: Call, plan: Plan) -> Asking:
+    """Return what the operator can be asked, and is told."""
     gate = _gate() if call.stepwise else None
-    return Asking(pause=_asker(), question=_question(), gate=gate)
+    progress = None if gate else _teller(plan)
+    return Asking(pause=_asker(), question=_question(), gate=gate, progress=progress)
+
+
+def _teller(plan: Plan) -> Callable[[str], None] | None:
+    """Return what tells a terminal which step begins, None where there is none."""
+    if sys.stderr is None or not sys.stderr.isatty():
+        return None
+    numbers = {step.id: number for number, step in enumerate(plan.steps, start=1)}
+
+    def told(step: str) -> None:
+        tell(f"running {step} ({numbers[step]} of {len(numbers)}) ...")
+
+    return told
 
 
 def _question() -> Callable[[str], bool] | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from executor.run_summaries import Run
@@ -136,6 +136,8 @@ def _figure(
     if not values:
         return None
     about, count = mean(values), len(values)
+    if name != "height" and about.low < 0:  # Student's interval; none of these can be
+        about = replace(about, low=0.0)
     squares = sum((v - about.mean) ** 2 for v in values)
     return Figure(
         step=step,

@@ -6,14 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
 
-from executor.artifacts import Artifacts, Stages, key_of
+from executor.artifacts import Artifacts, Stages, answer_of, key_of
 from executor.calibration import LookFrame
 from executor.errors import ExecutorError
 from executor.gates import gates_of
 from executor.near import Found, Near, guess_from, nearest_routine
 from executor.rig import Rig
 from featuresel.routines import Failure, FloatArray, Guess, Measurement
-from featuresel.routines.chain import measure_chain
 from featuresel.routines.fusion import Believed, Seen
 from schemas.plan import BiasAt, Look, Measure, RoutineUse
 from schemas.pose import Pose
@@ -38,6 +37,7 @@ class Picture:
     believed: Believed | None  # the part's angle, None if nothing is known of it
     dz_um: float  # of the focus from the look's own
     near: Near | None = None  # what a look just before found, a correction ago
+    trusted: bool = True  # whether what is expected says where to begin
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -140,16 +140,19 @@ def measured(
     """Return what one chain answers, whatever the gates say of it.
 
     It starts where the feature is believed to be, not where the plan's own picture has
-    it: tools land elsewhere, and what is aligned to them goes along.
+    it: tools land elsewhere, and what is aligned to them goes along. Where the belief
+    is what is in doubt it starts in the middle of what the plan searches.
 
     Raises
     ------
     ExecutorError
         MP820 if it finds nothing.
     """
-    column, row = rig.frame_of(look).to_pixel(
-        *picture.expected.apply(*measure.offset_um)
-    )
+    place = (measure.reference.column, measure.reference.row)
+    if picture.trusted:
+        at_um = picture.expected.apply(*measure.offset_um)
+        place = rig.frame_of(look).to_pixel(*at_um)
+    column, row = place
     start = Guess(
         column=column,
         row=row,
@@ -199,8 +202,13 @@ def _answer(
     picture: Picture,
 ) -> Shown:
     """Return what routines find from `start`, whatever the gates say of it."""
-    found = measure_chain(picture.image, stages, start)
     name = measure.feature or look.target
+    try:
+        found = answer_of(picture.image, stages, start)
+    except ExecutorError as error:
+        raise ExecutorError(
+            error.code, f"look {look.id}: {name}: {error.message}"
+        ) from error
     if isinstance(found, Failure):
         raise ExecutorError(
             "MP820",

@@ -16,8 +16,11 @@ from featuresel.routines import Failure, FloatArray
 from featuresel.routines.fusion import fuse
 from schemas.plan import AxisMove, Look, OnFailure
 
-# a look that ends so did not see what it looks for
+# The least that reflects, a stage of .01 in half of the light, shows brighter; a dark
+# frame of the camera does not.
+DARK = 0.02
 NOT_FOUND = "MP820"
+# a look that ends so did not see what it looks for
 UNSEEN = (NOT_FOUND, "MP821", "MP822", "MP823", "MP825", "MP826")
 
 
@@ -43,6 +46,7 @@ def look_at(
     on_failure: Sequence[OnFailure] = (),
     *,
     near: Near | None = None,
+    trusted: bool = True,
 ) -> Sighting:
     """Measure a look's target and update the beliefs.
 
@@ -59,6 +63,8 @@ def look_at(
     near : Near, optional
         What the same look has found, if a correction is all that happened since: the
         first try starts there.
+    trusted : bool, optional
+        Whether to look where the target is believed; a probe asks whether that is so.
 
     Raises
     ------
@@ -69,13 +75,14 @@ def look_at(
     while True:
         tries += 1
         try:
-            sighting = _sight(rig, look, tries, kept, near if tries == 1 else None)
+            first = near if tries == 1 else None
+            sighting = _sight(rig, look, tries, kept, first, trusted=trusted)
         except ExecutorError as error:
             rig.journal.write("not_seen", look=look.id, code=error.code, why=str(error))
             further = len(look.view.focus_stops_um)
             trouble = error.exit_status in (MACHINE, STOPPED)  # nothing moves any more
             if trouble or tries > max(_retries(error, on_failure), further):
-                if error.code == NOT_FOUND:
+                if error.code == NOT_FOUND and trusted:
                     error.append(_searched(rig, look))
                 raise
             continue
@@ -147,6 +154,13 @@ def to_unit(counts: Counts, bits: int) -> FloatArray:
     return unit
 
 
+def _lit(image: FloatArray) -> str:
+    """Return whether a picture in which nothing was found has light in it."""
+    most = float(image.max(initial=0.0))
+    told = f"the brightest pixel of the picture has {most:.1%} of full scale"
+    return told + (": is the light on?" if most < DARK else "")
+
+
 def _searched(rig: Rig, look: Look) -> str:
     """Return where a target was looked for: it may stand beyond."""
     at = rig.beliefs.world(look.target, rig.readings())
@@ -165,7 +179,13 @@ def _retries(error: ExecutorError, on_failure: Sequence[OnFailure]) -> int:
 
 
 def _sight(
-    rig: Rig, look: Look, tries: int, kept: dict[str, Shown], near: Near | None
+    rig: Rig,
+    look: Look,
+    tries: int,
+    kept: dict[str, Shown],
+    near: Near | None,
+    *,
+    trusted: bool,
 ) -> Sighting:
     """Look once at every feature of the look; `kept` are those of tries before.
 
@@ -182,8 +202,14 @@ def _sight(
         believed=rig.beliefs.angle(look.target, rig.readings()),
         dz_um=focus_um - look.view.focus_um,
         near=near,
+        trusted=trusted,
     )
-    _show(rig, look, picture, kept)
+    try:
+        _show(rig, look, picture, kept)
+    except ExecutorError as error:
+        if error.code == NOT_FOUND:
+            error.append(_lit(picture.image))
+        raise
     try:
         names = [measure.feature or look.target for measure in look.measures]
         found = {name: kept[name] for name in names if name in kept}

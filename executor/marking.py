@@ -62,11 +62,11 @@ def mark(seer: Viewer, finding: Finding, folder: Path) -> Marked | None:
 
 
 def write_marked(folder: Path, name: str, picture: Marked) -> None:
-    """Write one marked picture; MP878 if that does not work."""
+    """Write one marked picture as PNG, by its own name; MP878 if that fails."""
     import cv2  # as above
 
     done, data = cv2.imencode(".png", picture)
-    path = folder / f"{name}.png"
+    path = folder / (name if name.lower().endswith(".png") else f"{name}.png")
     try:
         folder.mkdir(parents=True, exist_ok=True)
         if not done:

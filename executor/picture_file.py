@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -13,6 +14,7 @@ from featuresel.routines import FloatArray
 from schemas.plan import Region, Requirements
 
 SUFFIXES = (".png", ".tif", ".tiff")
+SHALLOW = (10, 12, 14)  # bits that cameras have and programs keep in files of 16
 LUMA = (0.299, 0.587, 0.114)  # red, green, blue: ITU-R BT.601, luma of a colour camera
 _PNG = b"\x89PNG\r\n\x1a\n"
 # uncompressed colour of 16 bits with alpha has 8 bytes per pixel; the rest is for
@@ -20,9 +22,17 @@ _PNG = b"\x89PNG\r\n\x1a\n"
 _BYTES_PER_PX, _MORE_BYTES = 16, 1 << 22
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UserPicture:
+    """A picture as 0..1 of full scale; `hint` is what its full scale may be instead."""
+
+    image: FloatArray
+    hint: str
+
+
 def read_picture(
     path: Path, need: Requirements, region: Region, bits: int | None = None
-) -> FloatArray:
+) -> UserPicture:
     """Return a picture as 0..1 of full scale: the whole frame, or the region alone.
 
     Colour becomes grey by `LUMA`; alpha is left out. Full scale is 2**bits - 1; without
@@ -42,8 +52,9 @@ def read_picture(
 
     Returns
     -------
-    (rows, columns) float64 array
-        Of the whole frame's size or the region's.
+    UserPicture
+        Of the whole frame's size or the region's; with a hint where a file of 16 bits
+        that are taken as its full scale uses fewer.
 
     Raises
     ------
@@ -119,7 +130,7 @@ def _decoded(path: Path, data: bytes, size: tuple[int, int]) -> Any:
     return found
 
 
-def _unit(path: Path, counts: Any, camera_bits: int, asked: int | None) -> FloatArray:
+def _unit(path: Path, counts: Any, camera_bits: int, asked: int | None) -> UserPicture:
     """Return grey counts as 0..1 of full scale."""
     own = 8 if counts.dtype == np.uint8 else 16
     deep = own == 16 and camera_bits > 8
@@ -129,7 +140,19 @@ def _unit(path: Path, counts: Any, camera_bits: int, asked: int | None) -> Float
         _refuse(
             path, f"it holds {most}, full scale of {bits} bits is {2**bits - 1}: --bits"
         )
-    return _grey(counts) / float(2**bits - 1)
+    hint = "" if asked or bits != own or own == 8 else _shallower(most)
+    return UserPicture(image=_grey(counts) / float(2**bits - 1), hint=hint)
+
+
+def _shallower(most: int) -> str:
+    """Return which camera's bits a file of 16 may hold, "" for all of them."""
+    bits = next((b for b in SHALLOW if most < 2**b), None)
+    if bits is None:
+        return ""
+    return (
+        f"it holds at most {most} of 65535: if its full scale is {bits} bits, say "
+        f"--bits {bits}"
+    )
 
 
 def _grey(counts: Any) -> FloatArray:

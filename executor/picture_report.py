@@ -87,6 +87,8 @@ def report_text(
             lines.append(f"{f.name}: the fallback found it; {_first_fault(f)}")
         if f.looks is not None and f.looks.words:
             lines.append(f"{f.name}: {'; '.join(f.looks.words)}")
+        if f.hint:
+            lines.append(f"{f.name}: {f.hint}")
     return "\n".join([*lines, *_summary(all_of_them)])
 
 
@@ -217,6 +219,7 @@ def _finding_data(finding: Finding, um_per_px: float) -> dict[str, Any]:
         "theta_rad": finding.theta_rad,
         "fallback": finding.spare_used,
         "attempts": [_attempt_data(a, um_per_px) for a in finding.attempts],
+        "hint": finding.hint,
         "likeness": None if finding.looks is None else _finite(finding.looks),
     }
 

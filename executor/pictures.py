@@ -51,6 +51,7 @@ class Finding:
     y_um: float | None = None
     theta_rad: float | None = None
     looks: Likeness | None = None
+    hint: str = ""  # of its full scale
 
     @property
     def found(self) -> bool:
@@ -142,9 +143,10 @@ def find_in(seer: Viewer, path: Path) -> Finding:
     """Return what a picture shows; one that cannot be used is told, not raised."""
     look, region = seer.look, seer.look.measure.region
     try:
-        image = read_picture(path, seer.plan.requirements, region, seer.bits)
+        read = read_picture(path, seer.plan.requirements, region, seer.bits)
     except ExecutorError as error:
         return Finding(name=path.name, code=error.code, why=error.message)
+    image = read.image
     whole = image.shape != (region.rows, region.columns)
     part = cut(image, region) if whole else image
     picture = Picture(
@@ -159,6 +161,7 @@ def find_in(seer: Viewer, path: Path) -> Finding:
         why=why,
         whole=whole,
         image=image,
+        hint=read.hint,
         attempts=tuple(attempts),
         x_um=x_um,
         y_um=y_um,
@@ -265,7 +268,8 @@ def _reference(plan: Plan, look: Look, folder: Path) -> Appearance | None:
     """Return how the plan's own image of the look appears, None without one."""
     region = look.measure.region
     try:
-        image = read_picture(folder / look.scene.image, plan.requirements, region)
+        path = folder / look.scene.image
+        image = read_picture(path, plan.requirements, region).image
     except ExecutorError:
         return None
     whole = image.shape != (region.rows, region.columns)

@@ -207,7 +207,7 @@ def _moved(job: _Job, move: AxisMove) -> Sighting:
     rig, look = job.rig, job.look
     rig.move(move, "probe")
     try:
-        return look_at(rig, look, job.on_failure)
+        return look_at(rig, look, job.on_failure, trusted=False)
     except ExecutorError as error:
         if error.code not in UNSEEN:
             raise

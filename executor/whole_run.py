@@ -54,6 +54,7 @@ class Asking:
     pause: Callable[[], bool] | None = None  # whether to go on after Ctrl-C
     question: Callable[[str], bool] | None = None  # whether to go on after a crash
     gate: Callable[[str], None] | None = None  # see `Rig.gate`
+    progress: Callable[[str], None] | None = None  # told of every step that begins
 
 
 def perform(
@@ -109,7 +110,7 @@ def perform(
             gate=asking.gate,
             intents=intents,
         )
-        errors_um = _watch(rig, site.cell)
+        errors_um = _watch(rig, site.cell, asking.progress)
         if site.cell is not None and call.station_file is None:
             keep_world(site.cell, run.cell)
         result = _run(rig, call, file, run, asking)
@@ -220,12 +221,16 @@ def _run(
         raise
 
 
-def _watch(rig: Rig, cell: Cell | None) -> dict[str, float]:
+def _watch(
+    rig: Rig, cell: Cell | None, progress: Callable[[str], None] | None
+) -> dict[str, float]:
     """Return a record, filled while the rig runs: step -> its last look's true error.
 
-    Only a simulated cell knows the truth; a plan never sees it.
+    Only a simulated cell knows the truth; a plan never sees it. `progress` is told of
+    every step.
     """
     errors: dict[str, float] = {}
+    rig.on_step = progress
     if cell is None:
         return errors
     shown_um = cell.shown_um
@@ -235,7 +240,14 @@ def _watch(rig: Rig, cell: Cell | None) -> dict[str, float]:
         true_x, true_y = shown_um(owner, *offset)
         errors[rig.journal.step] = math.hypot(x_um - true_x, y_um - true_y)
 
-    rig.watch, rig.on_step = note, cell.faults.enter
+    enter = cell.faults.enter
+
+    def begin_step(step: str) -> None:
+        if progress is not None:
+            progress(step)
+        enter(step)
+
+    rig.watch, rig.on_step = note, begin_step
     return errors
 
 

@@ -12,6 +12,7 @@ from typing import Any
 from executor.errors import ExecutorError
 from executor.loading import ROLES, build, load
 from executor.testing.bench import Bench, results
+from schemas.console import say, tell
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -36,7 +37,12 @@ def main(argv: Sequence[str] | None = None) -> int:
         options = _pairs(call.option)
         made = build(load(call.driver, "driver"), "driver", options)
     except (ExecutorError, tomllib.TOMLDecodeError) as error:
-        print(f"error: {error}", file=sys.stderr)
+        tell(f"error: {error}")
+        return 2
+    parts = [role for role in ROLES if getattr(made, role, None) is not None]
+    if call.part and not hasattr(made, call.part):
+        known = ", ".join(parts) or "none"
+        tell(f"error: --part: {call.driver} has no {call.part!r}, parts: {known}")
         return 2
     device = getattr(made, call.part) if call.part else made
     bench = Bench(beyond=_pairs(call.beyond))
@@ -45,8 +51,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         bench = replace(bench, clock=made.clock)
     wrong = 0
     for result in results(device, call.role, bench):
-        print(f"{'FAILED' if result.wrong else 'ok':6}  {result.check}  {result.wrong}")
+        say(f"{'FAILED' if result.wrong else 'ok':6}  {result.check}  {result.wrong}")
         wrong += bool(result.wrong)
+    if wrong and parts and not call.part:
+        tell(f"{call.driver} is a hub: name what to test by --part: {', '.join(parts)}")
     return 1 if wrong else 0
 
 

@@ -56,6 +56,7 @@ class Saying:
         return getattr(self._device, name)
 
 
+TO = AxisMove(axes="stage", x_um=-599.0)
 ASKED: dict[tuple[str, str], Callable[[Motion, Station], object]] = {
     ("stage", "reading"): lambda m, s: m.reading(s, "stage"),
     ("stage", "moving"): lambda m, s: m.travel(s, TO, "approach"),
@@ -66,7 +67,6 @@ ASKED: dict[tuple[str, str], Callable[[Motion, Station], object]] = {
     ("lens", "moving"): lambda m, s: m.focus(s, 1.0),
     ("camera", "grab"): lambda m, s: m.grab(s, None),
 }
-TO = AxisMove(axes="stage", x_um=-599.0)
 
 
 @pytest.mark.parametrize(("device", "method"), ASKED)
@@ -77,7 +77,7 @@ def test_rubbish_has_a_code(device: str, method: str) -> None:
     for answer in RUBBISH:
         if isinstance(answer, right):
             continue
-        rude = Saying(getattr(station, device), method, answer)
+        rude: Any = Saying(getattr(station, device), method, answer)
         with pytest.raises(ExecutorError) as caught:
             ASKED[device, method](Motion(), replace(station, **{device: rude}))
         assert caught.value.code in ("MP841", "MP847")
@@ -91,7 +91,7 @@ def test_rubbish_has_a_code(device: str, method: str) -> None:
 def test_rubbish_before_a_run_has_a_code(device: str) -> None:
     station = build_cell(world(), 0).station
     for answer in RUBBISH:
-        rude = Saying(getattr(station, device), "reading", answer)
+        rude: Any = Saying(getattr(station, device), "reading", answer)
         with pytest.raises(ExecutorError) as caught:
             preflight(plan_of(()), replace(station, **{device: rude}))
         assert caught.value.code in ("MP841", "MP847")

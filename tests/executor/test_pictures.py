@@ -126,7 +126,7 @@ def test_colour_becomes_grey_by_the_stated_weights(built: Path, tmp_path: Path) 
     pixels = np.zeros((HEIGHT, WIDTH, 3), dtype=np.uint8)
     pixels[..., 0], pixels[..., 1], pixels[..., 2] = 10, 100, 200  # blue, green, red
     cv2.imwrite(str(tmp_path / "c.png"), pixels)
-    image = read_picture(tmp_path / "c.png", plan.requirements, region_of(plan))
+    image = read_picture(tmp_path / "c.png", plan.requirements, region_of(plan)).image
     wanted = (0.299 * 200 + 0.587 * 100 + 0.114 * 10) / 255
     np.testing.assert_allclose(image, wanted, rtol=1e-12)
 
@@ -138,8 +138,10 @@ def test_full_scale_of_a_16_bit_picture_is_the_cameras(
     region, path = region_of(plan), tmp_path / "a.tif"
     twelve = replace(plan.requirements, bits=12)
     cv2.imwrite(str(path), np.full((HEIGHT, WIDTH), 2048, dtype=np.uint16))
-    assert read_picture(path, twelve, region)[0, 0] == pytest.approx(2048 / 4095)
-    assert read_picture(path, twelve, region, 16)[0, 0] == pytest.approx(2048 / 65535)
+    assert read_picture(path, twelve, region).image[0, 0] == pytest.approx(2048 / 4095)
+    assert read_picture(path, twelve, region, 16).image[0, 0] == pytest.approx(
+        2048 / 65535
+    )
     cv2.imwrite(str(path), np.full((HEIGHT, WIDTH), 4096, dtype=np.uint16))
     with pytest.raises(Exception, match="full scale of 12 bits is 4095: --bits"):
         read_picture(path, twelve, region)
@@ -185,7 +187,7 @@ def test_a_bad_picture_does_not_end_the_rest(
     assert codes == {**dict.fromkeys(sorted(bad), "MP878"), "zz_good.png": None}
     assert said["together"]["found"]["trials"] == 1
     marked = tmp_path / f"{LOOK}.marked"
-    assert [p.name for p in marked.iterdir()] == ["zz_good.png.png"]
+    assert [p.name for p in marked.iterdir()] == ["zz_good.png"]
 
 
 def test_pixels_are_not_read_before_the_size_is_known(
@@ -235,7 +237,7 @@ def test_a_gate_that_does_not_pass_is_told_with_value_and_limit(
     assert "um from where it was expected, at most 1.5 um" in out
     assert "<= 1.5 NO" in out
     # the cross is red where the gear truly is, 4 um right and 7 um down
-    marked = cv2.imread(str(tmp_path / "out" / "a.png.png"))
+    marked = cv2.imread(str(tmp_path / "out" / "a.png"))
     assert marked is not None
     times = marked.shape[0] // HEIGHT
     column = round(((WIDTH - 1) / 2 + 4.0 * 6.9 / 7.5 + 0.5) * times - 0.5)

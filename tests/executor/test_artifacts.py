@@ -1,0 +1,85 @@
+"""Routines on numbers and arrays of a plan folder that was changed."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from executor.artifacts import answer_of
+from executor.errors import ExecutorError
+from featuresel.routines import (
+    Artifact,
+    Failure,
+    FloatArray,
+    Measurement,
+    TargetKind,
+)
+from schemas.codec import CodecError, from_data
+from schemas.plan import RoutineUse
+from tests.featuresel.test_contract import pairs, prepared, render, start
+
+VALUES = (0.0, -1.0, 0.5)
+
+
+def spoilt(good: Artifact) -> Iterator[tuple[str, Artifact]]:
+    """Yield an artifact with one number or array of another kind, or none."""
+    numbers, arrays = dict(good.parameters), dict(good.arrays)
+    yield "no numbers", replace(good, parameters={})
+    yield "no arrays", replace(good, arrays={})
+    for name in numbers:
+        others = {k: v for k, v in numbers.items() if k != name}
+        yield f"{name} is missing", replace(good, parameters=others)
+        for value in VALUES:
+            changed = {**numbers, name: value}
+            yield f"{name} is {value}", replace(good, parameters=changed)
+    for name, array in arrays.items():
+        rest = {k: v for k, v in arrays.items() if k != name}
+        yield f"{name} is missing", replace(good, arrays=rest)
+        for how, other in (
+            ("empty", array[:0]),
+            ("flat", array.reshape(-1)),
+            ("nan", np.full_like(array, np.nan)),
+            ("text", np.full(array.shape, "x")),
+            ("a number", np.array(1.0, np.float32)),
+        ):
+            yield f"{name} is {how}", replace(good, arrays={**rest, name: other})
+
+
+@pytest.mark.parametrize(("name", "kind"), list(pairs()))
+def test_a_spoilt_routine_answers_or_has_a_code(name: str, kind: TargetKind) -> None:
+    good = prepared(name, kind)
+    if isinstance(good, Failure):
+        return
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of numpy, about absurd numbers
+        told = {told_by(name, kind, artifact) for _, artifact in spoilt(good)}
+    # nothing can be measured with no numbers at all
+    assert {"MP803"} <= told <= {"MP803", "answered"}
+
+
+def told_by(name: str, kind: TargetKind, artifact: Artifact) -> str:
+    """Return whether a routine answers, or with which code it ends."""
+    image = image_of(kind)
+    try:
+        found = answer_of(image, [(name, artifact)], start(kind))
+    except ExecutorError as error:
+        return error.code
+    return "answered" if isinstance(found, Measurement | Failure) else repr(found)
+
+
+@cache
+def image_of(kind: TargetKind) -> FloatArray:
+    """Return a picture of the target a little off its place."""
+    return render(kind)(dx_um=0.4, dy_um=-0.3)
+
+
+@pytest.mark.parametrize("value", [None, "1", [], {}, True, float("nan"), 10**400])
+def test_a_number_of_another_kind_is_no_plan(value: object) -> None:
+    data = {"id": "otsu", "version": "1", "parameters": {"a": value}, "arrays": None}
+    with pytest.raises(CodecError, match=r"parameters\.a"):
+        from_data(RoutineUse, data)
