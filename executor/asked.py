@@ -114,6 +114,12 @@ def _contradiction(found: argparse.Namespace) -> str:
         return f"{next(k for k, v in alone.items() if v)} is for --pictures"
     if found.anyway and record is None:
         return "--anyway is for --from"
+    return _beside_a_run(found)
+
+
+def _beside_a_run(found: argparse.Namespace) -> str:
+    """Return what is wrong with the options that not every mode has."""
+    mode, pictures = found.mode, found.pictures
     if found.format != "text" and pictures is None and mode != "compare":
         return "--format is for --pictures and --mode compare; a run has summary.json"
     if found.step and mode != "run":
