@@ -29,10 +29,15 @@ def shifted(
         return layers
     return tuple(
         layer
-        if layer.name.partition(".")[0] == owner
+        if belongs(layer, owner)
         else replace(layer, outline=place(layer.outline, *by_um, 0.0))
         for layer in layers
     )
+
+
+def belongs(layer: Layer, owner: str) -> bool:
+    """Tell whether a layer is part of something, by the first word of its name."""
+    return layer.name.partition(".")[0] == owner
 
 
 def noisier(sensor: Sensor, factor: float) -> Sensor:

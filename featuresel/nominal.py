@@ -17,11 +17,10 @@ from featuresel.case import (
     still_lights,
 )
 from featuresel.routines import Blur, Camera, Drifts, Veil
-from optics.lamplight import Light
+from featuresel.standing import Backdrop
 from optics.microscope import Microscope
 from optics.outline import Outline, Ring, Segment
 from optics.prepared import prepare
-from optics.render import Covered
 from optics.scene import Illumination, Layer, Scene, Window
 from optics.views import Range
 
@@ -34,14 +33,6 @@ _BACKDROPS = 4  # settings whose still layers are kept
 
 Asked = tuple[float, ...]  # numbers that an image depends on
 T = TypeVar("T")
-
-
-@dataclass(frozen=True, slots=True)
-class Backdrop:
-    """What stands still at one focus and zoom, blurred, and the light it leaves."""
-
-    layers: tuple[Covered, ...]
-    under: tuple[Light, ...] | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,8 +186,8 @@ def nominal_render(case: LookCase) -> NominalRender:
 def _backdrop(case: LookCase, scope: Microscope, focus_um: float) -> Backdrop:
     """Return what stands still in a look at some focus and zoom."""
     return Backdrop(
-        layers=still_layers(case, scope, focus_um=focus_um, model=case.model),
-        under=still_lights(case, scope, focus_um=focus_um),
+        still_layers(case, scope, focus_um=focus_um, model=case.model),
+        still_lights(case, scope, focus_um=focus_um),
     )
 
 

@@ -13,12 +13,13 @@ from scipy.stats import truncnorm
 from featuresel.axes import corner, generator, interior
 from featuresel.axes import words as words  # handed on: seeds are made of them
 from featuresel.case import LookCase, moved_layers, picture, still_layers
-from featuresel.disturb import noisier, shifted, true_lens
+from featuresel.disturb import belongs, noisier, shifted, true_lens
 from optics.lens import LensErrors
 from optics.microscope import Microscope
-from optics.render import Covered
+from featuresel.standing import Backdrop, standing
 from optics.scene import Illumination
 from optics.sensor import expose, to_unit
+from optics.views import Range
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -110,7 +111,7 @@ def rebuild(case: LookCase, root_seed: int, index: int) -> Trial:
 
 
 def image(
-    case: LookCase, trial: Trial, backdrop: tuple[Covered, ...] | None = None
+    case: LookCase, trial: Trial, backdrop: Backdrop | None = None
 ) -> FloatArray:
     """Return the trial's region as the camera gives it, (rows, columns), 0..1.
 
@@ -119,6 +120,7 @@ def image(
     that differ in the target's pose, light and noise alone may share their `backdrop`.
     """
     seen = _perturbed(case, trial)
+    behind = still(case, trial) if backdrop is None else backdrop
     noiseless = picture(
         seen,
         moved_layers(case, trial.dx_um, trial.dy_um, trial.dtheta_rad),
@@ -126,30 +128,53 @@ def image(
         focus_um=seen.focus_um,
         model=seen.model,
         light=seen.light,
-        backdrop=_still(seen) if backdrop is None else backdrop,
+        backdrop=behind.layers,
+        under=behind.under,
     )
     rng = np.random.default_rng(np.random.SeedSequence(trial.seed))
     return to_unit(expose(noiseless, seen.sensor, rng), seen.sensor.bits)
 
 
-def still(case: LookCase, trial: Trial) -> tuple[Covered, ...]:
+def still(case: LookCase, trial: Trial, reach: Range | None = None) -> Backdrop:
     """Return what stands still in a trial, blurred.
 
     Focus, zoom, law, lens and the occluder's place matter, the target's pose does not.
+    Trials of one `reach` share the transforms; by default it is that of the design.
     """
-    return _still(_perturbed(case, trial))
+    seen, by_um = _perturbed(case, trial), trial.occluder_um
+    reach = reach or trial_range(case)
+    focus_um, zoom = seen.focus_um, trial.magnification
+    whole = by_um == (0.0, 0.0) or not any(
+        belongs(layer, _owner(case)) for layer in case.static
+    )
+    if whole and seen.shares_still_layers and reach.holds(focus_um, by_um, zoom):
+        ready = standing(case, case.static, reach, trial.model)
+        if ready is not None:
+            return ready.at(focus_um=focus_um, zoom=zoom, shift_um=by_um)
+    found = still_layers(seen, seen.microscope, focus_um=focus_um, model=seen.model)
+    return Backdrop(found)
 
 
-def _still(seen: LookCase) -> tuple[Covered, ...]:
-    return still_layers(seen, seen.microscope, focus_um=seen.focus_um, model=seen.model)
+def _owner(case: LookCase) -> str:
+    return case.target.name.partition(".")[0]
+
+
+def trial_range(case: LookCase) -> Range:
+    """Return the focus heights, zooms and displacements that trials of a look have."""
+    spread = case.spread
+    off_um, ratio = _CUT * spread.focus_sigma_um, _CUT * spread.magnification_sigma
+    return Range(
+        focus_um=(case.focus_um - off_um, case.focus_um + off_um),
+        zoom=(1 - ratio, 1 + ratio),
+        shift_um=_CUT * spread.occluder_sigma_um,
+    )
 
 
 def _perturbed(case: LookCase, trial: Trial) -> LookCase:
     """Return the look as it truly is in a trial, but for the target's pose."""
-    owner = case.target.name.partition(".")[0]
     return replace(
         case,
-        static=shifted(case.static, owner, trial.occluder_um),
+        static=shifted(case.static, _owner(case), trial.occluder_um),
         microscope=_zoomed(case, trial),
         focus_um=case.focus_um + trial.dz_um,
         model=trial.model,

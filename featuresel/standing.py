@@ -1,0 +1,141 @@
+"""Layers transformed once for many images of a look: focus, zoom and place change."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+
+from featuresel.case import LookCase
+from optics.lamplight import Light, lights
+from optics.microscope import Microscope
+from optics.outline import place
+from optics.prepared import Prepared, prepare
+from optics.render import Covered
+from optics.sampling import Sampling
+from optics.scene import Layer, Scene, Window
+from optics.views import Range
+
+_HELD = 12  # groups of layers: those of a look or two, under two laws
+
+
+@dataclass(frozen=True, slots=True)
+class Backdrop:
+    """Layers blurred at one focus and zoom, and the light that they leave."""
+
+    layers: tuple[Covered, ...] = ()
+    under: tuple[Light, ...] | None = None  # None: computed with the image
+
+    def with_(self, other: Backdrop) -> Backdrop:
+        """Return the layers of both, and the light under all of them."""
+        under = None
+        if self.under is not None and other.under is not None:
+            pairs = zip(self.under, other.under, strict=True)
+            under = tuple(one.with_(more) for one, more in pairs)
+        return Backdrop(self.layers + other.layers, under)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Standing:
+    """Layers ready for the images of a range, and the light under them."""
+
+    prepared: Prepared
+    lights: tuple[Light, ...] | None  # None: nothing is shaded
+
+    def at(
+        self, *, focus_um: float, zoom: float, shift_um: tuple[float, float]
+    ) -> Backdrop:
+        """Return the layers as one image has them, all displaced by `shift_um`."""
+        ready, frame = self.prepared, self.prepared.window
+        found = ready.patches(focus_um=focus_um, shift_um=shift_um, zoom=zoom)
+        covered = []
+        for layer in ready.scene.layers:
+            coverage = np.zeros((frame.rows, frame.columns))
+            for patch in found:
+                if patch.layer is layer:
+                    coverage[patch.rows, patch.columns] = patch.coverage
+            covered.append(Covered(layer=_displaced(layer, shift_um), coverage=coverage))
+        under = None
+        if self.lights is not None:
+            under = tuple(light.displaced(shift_um) for light in self.lights)
+        return Backdrop(tuple(covered), under)
+
+
+def standing(
+    case: LookCase, layers: Sequence[Layer], reach: Range, model: str
+) -> Standing | None:
+    """Return layers of a look ready for images of a range.
+
+    Parameters
+    ----------
+    case : LookCase
+        The look; its nominal zoom is that of the range's 1.
+    layers : sequence of Layer
+        In the world; with the rest of the case's they make its scene.
+    reach : Range
+        Focus heights, zooms and displacements that will be asked for.
+    model : str
+        The defocus law.
+
+    Returns
+    -------
+    Standing or None
+        None where images do not share layers. Those held last are given again.
+    """
+    if not case.shares_still_layers:
+        return None
+    heights: set[float] = set()
+    if case.lamp_aperture is not None and layers:
+        heights |= {layer.z_um for layer in (*case.static, *case.moving)}
+        heights |= {z for z in (case.background_z_um,) if z is not None}
+    return _ready(
+        tuple(layers),
+        case.microscope,
+        case.window,
+        reach,
+        model,
+        case.sampling,
+        case.lamp_aperture,
+        tuple(sorted(heights)),
+    )
+
+
+@lru_cache(maxsize=_HELD)
+def _ready(
+    layers: tuple[Layer, ...],
+    microscope: Microscope,
+    window: Window,
+    reach: Range,
+    model: str,
+    sampling: Sampling,
+    lamp_aperture: float | None,
+    heights_um: tuple[float, ...],
+) -> Standing:
+    """Return layers ready for images, and the light that they leave at heights."""
+    found = None
+    if lamp_aperture is not None and heights_um:
+        found = lights(
+            layers,
+            heights_um,
+            microscope,
+            lamp_aperture=lamp_aperture,
+            focus_um=reach.focus_um,
+            window=reach.frame(microscope, window),
+        )
+    ready = prepare(
+        Scene(layers=layers, background=0.0),
+        microscope,
+        reach,
+        model=model,
+        window=window,
+        sampling=sampling,
+    )
+    return Standing(prepared=ready, lights=found)
+
+
+def _displaced(layer: Layer, by_um: tuple[float, float]) -> Layer:
+    if by_um == (0.0, 0.0):
+        return layer
+    return replace(layer, outline=place(layer.outline, *by_um, 0.0))
