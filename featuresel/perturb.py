@@ -18,7 +18,7 @@ from optics.lens import LensErrors
 from optics.microscope import Microscope
 from featuresel.standing import Backdrop, standing
 from optics.scene import Illumination
-from optics.sensor import expose, to_unit
+from optics.sensor import CountArray, expose, to_unit
 from optics.views import Range
 
 FloatArray = npt.NDArray[np.float64]
@@ -119,6 +119,13 @@ def image(
     pose, so an estimator that trusts the nominal zoom errs by ratio x distance. Trials
     that differ in the target's pose, light and noise alone may share their `backdrop`.
     """
+    return to_unit(counts(case, trial, backdrop), case.sensor.bits)
+
+
+def counts(
+    case: LookCase, trial: Trial, backdrop: Backdrop | None = None
+) -> CountArray:
+    """Return the trial's region as the camera's counts; arguments as in `image`."""
     seen = _perturbed(case, trial)
     behind = still(case, trial) if backdrop is None else backdrop
     noiseless = picture(
@@ -132,7 +139,7 @@ def image(
         under=behind.under,
     )
     rng = np.random.default_rng(np.random.SeedSequence(trial.seed))
-    return to_unit(expose(noiseless, seen.sensor, rng), seen.sensor.bits)
+    return expose(noiseless, seen.sensor, rng)
 
 
 def still(case: LookCase, trial: Trial, reach: Range | None = None) -> Backdrop:
