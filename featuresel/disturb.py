@@ -29,15 +29,10 @@ def shifted(
         return layers
     return tuple(
         layer
-        if belongs(layer, owner)
+        if layer.name.partition(".")[0] == owner
         else replace(layer, outline=place(layer.outline, *by_um, 0.0))
         for layer in layers
     )
-
-
-def belongs(layer: Layer, owner: str) -> bool:
-    """Tell whether a layer is part of something, by the first word of its name."""
-    return layer.name.partition(".")[0] == owner
 
 
 def noisier(sensor: Sensor, factor: float) -> Sensor:

@@ -32,7 +32,10 @@ class Known:
 
     def keep(self, trial: int, counts: CountArray | None) -> None:
         """Keep the picture of a trial if there is one, and room."""
-        if counts is not None and (len(self.pictures) + 1) * counts.nbytes <= _MOST_BYTES:
+        if (
+            counts is not None
+            and (len(self.pictures) + 1) * counts.nbytes <= _MOST_BYTES
+        ):
             self.pictures[trial] = counts
 
     def fact(self, name: str, find: Callable[[], float | None]) -> float | None:

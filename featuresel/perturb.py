@@ -12,19 +12,25 @@ from scipy.stats import truncnorm
 
 from featuresel.axes import corner, generator, interior
 from featuresel.axes import words as words  # handed on: seeds are made of them
-from featuresel.case import LookCase, moved_layers, picture, still_layers
-from featuresel.disturb import belongs, noisier, shifted, true_lens
+from featuresel.case import LookCase, moved_layers, picture
+from featuresel.disturb import noisier, shifted, true_lens
 from optics.lens import LensErrors
 from optics.microscope import Microscope
-from featuresel.standing import Backdrop, standing
-from optics.scene import Illumination
+from featuresel.standing import (
+    CUT,
+    Backdrop,
+    displaced,
+    fresh,
+    standing,
+    usual_range,
+)
+from optics.scene import Illumination, Layer
 from optics.sensor import CountArray, expose, to_unit
 from optics.views import Range
 
 FloatArray = npt.NDArray[np.float64]
 
 _EVERY = 4  # each fourth trial is an extreme, whatever their number
-_CUT = 3.0  # normal spreads end at 3 sigma: trials stand for a working station
 _CORNER = 2.0  # sigmas at the extremes, all at once: already far out together
 MOST_TRIALS = 2**20  # more than any look gets
 # The estimator's blur law must not always be the truth.
@@ -111,26 +117,35 @@ def rebuild(case: LookCase, root_seed: int, index: int) -> Trial:
 
 
 def image(
-    case: LookCase, trial: Trial, backdrop: Backdrop | None = None
+    case: LookCase,
+    trial: Trial,
+    backdrop: Backdrop | None = None,
+    moved: tuple[Layer, ...] | None = None,
 ) -> FloatArray:
     """Return the trial's region as the camera gives it, (rows, columns), 0..1.
 
     The zoom error scales about the optical axis; the truth stays the target's world
     pose, so an estimator that trusts the nominal zoom errs by ratio x distance. Trials
     that differ in the target's pose, light and noise alone may share their `backdrop`.
+    By default `moved` are the target's layers in its place; none if they are in it.
     """
-    return to_unit(counts(case, trial, backdrop), case.sensor.bits)
+    return to_unit(counts(case, trial, backdrop, moved), case.sensor.bits)
 
 
 def counts(
-    case: LookCase, trial: Trial, backdrop: Backdrop | None = None
+    case: LookCase,
+    trial: Trial,
+    backdrop: Backdrop | None = None,
+    moved: tuple[Layer, ...] | None = None,
 ) -> CountArray:
     """Return the trial's region as the camera's counts; arguments as in `image`."""
     seen = _perturbed(case, trial)
     behind = still(case, trial) if backdrop is None else backdrop
+    if moved is None:
+        moved = moved_layers(case, trial.dx_um, trial.dy_um, trial.dtheta_rad)
     noiseless = picture(
         seen,
-        moved_layers(case, trial.dx_um, trial.dy_um, trial.dtheta_rad),
+        moved,
         seen.microscope,
         focus_um=seen.focus_um,
         model=seen.model,
@@ -148,33 +163,23 @@ def still(case: LookCase, trial: Trial, reach: Range | None = None) -> Backdrop:
     Focus, zoom, law, lens and the occluder's place matter, the target's pose does not.
     Trials of one `reach` share the transforms; by default it is that of the design.
     """
-    seen, by_um = _perturbed(case, trial), trial.occluder_um
-    reach = reach or trial_range(case)
-    focus_um, zoom = seen.focus_um, trial.magnification
-    whole = by_um == (0.0, 0.0) or not any(
-        belongs(layer, _owner(case)) for layer in case.static
-    )
-    if whole and seen.shares_still_layers and reach.holds(focus_um, by_um, zoom):
-        ready = standing(case, case.static, reach, trial.model)
+    seen, reach = _perturbed(case, trial), reach or usual_range(case)
+    focus_um, zoom, by_um = seen.focus_um, trial.magnification, trial.occluder_um
+    if not seen.shares_still_layers or not reach.holds(focus_um, by_um, zoom):
+        return fresh(seen, seen.static)
+    found, left = Backdrop(), list(zip(case.static, seen.static, strict=True))
+    for shift_um in dict.fromkeys((by_um, (0.0, 0.0))):  # the owner's stay
+        group = [here for here, there in left if displaced(here, shift_um) == there]
+        left = [pair for pair in left if pair[0] not in group]
+        ready = standing(case, group, reach, trial.model) if group else None
         if ready is not None:
-            return ready.at(focus_um=focus_um, zoom=zoom, shift_um=by_um)
-    found = still_layers(seen, seen.microscope, focus_um=focus_um, model=seen.model)
-    return Backdrop(found)
+            own = ready.at(focus_um=focus_um, zoom=zoom, shift_um=shift_um)
+            found = found.with_(own)
+    return found.with_(fresh(seen, [there for _, there in left])) if left else found
 
 
 def _owner(case: LookCase) -> str:
     return case.target.name.partition(".")[0]
-
-
-def trial_range(case: LookCase) -> Range:
-    """Return the focus heights, zooms and displacements that trials of a look have."""
-    spread = case.spread
-    off_um, ratio = _CUT * spread.focus_sigma_um, _CUT * spread.magnification_sigma
-    return Range(
-        focus_um=(case.focus_um - off_um, case.focus_um + off_um),
-        zoom=(1 - ratio, 1 + ratio),
-        shift_um=_CUT * spread.occluder_sigma_um,
-    )
 
 
 def _perturbed(case: LookCase, trial: Trial) -> LookCase:
@@ -204,8 +209,8 @@ def _zoomed(case: LookCase, trial: Trial) -> Microscope:
 def _rest(occluder: FloatArray, lens: FloatArray, noise: FloatArray) -> _Rest:
     """Return points of the unit cube in units of the spreads."""
     return _Rest(
-        tuple(truncnorm.ppf(occluder, -_CUT, _CUT)),
-        tuple(truncnorm.ppf(lens, -_CUT, _CUT)),
+        tuple(truncnorm.ppf(occluder, -CUT, CUT)),
+        tuple(truncnorm.ppf(lens, -CUT, CUT)),
         float(noise[0]),
     )
 
@@ -215,7 +220,7 @@ def _interior(
 ) -> Trial:
     """Return a point of the unit cube mapped to the spreads."""
     spread = case.spread
-    normal = truncnorm.ppf(point[:5], -_CUT, _CUT)
+    normal = truncnorm.ppf(point[:5], -CUT, CUT)
     theta = normal[2] * spread.pose_sigma_theta_rad
     if case.theta_any:
         theta = (2 * point[2] - 1) * math.pi

@@ -13,12 +13,13 @@ from optics.lamplight import Light, lights
 from optics.microscope import Microscope
 from optics.outline import place
 from optics.prepared import Prepared, prepare
-from optics.render import Covered
+from optics.render import Covered, cover
 from optics.sampling import Sampling
 from optics.scene import Layer, Scene, Window
 from optics.views import Range
 
-_HELD = 12  # groups of layers: those of a look or two, under two laws
+CUT = 3.0  # normal spreads of trials end here: they stand for a working station
+_HELD = 16  # groups of layers: those of a look or two, under two laws
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +31,8 @@ class Backdrop:
 
     def with_(self, other: Backdrop) -> Backdrop:
         """Return the layers of both, and the light under all of them."""
+        if not self.layers:
+            return other
         under = None
         if self.under is not None and other.under is not None:
             pairs = zip(self.under, other.under, strict=True)
@@ -45,7 +48,11 @@ class Standing:
     lights: tuple[Light, ...] | None  # None: nothing is shaded
 
     def at(
-        self, *, focus_um: float, zoom: float, shift_um: tuple[float, float]
+        self,
+        *,
+        focus_um: float,
+        zoom: float = 1.0,
+        shift_um: tuple[float, float] = (0.0, 0.0),
     ) -> Backdrop:
         """Return the layers as one image has them, all displaced by `shift_um`."""
         ready, frame = self.prepared, self.prepared.window
@@ -56,11 +63,25 @@ class Standing:
             for patch in found:
                 if patch.layer is layer:
                     coverage[patch.rows, patch.columns] = patch.coverage
-            covered.append(Covered(layer=_displaced(layer, shift_um), coverage=coverage))
+            covered.append(Covered(layer=displaced(layer, shift_um), coverage=coverage))
         under = None
         if self.lights is not None:
             under = tuple(light.displaced(shift_um) for light in self.lights)
         return Backdrop(tuple(covered), under)
+
+
+def usual_range(case: LookCase) -> Range:
+    """Return the focus heights, zooms and displacements that a look's trials have.
+
+    Targets are displaced as far as they are sought.
+    """
+    spread = case.spread
+    off_um, ratio = CUT * spread.focus_sigma_um, CUT * spread.magnification_sigma
+    return Range(
+        focus_um=(case.focus_um - off_um, case.focus_um + off_um),
+        zoom=(1 - ratio, 1 + ratio),
+        shift_um=max(CUT * spread.occluder_sigma_um, spread.search_um),
+    )
 
 
 def standing(
@@ -86,10 +107,6 @@ def standing(
     """
     if not case.shares_still_layers:
         return None
-    heights: set[float] = set()
-    if case.lamp_aperture is not None and layers:
-        heights |= {layer.z_um for layer in (*case.static, *case.moving)}
-        heights |= {z for z in (case.background_z_um,) if z is not None}
     return _ready(
         tuple(layers),
         case.microscope,
@@ -98,8 +115,41 @@ def standing(
         model,
         case.sampling,
         case.lamp_aperture,
-        tuple(sorted(heights)),
+        _heights_um(case) if layers else (),
     )
+
+
+def fresh(case: LookCase, layers: Sequence[Layer]) -> Backdrop:
+    """Return layers of a look as it is, transformed for one image alone."""
+    if not case.shares_still_layers:
+        return Backdrop()
+    found = cover(
+        layers,
+        case.microscope,
+        focus_um=case.focus_um,
+        model=case.model,
+        window=case.window,
+        sampling=case.sampling,
+    )
+    under = None
+    if case.lamp_aperture is not None and layers:
+        under = lights(
+            layers,
+            _heights_um(case),
+            case.microscope,
+            lamp_aperture=case.lamp_aperture,
+            focus_um=(case.focus_um,),
+            window=case.window,
+        )
+    return Backdrop(found, under)
+
+
+def _heights_um(case: LookCase) -> tuple[float, ...]:
+    """Return the heights that may be shaded, rising."""
+    found = {layer.z_um for layer in (*case.static, *case.moving)}
+    if case.background_z_um is not None:
+        found.add(case.background_z_um)
+    return tuple(sorted(found))
 
 
 @lru_cache(maxsize=_HELD)
@@ -135,7 +185,8 @@ def _ready(
     return Standing(prepared=ready, lights=found)
 
 
-def _displaced(layer: Layer, by_um: tuple[float, float]) -> Layer:
+def displaced(layer: Layer, by_um: tuple[float, float]) -> Layer:
+    """Return a layer elsewhere, um."""
     if by_um == (0.0, 0.0):
         return layer
     return replace(layer, outline=place(layer.outline, *by_um, 0.0))
