@@ -135,8 +135,10 @@ def spectrum(
     if abs(share) < 1e-12 or abs(share - 1) < 1e-12:  # nothing, or all of the tile
         return Spectrum(tile=tile, values=np.full((1, 1), round(share) + 0j))
     J, K = band_orders(tile, cut_per_um)
-    kind = np.complex64 if single else np.complex128
-    values: Coefficients = np.empty((2 * K + 1, J + 1), dtype=kind)
+    shape = 2 * K + 1, J + 1
+    values: Coefficients = np.empty(shape, dtype=np.complex128)
+    if single:
+        values = np.empty(shape, dtype=np.complex64)
     _fill(values, boundary_nodes(edges, cut_per_um), tile)
     values[0, 0] = share
     return Spectrum(tile=tile, values=values)
