@@ -14,8 +14,6 @@ from featuresel.axes import corner, generator, interior
 from featuresel.axes import words as words  # handed on: seeds are made of them
 from featuresel.case import LookCase, moved_layers, picture
 from featuresel.disturb import noisier, shifted, true_lens
-from optics.lens import LensErrors
-from optics.microscope import Microscope
 from featuresel.standing import (
     CUT,
     Backdrop,
@@ -24,6 +22,8 @@ from featuresel.standing import (
     standing,
     usual_range,
 )
+from optics.lens import LensErrors
+from optics.microscope import Microscope
 from optics.scene import Illumination, Layer
 from optics.sensor import CountArray, expose, to_unit
 from optics.views import Range

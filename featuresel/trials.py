@@ -11,9 +11,9 @@ from typing import Protocol, TypeVar
 from featuresel.bias import BiasCurve, unbiased
 from featuresel.candidates import Chain
 from featuresel.case import LookCase
+from featuresel.known import Known
 from featuresel.located import Located, along, located
 from featuresel.nominal import nominal_render
-from featuresel.known import Known
 from featuresel.perturb import Trial, counts, image
 from featuresel.routines import (
     Artifact,

@@ -50,19 +50,16 @@ class Lattice:
 
     @classmethod
     def over(cls, area: Area, step_um: float, *, more: int = MORE) -> Self:
-        """Return the points of an area and at least `more` on all sides of it.
-
-        As many more to the right and below as make a length that transforms fast.
-        """
+        """Return the points of an area and `more` on all sides of it."""
         x_min, y_min, x_max, y_max = (edge / step_um for edge in area)
-        left, top = math.floor(x_min) - more, math.floor(-y_max) - more
-        window = Window(
+        left, top = math.floor(x_min), math.floor(-y_max)
+        inner = Window(
             row=top,
             column=left,
-            rows=_fast(math.ceil(-y_min) + more - top + 1),
-            columns=_fast(math.ceil(x_max) + more - left + 1),
+            rows=math.ceil(-y_min) - top + 1,
+            columns=math.ceil(x_max) - left + 1,
         )
-        return cls(step_um=step_um, window=window)
+        return cls(step_um=step_um, window=inner).grown(more)
 
     def grown(self, by: int) -> Self:
         """Return the lattice with `by` more points on every side."""
@@ -200,20 +197,27 @@ def blur(
     Parameters
     ----------
     values : (..., rows, columns) float64 array
-        At points `step_um` apart, continued by their mirror images.
+        At points `step_um` apart, continued by their mirror images, or first by the
+        last ones' values to a length that transforms fast.
     step_um : float
         Distance of the points.
     microscope, model, z_um
         As in `optics.models.transfer`.
     """
-    v, u = (np.arange(size) / (2 * size * step_um) for size in values.shape[-2:])
+    rows, columns = values.shape[-2:]
+    wide = _fast(rows), _fast(columns)
+    v, u = (np.arange(size) / (2 * size * step_um) for size in wide)
     x = np.hypot(u, v[:, None]) / microscope.cutoff_per_um
     top = min(float(x.max()), 1.0)
     gain = tabulate(model, microscope, z_um, top).read(np.minimum(x, top))
     side = microscope.um_per_px * math.sqrt(microscope.fill_factor)
     gain = np.where(x < 1, gain, 0.0) * np.sinc(u * side) * np.sinc(v * side)[:, None]
     # what is blurred is a share of light: single precision adds 1e-6 (tested)
-    waves = fft.dctn(values.astype(np.float32), axes=(-2, -1), overwrite_x=True)
-    waves *= gain
+    held = np.empty((*values.shape[:-2], *wide), dtype=np.float32)
+    held[..., :rows, :columns] = values
+    held[..., :rows, columns:] = values[..., -1:]
+    held[..., rows:, :] = held[..., rows - 1 : rows, :]
+    waves = fft.dctn(held, axes=(-2, -1), overwrite_x=True)
+    waves *= gain.astype(np.float32)
     found = fft.idctn(waves, axes=(-2, -1), overwrite_x=True)
-    return np.asarray(found, dtype=np.float64)
+    return found[..., :rows, :columns].astype(np.float64)

@@ -73,9 +73,9 @@ def _check(call: argparse.Namespace) -> int:
 def _compile(call: argparse.Namespace) -> int:
     """Compile a task into a plan folder."""
     from planner.caching.store import Store, place
-    from planner.compiler import Options
     from planner.compiling import compile_file
     from planner.diffing import DiffError, read_plan
+    from planner.options import Options
     from planner.outputs.emit import check_folder, write_folder
     from planner.outputs.errors import OutputError
     from planner.outputs.summary import plan_summary, times_summary
