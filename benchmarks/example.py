@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
-from benchmarks.figures import Benchmark, Figure, Options
+from benchmarks.figures import Options
 from benchmarks.timing import python_s
 
 ROOT = Path(__file__).parents[1]
@@ -37,15 +35,3 @@ def given(options: Options, name: str) -> Path | None:
         return None
     plan = json.loads(options.plan.read_text(encoding="utf-8"))
     return options.plan if plan["name"] == name else None
-
-
-def _measure(_options: Options) -> Iterator[Figure]:
-    with TemporaryDirectory() as folder:
-        for name, jobs in (("compile.cold_s", 2), ("compile.cold_1_job_s", 1)):
-            taken = compile_s(Path(folder) / f"{jobs}.plan", jobs)
-            yield Figure(name=name, value=taken, unit="s")
-
-
-BENCHMARK = Benchmark(
-    names=("compile.cold_s", "compile.cold_1_job_s"), measure=_measure
-)

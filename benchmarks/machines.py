@@ -20,10 +20,10 @@ from benchmarks.figures import Benchmark, Figure, Options
 from featuresel.constraints import Constraints
 from featuresel.contest import Contest
 from planner.caching.memo import Memo
-from planner.compiler import Options as Asked
 from planner.compiler import compile_task
 from planner.diagnostics import Report
 from planner.inputs.read_task import load_task
+from planner.options import Options as Asked
 
 ROOT = Path(__file__).parents[1]
 EXAMPLE = ROOT / "examples" / "gear_on_shaft" / "task.yaml"

@@ -35,7 +35,7 @@ class Naive:
         """Return the frame of a white part over black, (rows, columns)."""
         m = self.microscope
         samples = max(1, math.ceil(m.um_per_px / _FINE_UM))
-        kernel = _point_spread(m, z_um, m.um_per_px / samples)
+        kernel = point_spread(m, z_um, m.um_per_px / samples)
         fine = self._mask(samples, kernel.shape[0] - 1)
         blurred = fftconvolve(fine, kernel, mode="valid")
         shape = (m.height_px, samples, m.width_px, samples)
@@ -57,7 +57,7 @@ class Naive:
         return mask.astype(np.float64)
 
 
-def _point_spread(microscope: Microscope, z_um: float, step_um: float) -> FloatArray:
+def point_spread(microscope: Microscope, z_um: float, step_um: float) -> FloatArray:
     """Return the intensity of a point `z_um` out of focus, (N, N), sum 1."""
     reach_um = microscope.blur_diameter_um(z_um) + 2 * _TAIL_UM
     count = 2 * math.ceil(reach_um / step_um / 2) + 1

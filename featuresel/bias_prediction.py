@@ -120,8 +120,8 @@ def _at_height(
     render = nominal_render(case)
     found: list[Outcome] = []
     for pose in poses:
-        picture = render(
-            dx_um=pose.dx_um, dy_um=pose.dy_um, theta_rad=pose.dtheta_rad, dz_um=dz_um
+        picture = render.at_height(
+            dz_um, dx_um=pose.dx_um, dy_um=pose.dy_um, theta_rad=pose.dtheta_rad
         )
         found.extend(measure_picture(case, prepared, pose, picture))
     return found

@@ -9,6 +9,7 @@ from featuresel.candidates import chains, routines
 from featuresel.case import LookCase
 from featuresel.completeness import seen_share
 from featuresel.constraints import Constraints
+from featuresel.known import Known, Looks
 from featuresel.nominal import nominal_render
 from featuresel.place_limit import limit_um
 from featuresel.race import race, round_ends
@@ -43,6 +44,7 @@ def compete(
     limited: bool = True,
     in_set: bool = False,
     map: Map = map,  # noqa: A002 - it is the builtin, or a pool's
+    looks: Looks | None = None,
 ) -> Contest:
     """Return the chain to measure a look with, and what was tried to find it.
 
@@ -70,9 +72,15 @@ def compete(
         As in `featuresel.select.select`.
     map : callable
         As in `featuresel.trials.run`.
+    looks : Looks, optional
+        What is known from a contest over the same look that had to meet something else;
+        takes what is found.
     """
     bounds = limits or Limits()
-    visible = seen_share(case.target, nominal_render(case).veil())
+    known = (looks or Looks()).of(case, root_seed)
+    visible = known.fact(
+        "visible", lambda: seen_share(case.target, nominal_render(case).veil())
+    )
     hopeless = bool(_task(case, bounds, visible).unfit())
     judge = _Judge(
         case=case,
@@ -82,13 +90,16 @@ def compete(
         in_set=in_set,
         map=map,
         races=1 if thorough or hopeless else 2,
-        limit_um=limit_um(case) if limited and not hopeless else None,
+        limit_um=known.fact("limit_um", lambda: limit_um(case))
+        if limited and not hopeless
+        else None,
         visible=visible,
+        known=known,
     )
-    found = judge.contest(make_ready(case, dear=thorough and not hopeless))
+    found = judge.contest(judge.ready(dear=thorough and not hopeless))
     if thorough or hopeless or is_roomy(case, found.selection, judge.limits):
         return found
-    ready = make_ready(case, known=found.prepared.artifacts)
+    ready = judge.ready()
     fresh = [chain for chain in ready.chains if chain not in found.prepared.chains]
     return judge.contest(replace(ready, chains=tuple(fresh)), found) if fresh else found
 
@@ -125,6 +136,13 @@ class _Judge:
     races: int  # at most
     limit_um: float | None
     visible: float | None
+    known: Known
+
+    def ready(self, *, dear: bool = True) -> Prepared:
+        """Return routines prepared once, and the chains worth trying."""
+        found = make_ready(self.case, dear=dear, known=self.known.artifacts)
+        self.known.artifacts.update(found.artifacts)
+        return found
 
     def contest(self, ready: Prepared, before: Contest | None = None) -> Contest:
         """Return the choice among new chains and those of an earlier contest."""
@@ -138,6 +156,7 @@ class _Judge:
             peeks=self.races * len(round_ends(ROUNDS, self.most)),
             in_set=self.in_set,
             map=self.map,
+            known=self.known,
         )
         scores = tuple(replace(s, limit_um=self.limit_um) for s in raced.scores)
         outcomes, chains_, artifacts = raced.outcomes, ready.chains, ready.artifacts
@@ -193,7 +212,7 @@ def make_ready(
         for name in routines(case.target, controls=controls)
         if dear or not load(name).DEAR
     ]
-    ready = {} if known is None else dict(known)
+    ready = {name: found for name, found in (known or {}).items() if name in names}
     fresh = prepare(case, [(name,) for name in names if name not in ready])
     ready |= fresh.artifacts
     pixels = case.window.rows * case.window.columns

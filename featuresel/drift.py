@@ -10,6 +10,7 @@ import numpy as np
 from featuresel.case import LookCase, moved_layers
 from featuresel.perturb import Trial, image, still
 from featuresel.routines import FloatArray
+from featuresel.standing import standing
 from optics.prepared import Prepared, prepare
 from optics.scene import Layer, Scene
 from optics.sensor import expose, to_unit
@@ -23,6 +24,48 @@ def one_by_one(case: LookCase, trials: Sequence[Trial]) -> Iterator[FloatArray]:
     backdrop = still(case, trials[0])
     for trial in trials:
         yield image(case, trial, backdrop)
+
+
+def posed(case: LookCase, farthest: Sequence[Trial]) -> Pictures | None:
+    """Return a maker of images of targets whose poses and law stay those of trials.
+
+    Parameters
+    ----------
+    case : LookCase
+        The look.
+    farthest : sequence of Trial
+        One for each pose, all of one focus and zoom: the farthest from nominal.
+
+    Returns
+    -------
+    callable of sequence of Trial, optional
+        Yields the images of trials that differ from those given in light, noise, focus
+        and zoom alone, the last two no farther off. Layers are transformed once. None
+        where images do not share them.
+    """
+    first = farthest[0]
+    focus_um = sorted((case.focus_um, case.focus_um + first.dz_um))
+    zoom = sorted((1.0, first.magnification))
+    reach = Range(focus_um=(focus_um[0], focus_um[1]), zoom=(zoom[0], zoom[1]))
+    found = [
+        standing(
+            case, moved_layers(case, t.dx_um, t.dy_um, t.dtheta_rad), reach, t.model
+        )
+        for t in farthest
+    ]
+    ready = [each for each in found if each is not None]
+    if not ready:
+        return None
+
+    def pictures(trials: Sequence[Trial]) -> Iterator[FloatArray]:
+        behind = still(case, trials[0], reach)
+        for each, trial in zip(ready, trials, strict=True):
+            own = each.at(
+                focus_um=case.focus_um + trial.dz_um, zoom=trial.magnification
+            )
+            yield image(case, trial, behind.with_(own), ())
+
+    return pictures
 
 
 def through_focus(case: LookCase, farthest: Sequence[Trial]) -> Pictures:

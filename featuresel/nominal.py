@@ -19,11 +19,10 @@ from featuresel.case import (
 )
 from featuresel.disturb import turned
 from featuresel.routines import Blur, Camera, Drifts, Sway, Veil
-from optics.lamplight import Light
+from featuresel.standing import CUT, Backdrop, standing, usual_range
 from optics.microscope import Microscope
 from optics.outline import Outline, Ring, Segment, place
 from optics.prepared import prepare
-from optics.render import Covered
 from optics.scene import Illumination, Layer, Scene, Window
 from optics.views import Range
 
@@ -37,14 +36,6 @@ _TURNS = 12  # of the circle, where an angle is unknown: blur leaves its first w
 
 Asked = tuple[float, ...]  # numbers that an image depends on
 T = TypeVar("T")
-
-
-@dataclass(frozen=True, slots=True)
-class Backdrop:
-    """What stands still at one focus and zoom, blurred, and the light it leaves."""
-
-    layers: tuple[Covered, ...]
-    under: tuple[Light, ...] | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,12 +101,21 @@ class NominalRender:
         """
 
         def made() -> FloatArray:
-            moved = moved_layers(self.case, dx_um, dy_um, theta_rad)
-            return np.clip(self._picture(moved, dz_um=dz_um, zoom=zoom), 0.0, 1.0)
+            found = self._picture((dx_um, dy_um, theta_rad), dz_um=dz_um, zoom=zoom)
+            return np.clip(found, 0.0, 1.0)
 
         asked, window = (dx_um, dy_um, theta_rad, dz_um, zoom), self.case.window
         most = _HELD_PX // (window.rows * window.columns)
         return _held(self.known.images, asked, most, made).copy()
+
+    def at_height(
+        self, dz_um: float, *, dx_um: float, dy_um: float, theta_rad: float
+    ) -> FloatArray:
+        """Return the same image, of a pose that is asked for at several heights."""
+        found = self._picture(
+            (dx_um, dy_um, theta_rad), dz_um=dz_um, zoom=1.0, again=True
+        )
+        return np.clip(found, 0.0, 1.0)
 
     def template(
         self, dz_um: Sequence[float], *, over: int, half_px: tuple[int, int]
@@ -143,8 +143,8 @@ class NominalRender:
         The light's gradient is left out: it belongs to the frame, not to the target.
         """
         even = Illumination(gain=self.case.light.gain)
-        case = replace(self.case, static=(), light=even)
-        return _alone(case, moved_layers(case, dx_um, dy_um, 0.0), dz_um)
+        lone = NominalRender(case=replace(self.case, static=(), light=even))
+        return lone._picture((dx_um, dy_um, 0.0), dz_um=dz_um, zoom=1.0)
 
     def veil(self, dz_um: float = 0.0) -> Veil:
         """Return what stands in front of the target, `dz_um` off nominal focus.
@@ -159,8 +159,16 @@ class NominalRender:
                 light=np.zeros((rows, columns)), through=np.ones((rows, columns))
             )
         focus_um = self.case.focus_um + dz_um
-        even = replace(self.case, light=Illumination(), focus_um=focus_um)
-        black, white = (_faced(even, top_um, share) for share in (0.0, 1.0))
+        # what lies below the face is hidden, and need not be rendered
+        hidden = tuple(layer for layer in self.case.static if layer.z_um > top_um)
+        even = replace(
+            self.case, light=Illumination(), static=hidden, background_z_um=None
+        )
+        shown = _before(even, _face(even, top_um, 0.0), dz_um)
+        even = replace(even, focus_um=focus_um)
+        black, white = (
+            _faced(even, _face(even, top_um, share), shown) for share in (0.0, 1.0)
+        )
         return Veil(light=self.case.light.gain * black, through=white - black)
 
     def sways(self) -> tuple[Sway, ...]:
@@ -180,29 +188,45 @@ class NominalRender:
         )
 
     def _picture(
-        self, moved: tuple[Layer, ...], *, dz_um: float, zoom: float
+        self,
+        moved: tuple[float, float, float],
+        *,
+        dz_um: float,
+        zoom: float,
+        again: bool = False,
     ) -> FloatArray:
-        """Return the region, not clipped."""
-        case = self.case
+        """Return the region with the target moved by (um, um, rad), not clipped.
+
+        The target is transformed once for all places at its own angle, and for all
+        heights of a pose that is asked for `again`.
+        """
+        case, reach = self.case, usual_range(self.case)
         scope = replace(
             case.microscope, magnification=case.microscope.magnification * zoom
         )
-        focus_um = case.focus_um + dz_um
-        backdrop = _held(
+        focus_um, layers = case.focus_um + dz_um, moved_layers(case, *moved)
+        shown = _held(
             self.known.backdrops,
             (dz_um, zoom),
             _BACKDROPS,
-            lambda: _backdrop(case, scope, focus_um),
+            lambda: _backdrop(case, scope, focus_um, zoom),
         )
+        x, y, turn = moved
+        if (again or turn == 0) and reach.holds(focus_um, (x, y), zoom):
+            at, by_um = (moved, (0.0, 0.0)) if again else ((0.0, 0.0, 0.0), (x, y))
+            ready = standing(case, moved_layers(case, *at), reach, case.model)
+            if ready is not None:
+                own = ready.at(focus_um=focus_um, zoom=zoom, shift_um=by_um)
+                shown, layers = shown.with_(own), ()
         return picture(
             case,
-            moved,
+            layers,
             scope,
             focus_um=focus_um,
             model=case.model,
             light=case.light,
-            backdrop=backdrop.layers,
-            under=backdrop.under,
+            backdrop=shown.layers,
+            under=shown.under,
         )
 
 
@@ -255,11 +279,18 @@ def _moved(
     )
 
 
-def _backdrop(case: LookCase, scope: Microscope, focus_um: float) -> Backdrop:
+def _backdrop(
+    case: LookCase, scope: Microscope, focus_um: float, zoom: float
+) -> Backdrop:
     """Return what stands still in a look at some focus and zoom."""
+    reach = usual_range(case)
+    if reach.holds(focus_um, (0.0, 0.0), zoom):
+        ready = standing(case, case.static, reach, case.model)
+        if ready is not None:
+            return ready.at(focus_um=focus_um, zoom=zoom)
     return Backdrop(
-        layers=still_layers(case, scope, focus_um=focus_um, model=case.model),
-        under=still_lights(case, scope, focus_um=focus_um),
+        still_layers(case, scope, focus_um=focus_um, model=case.model),
+        still_lights(case, scope, focus_um=focus_um),
     )
 
 
@@ -323,32 +354,44 @@ def _through_focus(
     return np.stack([ready.image(focus_um=z, light=fine.light) for z in heights])
 
 
-def _faced(case: LookCase, z_um: float, reflectance: float) -> FloatArray:
-    """Return the region with a face without end in the target's place."""
+def _before(case: LookCase, face: Layer, dz_um: float) -> Backdrop:
+    """Return what stands before a face, `dz_um` off nominal focus.
+
+    Heights within one of equal steps share the transforms.
+    """
+    wide_um = max(2 * CUT * case.spread.focus_sigma_um, case.microscope.wave_depth_um)
+    middle_um = case.focus_um + round(dz_um / wide_um) * wide_um
+    half_um = wide_um / 2 * (1 + 1e-9)  # ends belong to both
+    reach = Range(focus_um=(middle_um - half_um, middle_um + half_um))
+    ready = standing(replace(case, moving=(face,)), case.static, reach, case.model)
+    return Backdrop() if ready is None else ready.at(focus_um=case.focus_um + dz_um)
+
+
+def _faced(case: LookCase, face: Layer, shown: Backdrop) -> FloatArray:
+    """Return the region with a face in the target's place."""
+    return picture(
+        case,
+        (face,),
+        case.microscope,
+        focus_um=case.focus_um,
+        model=case.model,
+        light=case.light,
+        backdrop=shown.layers,
+        under=shown.under,
+    )
+
+
+def _face(case: LookCase, z_um: float, reflectance: float) -> Layer:
+    """Return a face without end."""
     side = _VEILED * max(case.microscope.field_um)
     corners = [(-side, -side), (side, -side), (side, side), (-side, side)]
     edges = tuple(
         Segment(start=a, end=b)
         for a, b in zip(corners, corners[1:] + corners[:1], strict=True)
     )
-    face = Layer(
+    return Layer(
         name="face",
         outline=Outline(rings=(Ring(edges=edges),)),
         z_um=z_um,
         reflectance=reflectance,
-    )
-    # what lies below is hidden, and need not be rendered
-    hidden = tuple(layer for layer in case.static if layer.z_um > z_um)
-    shown = replace(case, static=hidden)
-    backdrop = still_layers(
-        shown, shown.microscope, focus_um=shown.focus_um, model=shown.model
-    )
-    return picture(
-        shown,
-        (face,),
-        shown.microscope,
-        focus_um=shown.focus_um,
-        model=shown.model,
-        light=shown.light,
-        backdrop=backdrop,
     )

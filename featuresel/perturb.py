@@ -12,18 +12,25 @@ from scipy.stats import truncnorm
 
 from featuresel.axes import corner, generator, interior
 from featuresel.axes import words as words  # handed on: seeds are made of them
-from featuresel.case import LookCase, moved_layers, picture, still_layers
+from featuresel.case import LookCase, moved_layers, picture
 from featuresel.disturb import noisier, shifted, true_lens
+from featuresel.standing import (
+    CUT,
+    Backdrop,
+    displaced,
+    fresh,
+    standing,
+    usual_range,
+)
 from optics.lens import LensErrors
 from optics.microscope import Microscope
-from optics.render import Covered
-from optics.scene import Illumination
-from optics.sensor import expose, to_unit
+from optics.scene import Illumination, Layer
+from optics.sensor import CountArray, expose, to_unit
+from optics.views import Range
 
 FloatArray = npt.NDArray[np.float64]
 
 _EVERY = 4  # each fourth trial is an extreme, whatever their number
-_CUT = 3.0  # normal spreads end at 3 sigma: trials stand for a working station
 _CORNER = 2.0  # sigmas at the extremes, all at once: already far out together
 MOST_TRIALS = 2**20  # more than any look gets
 # The estimator's blur law must not always be the truth.
@@ -112,48 +119,78 @@ def rebuild(case: LookCase, root_seed: int, index: int) -> Trial:
 
 
 def image(
-    case: LookCase, trial: Trial, backdrop: tuple[Covered, ...] | None = None
+    case: LookCase,
+    trial: Trial,
+    backdrop: Backdrop | None = None,
+    moved: tuple[Layer, ...] | None = None,
 ) -> FloatArray:
     """Return the trial's region as the camera gives it, (rows, columns), 0..1.
 
     The zoom error scales about the optical axis; the truth stays the target's world
     pose, so an estimator that trusts the nominal zoom errs by ratio x distance. Trials
     that differ in the target's pose, light and noise alone may share their `backdrop`.
+    By default `moved` are the target's layers in its place; none if they are in it.
     """
+    return to_unit(counts(case, trial, backdrop, moved), case.sensor.bits)
+
+
+def counts(
+    case: LookCase,
+    trial: Trial,
+    backdrop: Backdrop | None = None,
+    moved: tuple[Layer, ...] | None = None,
+) -> CountArray:
+    """Return the trial's region as the camera's counts; arguments as in `image`."""
     seen = _perturbed(case, trial)
+    behind = still(case, trial) if backdrop is None else backdrop
+    if moved is None:
+        moved = moved_layers(case, trial.dx_um, trial.dy_um, trial.dtheta_rad)
     noiseless = picture(
         seen,
-        moved_layers(case, trial.dx_um, trial.dy_um, trial.dtheta_rad),
+        moved,
         seen.microscope,
         focus_um=seen.focus_um,
         model=seen.model,
         light=seen.light,
-        backdrop=_still(seen) if backdrop is None else backdrop,
+        backdrop=behind.layers,
+        under=behind.under,
     )
     rng = np.random.default_rng(np.random.SeedSequence(trial.seed))
-    return to_unit(expose(noiseless, seen.sensor, rng), seen.sensor.bits)
+    return expose(noiseless, seen.sensor, rng)
 
 
-def still(case: LookCase, trial: Trial) -> tuple[Covered, ...]:
+def still(case: LookCase, trial: Trial, reach: Range | None = None) -> Backdrop:
     """Return what stands still in a trial, blurred.
 
     Focus, zoom, law, lens and the occluder's place matter, the target's pose does not.
+    Trials of one `reach` share the transforms; by default it is that of the design.
     """
-    return _still(_perturbed(case, trial))
+    seen, reach = _perturbed(case, trial), reach or usual_range(case)
+    focus_um, zoom, by_um = seen.focus_um, trial.magnification, trial.occluder_um
+    if not seen.shares_still_layers or not reach.holds(focus_um, by_um, zoom):
+        return fresh(seen, seen.static)
+    found, left = Backdrop(), list(zip(case.static, seen.static, strict=True))
+    for shift_um in dict.fromkeys((by_um, (0.0, 0.0))):  # the owner's stay
+        group = [here for here, there in left if displaced(here, shift_um) == there]
+        left = [pair for pair in left if pair[0] not in group]
+        ready = standing(case, group, reach, trial.model) if group else None
+        if ready is not None:
+            own = ready.at(focus_um=focus_um, zoom=zoom, shift_um=shift_um)
+            found = found.with_(own)
+    return found.with_(fresh(seen, [there for _, there in left])) if left else found
 
 
-def _still(seen: LookCase) -> tuple[Covered, ...]:
-    return still_layers(seen, seen.microscope, focus_um=seen.focus_um, model=seen.model)
+def _owner(case: LookCase) -> str:
+    return case.target.name.partition(".")[0]
 
 
 def _perturbed(case: LookCase, trial: Trial) -> LookCase:
     """Return the look as it truly is in a trial, but for the target's pose."""
-    owner = case.target.name.partition(".")[0]
     return replace(
         case,
         static=shifted(
             case.static,
-            owner,
+            _owner(case),
             trial.occluder_um,
             tuple(zip(case.spread.turning, trial.turns_rad, strict=True))
             if trial.turns_rad  # a trial made elsewhere turns nothing
@@ -181,8 +218,8 @@ def _zoomed(case: LookCase, trial: Trial) -> Microscope:
 def _rest(occluder: FloatArray, lens: FloatArray, noise: FloatArray) -> _Rest:
     """Return points of the unit cube in units of the spreads."""
     return _Rest(
-        tuple(truncnorm.ppf(occluder, -_CUT, _CUT)),
-        tuple(truncnorm.ppf(lens, -_CUT, _CUT)),
+        tuple(truncnorm.ppf(occluder, -CUT, CUT)),
+        tuple(truncnorm.ppf(lens, -CUT, CUT)),
         float(noise[0]),
     )
 
@@ -192,7 +229,7 @@ def _interior(
 ) -> Trial:
     """Return a point of the unit cube mapped to the spreads."""
     spread = case.spread
-    normal = truncnorm.ppf(point[:5], -_CUT, _CUT)
+    normal = truncnorm.ppf(point[:5], -CUT, CUT)
     theta = normal[2] * spread.pose_sigma_theta_rad
     if case.theta_any:
         theta = (2 * point[2] - 1) * math.pi
@@ -290,6 +327,6 @@ def _turns(case: LookCase, index: int, root: int) -> tuple[float, ...]:
     return tuple(
         (2 * float(at) - 1) * math.pi
         if what.is_any
-        else what.sigma_theta_rad * float(truncnorm.ppf(at, -_CUT, _CUT))
+        else what.sigma_theta_rad * float(truncnorm.ppf(at, -CUT, CUT))
         for what, at in zip(case.spread.turning, points, strict=True)
     )

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from featuresel.candidates import Chain
 from featuresel.case import LookCase
 from featuresel.constraints import Limits
+from featuresel.known import Known
 from featuresel.perturb import design
 from featuresel.score import Score, score
 from featuresel.trials import Curves, Map, Outcome, Prepared, run
@@ -39,6 +40,7 @@ def race(
     in_set: bool = False,
     map: Map = map,  # noqa: A002 - it is the builtin, or a pool's
     curves: Curves | None = None,
+    known: Known | None = None,
 ) -> Race:
     """Return the outcomes of chains that are tried while they may be chosen.
 
@@ -76,7 +78,7 @@ def race(
         the rounds of both: the bounds of whichever chain wins then hold.
     in_set : bool
         As in `featuresel.select.select`.
-    map, curves
+    map, curves, known
         As in `featuresel.trials.run`.
 
     Returns
@@ -108,7 +110,7 @@ def race(
     dropped: list[tuple[Chain, str]] = []
     for end in ends:
         racing = replace(prepared, chains=running)
-        outcomes += run(case, racing, trials[done:end], map, curves)
+        outcomes += run(case, racing, trials[done:end], map, curves, known)
         scores = verdicts.scores(racing, outcomes)
         fallen = verdicts.fallen(scores)
         dropped, done = dropped + fallen, end

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from featuresel.axes import words
 from featuresel.bias import BiasCurve
 from featuresel.case import LookCase
-from featuresel.drift import Pictures, one_by_one, through_focus
+from featuresel.drift import Pictures, one_by_one, posed, through_focus
 from featuresel.perturb import Trial
 from featuresel.trials import Outcome, Prepared, measure_picture
 
@@ -101,9 +101,7 @@ class Search:
         shown: dict[int, BytesArray] = {}
         drifts = direction.drifts
         trials = {drift: self._trials(direction, drift) for drift in drifts}
-        pictures: Pictures = partial(one_by_one, self.case)
-        if direction.setting == "focus" and self.case.shares_spectra:
-            pictures = through_focus(self.case, trials[drifts[-1]])
+        pictures = self._pictures(direction, trials[drifts[-1]])
 
         def held(step: int) -> bool:
             tried, found = trials[drifts[step]], []
@@ -116,6 +114,15 @@ class Search:
         return Reached(
             drift=drifts[last] if last >= 0 else 0.0, picture=shown.get(last)
         )
+
+    def _pictures(self, direction: Direction, farthest: Sequence[Trial]) -> Pictures:
+        """Return what makes the images of one direction."""
+        if direction.setting == "focus" and self.case.shares_spectra:
+            return through_focus(self.case, farthest)
+        shared = None
+        if direction.setting != "pose":
+            shared = posed(self.case, farthest)
+        return shared or partial(one_by_one, self.case)
 
     def _outcome(self, trial: Trial, picture: np.ndarray) -> Outcome:
         """Return what the chain says of one picture."""

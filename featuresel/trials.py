@@ -11,9 +11,10 @@ from typing import Protocol, TypeVar
 from featuresel.bias import BiasCurve, unbiased
 from featuresel.candidates import Chain
 from featuresel.case import LookCase
+from featuresel.known import Known
 from featuresel.located import Located, along, located
 from featuresel.nominal import nominal_render
-from featuresel.perturb import Trial, image
+from featuresel.perturb import Trial, counts, image
 from featuresel.routines import (
     Artifact,
     Failure,
@@ -23,6 +24,7 @@ from featuresel.routines import (
     load,
 )
 from featuresel.routines.chain import Progress, advance
+from optics.sensor import CountArray, to_unit
 
 _CHUNK = 2  # trials handed to one worker at a time: 24 keep 4 workers busy to the end
 
@@ -112,6 +114,7 @@ def run(
     trials: Sequence[Trial],
     map: Map = map,  # noqa: A002 - it is the builtin, or a pool's
     curves: Curves | None = None,
+    known: Known | None = None,
 ) -> tuple[Outcome, ...]:
     """Return what every chain said of every trial, trial by trial.
 
@@ -129,15 +132,53 @@ def run(
     curves : mapping of Chain to BiasCurve, optional
         What is taken off the places that a chain finds, by
         `featuresel.bias_prediction.predict_bias`.
+    known : Known, optional
+        What is known of the look already, with the same artifacts and without curves:
+        no chain measures a trial twice. Takes what is found.
 
     Returns
     -------
     tuple of Outcome
         Each image is made once and every chain measures it.
     """
-    chunks = [tuple(trials[i : i + _CHUNK]) for i in range(0, len(trials), _CHUNK)]
-    done = map(partial(_run_chunk, case, prepared, curves or {}), chunks)
-    return tuple(outcome for chunk in done for outcome in chunk)
+    if curves:
+        known = None
+    seen = known or Known()
+    asked = [_asked(prepared, trial, seen) for trial in trials]
+    asked = [each for each in asked if each.chains]
+    chunks = [tuple(asked[i : i + _CHUNK]) for i in range(0, len(asked), _CHUNK)]
+    work = partial(_run_chunk, case, prepared, curves or {}, known is not None)
+    for chunk in map(work, chunks):
+        for outcomes, picture in chunk:
+            seen.outcomes.update({(o.chain, o.trial): o for o in outcomes})
+            seen.keep(outcomes[0].trial, picture)
+    return tuple(
+        seen.outcomes[chain, trial.index]
+        for trial in trials
+        for chain in prepared.chains
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Asked:
+    """A trial, the chains that are to measure it, and its picture if that is known."""
+
+    trial: Trial
+    chains: tuple[Chain, ...]
+    picture: CountArray | None
+
+
+def _asked(prepared: Prepared, trial: Trial, seen: Known) -> _Asked:
+    """Return what is not known of a trial yet."""
+    return _Asked(
+        trial=trial,
+        chains=tuple(
+            chain
+            for chain in prepared.chains
+            if (chain, trial.index) not in seen.outcomes
+        ),
+        picture=seen.pictures.get(trial.index),
+    )
 
 
 def measure_trial(
@@ -204,10 +245,28 @@ def _step(
 
 
 def _run_chunk(
-    case: LookCase, prepared: Prepared, curves: Curves, trials: Sequence[Trial]
-) -> list[Outcome]:
-    """Return the outcomes of some trials, in order."""
-    return [o for trial in trials for o in measure_trial(case, prepared, trial, curves)]
+    case: LookCase,
+    prepared: Prepared,
+    curves: Curves,
+    keeps: bool,  # noqa: FBT001 - a partial's
+    asked: Sequence[_Asked],
+) -> list[tuple[tuple[Outcome, ...], CountArray | None]]:
+    """Return the outcomes of some trials, in order, and pictures that are new."""
+    found = []
+    for each in asked:
+        picture = each.picture
+        if picture is None:
+            picture = counts(case, each.trial)
+        outcomes = measure_picture(
+            case,
+            replace(prepared, chains=each.chains),
+            each.trial,
+            to_unit(picture, case.sensor.bits),
+            curves,
+        )
+        fresh = picture if keeps and each.picture is None else None
+        found.append((outcomes, fresh))
+    return found
 
 
 def _outcome(

@@ -159,7 +159,7 @@ def _face(
     covers = np.zeros(wide.shape) if layers else np.ones(wide.shape)
     sends = reflectance * covers
     for layer in layers:
-        own = wide.cells(layer)
+        own = wide.held_cells(layer)
         covers, sends = covers * (1 - own) + own, sends * (1 - own)
         sends += layer.reflectance * own
     return _Face(

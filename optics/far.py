@@ -22,7 +22,7 @@ from optics.gain import Quadrant, pixel_gain
 from optics.microscope import Microscope
 from optics.models import RadialTable
 from optics.pixels import PixelTile, to_world
-from optics.spectrum import ComplexArray, Spectrum, spectrum
+from optics.spectrum import Spectrum, spectrum
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -72,8 +72,7 @@ class Low:
         orders = self.spectrum.within(cut_per_um)
         gain = self.quadrant.gain(table, orders)
         across, along = pixel_gain(setting, self.spectrum.tile, orders)
-        values: ComplexArray = self.spectrum.values
-        weighed = weigh(values, gain * across * along[:, None])
+        weighed = weigh(self.spectrum.values, gain * across * along[:, None])
         up = (y.start + y.count - 1 - places[0]) / y.count
         found = waves_at(weighed, up, (places[1] - x.start) / x.count)
         return np.asarray(found, dtype=np.float64)

@@ -44,17 +44,18 @@ class Shade:
     z_um: float  # of the layers
     lattice: Lattice
     kept: FloatArray  # (rows, columns), 0..1 but for errors of band and margin
+    by_um: tuple[float, float] = (0.0, 0.0)  # how far it lies from the lattice's points
 
     def on(self, other: Lattice) -> FloatArray:
         """Return what is kept from the points of another lattice."""
-        if other == self.lattice:
+        if other == self.lattice and self.by_um == (0.0, 0.0):
             return self.kept
         (x, y), step = other.corner_um, other.step_um
         rows, columns = other.shape
         return self.lattice.read(
             self.kept,
-            (x, step, columns),
-            (y, -step, rows),
+            (x - self.by_um[0], step, columns),
+            (y - self.by_um[1], -step, rows),
             beyond_um=(MORE + 2) * step,  # points that only steady a spline
         )
 
@@ -78,18 +79,21 @@ class Light:
             share *= 1 - np.clip(shade.on(lattice), 0.0, 1.0)
         return share
 
+    def displaced(self, by_um: tuple[float, float]) -> Light:
+        """Return the light under the same layers displaced."""
+        moved = (
+            replace(s, by_um=(s.by_um[0] + by_um[0], s.by_um[1] + by_um[1]))
+            for s in self.shades
+        )
+        return replace(self, shades=tuple(moved))
+
     def with_(self, other: Light) -> Light:
         """Return the light under the layers of both."""
         if other.z_um != self.z_um:
             raise ValueError(f"lights of heights {self.z_um} and {other.z_um}")
         found = sorted((*self.shades, *other.shades), key=lambda shade: shade.z_um)
-        joined = []
-        for z_um, group in itertools.groupby(found, key=lambda shade: shade.z_um):
-            each = list(group)
-            lattice = each[0].lattice
-            kept = sum((shade.on(lattice) for shade in each), np.zeros(lattice.shape))
-            joined.append(Shade(z_um=z_um, lattice=lattice, kept=kept))
-        return Light(z_um=self.z_um, shades=tuple(joined))
+        groups = itertools.groupby(found, key=lambda shade: shade.z_um)
+        return replace(self, shades=tuple(_sum(list(group)) for _, group in groups))
 
 
 def lights(
@@ -179,6 +183,20 @@ def places_um(
     p = microscope.um_per_px
     x = ((frame.column - cx) * p - shift_um[0], p, frame.columns)
     return x, ((cy - frame.row) * p - shift_um[1], -p, frame.rows)
+
+
+def _sum(shades: Sequence[Shade]) -> Shade:
+    """Return what layers of one height keep together, on the points of one of them.
+
+    One that was not displaced, if there is one: it was made for the image at hand.
+    """
+    if len(shades) == 1:
+        return shades[0]
+    first = min(shades, key=lambda shade: shade.by_um != (0.0, 0.0))
+    x, y = first.by_um
+    near = [replace(s, by_um=(s.by_um[0] - x, s.by_um[1] - y)) for s in shades]
+    kept = sum((s.on(first.lattice) for s in near), np.zeros(first.lattice.shape))
+    return replace(first, kept=kept)
 
 
 def _shade(

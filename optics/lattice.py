@@ -19,11 +19,13 @@ from optics.scan import cells
 from optics.scene import Layer, Window
 
 FloatArray = npt.NDArray[np.float64]
+Float32Array = npt.NDArray[np.float32]
 Area = tuple[float, float, float, float]  # x_min, y_min, x_max, y_max, um
 Places = tuple[float, float, int]  # the first, the step, how many
 
 MORE = 3  # points beyond all that is read: a spline is worse near its ends
 _ROUNDING = 1e-6  # of a step
+_EVEN = 16  # points: lattices that end anywhere within as many share cells
 # A point's weight in a cubic spline falls by 2 - sqrt(3) a step: below 1e-27 here.
 _FELT = 48
 _AT_ONCE = 1024  # points whose weights are one array
@@ -76,6 +78,23 @@ class Lattice:
         half = self.step_um / 2
         return cells(layer.outline, x - half, y + half, self.step_um, self.shape)
 
+    def held_cells(self, layer: Layer) -> Float32Array:
+        """Return the same in single precision, not to be changed.
+
+        What was asked for not long ago of this lattice or of one a little larger or
+        smaller is given again.
+        """
+        w = self.window
+        top, left = (_EVEN * (first // _EVEN) for first in (w.row, w.column))
+        down, right = w.row - top, w.column - left
+        rows, columns = (
+            _EVEN * math.ceil(count / _EVEN)
+            for count in (down + w.rows, right + w.columns)
+        )
+        even = Window(row=top, column=left, rows=rows, columns=columns)
+        found = _held_cells(layer, replace(self, window=even))
+        return found[down : down + w.rows, right : right + w.columns]
+
     def read(
         self, values: FloatArray, x: Places, y: Places, *, beyond_um: float = 0.0
     ) -> FloatArray:
@@ -109,6 +128,12 @@ class Lattice:
         return found
 
 
+def _fast(least: int) -> int:
+    """Return the next length that transforms fast."""
+    size = fft.next_fast_len(least, real=True)
+    return least if size is None else size
+
+
 def _blocks(
     points: int, places: Places, beyond: float
 ) -> Iterator[tuple[slice, slice, FloatArray]]:
@@ -125,6 +150,13 @@ def _blocks(
         high = min(points, max(math.ceil(max(ends)) + _FELT, 2 * _FELT))
         weights = _spline(high - low, ends[0] - low, step, stop - start, beyond)
         yield slice(start, stop), slice(low, high), weights
+
+
+@lru_cache(maxsize=32)
+def _held_cells(layer: Layer, lattice: Lattice) -> Float32Array:
+    found = lattice.cells(layer).astype(np.float32)
+    found.setflags(write=False)
+    return found
 
 
 @lru_cache(maxsize=128)
@@ -165,18 +197,27 @@ def blur(
     Parameters
     ----------
     values : (..., rows, columns) float64 array
-        At points `step_um` apart, continued by their mirror images.
+        At points `step_um` apart, continued by their mirror images, or first by the
+        last ones' values to a length that transforms fast.
     step_um : float
         Distance of the points.
     microscope, model, z_um
         As in `optics.models.transfer`.
     """
-    v, u = (np.arange(size) / (2 * size * step_um) for size in values.shape[-2:])
+    rows, columns = values.shape[-2:]
+    wide = _fast(rows), _fast(columns)
+    v, u = (np.arange(size) / (2 * size * step_um) for size in wide)
     x = np.hypot(u, v[:, None]) / microscope.cutoff_per_um
     top = min(float(x.max()), 1.0)
     gain = tabulate(model, microscope, z_um, top).read(np.minimum(x, top))
     side = microscope.um_per_px * math.sqrt(microscope.fill_factor)
     gain = np.where(x < 1, gain, 0.0) * np.sinc(u * side) * np.sinc(v * side)[:, None]
-    waves = fft.dctn(values, axes=(-2, -1))
-    found: FloatArray = fft.idctn(waves * gain, axes=(-2, -1))
-    return found
+    # what is blurred is a share of light: single precision adds 1e-6 (tested)
+    held = np.empty((*values.shape[:-2], *wide), dtype=np.float32)
+    held[..., :rows, :columns] = values
+    held[..., :rows, columns:] = values[..., -1:]
+    held[..., rows:, :] = held[..., rows - 1 : rows, :]
+    waves = fft.dctn(held, axes=(-2, -1), overwrite_x=True)
+    waves *= gain.astype(np.float32)
+    found = fft.idctn(waves, axes=(-2, -1), overwrite_x=True)
+    return found[..., :rows, :columns].astype(np.float64)

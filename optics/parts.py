@@ -196,10 +196,11 @@ def make_part(
     )
     cut = band_cut(model, largest, least_um, sampling.band_error)
     world, box = to_world(tile, microscope, shift_um)
-    found = spectrum(edges, world, cut * microscope.cutoff_per_um, box=box)
+    cut_per_um = cut * microscope.cutoff_per_um
+    found = spectrum(edges, world, cut_per_um, box=box, single=sampling.single)
     values: Coefficients = found.values
-    if sampling.single:
-        values = found.values.astype(np.complex64)
+    if sampling.single:  # a tile of one value has it in double precision
+        values = values.astype(np.complex64, copy=False)
     far = None
     if tile is not wide:
         reach_um = margin_um(microscope, 0.0, sampling.near)

@@ -22,6 +22,7 @@ FloatArray = npt.NDArray[np.float64]
 # is shaded, where 64 rays lie no closer; `benchmarks/shading.py` tells what they leave.
 _HIDING, _SHADED = 3, 8
 _WIDEST = 300  # points aside that a ray may meet a layer: a limit to memory
+_STEPS = 4  # an octave of distances between points
 _UNIFORM = 0.005  # a coverage this close to 0 or 1, as in `optics.occlusion`
 
 
@@ -142,6 +143,8 @@ class Sight:
         steps = [self._reach_um(z_um) / _HIDING for z_um in heights]
         widest = max(self._reach_um(z) for z in (*heights, *(x.z_um for x in traced)))
         step = max(min(step_um, *steps, math.inf), 2 * fine_um(m), widest / _WIDEST)
+        # images of nearly the same blur share their points
+        step = 2.0 ** (math.floor(_STEPS * math.log2(step)) / _STEPS)
         lattice = Lattice.over(area_um(m, self.frame, self.shift_um, 0.0), step)
         plane = None
         if scene.background_z_um is not None:

@@ -20,6 +20,7 @@ from optics.spreading import deposit, grid_size, kernel_transforms, spread
 
 FloatArray = npt.NDArray[np.float64]
 ComplexArray = npt.NDArray[np.complex128]
+Coefficients = npt.NDArray[np.complex64] | npt.NDArray[np.complex128]
 
 # Half the phase, rad, that n Gauss nodes integrate to 1e-8 (computed for a line).
 _RULES = tuple(
@@ -57,7 +58,7 @@ class Spectrum:
     """
 
     tile: Tile
-    values: ComplexArray  # (2 K + 1, J + 1)
+    values: Coefficients  # (2 K + 1, J + 1)
 
     @property
     def orders(self) -> tuple[int, int]:
@@ -91,6 +92,7 @@ def spectrum(
     cut_per_um: float,
     *,
     box: Box | None = None,
+    single: bool = False,
 ) -> Spectrum:
     """Return the Fourier coefficients of an outline, repeated tile by tile.
 
@@ -105,6 +107,8 @@ def spectrum(
     box : (x_min, y_min, x_max, y_max), optional
         Where the outline is cut off, by default at the tile. Beyond the tile it would
         come in again from the other side.
+    single : bool
+        Whether to transform in single precision, `optics.sampling.SINGLE_ERROR`.
 
     Returns
     -------
@@ -131,7 +135,10 @@ def spectrum(
     if abs(share) < 1e-12 or abs(share - 1) < 1e-12:  # nothing, or all of the tile
         return Spectrum(tile=tile, values=np.full((1, 1), round(share) + 0j))
     J, K = band_orders(tile, cut_per_um)
-    values = np.empty((2 * K + 1, J + 1), dtype=np.complex128)
+    shape = 2 * K + 1, J + 1
+    values: Coefficients = np.empty(shape, dtype=np.complex128)
+    if single:
+        values = np.empty(shape, dtype=np.complex64)
     _fill(values, boundary_nodes(edges, cut_per_um), tile)
     values[0, 0] = share
     return Spectrum(tile=tile, values=values)
@@ -256,7 +263,7 @@ def _runs(rows: npt.NDArray[np.intp], count: int) -> Iterator[tuple[int, int]]:
     yield from zip(ends[::2].tolist(), ends[1::2].tolist(), strict=True)
 
 
-def _fill(values: ComplexArray, nodes: Nodes, tile: Tile) -> None:
+def _fill(values: Coefficients, nodes: Nodes, tile: Tile) -> None:
     """Write all coefficients but the mean into `values` (2 K + 1, J + 1)."""
     x, y, dx, dy = nodes
     J, K = values.shape[1] - 1, values.shape[0] // 2
@@ -272,13 +279,15 @@ def _fill(values: ComplexArray, nodes: Nodes, tile: Tile) -> None:
     if J > 0:
         j = np.arange(1, J + 1)
         slope = 1j / (2 * np.pi * j * kernel_transforms(J, gx)[1:])
+        slope = slope.astype(values.dtype)
         grid = deposit(at_x, share_x, at_y, share_y, dy / tile.height_um, (gy, gx))
-        half = np.zeros((gy, J), dtype=np.complex128)
+        grid = grid.astype(values.real.dtype, copy=False)
+        half = np.zeros((gy, J), dtype=values.dtype)
         for first, end in _runs(at_y, gy):  # rows that edges touch
             along = fft.rfft(grid[first:end], axis=1)
             np.multiply(along[:, 1 : J + 1], slope, out=half[first:end])
         lines = fft.fft(half, axis=0, overwrite_x=True)
-        inverse = 1 / level[:, None]
+        inverse = (1 / level[:, None]).astype(values.real.dtype)
         np.multiply(lines[: K + 1], inverse[: K + 1], out=values[: K + 1, 1:])
         np.multiply(lines[gy - K :], inverse[K + 1 :], out=values[K + 1 :, 1:])
     if K > 0:  # along u = 0 the field must point along y

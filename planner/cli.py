@@ -119,9 +119,9 @@ def _compiled(
 ) -> tuple[PlanFiles, Path] | None:
     """Return what a task compiles to and where it was written, None if at fault."""
     from planner.caching.store import Store, place
-    from planner.compiler import Options
     from planner.compiling import compile_file
     from planner.diffing import read_plan
+    from planner.options import Options
     from planner.outputs.emit import check_folder, write_folder
 
     store = None if call.no_cache else Store(call.cache or place())

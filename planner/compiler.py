@@ -8,11 +8,9 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
-from dataclasses import dataclass
 from importlib.metadata import version
 
 from featuresel.trials import Map
-from planner.caching.memo import EVERY_TIME, Memo
 from planner.checks.insert_budget import share_of_goal
 from planner.diagnostics import Report, Span
 from planner.inputs.second_reader import read_twice
@@ -23,10 +21,11 @@ from planner.model.assembly import State, initial
 from planner.model.check import check_fits
 from planner.model.steps import StepState, unfold
 from planner.model.targets import middle_um
+from planner.options import Options as Options
 from planner.outputs.emit import PlanFiles
 from planner.outputs.solids import finger_solids, part_solids
 from planner.outputs.world import build_world
-from planner.presets import PRESETS, Effort, Preset
+from planner.presets import PRESETS, Preset
 from planner.requirements import requirements
 from planner.steps import CompiledStep, compile_step
 from schemas import plan as p
@@ -36,18 +35,6 @@ from schemas.scenes import Scenes
 
 UNLIKELY = "MP602"  # every step can be done, together they succeed too rarely
 PLACES = 6  # decimals of a feature, um: a picometre, as in `sweep.ROUNDING_UM`
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Options:
-    """What the command line may override; None leaves it to the task."""
-
-    preset: Preset | None = None
-    effort: Effort | None = None  # None: the preset's
-    max_image_error: float | None = None
-    jobs: int = 1
-    tell: Callable[[int, int, str], None] = lambda _done, _all, _step: None
-    memo: Memo = EVERY_TIME  # what is kept between compiles; by itself nothing
 
 
 def compile_task(task: Task, report: Report, options: Options) -> PlanFiles | None:

@@ -5,14 +5,16 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from planner.caching.memo import Memo
 from planner.caching.store import Store
 from planner.caching.whole import Whole, remember, remembered
-from planner.compiler import Options, compile_task
 from planner.diagnostics import Report
-from planner.inputs.read_task import load_task
-from planner.outputs.emit import PlanFiles
+from planner.options import Options
+
+if TYPE_CHECKING:
+    from planner.outputs.emit import PlanFiles
 
 _PASSING = frozenset({"MP227"})  # findings that another try may not have
 
@@ -48,6 +50,10 @@ def compile_file(
         files: PlanFiles = whole.made
         ready(files.plan.name)
         return replace(files, timings={"total_s": time.perf_counter() - started})
+    # what nothing is computed for need not be loaded: that takes ten times as long
+    from planner.compiler import compile_task
+    from planner.inputs.read_task import load_task
+
     read = load_task(task, report)
     if read is None:
         return None

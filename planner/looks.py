@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from featuresel.bias_prediction import predict_bias
 from featuresel.case import LookCase
 from featuresel.contest import Contest, compete
+from featuresel.known import Looks
 from featuresel.trials import Map
 from featuresel.usable import usable_range
 from planner.caching.memo import EVERY_TIME, Memo
@@ -101,7 +102,7 @@ def compile_look(
         return None
     settings = settings[:1] if once else settings
     refused: list[ZoomTried] = []
-    job = _Job(task, request, needed_shape(task, request), effects, refused)
+    job = _Job(task, request, needed_shape(task, request), effects, refused, Looks())
     for view in settings:
         tried, found = job.alone(view)
         if tried.selection.chosen is not None:
@@ -135,6 +136,7 @@ class _Job:
     shape: Shape
     effects: Effects
     refused: Sequence[ZoomTried]  # before the one that does
+    looks: Looks  # what the last contest showed
 
     @property
     def is_round(self) -> bool:
@@ -161,6 +163,7 @@ class _Job:
             thorough=effort.thorough,
             limited=effort.limited,
             map=self.effects.map,
+            looks=self.looks,
         )
         return Tried.of(case, fidelity, found), found
 

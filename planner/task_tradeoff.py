@@ -14,9 +14,10 @@ from pathlib import Path
 from featuresel.bounds import failure_upper
 from planner.caching.memo import EVERY_TIME
 from planner.comparing.compare import compare_plans
-from planner.compiler import Options, compile_task
+from planner.compiler import compile_task
 from planner.diagnostics import Report
 from planner.inputs.task import Task
+from planner.options import Options
 from planner.outputs.errors import OutputError
 from planner.outputs.plots import task_png
 from planner.outputs.task_tradeoff import (

@@ -23,7 +23,7 @@ B = TypeVar("B")
 _LIBRARIES = (
     "numpy", "scipy", "opencv-contrib-python-headless", "shapely", "ezdxf",
 )  # fmt: skip
-_NOT_MEANT = frozenset({"map"})  # arguments that change no result
+_NOT_MEANT = frozenset({"map", "looks"})  # arguments that change no result
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +39,7 @@ class Memo:
         """Return what `function` returns for these arguments.
 
         It must be pure: its result may depend on its arguments alone, those called
-        `map` left out, and must have bytes (`canonical.encode`).
+        `map` and `looks` left out, and must have bytes (`canonical.encode`).
         """
         if self.store is None:
             return function(*args, **kwargs)

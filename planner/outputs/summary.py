@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from optics.ledger import CONTRAST
 from schemas.plan import Look, Measure, Plan, Step
+
+CONTRAST = "unit contrast"  # that of `optics.ledger`, without loading scipy for it
 
 
 def plan_summary(plan: Plan) -> str:

@@ -9,15 +9,12 @@ import numpy as np
 import pytest
 
 from featuresel.case import LookCase
-from featuresel.drift import one_by_one, through_focus
+from featuresel.drift import one_by_one, posed, through_focus
 from featuresel.perturb import Trial, design, image
-from optics.sampling import FAR_ERROR, Sampling
 from optics.sensor import Sensor
+from tests.featuresel.sharing import FINE, SHARED
 
 Look = Callable[[str], LookCase]
-
-# All of the band, and a margin to which the blur of 40 um adds no more than 1e-5.
-FINE = Sampling(band_error=1e-12, margin=300.0)
 
 
 def _trials(case: LookCase, dz_um: float) -> list[Trial]:
@@ -45,9 +42,27 @@ def test_images_through_focus_are_those_rendered_anew(look: Look, name: str) -> 
     for dz_um in (-1.0, -16.0, -40.0):
         trials = _trials(case, dz_um)
         for trial, found in zip(trials, pictures(trials), strict=True):
-            # tiles are corrected apart, margins differ by the blur of the range, and
-            # both images are rounded to whole counts
-            atol = 2 * FAR_ERROR + 1e-5 + 2 / quiet.top_count
+            atol = SHARED + 2 / quiet.top_count  # both are rounded to whole counts
+            np.testing.assert_allclose(found, image(case, trial), rtol=0, atol=atol)
+
+
+@pytest.mark.parametrize(("dz_um", "zoom"), [(-16.0, 1.0), (0.0, 1.03)])
+def test_images_of_a_pose_are_those_rendered_anew(
+    look: Look, dz_um: float, zoom: float
+) -> None:
+    """In coaxial light too, whose shades are read between points."""
+    quiet = Sensor(full_well_e=1e13, read_noise_e=0.0, bits=16)
+    case = replace(look("between"), sensor=quiet, sampling=FINE, lamp_aperture=0.3)
+    farthest = [replace(t, magnification=zoom) for t in _trials(case, dz_um)]
+    pictures = posed(case, farthest)
+    assert pictures is not None
+    for share in (0.5, 1.0):
+        trials = [
+            replace(t, dz_um=share * t.dz_um, magnification=1 + share * (zoom - 1))
+            for t in farthest
+        ]
+        for trial, found in zip(trials, pictures(trials), strict=True):
+            atol = SHARED + 2 / quiet.top_count
             np.testing.assert_allclose(found, image(case, trial), rtol=0, atol=atol)
 
 

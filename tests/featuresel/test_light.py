@@ -13,6 +13,7 @@ from featuresel.perturb import design, image
 from optics.lens import LensErrors
 from optics.occlusion import occluded
 from optics.shading import shaded
+from tests.featuresel.sharing import FINE, SHARED
 
 Look = Callable[[str], LookCase]
 
@@ -24,7 +25,7 @@ def lit(case: LookCase) -> LookCase:
 
 
 def test_a_lit_case_is_shaded_wherever_the_target_is(look: Look) -> None:
-    case = lit(look("between"))
+    case = replace(lit(look("between")), sampling=FINE)
     for dx_um in (0.0, 3.0):
         expected = shaded(
             scene(case, dx_um, 0.0, 0.0),
@@ -37,7 +38,7 @@ def test_a_lit_case_is_shaded_wherever_the_target_is(look: Look) -> None:
             sampling=case.sampling,
         )
         found = nominal_render(case)(dx_um=dx_um)
-        np.testing.assert_allclose(found, np.clip(expected, 0, 1), rtol=0, atol=1e-12)
+        np.testing.assert_allclose(found, np.clip(expected, 0, 1), rtol=0, atol=SHARED)
     plain = nominal_render(replace(case, lamp_aperture=None))()
     dark = plain - nominal_render(case)()
     assert dark.max() > 0.02  # the jaws are above the gear

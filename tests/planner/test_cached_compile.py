@@ -2,20 +2,28 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from planner import compiling
-from planner.caching.memo import Memo
+from optics import ledger
+from planner.caching.memo import Memo, digest
 from planner.caching.store import Store, place
+from planner.cases import build_case
 from planner.cli import main
 from planner.diagnostics import Report
+from planner.inputs import read_task
 from planner.inputs.read_task import load_task
 from planner.inputs.task import Task
+from planner.model.requests import requests
+from planner.model.sightings import views
+from planner.model.steps import unfold
+from planner.outputs import summary
 from planner.reporting.report import write_report
-from tests.planner.examples import change, copy_example, one_look
+from tests.planner.examples import change, copy_example, one_look, read
 
 Compile = Callable[..., dict[str, bytes]]
 NOT_COMPARED = {"timings.json"}  # measured times
@@ -92,7 +100,7 @@ def test_an_unchanged_task_is_not_even_read(
         reads.append(path)
         return load_task(path, report)
 
-    monkeypatch.setattr(compiling, "load_task", noted)
+    monkeypatch.setattr(read_task, "load_task", noted)
     assert files(*cache) == plain
     assert capsys.readouterr() == said  # its findings are told again
     assert reads == []
@@ -138,3 +146,42 @@ def test_the_place_is_the_users_cache(
     monkeypatch.setenv("HOME", str(tmp_path))
     assert place() == tmp_path / ".cache" / "microplan"
     assert Memo().store is None
+
+
+def test_a_changed_step_asks_anew_for_its_own_look_alone(tmp_path: Path) -> None:
+    file, memo = copy_example(tmp_path / "task"), Memo(Store(tmp_path / "cache"))
+    steps = ("find_gear", "see_fingers")
+
+    def keys() -> dict[str, str]:
+        task, report = read(file), Report()
+        states, found = unfold(task, report), {}
+        low, _ = task.workcell.optics.magnification
+        for index, state in enumerate(states):
+            if state.step.id in steps:
+                (request,) = requests(task, states, index, None)
+                (view, *_) = views(task, request, low, report)
+                case, _ = build_case(task, request, view, 0.01, memo)
+                found[state.step.id] = digest(case)
+        return found
+
+    first = keys()
+    change(file, "target: gear, view_um: [0, 0]", "target: gear, view_um: [1, 0]")
+    second = keys()
+    assert {step for step in steps if first[step] != second[step]} == {"find_gear"}
+
+
+def test_an_unchanged_task_loads_nothing_that_computes() -> None:
+    script = (
+        "import planner.cli, planner.compiling, planner.diffing, planner.options\n"
+        "import planner.caching.store, planner.outputs.emit, planner.outputs.summary\n"
+        "import schemas.plan, schemas.world, sys\n"
+        "heavy = ('scipy', 'skimage', 'shapely', 'ezdxf', 'yaml', 'jsonschema')\n"
+        "sys.exit(', '.join(name for name in heavy if name in sys.modules))"
+    )
+    call = [sys.executable, "-c", script]
+    done = subprocess.run(call, capture_output=True, text=True, check=False)
+    assert done.stderr == ""
+
+
+def test_the_summary_knows_the_ledgers_unit() -> None:
+    assert summary.CONTRAST == ledger.CONTRAST

@@ -11,8 +11,9 @@ import pytest
 
 import executor.cli
 from executor.safety import Safety
-from planner.compiler import Options, compile_task
+from planner.compiler import compile_task
 from planner.diagnostics import Report
+from planner.options import Options
 from planner.outputs.emit import write_folder
 from planner.outputs.summary import plan_summary
 from schemas.plan import Look, Plan, parse_plan

@@ -23,8 +23,9 @@ from executor.simulated.cell import build_cell
 from executor.station import preflight
 from planner.cli import main
 from planner.comparing.compare import compare_plans
-from planner.compiler import Options, compile_task
+from planner.compiler import compile_task
 from planner.diagnostics import Report
+from planner.options import Options
 from planner.outputs.emit import PlanFiles
 from planner.pictures import picture_sha256
 from schemas.codec import from_data

@@ -62,6 +62,7 @@ def test_each_item_is_worked_on_once(memo: Memo) -> None:
 def test_how_work_is_spread_is_no_other_call(memo: Memo) -> None:
     memo.call(turned, POSE, map=map)
     memo.call(turned, POSE, map=lambda *_: ())
+    memo.call(turned, POSE, looks=object())
     assert len(made) == 1
 
 

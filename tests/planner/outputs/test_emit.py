@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from planner.cli import main
-from planner.compiler import Options, compile_task
+from planner.compiler import compile_task
 from planner.diagnostics import Report
+from planner.options import Options
 from planner.outputs.emit import PlanFiles, write_folder
 from planner.outputs.errors import OutputError
 from tests.planner.examples import GRASP, between_jaws, copy_example, cut, read
