@@ -175,6 +175,20 @@ def test_a_failure_is_tried_again_as_often_as_the_plan_says() -> None:
         look_at(rig, found, (OnFailure(code="MP820", do="retry", times=1),))
 
 
+@pytest.mark.parametrize(("level", "light"), [(3, False), (20, True), (255, True)])
+def test_a_dark_picture_is_told_from_one_without_the_part(
+    level: int, light: bool
+) -> None:
+    rig, found = seeing(1.0, 0.0)
+    shape = rig.station.camera.grab(found.measure.region, after_s=0.0).counts.shape
+    flat = PictureCamera(lambda _: np.full(shape, level, dtype=np.uint8))
+    rig.station = replace(rig.station, camera=flat)
+    with pytest.raises(ExecutorError) as caught:
+        look_at(rig, found)
+    assert f"has {level / 255:.1%} of full scale" in caught.value.message
+    assert ("is the light on?" in caught.value.message) != light
+
+
 def test_a_retry_may_be_keyed_by_the_routines_own_code() -> None:
     rig, found = seeing(1.0, 0.0)
     rig.station = replace(rig.station, camera=blinking(rig, 1))

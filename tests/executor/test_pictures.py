@@ -131,6 +131,27 @@ def test_colour_becomes_grey_by_the_stated_weights(built: Path, tmp_path: Path) 
     np.testing.assert_allclose(image, wanted, rtol=1e-12)
 
 
+@pytest.mark.parametrize(
+    ("most", "depth", "bits", "hint"),
+    [
+        (4095, np.uint16, None, "say --bits 12"),
+        (900, np.uint16, None, "say --bits 10"),
+        (16383, np.uint16, None, "say --bits 14"),
+        (16384, np.uint16, None, ""),  # it needs more than any camera has
+        (4095, np.uint16, 12, ""),
+        (200, np.uint8, None, ""),
+    ],
+)
+def test_a_shallow_picture_in_a_deep_file_is_told(
+    built: Path, tmp_path: Path, most: int, depth: type, bits: int | None, hint: str
+) -> None:
+    plan, path = plan_of(built), tmp_path / "a.png"
+    cv2.imwrite(str(path), np.full((HEIGHT, WIDTH), most, dtype=depth))
+    found = read_picture(path, plan.requirements, region_of(plan), bits).hint
+    assert found.endswith(hint)
+    assert bool(found) == bool(hint)
+
+
 def test_full_scale_of_a_16_bit_picture_is_the_cameras(
     built: Path, tmp_path: Path
 ) -> None:

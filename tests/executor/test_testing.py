@@ -222,6 +222,11 @@ def test_the_command_tells_each_check(
     assert "ok      moves to absolute states" in capsys.readouterr().out
     assert main([*driver, "--role", "camera", "--part", "stage"]) == 1
     assert main(["nowhere:nothing", "--role", "stage"]) == 2
+    capsys.readouterr()
+    assert main([*driver, "--role", "stage"]) == 1
+    assert "name what to test by --part: stage, robot, jaws" in capsys.readouterr().err
+    assert main([*driver, "--role", "stage", "--part", "table"]) == 2
+    assert "has no 'table', parts: stage, robot, jaws" in capsys.readouterr().err
 
 
 def test_a_late_answer_of_a_call_that_was_given_up_is_followed_by_a_stop() -> None:
