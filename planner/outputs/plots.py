@@ -37,6 +37,7 @@ _AXIS_MARKS = {
     "frames": ("#009E73", "D"),
     "zoom": ("#CC79A7", "v"),
 }
+_RARE = 1e-4  # chances of failure below are drawn here: no trials tell them
 _LEAST = 1e-9  # errors below are drawn here
 _MANY = 300.0  # from end to end of an axis: powers of ten are ticks enough
 
@@ -114,7 +115,7 @@ def task_png(found: TaskTradeoff, spent: Sequence[Spent]) -> bytes:
         error = point.error_um or 0.0
         left.plot(took.cpu_s, error, shape, color=color, markersize=8)
         misses = [
-            max(1 - (chance or 0.0), _LEAST)
+            max(1 - (chance or 0.0), _RARE)
             for chance in (point.success_probability, point.success_lower)
         ]
         right.plot([took.cpu_s] * 2, misses, "-", color=color, linewidth=1.2)
@@ -132,12 +133,13 @@ def task_png(found: TaskTradeoff, spent: Sequence[Spent]) -> bytes:
     left.set_title("one sigma per axis where the last part goes", fontsize=11)
     left.set_ylabel("error [um]")
     right.set_title("1 - P(success), up to silent failures at their bound", fontsize=11)
-    right.set_yscale("log")
     for axes in (left, right):
         axes.set_xscale("log")
+        axes.set_yscale("log")
         axes.set_xlabel("compile time [s of CPU, this machine]")
-        axes.margins(x=0.2)
+        axes.margins(x=0.25, y=0.12)
         axes.grid(visible=True, which="major", alpha=0.35)
+        _ticks(axes)
     figure.suptitle(f"{found.task}: what accuracy costs")
     return _png(figure)
 
