@@ -165,7 +165,7 @@ class _Watching:
         self._note(self._found.fine, self._measured(look, other, counts), look, true)
         if look.id in DIM:
             region, camera = look.measure.region, self._camera.camera
-            more = [camera.grab(region).counts for _ in range(FRAMES - 1)]
+            more = [camera.grab(region, after_s=0.0).counts for _ in range(FRAMES - 1)]
             quiet = replace(other, artifacts=for_means(other.artifacts))
             mean = np.mean([counts, *more], axis=0)
             self._note(self._found.mean, self._measured(look, quiet, mean), look, true)

@@ -137,7 +137,7 @@ class _Linear:
     pixels: int
 
     def move(self, job: Job, pose: Pose, depths: float) -> FloatArray | None:
-        """Return the step, (P + 3,), as far as it is believed; None if none is."""
+        """Return the step, (P + 3,), as far as is believed; None if there is none."""
         move, most = self._solved(job.free.chosen), _deepest(job, pose, depths)
         if move is not None and abs(move[3]) > most:
             # the rest goes to where it belongs at that focus: cut to the same share it

@@ -10,8 +10,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from featuresel.case import LookCase, scene
-from featuresel.disturb import noisier, shifted
+from featuresel.case import LookCase, Turning, scene
+from featuresel.disturb import noisier, shifted, turned
 from featuresel.nominal import nominal_render
 from featuresel.perturb import Trial, design, image, rebuild, still
 from optics.lens import MAX_DISTORTION, LensErrors
@@ -243,6 +243,31 @@ def test_an_occluder_moves_and_the_target_stays(look: Look) -> None:
         > 100 * SHARED
     )
     assert shifted(case.static, "fingers", (2.5, -1.0)) == case.static
+
+
+def test_what_lies_at_any_angle_turns_in_the_trials(look: Look) -> None:
+    case = look("over_shaft")
+    gear = Turning(owner="gear", x_um=3.0, y_um=1.0, sigma_theta_rad=math.pi)
+    known = replace(gear, sigma_theta_rad=0.1)
+    spread = replace(case.spread, turning=(gear, known))
+    loose = replace(case, spread=spread)
+    trials = design(loose, 256, 7)
+    assert tuple(replace(t, turns_rad=()) for t in trials) == design(case, 256, 7)
+    anywhere, near = np.array([t.turns_rad for t in trials]).T
+    # a uniform angle has the mean cosine 0, a normal one cut at 3 sigma .987 sigma
+    assert abs(np.exp(1j * anywhere).mean()) < 4 / math.sqrt(256)
+    assert np.std(near) == pytest.approx(0.0987, rel=4 / math.sqrt(2 * 256))
+    assert np.abs(near).max() <= 0.3
+    one = replace(loose, spread=replace(spread, turning=(gear,)))
+    trial = replace(trials[0], turns_rad=(0.5,))
+    there = replace(case, static=turned(case.static, gear, 0.5))
+    np.testing.assert_array_equal(
+        image(one, trial), image(there, replace(trial, turns_rad=()))
+    )
+    # about its own point: what is there stays there
+    x0, y0, x1, y1 = case.static[0].outline.bounds_um
+    box = turned(case.static, gear, math.pi)[0].outline.bounds_um
+    np.testing.assert_allclose(box, (6 - x1, 2 - y1, 6 - x0, 2 - y0), atol=1e-9)
 
 
 def test_the_true_lens_shifts_the_image_by_the_defocus(look: Look) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from featuresel.case import scene
+from featuresel.case import Turning, scene
 from optics.layer_error import layer_error
 from optics.lensing import lens_scene
 from planner.cases import build_case
@@ -86,6 +86,17 @@ def test_what_is_known_is_in_the_images(task: Task) -> None:
     straight, _ = build_case(task, look(task, "find_shaft"), view, 0.01)
     seen = scene(straight, 0.0, 0.0, 0.0)
     assert lens_scene(seen, straight.microscope, straight.lens, 0.0) is seen
+
+
+def test_a_held_part_stands_above_at_an_angle_that_trials_vary(task: Task) -> None:
+    found = {}
+    for name in ("find_gear", "bring_between", "over_shaft"):
+        request = look(task, name)
+        view = views(task, request, 6.9, Report())[0]
+        found[name] = build_case(task, request, view, 0.01)[0].spread.turning
+    gear = Turning(owner="gear", x_um=0.0, y_um=0.0, sigma_theta_rad=math.pi)
+    # nothing stands above the gear on the stage; fingers have their angle in their tips
+    assert found == {"find_gear": (), "bring_between": (), "over_shaft": (gear,)}
 
 
 def test_partly_coherent_light_moves_no_symmetric_middle(task: Task) -> None:
