@@ -89,6 +89,11 @@ def world() -> str:
     return _page("The simulated world: every key", text, schema, data)
 
 
+def outlines() -> str:
+    """Return the page on what `microplan export --to json` writes."""
+    return _format("outlines", "Predicted outlines", "outlines.json", [])
+
+
 def cli() -> str:
     """Return the page on both programs."""
     text = (
@@ -123,7 +128,7 @@ def diagnostics() -> str:
 
 PAGES: Mapping[str, Callable[[], str]] = {
     "task": task, "workcell": workcell, "station": station, "plan": plan,
-    "world": world, "cli": cli, "diagnostics": diagnostics,
+    "world": world, "outlines": outlines, "cli": cli, "diagnostics": diagnostics,
 }  # fmt: skip
 
 
