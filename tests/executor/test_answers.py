@@ -69,6 +69,11 @@ ASKED: dict[tuple[str, str], Callable[[Motion, Station], object]] = {
 }
 
 
+def rigged(station: Station, device: str, rude: Any) -> Station:
+    """Return the station with another device."""
+    return replace(station, **{device: rude})
+
+
 @pytest.mark.parametrize(("device", "method"), ASKED)
 def test_rubbish_has_a_code(device: str, method: str) -> None:
     station = build_cell(world(), 0).station
@@ -77,9 +82,9 @@ def test_rubbish_has_a_code(device: str, method: str) -> None:
     for answer in RUBBISH:
         if isinstance(answer, right):
             continue
-        rude: Any = Saying(getattr(station, device), method, answer)
+        rude = Saying(getattr(station, device), method, answer)
         with pytest.raises(ExecutorError) as caught:
-            ASKED[device, method](Motion(), replace(station, **{device: rude}))
+            ASKED[device, method](Motion(), rigged(station, device, rude))
         assert caught.value.code in ("MP841", "MP847")
         assert method in caught.value.message or caught.value.code == "MP847"
         assert len(caught.value.message) < 300
@@ -91,9 +96,9 @@ def test_rubbish_has_a_code(device: str, method: str) -> None:
 def test_rubbish_before_a_run_has_a_code(device: str) -> None:
     station = build_cell(world(), 0).station
     for answer in RUBBISH:
-        rude: Any = Saying(getattr(station, device), "reading", answer)
+        rude = Saying(getattr(station, device), "reading", answer)
         with pytest.raises(ExecutorError) as caught:
-            preflight(plan_of(()), replace(station, **{device: rude}))
+            preflight(plan_of(()), rigged(station, device, rude))
         assert caught.value.code in ("MP841", "MP847")
 
 
