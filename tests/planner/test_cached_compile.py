@@ -165,9 +165,9 @@ def test_a_changed_step_asks_anew_for_its_own_look_alone(tmp_path: Path) -> None
         return found
 
     first = keys()
-    change(file, "target: gear, view_um: [0, 0]", "target: gear, view_um: [1, 0]")
+    change(file, "{robot: {x_um: 0, y_um: 0}}", "{robot: {x_um: 1, y_um: 0}}")
     second = keys()
-    assert {step for step in steps if first[step] != second[step]} == {"find_gear"}
+    assert {step for step in steps if first[step] != second[step]} == {"see_fingers"}
 
 
 def test_an_unchanged_task_loads_nothing_that_computes() -> None:
@@ -180,7 +180,7 @@ def test_an_unchanged_task_loads_nothing_that_computes() -> None:
     )
     call = [sys.executable, "-c", script]
     done = subprocess.run(call, capture_output=True, text=True, check=False)
-    assert done.stderr == ""
+    assert done.stderr.strip() == ""
 
 
 def test_the_summary_knows_the_ledgers_unit() -> None:

@@ -20,6 +20,7 @@ def turned(
     *,
     by_rad: float = 0.0,
     map: Callable[..., object] = map,  # noqa: A002 - as the functions call it
+    looks: object = None,
 ) -> Pose:
     """Return a pose turned; its calls are counted."""
     made.append(f"{pose} {by_rad} {map is not None}")
