@@ -90,14 +90,17 @@ def fit_pose(job: Job, start: Pose) -> PoseFit | Failure:
         linear = _linear(job, pose, light, chosen)
         if isinstance(linear, Failure):
             return linear
-        move = linear.move(job, pose, depths)
-        if move is None:
+        step = linear.move(job, pose, depths)
+        if step is None:
             return Failure(code="no_contrast", message="the image tells no pose")
+        move, share = step
         if move[3] * before < 0:  # about focus slopes vanish, and steps go to and fro
             depths /= 2
         before = float(move[3])
         pose, light = _after(job, pose, move), linear.light + move[-3:]
         length = float(move @ linear.normal @ move)
+        if depths == _FAR_DEPTHS:  # a step that is short because it was cut is long
+            length /= share**2
         # steps shrink by squares at the end: the next one over this is, squared too,
         # this one over the last
         least = length * min(1.0, length / shorter) ** 2
@@ -118,9 +121,10 @@ def step_once(job: Job, start: Pose) -> PoseFit | Failure:
     linear = _linear(job, start, None, chosen)
     if isinstance(linear, Failure):
         return linear
-    move = linear.move(job, start, _FAR_DEPTHS)
-    if move is None:
+    step = linear.move(job, start, _FAR_DEPTHS)
+    if step is None:
         return Failure(code="no_contrast", message="the image tells no pose")
+    move, _ = step
     end = _after(job, start, move)
     return linear.after(move).result(job, end, linear.light + move[-3:])
 
@@ -136,16 +140,25 @@ class _Linear:
     used: float
     pixels: int
 
-    def move(self, job: Job, pose: Pose, depths: float) -> FloatArray | None:
-        """Return the step, (P + 3,), as far as is believed; None if there is none."""
-        move, most = self._solved(job.free.chosen), _deepest(job, pose, depths)
-        if move is not None and abs(move[3]) > most:
-            # the rest goes to where it belongs at that focus: cut to the same share it
-            # would seem to have settled
-            move = self._solved(job.free.chosen, math.copysign(most, move[3]))
-        if move is None:
+    def move(
+        self, job: Job, pose: Pose, depths: float
+    ) -> tuple[FloatArray, float] | None:
+        """Return the step, (P + 3,), and the share of it that may be believed.
+
+        The step is cut to that; None if there is none.
+        """
+        pick = np.flatnonzero(job.free.chosen)
+        move = np.zeros(job.free.numbers + 3)
+        try:
+            move[pick] = np.linalg.solve(
+                self.normal[np.ix_(pick, pick)], self.right[pick]
+            )
+        except np.linalg.LinAlgError:
             return None
-        move *= _shortened(job, move)
+        if not np.isfinite(move).all():
+            return None
+        share = _shortened(job, pose, move, depths)
+        move *= share
         # the focus stays where planes are, its square positive
         after = _after(job, pose, move)
         move[3] = job.focus(after) - job.focus(pose)
@@ -153,21 +166,7 @@ class _Linear:
             move[5] = after.veiling.focus_um - pose.veiling.focus_um
             move[6] = after.veiling.core - pose.veiling.core
             move[POSE:-3] = _sways(job, after.veiling) - _sways(job, pose.veiling)
-        return move
-
-    def _solved(
-        self, chosen: BoolArray, focus: float | None = None
-    ) -> FloatArray | None:
-        """Return the step to the minimum, (P + 3,), at a step of the focus if given."""
-        pick, move = chosen.copy(), np.zeros(len(self.right))
-        if focus is not None:
-            pick[3], move[3] = False, focus
-        right = self.right - self.normal @ move
-        try:
-            move[pick] = np.linalg.solve(self.normal[np.ix_(pick, pick)], right[pick])
-        except np.linalg.LinAlgError:
-            return None
-        return move if np.isfinite(move).all() else None
+        return move, share
 
     def after(self, move: FloatArray) -> _Linear:
         """Return the problem with chi squared as a step leaves it."""
@@ -242,16 +241,13 @@ def _together(seen: list[Seen]) -> Seen:
     )
 
 
-def _shortened(job: Job, move: FloatArray) -> float:
+def _shortened(job: Job, pose: Pose, move: FloatArray, depths: float) -> float:
     """Return what a step is cut to: farther, the slopes no longer hold."""
     far = _moved_px(job, math.hypot(move[0], move[1]), move[2], move[4])
-    return float(1 / max(1.0, far / _FAR_PX))
-
-
-def _deepest(job: Job, pose: Pose, depths: float) -> float:
-    """Return the most that a step may change the focus, or its square."""
     most = depths * job.looks.step_um
-    return most * (2 * abs(pose.z_um) + most) if job.squared else most
+    if job.squared:
+        most *= 2 * abs(pose.z_um) + most
+    return float(1 / max(1.0, far / _FAR_PX, abs(move[3]) / most))
 
 
 def _after(job: Job, pose: Pose, move: FloatArray) -> Pose:
