@@ -65,7 +65,11 @@ def has(shell: str) -> pytest.MarkDecorator:
 
 
 @has("bash")
-@pytest.mark.parametrize(("typed", "offered"), OFFERS, ids=lambda v: " ".join(v))
+@pytest.mark.parametrize(
+    ("typed", "offered"),
+    OFFERS,
+    ids=lambda v: " ".join(sorted(v) if isinstance(v, set) else v),
+)
 def test_bash_offers(typed: list[str], offered: set[str], scripts: Path) -> None:
     script = scripts / f"{typed[0]}.bash"
     done = subprocess.run(
@@ -79,7 +83,11 @@ def test_bash_offers(typed: list[str], offered: set[str], scripts: Path) -> None
 
 
 @has("fish")
-@pytest.mark.parametrize(("typed", "offered"), OFFERS, ids=lambda v: " ".join(v))
+@pytest.mark.parametrize(
+    ("typed", "offered"),
+    OFFERS,
+    ids=lambda v: " ".join(sorted(v) if isinstance(v, set) else v),
+)
 def test_fish_offers(typed: list[str], offered: set[str], scripts: Path) -> None:
     script, line = scripts / f"{typed[0]}.fish", " ".join(typed)
     done = subprocess.run(
@@ -95,7 +103,7 @@ def test_fish_offers(typed: list[str], offered: set[str], scripts: Path) -> None
 @pytest.mark.parametrize(
     ("typed", "offered"),
     [offer for offer in OFFERS if len(offer[1]) == 1],
-    ids=lambda v: " ".join(v),
+    ids=lambda v: " ".join(sorted(v) if isinstance(v, set) else v),
 )
 def test_zsh_types_the_rest(
     typed: list[str], offered: set[str], scripts: Path, tmp_path: Path

@@ -11,6 +11,7 @@ from __future__ import annotations
 import re
 import runpy
 import shlex
+import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -75,10 +76,22 @@ def calls(body: str) -> Iterator[tuple[str, tuple[str, ...]]]:
 def run(command: str) -> int:
     """Return the exit status of a command, run in this process."""
     program, *words = shlex.split(command, comments=True)
-    if program == "python":
-        runpy.run_path(words[0], run_name="__main__")
-        return 0
-    return PROGRAMS[program](words)
+    return _python(words) if program == "python" else PROGRAMS[program](words)
+
+
+def _python(words: list[str]) -> int:
+    """Return the exit status of a script, or of a module behind -m."""
+    before, sys.argv = sys.argv, words[words[0] == "-m" :]
+    try:
+        if words[0] == "-m":
+            runpy.run_module(words[1], run_name="__main__", alter_sys=True)
+        else:
+            runpy.run_path(words[0], run_name="__main__")
+    except SystemExit as leaving:
+        return int(leaving.code or 0)
+    finally:
+        sys.argv = before
+    return 0
 
 
 def change(file: Path, body: str) -> None:
@@ -92,8 +105,16 @@ def change(file: Path, body: str) -> None:
 
 
 def alike(line: str, other: str) -> bool:
-    """Return whether two lines have the same words and nearly the same numbers."""
-    if NUMBER.sub("#", line).split() != NUMBER.sub("#", other).split():
+    """Return whether two lines have the same words and nearly the same numbers.
+
+    A line that ends in ` ...` need only begin alike.
+    """
+    words, others = line.split(), other.split()
+    if words[1:] and words[-1] == "...":
+        words.pop()
+        others = others[: len(words)]
+    line, other = " ".join(words), " ".join(others)
+    if NUMBER.sub("#", line) != NUMBER.sub("#", other):
         return False
     pairs = zip(NUMBER.findall(line), NUMBER.findall(other), strict=True)
     return all(
