@@ -24,6 +24,7 @@ from schemas.plan import RoutineUse
 from tests.featuresel.test_contract import pairs, prepared, render, start
 
 VALUES = (0.0, -1.0, 0.5)
+MOST = 30  # ways to spoil a routine that are tried: some have 200
 
 
 def spoilt(good: Artifact) -> Iterator[tuple[str, Artifact]]:
@@ -57,7 +58,9 @@ def test_a_spoilt_routine_answers_or_has_a_code(name: str, kind: TargetKind) -> 
         return
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of numpy, about absurd numbers
-        told = {told_by(name, kind, artifact) for _, artifact in spoilt(good)}
+        cases = [artifact for _, artifact in spoilt(good)]
+        some = cases[:: 1 + len(cases) // MOST]
+        told = {told_by(name, kind, artifact) for artifact in some}
     # nothing can be measured with no numbers at all
     assert {"MP803"} <= told <= {"MP803", "answered"}
 
