@@ -49,13 +49,14 @@ class Front:
         front = pose.veiling
         four, (value, by_focus) = self._heights(front.focus_um)
         seen, slopes = [], []
+        cells = rows * self.light.shape[2] + columns
         for maps, cores, sways in (
             (self.light, self.core_light, self.sway_light),
             (self.through, self.core_through, self.sway_through),
         ):
             near = self._read(maps[four], pose.zoom, columns, rows)
             core = value @ self._read(cores[four], pose.zoom, columns, rows)
-            swayed = sways[:, rows, columns]
+            swayed = sways.reshape(len(sways), self.light[0].size).take(cells, axis=1)
             shown = value @ near + front.core * core
             if front.sways:
                 shown += np.array(front.sways, np.float32) @ swayed
