@@ -14,6 +14,7 @@ from scipy import stats
 from planner.checks.budget import grasp_budget
 from planner.diagnostics import Report
 from planner.inputs.task import Step, Task
+from planner.model import holding
 from planner.model.assembly import Axis4, State, initial, with_part
 from planner.model.holding import between_jaws, grasp, settled_sigma_rad
 from schemas.pose import Pose
@@ -112,3 +113,12 @@ def test_the_budget_of_a_grasp_is_that_of_its_check(
     assert budget.success_probability == pytest.approx(
         place.cdf(half_um) - place.cdf(-half_um), abs=1e-12
     )
+
+
+@pytest.mark.parametrize("noise_rad", [0.0, 1e-12, -1e-12])
+def test_midway_between_two_turns_jaws_close_on_the_clockwise_one(
+    noise_rad: float,
+) -> None:
+    """As the example's gear lies: 18 teeth, a flank at 10 degrees to either side."""
+    turns = (math.radians(10), math.radians(-10))
+    assert holding._nearest(turns, noise_rad) == pytest.approx(-math.radians(10))
