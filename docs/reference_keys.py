@@ -9,7 +9,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 Rule = Mapping[str, Any]
-Place = tuple[str, ...]  # keys from the top; NAME is any key, [] any entry
+# keys from the top; NAME is any key but those behind it, [] any entry of a list
+Place = tuple[str, ...]
 
 HEADS = ("key", "type", "unit", "default", "range", "meaning", "example")
 MOST_PLACES = 3  # of one table that are named
@@ -95,7 +96,8 @@ def _below(rule: Rule) -> Iterator[tuple[Place, Rule]]:
     for key, inner in rule.get("properties", {}).items():
         yield (key,), inner
     if isinstance(rule.get("additionalProperties"), dict):
-        yield ("NAME",), rule["additionalProperties"]
+        others = " ".join(("NAME", *rule.get("properties", {})))
+        yield (others,), rule["additionalProperties"]
     if isinstance(rule.get("items"), dict):
         yield ("[]",), rule["items"]
     if "then" in rule and "type" not in rule:  # null, or this
@@ -148,7 +150,8 @@ def _title(table: Table) -> str:
 
 def _path(place: Place) -> str:
     """Return a place as it is written: steps[].move[]."""
-    return ".".join(place).replace(".[]", "[]") or "the file"
+    shown = (key.partition(" ")[0] for key in place)
+    return ".".join(shown).replace(".[]", "[]") or "the file"
 
 
 def _key_row(
@@ -190,8 +193,9 @@ def _sample(data: Any, place: Place) -> Any:
     inner: list[Any] = []
     if key == "[]" and isinstance(data, list):
         inner = data
-    elif key == "NAME" and isinstance(data, dict):
-        inner = list(data.values())
+    elif key.startswith("NAME") and isinstance(data, dict):
+        named = key.split()[1:]  # which have rules of their own
+        inner = [value for name, value in data.items() if name not in named]
     elif isinstance(data, dict) and key in data:
         inner = [data[key]]
     found = (_sample(value, rest) for value in inner)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import subprocess
 import sys
@@ -40,7 +41,10 @@ def rows(name: str) -> list[list[str]]:
 
 def test_the_pages_are_what_the_generator_writes() -> None:
     words = [sys.executable, "docs/reference.py", "--check"]
-    done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False)
+    env = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(
+        words, cwd=ROOT, env=env, capture_output=True, text=True, check=False
+    )
     assert done.stdout + done.stderr == ""
     assert done.returncode == 0
 
