@@ -63,7 +63,7 @@ def build_case(
         limit=max_image_error,
         window=view.region,
     )
-    lamp = _lamp(task.workcell, shown, view, max_image_error)
+    lamp = _lamp(task.workcell, shown, view, max_image_error, memo)
     case = LookCase(
         key=f"{task.name}/{request.id}@{scope.magnification:.6g}",
         static=static,
@@ -146,13 +146,14 @@ def feature_case(
 
 
 def _lamp(
-    cell: Workcell, shown: Scene, view: ViewPlan, max_image_error: float
+    cell: Workcell, shown: Scene, view: ViewPlan, max_image_error: float, memo: Memo
 ) -> float | None:
     """Return the lamp's aperture if leaving its shade out would cost too much."""
     aperture = lamp_aperture(cell, view.microscope)
     if aperture is None:
         return None
-    error = shade_error(
+    error = memo.call(
+        shade_error,
         shown,
         view.microscope,
         focus_um=view.focus_um,

@@ -6,6 +6,7 @@ from featuresel.case import scene
 from optics.layer_error import TREATMENTS, LayerChoice, LayerRefusal, layer_error
 from optics.ledger import Imaged, ledger
 from optics.lensing import lens_scene
+from planner.caching.memo import EVERY_TIME, Memo
 from planner.inputs.task import Task
 from planner.lens import NM_PER_UM, lamp_aperture, lens_rows
 from planner.model.requests import Request
@@ -14,12 +15,15 @@ from planner.tried import Tried
 from schemas import plan as p
 
 
-def effect_rows(task: Task, request: Request, tried: Tried) -> tuple[p.EffectRow, ...]:
+def effect_rows(
+    task: Task, request: Request, tried: Tried, memo: Memo = EVERY_TIME
+) -> tuple[p.EffectRow, ...]:
     """Return the effects ledger of a look."""
     case, shape = tried.case, needed_shape(task, request)
     spot = spot_of(task, request, shape)
-    rows = ledger(
-        _imaged(task, tried),
+    rows = memo.call(
+        ledger,
+        _imaged(task, tried, memo),
         lens_rows(task, request.state, shape, spot, case.microscope),
         shift_limit_nm=NM_PER_UM * case.tolerance_um,
     )
@@ -36,14 +40,15 @@ def effect_rows(task: Task, request: Request, tried: Tried) -> tuple[p.EffectRow
     )
 
 
-def _imaged(task: Task, tried: Tried) -> Imaged:
+def _imaged(task: Task, tried: Tried, memo: Memo) -> Imaged:
     """Return the nominal image of a look, and how it is computed."""
     case, limit = tried.case, tried.fidelity.limit
     shown = lens_scene(
         scene(case, 0.0, 0.0, 0.0), case.microscope, case.lens, case.focus_um
     )
     errors = {
-        treatment: layer_error(
+        treatment: memo.call(
+            layer_error,
             shown,
             case.microscope,
             focus_um=case.focus_um,

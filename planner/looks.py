@@ -292,7 +292,7 @@ class _Job:
                 target=shape.name,
                 view=view,
                 scene=scene_record(task, request, case, shape, name, image),
-                effects=effect_rows(task, request, tried),
+                effects=effect_rows(task, request, tried, self.effects.memo),
                 measure=first,
                 evidence=evidence(
                     found[0].tried, found[0].chosen, rows, case.tolerance_um
