@@ -1,12 +1,14 @@
 """Verdicts of the gear-on-shaft example for thinner and thicker pins.
 
-`python -m benchmarks.pins` prints the table of docs/verdicts.md. Looks are those of the
-golden plan at preset `fast`: a pin's own diameter moves their sigmas by less than the
-other terms. Tolerances, methods and chances are worked out anew for every pin.
+`python -m benchmarks.pins PLAN` prints the table of docs/verdicts.md. Looks are those
+of the plan, by default the golden one at preset `fast`: a pin's own diameter moves
+their sigmas by less than the other terms. Tolerances, methods and chances are worked
+out anew for every pin.
 """
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -153,7 +155,8 @@ def main() -> None:
     task = load_task(str(TASK), report)
     if task is None:
         raise SystemExit([d.message for d in report.found])
-    plan = parse_plan(GOLDEN.read_text(encoding="utf-8"))
+    path = Path(sys.argv[1]) if len(sys.argv) > 1 else GOLDEN
+    plan = parse_plan(path.read_text(encoding="utf-8"))
     found = tuple(verdict(task, plan, pin_um) for pin_um in PINS_UM)
     print(table(found))
     print()
