@@ -15,6 +15,10 @@ from tests.featuresel.fits import Drawn, artifact, case, job, render
 FloatArray = npt.NDArray[np.float64]
 
 REACH_UM = 12.0  # three deviations of the focus
+IMAGE = 1e-6  # that outlines transformed in single precision cost an image
+# A slope S(off shown) / (S off^2 + n d^2) of n images, each off by IMAGE, errs by up to
+# IMAGE / 2 d: d is `fronts._DOUBT`. It acts on `off`, 4 d at most where it is that bad.
+SLOPE = IMAGE / (2 * 0.02)
 
 
 def front(name: str) -> Front:
@@ -59,7 +63,7 @@ def test_images_are_the_target_alone_behind_a_veil(
         noise = np.sqrt(look.camera.variance(image))
         assert (np.abs(shown - image) < 0.1 * noise).all()
         if z_um == 0 and zoom == 1:  # a height of the maps
-            assert np.abs(shown - image).max() < 1e-6
+            assert np.abs(shown - image).max() < 2 * IMAGE + SLOPE * 4 * 0.02
 
 
 def test_the_share_let_through_is_the_veils_where_the_target_does_not_vary() -> None:
@@ -68,7 +72,7 @@ def test_the_share_let_through_is_the_veils_where_the_target_does_not_vary() -> 
     pose = Drawn().pose(case("between"))
     found = front("between").plain(pose, columns, rows)[1].reshape(veil.through.shape)
     assert veil.through.min() < 0.5 < veil.through.max()
-    np.testing.assert_allclose(found, veil.through, atol=1e-6)
+    np.testing.assert_allclose(found, veil.through, atol=SLOPE)
 
 
 def test_fronts_focus_beyond_the_heights_is_that_of_the_last() -> None:

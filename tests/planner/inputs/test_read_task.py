@@ -339,7 +339,7 @@ def test_the_example_is_read_as_it_stands(folder: Path) -> None:
     assert task.mate is not None
     assert (task.mate.hole, task.mate.shaft) == ("gear.bore", "shaft_plate.post")
     assert task.steps[3].tool == "tweezers"
-    assert task.steps[1].move[2].to.z_um == 30
+    assert task.steps[1].move[2].to.z_um == 40
     assert task.steps[1].move[2].to.x_um is None
     blocked = task.steps[8].if_blocked
     assert blocked is not None

@@ -93,8 +93,8 @@ def test_everything_is_where_the_task_puts_it(
 
 def test_the_gear_keeps_its_height_relative_to_the_tool() -> None:
     _, state = after("lift")
-    assert state.parts["gear"].z_um == -30  # the jaws hold it 30 um above its underside
-    assert state.robot.z_um == 30
+    assert state.parts["gear"].z_um == -40  # the jaws hold it 40 um above its underside
+    assert state.robot.z_um == 40
 
 
 def test_the_gear_ends_on_the_plate_around_the_post() -> None:
@@ -223,7 +223,7 @@ def test_a_wide_start_needs_x_first_and_a_narrow_one_does_not(tmp_path: Path) ->
 
 def test_every_path_blocked_is_refused_and_says_so(tmp_path: Path) -> None:
     file = copy_example(tmp_path / "task")
-    change(file, "{robot: {z_um: 30}}]}", "{robot: {z_um: 30}}, {stage: {y_um: 180}}]}")
+    change(file, "{robot: {z_um: 40}}]}", "{robot: {z_um: 40}}, {stage: {y_um: 180}}]}")
     report = Report()
     unfold(read(file), report)
     assert {d.code for d in beyond_notes(report)} == {"MP303"}
