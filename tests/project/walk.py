@@ -84,6 +84,7 @@ def _python(words: list[str]) -> int:
     before, sys.argv = sys.argv, words[words[0] == "-m" :]
     try:
         if words[0] == "-m":
+            sys.modules.pop(f"{words[1]}.__main__", None)  # imported by another test
             runpy.run_module(words[1], run_name="__main__", alter_sys=True)
         else:
             runpy.run_path(words[0], run_name="__main__")

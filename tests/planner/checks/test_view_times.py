@@ -84,8 +84,8 @@ def test_a_step_waits_for_its_moves_and_an_alignment_for_its_approach(
     named = {state.step.id: state for state in states}
     assert approach_times(task, named["find_gear"]) == ()  # it lies there
     fingers = approach_times(task, named["see_fingers"])
-    # stage 250 um; robot 3000 um at 5000 um/s; down 370 um at 2000 um/s
-    moves_s = (0.25 + 0.15, 0.6 + 0.15, 0.185 + 0.15)
+    # stage 250 um; robot 3000 um at 5000 um/s; down 360 um at 2000 um/s
+    moves_s = (0.25 + 0.15, 0.6 + 0.15, 0.18 + 0.15)
     assert total(fingers) == pytest.approx(sum(moves_s))
     brought = approach_times(task, named["bring_between"])
     # the stage goes those 250 um back, in y
