@@ -87,6 +87,7 @@ def compile_look(
     report: Report,
     *,
     once: bool = False,
+    known: Looks | None = None,
 ) -> CompiledLook | None:
     """Return the look, None if there is a reason why it cannot be done.
 
@@ -95,14 +96,15 @@ def compile_look(
     together. `current` is the magnification that the microscope is at. Before leaving
     the one preferred, what the insertion after the look bears is tried there: another
     zoom would cost it a parcentric jump. With `once` only the first magnification and
-    the target are tried.
+    the target are tried. `known` is what a contest over the look has shown already.
     """
     settings = views(task, request, current, report)
     if not settings:
         return None
     settings = settings[:1] if once else settings
     refused: list[ZoomTried] = []
-    job = _Job(task, request, needed_shape(task, request), effects, refused, Looks())
+    shape, known = needed_shape(task, request), known or Looks()
+    job = _Job(task, request, shape, effects, refused, known)
     for view in settings:
         tried, found = job.alone(view)
         if tried.selection.chosen is not None:
@@ -125,6 +127,14 @@ def compile_look(
         refused.append(_refused(view, advice))
     _report_failure(request, view, tried, advice, report)
     return None
+
+
+def look_at_first(
+    task: Task, request: Request, effects: Effects, view: ViewPlan, known: Looks
+) -> None:
+    """Hold the first contest over a look; `known` takes what it shows."""
+    shape = needed_shape(task, request)
+    _Job(task, request, shape, effects, (), known).alone(view)
 
 
 @dataclass(frozen=True, slots=True)
