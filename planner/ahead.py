@@ -9,12 +9,11 @@ from dataclasses import dataclass, field, replace
 from multiprocessing.synchronize import Event
 from typing import TypeVar
 
-from featuresel.known import Looks
 from planner.coarse_looks import compile_looks
 from planner.control import tolerance_um
 from planner.diagnostics import Diagnostic, Report
 from planner.inputs.task import Task
-from planner.looks import CompiledLook, Effects, look_at_first
+from planner.looks import Begun, CompiledLook, Effects, look_at_first
 from planner.model.requests import Request, insertion_after, requests
 from planner.model.sightings import views
 from planner.model.steps import StepState
@@ -43,7 +42,7 @@ class _Made:
     """What another process made of it."""
 
     looks: tuple[CompiledLook, ...]  # of all of it; none where it was only begun
-    known: Looks  # what the first contest showed, where it was
+    known: Begun  # what the first contest showed, where it was
     findings: tuple[Diagnostic, ...]
     took_s: float
 
@@ -165,7 +164,7 @@ def _serves(asked: _Asked, task: Task, request: Request, current: float) -> bool
 
 def _make(task: Task, asked: _Asked, effects: Effects) -> _Made:
     """Compile a look, or begin to."""
-    started, report, known = time.perf_counter(), Report(), Looks()
+    started, report, known = time.perf_counter(), Report(), Begun()
     looks: tuple[CompiledLook, ...] = ()
     if asked.begun:
         look_at_first(task, asked.request, effects, asked.settings[0], known)

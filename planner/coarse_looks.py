@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from featuresel.known import Looks
 from planner.checks.view_times import centre_times
 from planner.diagnostics import Report
 from planner.inputs.task import Task
-from planner.looks import CompiledLook, Effects, compile_look
+from planner.looks import Begun, CompiledLook, Effects, compile_look
 from planner.model.coarse import (
     MAY_HELP,
     Sighting,
@@ -32,7 +31,7 @@ def compile_looks(
     current: float,
     report: Report,
     *,
-    known: Looks | None = None,
+    known: Begun | None = None,
 ) -> tuple[CompiledLook, ...]:
     """Return what a request is looked at by: one look, or a coarse one and a fine one.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from featuresel.bias_prediction import predict_bias
 from featuresel.case import LookCase
@@ -12,6 +12,7 @@ from featuresel.contest import Contest, compete
 from featuresel.known import Looks
 from featuresel.trials import Map
 from featuresel.usable import usable_range
+from optics.fidelity import Fidelity
 from planner.caching.memo import EVERY_TIME, Memo
 from planner.cases import build_case
 from planner.checks.views import view_verdict
@@ -79,6 +80,34 @@ class CompiledLook:
     shot: Shot | None = None  # what reports show of it
 
 
+@dataclass(frozen=True, slots=True)
+class Begun:
+    """What is known of a look, whatever it has to meet; grows, and changes no result.
+
+    Demands differ in the place's tolerance and in where that comes from.
+    """
+
+    looks: Looks = field(default_factory=Looks)  # what the last contest showed
+    cases: list[tuple[Request, ViewPlan, LookCase, Fidelity]] = field(
+        default_factory=list
+    )
+
+    def case(
+        self, task: Task, request: Request, view: ViewPlan, limit: float, memo: Memo
+    ) -> tuple[LookCase, Fidelity]:
+        """Return what `planner.cases.build_case` does."""
+        bare = replace(
+            request, tolerance_um=None, asked_by="", borne_um=None, worth_um=None
+        )
+        for asked, seen, case, fidelity in self.cases:
+            if (asked, seen) == (bare, view):
+                tolerance_um = request.tolerance_um or view.microscope.um_per_px
+                return replace(case, tolerance_um=tolerance_um), fidelity
+        case, fidelity = build_case(task, request, view, limit, memo)
+        self.cases.append((bare, view, case, fidelity))
+        return case, fidelity
+
+
 def compile_look(
     task: Task,
     request: Request,
@@ -87,7 +116,7 @@ def compile_look(
     report: Report,
     *,
     once: bool = False,
-    known: Looks | None = None,
+    known: Begun | None = None,
 ) -> CompiledLook | None:
     """Return the look, None if there is a reason why it cannot be done.
 
@@ -103,7 +132,7 @@ def compile_look(
         return None
     settings = settings[:1] if once else settings
     refused: list[ZoomTried] = []
-    shape, known = needed_shape(task, request), known or Looks()
+    shape, known = needed_shape(task, request), known or Begun()
     job = _Job(task, request, shape, effects, refused, known)
     for view in settings:
         tried, found = job.alone(view)
@@ -130,7 +159,7 @@ def compile_look(
 
 
 def look_at_first(
-    task: Task, request: Request, effects: Effects, view: ViewPlan, known: Looks
+    task: Task, request: Request, effects: Effects, view: ViewPlan, known: Begun
 ) -> None:
     """Hold the first contest over a look; `known` takes what it shows."""
     shape = needed_shape(task, request)
@@ -146,7 +175,7 @@ class _Job:
     shape: Shape
     effects: Effects
     refused: Sequence[ZoomTried]  # before the one that does
-    looks: Looks  # what the last contest showed
+    begun: Begun
 
     @property
     def is_round(self) -> bool:
@@ -164,7 +193,7 @@ class _Job:
         """Return the choice among all chains for the target, with the trials."""
         effort, limit = self.effects.effort, self.effects.max_image_error
         memo = self.effects.memo
-        case, fidelity = build_case(self.task, self.request, view, limit, memo)
+        case, fidelity = self.begun.case(self.task, self.request, view, limit, memo)
         found = memo.call(
             compete,
             case,
@@ -173,7 +202,7 @@ class _Job:
             thorough=effort.thorough,
             limited=effort.limited,
             map=self.effects.map,
-            looks=self.looks,
+            looks=self.begun.looks,
         )
         return Tried.of(case, fidelity, found), found
 
