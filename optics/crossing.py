@@ -82,6 +82,31 @@ def crossed(
     ]
     tangents = slopes(microscope, _RAYS)
     rows, columns = lattice.shape
+    walk = _ray_by_ray if rows * columns > _AT_ONCE // 2 else _in_bundles
+    lost, sums = walk(faces, tangents, lattice)
+    means = np.concatenate([lost[None], sums.reshape(-1, rows, columns)])
+    means /= len(tangents)
+    # as in `optics.occlusion`: what meets in focus is cut off before it diffracts
+    # what faces without dark send is not needed
+    some = [True, *itertools.chain(*((True, *2 * [f.dark is not None]) for f in faces))]
+    means[some] = blur(means[some], lattice.step_um, microscope, "exact", 0.0)
+    change: FloatArray = -means[0]
+    blended = np.zeros(lattice.shape)
+    for covers, sends, dark in means[1:].reshape(sums.shape):
+        blended = blended * (1 - covers) + sends * dark
+    change += blended
+    return change
+
+
+def _in_bundles(
+    faces: Sequence[_Face], tangents: FloatArray, lattice: Lattice
+) -> tuple[FloatArray, FloatArray]:
+    """Return sums over rays: of what faces send past those above, and of each alone.
+
+    (rows, columns) and (faces, 3, rows, columns): covered, sent, kept dark, the last
+    two 0 where nothing is dark. As many rays at once as the cache holds.
+    """
+    rows, columns = lattice.shape
     block = max(1, _AT_ONCE // (rows * columns))
     lost = np.zeros(lattice.shape)
     sums = np.zeros((len(faces), 3, rows, columns))
@@ -98,18 +123,56 @@ def crossed(
             for k, part in enumerate(parts):
                 total[k] += part[0] if len(part) == 1 else part.sum(axis=0)
         lost += behind.sum(axis=0)
-    means = np.concatenate([lost[None], sums.reshape(-1, rows, columns)])
-    means /= len(tangents)
-    # as in `optics.occlusion`: what meets in focus is cut off before it diffracts
-    # what faces without dark send is not needed
-    some = [True, *itertools.chain(*((True, *2 * [len(v) > 1]) for v in views))]
-    means[some] = blur(means[some], lattice.step_um, microscope, "exact", 0.0)
-    change: FloatArray = -means[0]
-    blended = np.zeros(lattice.shape)
-    for covers, sends, dark in means[1:].reshape(sums.shape):
-        blended = blended * (1 - covers) + sends * dark
-    change += blended
-    return change
+    return lost, sums
+
+
+def _ray_by_ray(
+    faces: Sequence[_Face], tangents: FloatArray, lattice: Lattice
+) -> tuple[FloatArray, FloatArray]:
+    """Return the same for many points: one ray at a time, what is even not at all."""
+    lost = np.zeros(lattice.shape)
+    behind, part = (np.empty(lattice.shape, dtype=np.float32) for _ in range(2))
+    views = [_views(face, lattice) for face in faces]
+    full = [bool(face.covers.min() == 1) for face in faces]
+    met = [_met(face, tangents, lattice) for face in faces]
+    for ray in range(len(tangents)):
+        empty = True  # nothing is sent so far
+        for seen, hides, at in zip(views, full, met, strict=True):
+            covers, *shaded = (view[at[0][ray], at[1][ray]] for view in seen)
+            empty = empty or hides
+            if not empty:
+                np.subtract(1, covers, out=part)
+                behind *= part
+            if shaded:
+                sends, dark = shaded
+                np.multiply(sends, dark, out=behind if empty else part)
+                if not empty:
+                    behind += part
+                empty = False
+        if not empty:
+            lost += behind
+    sums = np.zeros((len(faces), 3, *lattice.shape))
+    for face, at, total in zip(faces, met, sums, strict=True):
+        for k, values in enumerate(_arrays(face)):
+            total[k] = _sum_met(values, at, lattice.shape)
+    return lost, sums
+
+
+def _sum_met(
+    values: Float32Array,
+    at: tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]],
+    shape: tuple[int, int],
+) -> FloatArray | float:
+    """Return the sum over rays of what they meet of a face, (rows, columns)."""
+    least = values.min()
+    if least == values.max():
+        return float(least) * at[0].size
+    places, count = np.unique(np.stack(at), axis=1, return_counts=True)
+    wide, total = values.astype(np.float64), np.zeros(shape)
+    for row, column, times in zip(*places, count, strict=True):
+        part = wide[row : row + shape[0], column : column + shape[1]]
+        total += part if times == 1 else times * part
+    return total
 
 
 def _whole(face: _Face, known: Collection[float]) -> _Face:
@@ -156,9 +219,12 @@ def _face(
     """Return layers of one height, or the plane below if there are none."""
     reflectance, z_um = plane
     wide = _wide(lattice, microscope, z_um - focus_um)
-    covers = np.zeros(wide.shape) if layers else np.ones(wide.shape)
-    sends = reflectance * covers
-    for layer in layers:
+    covers, sends = np.ones(wide.shape), np.full(wide.shape, reflectance)
+    if layers:
+        own = wide.held_cells(layers[0])
+        covers = own.astype(np.float64)
+        sends = (layers[0].reflectance * own).astype(np.float64)
+    for layer in layers[1:]:
         own = wide.held_cells(layer)
         covers, sends = covers * (1 - own) + own, sends * (1 - own)
         sends += layer.reflectance * own
@@ -200,7 +266,12 @@ def _views(face: _Face, lattice: Lattice) -> list[Float32Array]:
 
     (by rows, by columns, rows, columns); the first alone where nothing is dark.
     """
-    arrays = [face.covers]
-    if face.dark is not None:
-        arrays += [face.sends, face.dark]
-    return [np.lib.stride_tricks.sliding_window_view(a, lattice.shape) for a in arrays]
+    shape = lattice.shape
+    return [np.lib.stride_tricks.sliding_window_view(a, shape) for a in _arrays(face)]
+
+
+def _arrays(face: _Face) -> list[Float32Array]:
+    """Return what a face covers, and what it sends and keeps dark if anything is."""
+    if face.dark is None:
+        return [face.covers]
+    return [face.covers, face.sends, face.dark]

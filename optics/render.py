@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +16,7 @@ from optics.microscope import Microscope
 from optics.models import find_model
 from optics.parts import make_part
 from optics.prepared import prepare
+from optics.recent import Recent
 from optics.sampling import Sampling
 from optics.scene import Illumination, Layer, Scene, Window
 from optics.views import Range, View, full
@@ -23,6 +25,7 @@ FloatArray = npt.NDArray[np.float64]
 
 _USUAL = Sampling()
 _SINGLE = Sampling(single=True)
+_RECENT_BYTES = 1 << 24  # of blurred layers: images of one pose beside other things
 
 
 def render(
@@ -105,6 +108,9 @@ class Covered:
     coverage: FloatArray  # (rows, columns), 0..1 but for errors of band and margin
 
 
+_RECENT: Recent[Covered] = Recent(_RECENT_BYTES, lambda found: found.coverage.nbytes)
+
+
 def cover(
     layers: Sequence[Layer],
     microscope: Microscope,
@@ -115,30 +121,47 @@ def cover(
     shift_um: tuple[float, float] = (0.0, 0.0),
     sampling: Sampling = _USUAL,
 ) -> tuple[Covered, ...]:
-    """Return layers blurred, for images that share them; arguments as in `render`."""
+    """Return layers blurred, for images that share them; arguments as in `render`.
+
+    Their coverage is not to be changed: what was asked for not long ago is given again.
+    """
     find_model(model)
     _check((focus_um,), shift_um)
     frame = window or full(microscope)
-    reach = Range(focus_um=(focus_um, focus_um))
+    settings = (microscope, focus_um, model, frame, shift_um, sampling)
+    return tuple(
+        _RECENT.get((layer, *settings), partial(_covered, layer, *settings))
+        for layer in layers
+    )
+
+
+def _covered(
+    layer: Layer,
+    microscope: Microscope,
+    focus_um: float,
+    model: str,
+    frame: Window,
+    shift_um: tuple[float, float],
+    sampling: Sampling,
+) -> Covered:
+    """Return one layer blurred."""
+    part = make_part(
+        layer,
+        to_edges(layer.outline),
+        microscope,
+        reach=Range(focus_um=(focus_um, focus_um)),
+        model=model,
+        window=frame,
+        sampling=sampling,
+        shift_um=shift_um,
+    )
+    coverage = np.zeros((frame.rows, frame.columns))
     view = View(microscope=microscope, focus_um=focus_um)
-    found = []
-    for layer in layers:
-        part = make_part(
-            layer,
-            to_edges(layer.outline),
-            microscope,
-            reach=reach,
-            model=model,
-            window=frame,
-            sampling=sampling,
-            shift_um=shift_um,
-        )
-        coverage = np.zeros((frame.rows, frame.columns))
-        patch = None if part is None else part.patch(frame, view)
-        if patch is not None:
-            coverage[patch.rows, patch.columns] = patch.coverage
-        found.append(Covered(layer=layer, coverage=coverage))
-    return tuple(found)
+    patch = None if part is None else part.patch(frame, view)
+    if patch is not None:
+        coverage[patch.rows, patch.columns] = patch.coverage
+    coverage.setflags(write=False)
+    return Covered(layer=layer, coverage=coverage)
 
 
 def render_stack(

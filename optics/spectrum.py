@@ -14,8 +14,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy import fft
 
-from optics.clip import Box, Edges, clip
+from optics.clip import Box, Edges, clip, to_edges
 from optics.outline import Outline
+from optics.recent import Recent
 from optics.spreading import deposit, grid_size, kernel_transforms, spread
 
 FloatArray = npt.NDArray[np.float64]
@@ -27,6 +28,10 @@ _RULES = tuple(
     (limit, *np.polynomial.legendre.leggauss(size))
     for size, limit in ((2, 0.04), (4, 0.7), (8, 4.2), (16, 15.0), (32, 40.0))
 )
+
+
+# Looks ask for the same layers at several heights and beside different things.
+_RECENT_BYTES = 1 << 26
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,6 +86,9 @@ class Spectrum:
         return Spectrum(tile=self.tile, values=self.values[rows, : j + 1])
 
 
+_RECENT: Recent[Spectrum] = Recent(_RECENT_BYTES, lambda found: found.values.nbytes)
+
+
 def band_orders(tile: Tile, f_per_um: float) -> tuple[int, int]:
     """Return the highest orders along x and y up to a frequency, cycles/um."""
     return (math.floor(f_per_um * tile.width_um), math.floor(f_per_um * tile.height_um))
@@ -130,7 +138,20 @@ def spectrum(
     """
     if not (cut_per_um >= 0 and math.isfinite(cut_per_um)):
         raise ValueError(f"cut_per_um must be finite and >= 0, got {cut_per_um}")
-    edges = clip(outline, tile.box if box is None else box)
+    edges = outline if isinstance(outline, Edges) else to_edges(outline)
+    asked = (edges.segments.tobytes(), edges.arcs.tobytes(), tile, cut_per_um, box)
+    return _RECENT.get(
+        (*asked, single),
+        lambda: _transformed(
+            clip(edges, box or tile.box), tile, cut_per_um, single=single
+        ),
+    )
+
+
+def _transformed(
+    edges: Edges, tile: Tile, cut_per_um: float, *, single: bool
+) -> Spectrum:
+    """Return the coefficients of edges within a tile, not to be changed."""
     share = edges.area_um2 / (tile.width_um * tile.height_um)
     if abs(share) < 1e-12 or abs(share - 1) < 1e-12:  # nothing, or all of the tile
         return Spectrum(tile=tile, values=np.full((1, 1), round(share) + 0j))
@@ -141,6 +162,7 @@ def spectrum(
         values = np.empty(shape, dtype=np.complex64)
     _fill(values, boundary_nodes(edges, cut_per_um), tile)
     values[0, 0] = share
+    values.setflags(write=False)
     return Spectrum(tile=tile, values=values)
 
 

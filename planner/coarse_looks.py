@@ -8,7 +8,7 @@ from dataclasses import replace
 from planner.checks.view_times import centre_times
 from planner.diagnostics import Report
 from planner.inputs.task import Task
-from planner.looks import CompiledLook, Effects, compile_look
+from planner.looks import Begun, CompiledLook, Effects, compile_look
 from planner.model.coarse import (
     MAY_HELP,
     Sighting,
@@ -25,15 +25,22 @@ from schemas.views import TimeRow
 
 
 def compile_looks(
-    task: Task, request: Request, effects: Effects, current: float, report: Report
+    task: Task,
+    request: Request,
+    effects: Effects,
+    current: float,
+    report: Report,
+    *,
+    known: Begun | None = None,
 ) -> tuple[CompiledLook, ...]:
     """Return what a request is looked at by: one look, or a coarse one and a fine one.
 
     Empty if there is a reason why it cannot be done, which is reported. `current` is
-    the magnification that the microscope is at.
+    the magnification that the microscope is at, `known` what a contest has shown of a
+    single look already.
     """
     plain = Report()
-    look = compile_look(task, request, effects, current, plain)
+    look = compile_look(task, request, effects, current, plain, known=known)
     if look is None:
         codes = {d.code for d in plain.found if d.severity == "infeasible"}
         pair = _pair(task, request, effects, plain, report) if _may(codes) else ()

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import hashlib
 import json
+import multiprocessing
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
+from dataclasses import replace
 from importlib.metadata import version
 
-from featuresel.trials import Map
+from planner.ahead import Ahead, begin, listen
 from planner.checks.insert_budget import share_of_goal
 from planner.diagnostics import Report, Span
 from planner.inputs.second_reader import read_twice
@@ -51,14 +53,14 @@ def compile_task(task: Task, report: Report, options: Options) -> PlanFiles | No
         return None
     preset = options.preset or task.optimise.prefer
     limit = options.max_image_error or task.optimise.image_error(preset)
-    with mapper(options.jobs) as spread:
+    with workers(options.jobs) as pool:
         effects = Effects(
             effort=options.effort or PRESETS[preset],
             max_image_error=limit,
-            map=spread,
+            map=map,
             memo=options.memo,
         )
-        steps, timings = _steps(task, states, effects, report, options.tell)
+        steps, timings = _steps(task, states, effects, report, options.tell, pool)
     plan = build_plan(task, states, steps, report, preset=preset, limit=limit)
     looks = [look for step in steps for look in step.looks]
     return PlanFiles(
@@ -118,13 +120,21 @@ def build_plan(
 
 
 @contextmanager
-def mapper(jobs: int) -> Iterator[Map]:
-    """Yield a `map` that spreads work over `jobs` processes; results keep order."""
+def workers(jobs: int) -> Iterator[ProcessPoolExecutor | None]:
+    """Yield a pool of `jobs` processes, None for a single one.
+
+    What is still under way at the end is not wanted any more.
+    """
     if jobs <= 1:
-        yield map
+        yield None
         return
-    with ProcessPoolExecutor(jobs) as pool:
-        yield pool.map
+    unwanted = multiprocessing.Event()
+    with ProcessPoolExecutor(jobs, initializer=listen, initargs=(unwanted,)) as pool:
+        try:
+            yield pool
+        finally:
+            unwanted.set()
+            pool.shutdown(cancel_futures=True)
 
 
 def _steps(
@@ -133,20 +143,27 @@ def _steps(
     effects: Effects,
     report: Report,
     tell: Callable[[int, int, str], None],
+    pool: ProcessPoolExecutor | None,
 ) -> tuple[list[CompiledStep], dict[str, float]]:
     """Return the steps up to the first that cannot be done, and their times.
 
-    `tell` is told how many steps are done, of how many, and which one comes next.
+    `tell` is told how many steps are done, of how many, and which one comes next. Looks
+    are compiled in the processes of a `pool`; a step's time is what it takes wherever.
     """
     low, _ = task.workcell.optics.magnification
+    ahead = Ahead()
+    if pool is not None:
+        ahead = begin(pool, task, states, effects, low)
+        effects = replace(effects, map=pool.map)
     memory = Memory(magnification=low, seen={}, within_um=0.0, key="")
     found: list[CompiledStep] = []
     timings: dict[str, float] = {}
     for index, here in enumerate(states):
-        started = time.perf_counter()
+        started, before_s = time.perf_counter(), ahead.elsewhere_s
         tell(index, len(states), here.step.id)
-        step = compile_step(task, states, index, memory, effects, report)
-        timings[f"steps.{here.step.id}_s"] = time.perf_counter() - started
+        step = compile_step(task, states, index, memory, effects, report, ahead)
+        took_s = time.perf_counter() - started + ahead.elsewhere_s - before_s
+        timings[f"steps.{here.step.id}_s"] = took_s
         if step is None:
             break
         found.append(step)

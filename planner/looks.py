@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from featuresel.bias_prediction import predict_bias
 from featuresel.case import LookCase
@@ -12,6 +12,7 @@ from featuresel.contest import Contest, compete
 from featuresel.known import Looks
 from featuresel.trials import Map
 from featuresel.usable import usable_range
+from optics.fidelity import Fidelity
 from planner.caching.memo import EVERY_TIME, Memo
 from planner.cases import build_case
 from planner.checks.views import view_verdict
@@ -79,6 +80,34 @@ class CompiledLook:
     shot: Shot | None = None  # what reports show of it
 
 
+@dataclass(frozen=True, slots=True)
+class Begun:
+    """What is known of a look, whatever it has to meet; grows, and changes no result.
+
+    Demands differ in the place's tolerance and in where that comes from.
+    """
+
+    looks: Looks = field(default_factory=Looks)  # what the last contest showed
+    cases: list[tuple[Request, ViewPlan, LookCase, Fidelity]] = field(
+        default_factory=list
+    )
+
+    def case(
+        self, task: Task, request: Request, view: ViewPlan, limit: float, memo: Memo
+    ) -> tuple[LookCase, Fidelity]:
+        """Return what `planner.cases.build_case` does."""
+        bare = replace(
+            request, tolerance_um=None, asked_by="", borne_um=None, worth_um=None
+        )
+        for asked, seen, case, fidelity in self.cases:
+            if (asked, seen) == (bare, view):
+                tolerance_um = request.tolerance_um or view.microscope.um_per_px
+                return replace(case, tolerance_um=tolerance_um), fidelity
+        case, fidelity = build_case(task, request, view, limit, memo)
+        self.cases.append((bare, view, case, fidelity))
+        return case, fidelity
+
+
 def compile_look(
     task: Task,
     request: Request,
@@ -87,6 +116,7 @@ def compile_look(
     report: Report,
     *,
     once: bool = False,
+    known: Begun | None = None,
 ) -> CompiledLook | None:
     """Return the look, None if there is a reason why it cannot be done.
 
@@ -95,14 +125,15 @@ def compile_look(
     together. `current` is the magnification that the microscope is at. Before leaving
     the one preferred, what the insertion after the look bears is tried there: another
     zoom would cost it a parcentric jump. With `once` only the first magnification and
-    the target are tried.
+    the target are tried. `known` is what a contest over the look has shown already.
     """
     settings = views(task, request, current, report)
     if not settings:
         return None
     settings = settings[:1] if once else settings
     refused: list[ZoomTried] = []
-    job = _Job(task, request, needed_shape(task, request), effects, refused, Looks())
+    shape, known = needed_shape(task, request), known or Begun()
+    job = _Job(task, request, shape, effects, refused, known)
     for view in settings:
         tried, found = job.alone(view)
         if tried.selection.chosen is not None:
@@ -127,6 +158,14 @@ def compile_look(
     return None
 
 
+def look_at_first(
+    task: Task, request: Request, effects: Effects, view: ViewPlan, known: Begun
+) -> None:
+    """Hold the first contest over a look; `known` takes what it shows."""
+    shape = needed_shape(task, request)
+    _Job(task, request, shape, effects, (), known).alone(view)
+
+
 @dataclass(frozen=True, slots=True)
 class _Job:
     """One look to be compiled."""
@@ -136,7 +175,7 @@ class _Job:
     shape: Shape
     effects: Effects
     refused: Sequence[ZoomTried]  # before the one that does
-    looks: Looks  # what the last contest showed
+    begun: Begun
 
     @property
     def is_round(self) -> bool:
@@ -154,7 +193,7 @@ class _Job:
         """Return the choice among all chains for the target, with the trials."""
         effort, limit = self.effects.effort, self.effects.max_image_error
         memo = self.effects.memo
-        case, fidelity = build_case(self.task, self.request, view, limit, memo)
+        case, fidelity = self.begun.case(self.task, self.request, view, limit, memo)
         found = memo.call(
             compete,
             case,
@@ -163,7 +202,7 @@ class _Job:
             thorough=effort.thorough,
             limited=effort.limited,
             map=self.effects.map,
-            looks=self.looks,
+            looks=self.begun.looks,
         )
         return Tried.of(case, fidelity, found), found
 

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from planner.actions import action_of, axis_move
+from planner.ahead import Ahead
 from planner.bearing import bearable
 from planner.checks.handling import report_handling, verdicts_of
 from planner.checks.mechanics import mechanical_rows
@@ -18,7 +19,7 @@ from planner.checks.view_times import (
     setting_time_s,
     view_change,
 )
-from planner.coarse_looks import compile_looks, waits_between
+from planner.coarse_looks import waits_between
 from planner.conditions import conditions_of
 from planner.control import control_of, method_of, tolerance_um
 from planner.diagnostics import Report
@@ -54,8 +55,13 @@ def compile_step(
     memory: Memory,
     effects: Effects,
     report: Report,
+    ahead: Ahead | None = None,
 ) -> CompiledStep | None:
-    """Return step `index`, None if one of its looks cannot be done."""
+    """Return step `index`, None if one of its looks cannot be done.
+
+    `ahead` has looks that were begun before.
+    """
+    ahead = ahead or Ahead()
     here = states[index]
     goal = memory.seen.get(owner_of(here.step.to or ""))
     within: float | None = None
@@ -71,7 +77,7 @@ def compile_step(
             for request in asked
         )
     for request in asked:
-        found = compile_looks(task, request, effects, memory.magnification, report)
+        found = ahead.looks(task, request, effects, memory.magnification, report)
         if not found:
             return None
         for look in found:

@@ -26,6 +26,8 @@ _SMOOTH_PX = 0.8  # before gradients are taken, px of the level
 _DIRECTION = 6e-5  # work of one sample of a field
 _ANGLE = 0.05  # of one angle, however few points are turned
 _LOOKED_UP = 8e-6  # of one point at one pose
+# Points looked up for each sample of a transform that takes as long.
+_MANY = 16
 _TRIED = 6  # best poses of the coarsest level that are followed
 _WORTH = 0.7  # of the best score there: what is less is not followed
 
@@ -200,6 +202,49 @@ def _scores(
     angles_rad: FloatArray,
 ) -> FloatArray:
     """Return (A, 2 steps + 1, 2 steps + 1) scores of angles and shifts by samples."""
+    rows, columns = found.right.shape
+    transformed = (rows + 2 * steps) * (columns + 2 * steps)
+    if len(points) * (2 * steps + 1) ** 2 > _MANY * transformed:
+        return _correlated(found, points, near, steps, angles_rad)
+    return _looked_up(found, points, near, steps, angles_rad)
+
+
+def _correlated(
+    found: Field,
+    points: FloatArray,
+    near: tuple[float, float],
+    steps: int,
+    angles_rad: FloatArray,
+) -> FloatArray:
+    """Return the same by the correlation theorem: faster, where shifts are many."""
+    rows, columns = found.right.shape
+    # what shifts beyond the border must not come in again from the other side
+    size = [cv2.getOptimalDFTSize(count + 2 * steps) for count in (rows, columns)]
+    waves = np.fft.fft2(found.right + 1j * found.up, size)
+    weight = points[:, 4] / points[:, 4].sum()
+    shifts = np.arange(-steps, steps + 1)
+    scores = np.empty((len(angles_rad), shifts.size, shifts.size))
+    for k, angle in enumerate(angles_rad.tolist()):
+        x, y, across, upward, _ = turned(points, angle).T
+        i, j = found.samples(near[0] + x, near[1] - y)
+        seen = (i >= -steps) & (i < columns + steps)
+        seen &= (j >= -steps) & (j < rows + steps)
+        model = np.zeros(size, dtype=np.complex128)
+        share = (across + 1j * upward) * weight
+        np.add.at(model, (j[seen], i[seen]), share[seen])
+        agreed = np.fft.ifft2(waves * np.fft.fft2(model).conj()).real
+        scores[k] = agreed[np.ix_(shifts, shifts)]
+    return scores
+
+
+def _looked_up(
+    found: Field,
+    points: FloatArray,
+    near: tuple[float, float],
+    steps: int,
+    angles_rad: FloatArray,
+) -> FloatArray:
+    """Return scores point by point."""
     side, pad = 2 * steps + 1, 2 * steps
     right, up = (np.pad(part, pad) for part in (found.right, found.up))
     rows, columns = right.shape

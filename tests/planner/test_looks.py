@@ -5,9 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+from planner.caching.memo import EVERY_TIME
+from planner.cases import build_case
 from planner.diagnostics import Report
-from planner.looks import CompiledLook, Effects, compile_look
+from planner.looks import Begun, CompiledLook, Effects, compile_look
 from planner.model.requests import Request, requests
+from planner.model.sightings import views
 from planner.model.steps import unfold
 from planner.presets import PRESETS
 from tests.planner.examples import copy_example, one_look, read
@@ -58,3 +61,20 @@ def test_a_look_stays_at_its_zoom_where_the_jump_of_another_would_cost_more(
     assert kept is not None
     assert loose is not None
     assert kept.look.sigma_xy_um < loose.look.sigma_xy_um
+
+
+def test_a_case_is_built_once_whatever_it_has_to_meet(tmp_path: Path) -> None:
+    file = copy_example(tmp_path / "task")
+    one_look(file)
+    task, report, begun = read(file), Report(), Begun()
+    (asked,) = requests(task, unfold(task, report), 0, None)
+    low, _ = task.workcell.optics.magnification
+    view, *_ = views(task, asked, low, report)
+    for request in (
+        asked,
+        replace(asked, tolerance_um=2.0, asked_by="nobody", borne_um=3.0),
+        replace(asked, needs_angle_rad=0.1),
+    ):
+        built = begun.case(task, request, view, 0.01, EVERY_TIME)
+        assert built == build_case(task, request, view, 0.01)
+    assert len(begun.cases) == 2  # an angle is another look
