@@ -1,5 +1,4 @@
-"""The error budget of a step: its terms as bars, what each costs, what would mend "
-"it."""
+"""The error budget of a step: its terms as bars, what each costs, what mends it."""
 
 from __future__ import annotations
 

@@ -33,8 +33,7 @@ class _Spread:
 
 
 def error_picture(folder: PlanFolder) -> Element | None:
-    """Return the image of a look and the ellipse of what is left; None without "
-    "looks."""
+    """Return a look's image and the ellipse of what is left; None without looks."""
     spread = _of_budget(folder) or _of_look(folder)
     if spread is None:
         return None

@@ -1,5 +1,4 @@
-"""The first page, fit to be passed on: verdict, margin, fixes, yield, depth, "
-"methods."""
+"""The first page, to be passed on: verdict, margin, fixes, yield, depth, methods."""
 
 from __future__ import annotations
 

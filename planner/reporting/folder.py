@@ -6,12 +6,13 @@ import hashlib
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import Any, TypeVar
 
 from planner.diffing import plan_file, read_plan
 from schemas.codec import CodecError, from_data
 from schemas.evidence import FOLDER, LookEvidence
+from schemas.folders import contents_within
 from schemas.html.page import png_size
 from schemas.plan import Look, Plan
 from schemas.world import World
@@ -69,7 +70,7 @@ def read_folder(path: Path) -> PlanFolder:
 def _pictures(folder: Path, names: list[str]) -> Iterator[tuple[str, bytes]]:
     """Yield the pictures there are; what is no PNG file is left out."""
     for name in names:
-        data = _data(folder, name)
+        data = contents_within(folder, name, MOST_BYTES)
         try:
             png_size(data)
         except ValueError:
@@ -77,23 +78,10 @@ def _pictures(folder: Path, names: list[str]) -> Iterator[tuple[str, bytes]]:
         yield name, data
 
 
-def _data(folder: Path, name: str) -> bytes:
-    """Return a file inside the folder, nothing if there is none."""
-    parts = PurePosixPath(name).parts
-    if not parts or name.startswith("/") or ".." in parts or "\0" in name:
-        return b""
-    try:
-        with (folder / name).open("rb") as stream:
-            data = stream.read(MOST_BYTES + 1)
-    except OSError:
-        return b""
-    return data if len(data) <= MOST_BYTES else b""
-
-
 def _json(folder: Path, name: str) -> Any:
     """Return what a JSON file holds, None if there is none."""
     try:
-        return json.loads(_data(folder, name))
+        return json.loads(contents_within(folder, name, MOST_BYTES))
     except (ValueError, RecursionError):
         return None
 
