@@ -54,7 +54,7 @@ def look_picture(folder: PlanFolder, look: Look) -> Element:
         "the region searched and what stands in the light drawn in.",
         judge="Good: the solid lines lie on visible edges, and drawing and image "
         "flicker "
-        "in place; bad: an edge that is measured is blurred away or behind a dashed "
+        "in place; bad: an edge that is measured is blurred away or behind a dotted "
         "body.",
         do="If the part on your screen looks different from this, stop and compare "
         "light, "

@@ -18,6 +18,7 @@ from planner.reporting.pictures import place_id
 from planner.reporting.report import plan_report, write_report
 from planner.reporting.timeline import spans
 from schemas.plan import Plan, Reason, dump_plan
+from schemas.verdicts import Change
 from tests.names import renamed
 from tests.pages import Page, check_page
 
@@ -137,6 +138,31 @@ def _with(plan: Plan, name: str, **changes: object) -> Plan:
         for s in plan.steps
     )
     return replace(plan, steps=tuple(steps))
+
+
+def test_a_step_below_its_share_of_a_goal_that_is_met_needs_no_change(
+    folder: PlanFolder,
+) -> None:
+    insert = next(s for s in folder.plan.steps if s.verb == "insert")
+    analysis = insert.budget.analysis
+    assert analysis is not None
+    change = Change(what="widen the hole", halvings=0.1, success_probability=0.999)
+    term = replace(analysis.offenders[0], largest_um=0.1, size_um=0.5)
+    short = replace(
+        analysis, required_probability=0.999, miss_probability=0.01,
+        changes=(change,), offenders=(term,),
+    )  # fmt: skip
+    budget = replace(insert.budget, success_probability=0.99, analysis=short)
+    met = replace(folder.plan, success_goal=0.9, success_probability=0.99 * 0.95)
+    plan = _with(met, insert.id, budget=budget)
+    text = " ".join(check_page(plan_report(replace(folder, plan=plan))).text)
+    assert "No change is needed: the goal is met. To give insert its share" in text
+    assert "none needed; 0.1\u202f\u00b5m or less gives its share" in text
+    (margin,) = (m for m in margins(plan) if m.subject == "chance that insert misses")
+    assert margin.ratio == pytest.approx((1 - 0.9 / 0.95) / 0.01)
+    failed = replace(plan, success_goal=0.96)  # by the others already
+    (margin,) = (m for m in margins(failed) if m.subject == "chance that insert misses")
+    assert margin.ratio == pytest.approx(0.001 / 0.01)
 
 
 def test_plans_of_one_look_and_of_nothing_have_reports(folder: PlanFolder) -> None:
