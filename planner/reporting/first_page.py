@@ -80,9 +80,9 @@ def _tightest(found: list[Margin], *, whole: bool) -> Element | None:
     tight = found[0]
     words = "Tightest margin: " if whole else "Tightest margin of what was worked out: "
     room = (
-        f"{number(tight.ratio, 2)} times what is needed"
+        f"{number(tight.ratio)} times what is needed"
         if tight.ratio >= 1
-        else f"only {number(tight.ratio, 2)} of what is needed"
+        else f"only {number(tight.ratio)} of what is needed"
     )
     return el(
         "p", el("strong", words), link(tight.step, step_id(tight.step)),
@@ -141,8 +141,8 @@ def _cheapest(plan: Plan, step: Step) -> str:
         return step.budget.advice or "No change is needed: the goal is met."
     change = f"{first.what}, P(success) then {chance(first.success_probability)}."
     if met:
-        share = f"its share of the goal takes {change}"
-        return f"No change is needed: the goal is met. To give {step.id} {share}"
+        share = f"What would give {step.id} its share of the goal: {change}"
+        return f"No change is needed: the goal is met. {share}"
     return f"Cheapest change of all: {change}"
 
 

@@ -156,7 +156,9 @@ def test_a_step_below_its_share_of_a_goal_that_is_met_needs_no_change(
     met = replace(folder.plan, success_goal=0.9, success_probability=0.99 * 0.95)
     plan = _with(met, insert.id, budget=budget)
     text = " ".join(check_page(plan_report(replace(folder, plan=plan))).text)
-    assert "No change is needed: the goal is met. To give insert its share" in text
+    assert (
+        "No change is needed: the goal is met. What would give insert its share" in text
+    )
     assert "none needed; 0.1\u202f\u00b5m or less gives its share" in text
     (margin,) = (m for m in margins(plan) if m.subject == "chance that insert misses")
     assert margin.ratio == pytest.approx((1 - 0.9 / 0.95) / 0.01)
