@@ -235,6 +235,18 @@ def test_a_report_that_cannot_be_written_is_told(
     assert "error[MP702]" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("out", [".", "/", "a folder", "n" * 300])
+def test_a_report_in_an_impossible_place_leaves_nothing(
+    compiled_example: Path, tmp_path: Path, out: str,
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "a folder").mkdir()
+    assert main(["report", str(compiled_example), "-o", out]) == 2
+    assert "error[MP702]" in capsys.readouterr().err
+    assert [p.name for p in tmp_path.rglob("*")] == ["a folder"]
+
+
 def test_margins_are_in_order_and_hold_in_a_feasible_plan(folder: PlanFolder) -> None:
     found = margins(folder.plan)
     ratios = [m.ratio for m in found]
