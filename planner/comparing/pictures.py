@@ -54,7 +54,11 @@ def _images(plan: Plan) -> dict[tuple[str, str], str]:
 
 def _read(folder: Path, name: str) -> Picture | None:
     """Return a picture's pixels, None if there is no readable one."""
-    data = contents_within(folder, name, MOST_BYTES)
+    return decoded(contents_within(folder, name, MOST_BYTES))
+
+
+def decoded(data: bytes) -> Picture | None:
+    """Return the pixels of a PNG file, None if it is none or too large to unpack."""
     try:
         width, height = png_size(data)
     except ValueError:

@@ -9,7 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
+from planner.comparing.pictures import decoded
 from planner.diffing import plan_file, read_plan
+from planner.pictures import picture_sha256
 from schemas.codec import CodecError, from_data
 from schemas.evidence import FOLDER, LookEvidence
 from schemas.folders import contents_within
@@ -31,6 +33,7 @@ class PlanFolder:
     world: World | None
     evidence: Mapping[str, LookEvidence]  # by the look's id
     pictures: Mapping[str, bytes]  # PNG files by their path in the folder
+    foreign: frozenset[str]  # paths of images that are not those that the plan is of
     versions: Mapping[str, str]  # of what made the plan
 
     @property
@@ -57,12 +60,15 @@ def read_folder(path: Path) -> PlanFolder:
     }
     names = [look.scene.image for look in looks]
     names += [shown.image for each in evidence.values() for shown in each.shown]
+    pictures = dict(_pictures(folder, names))
+    foreign = frozenset(_foreign(looks, pictures))
     return PlanFolder(
         plan=plan,
         sha256=hashlib.sha256(file.read_bytes()).hexdigest(),
         world=_typed(World, folder, "world.json"),
         evidence=evidence,
-        pictures=dict(_pictures(folder, names)),
+        pictures={name: data for name, data in pictures.items() if name not in foreign},
+        foreign=foreign,
         versions=_versions(folder),
     )
 
@@ -76,6 +82,18 @@ def _pictures(folder: Path, names: list[str]) -> Iterator[tuple[str, bytes]]:
         except ValueError:
             continue
         yield name, data
+
+
+def _foreign(looks: list[Look], pictures: Mapping[str, bytes]) -> Iterator[str]:
+    """Yield the images of looks whose pixels are others than the plan's."""
+    for look in looks:
+        data = pictures.get(look.scene.image)
+        pixels = None if data is None else decoded(data)
+        same = pixels is not None and pixels.ndim == 2 and (
+            picture_sha256(pixels) == look.scene.image_sha256
+        )  # fmt: skip
+        if data is not None and not same:
+            yield look.scene.image
 
 
 def _json(folder: Path, name: str) -> Any:

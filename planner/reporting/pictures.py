@@ -61,8 +61,10 @@ def look_picture(folder: PlanFolder, look: Look) -> Element:
         "focus and side of the part before running the plan.",
     )
     if data is None:
+        foreign = look.scene.image in folder.foreign
+        why = "not the image that this plan is of" if foreign else "not in the folder"
         missing = el(
-            "p", f"{look.scene.image} is not in the plan folder.", class_="note"
+            "p", f"{look.scene.image} is {why}.", class_="bad" if foreign else "note"
         )
         return figure(caption, missing)
     width, height = png_size(data)

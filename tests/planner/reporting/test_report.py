@@ -197,7 +197,20 @@ def test_a_plan_alone_has_a_report(compiled_example: Path, tmp_path: Path) -> No
     alone = tmp_path / "plan.json"
     shutil.copyfile(compiled_example / "plan.json", alone)
     text = " ".join(check_page(plan_report(read_folder(alone))).text)
-    assert "is not in the plan folder" in text
+    assert "is not in the folder" in text
+
+
+def test_an_image_of_another_plan_is_not_shown(
+    compiled_example: Path, tmp_path: Path
+) -> None:
+    copy = Path(shutil.copytree(compiled_example, tmp_path / "copy.plan"))
+    first, other = (look.scene.image for look in read_folder(copy).looks[:2])
+    shutil.copyfile(copy / other, copy / first)
+    found = read_folder(copy)
+    assert first not in found.pictures
+    assert other in found.pictures
+    text = " ".join(check_page(plan_report(found)).text)
+    assert f"{first} is not the image that this plan is of" in text
 
 
 @pytest.mark.parametrize("name", ["../secret.png", "/etc/passwd", "images/none.png"])
