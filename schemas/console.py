@@ -8,9 +8,11 @@ import sys
 from collections.abc import Callable
 from typing import TextIO
 
-# all control characters but tabs and line ends, and those that turn text round
+# all control characters but tabs and line ends, those that turn text round, and those
+# that nobody sees
 _CONTROL = re.compile(
-    r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069\ud800-\udfff]"
+    r"[\x00-\x08\x0b-\x1f\x7f-\x9f\xad\u061c\u200b\u200e\u200f\u2028-\u202e"
+    r"\u2060-\u206f\ud800-\udfff\ufeff\ufff9-\ufffb]"
 )
 
 _LINE_END = re.compile(r"[\n\r\x85\u2028\u2029]")
