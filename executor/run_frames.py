@@ -50,7 +50,7 @@ def _tile(folder: Path, row: Row, words: str) -> Element | None:
         return None
     try:
         data = png_bytes(small(read_png(folder / name)))
-    except OSError:
+    except (OSError, ValueError):  # ValueError: a name that no file can have
         return None
     width, height = png_size(data)
     picture = el("img", src=png_uri(data), alt=f"Frame of {words}", width=width,

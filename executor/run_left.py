@@ -13,6 +13,7 @@ from typing import Any
 from executor.errors import ExecutorError
 from executor.frames import FOLDER, INDEX
 from executor.run_folder import EVENTS, PLAN, SUMMARY
+from schemas.folders import contents
 
 _MOST_BYTES = 1 << 26  # of a file of lines
 
@@ -56,12 +57,12 @@ def read_left(folder: Path) -> Left:
     """
     if not (folder / EVENTS).is_file():
         raise ExecutorError("MP879", f"{folder} holds no run: it has no {EVENTS}")
-    source = _bytes(folder / PLAN)
+    source = contents(folder / PLAN, _MOST_BYTES)
     return Left(
         folder=folder,
         plan=_object(source),
         plan_sha256=hashlib.sha256(source).hexdigest(),
-        summary=_object(_bytes(folder / SUMMARY)),
+        summary=_object(contents(folder / SUMMARY, _MOST_BYTES)),
         events=tuple(_lines(folder / EVENTS)),
         frames=tuple(_lines(folder / FOLDER / INDEX)),
     )
@@ -72,7 +73,11 @@ def real(row: Row, name: str) -> float | None:
     value = row.get(name)
     if isinstance(value, bool) or not isinstance(value, int | float):
         return None
-    return float(value) if math.isfinite(value) else None
+    try:
+        number = float(value)
+    except OverflowError:  # a whole number of more than 308 digits
+        return None
+    return number if math.isfinite(number) else None
 
 
 def reals(row: Row, name: str) -> list[float]:
@@ -90,16 +95,6 @@ def text(row: Row, name: str) -> str:
     return value if isinstance(value, str) else ""
 
 
-def _bytes(path: Path) -> bytes:
-    """Return a file, nothing if it is missing or too large."""
-    try:
-        with path.open("rb") as stream:
-            data = stream.read(_MOST_BYTES + 1)
-    except OSError:
-        return b""
-    return data if len(data) <= _MOST_BYTES else b""
-
-
 def _object(data: bytes) -> Row:
     try:
         found = json.loads(data)
@@ -110,7 +105,7 @@ def _object(data: bytes) -> Row:
 
 def _lines(path: Path) -> Iterator[Row]:
     """Yield the objects of a file of lines."""
-    for line in _bytes(path).splitlines():
+    for line in contents(path, _MOST_BYTES).splitlines():
         found = _object(line)
         if found:
             yield found

@@ -5,14 +5,16 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import TypeVar
 
 from planner.comparing.changes import KINDS
 from planner.comparing.tolerances import parse_rule
 from planner.presets import PRESETS
-from planner.vary import parse_vary
+from planner.vary import AXES, parse_vary
 from schemas import NAMES
 
 Run = Callable[[argparse.Namespace], int]
+T = TypeVar("T")
 
 # the keys of `optics.models.MODELS`, which --help cannot load: it loads scipy
 LAWS = "geometric, product, stokseth, hopkins, exact"
@@ -50,7 +52,7 @@ def _add_tolerance(parser: argparse.ArgumentParser) -> None:
         "--tolerance",
         action="append",
         default=[],
-        type=parse_rule,
+        type=_asked(parse_rule, "PATTERN=0.1, PATTERN=5% or PATTERN=ignore"),
         metavar="PATTERN=VALUE",
         help="0.1, 5%% or ignore, where a value's path ends as the pattern says: "
         "control/gain=5%%",
@@ -76,10 +78,17 @@ def _add_check(parser: argparse.ArgumentParser) -> None:
 def _add_compile(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `microplan compile`."""
     parser.add_argument("-o", "--out", type=Path, help="default: <name>.plan beside it")
-    parser.add_argument("--jobs", type=count, default=1, help="worker processes")
+    parser.add_argument(
+        "--jobs",
+        type=_asked(count, "a whole number from 1 to 256"),
+        default=1,
+        help="worker processes",
+    )
     parser.add_argument("--preset", choices=sorted(PRESETS), help="how much to spend")
     parser.add_argument(
-        "--max-image-error", type=share, help="of unit contrast, above 0 and below 1"
+        "--max-image-error",
+        type=_asked(share, "a number above 0 and below 1"),
+        help="of unit contrast, above 0 and below 1",
     )
     parser.add_argument("--no-cache", action="store_true", help="compute everything")
     parser.add_argument(
@@ -117,7 +126,7 @@ def _add_render(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--model", help=f"defocus law: {LAWS}; default: exact")
     parser.add_argument(
         "--max-image-error",
-        type=share,
+        type=_asked(share, "a number above 0 and below 1"),
         help="law and sampling that keep it at this focus, sampling alone with --model;"
         " with --trial as for compile",
     )
@@ -133,14 +142,21 @@ def _add_tradeoff(parser: argparse.ArgumentParser) -> None:
     what.add_argument("--step", help="id of the step; default: all that look")
     what.add_argument(
         "--vary",
-        type=parse_vary,
+        type=_asked(parse_vary, f"{', '.join(AXES)}, each once, as trials=24:64"),
         metavar="AXIS,...",
         help="compile the whole task by preset, trials, frames, zoom, each with its "
         "usual values or those given: preset,trials=24:304",
     )
-    parser.add_argument("--jobs", type=count, default=1, help="with --vary: processes")
     parser.add_argument(
-        "--max-image-error", type=share, help="what may be chosen; default: the task's"
+        "--jobs",
+        type=_asked(count, "a whole number from 1 to 256"),
+        default=1,
+        help="with --vary: processes",
+    )
+    parser.add_argument(
+        "--max-image-error",
+        type=_asked(share, "a number above 0 and below 1"),
+        help="what may be chosen; default: the task's",
     )
     parser.add_argument(
         "-o", "--out", type=Path, help="folder; default: <name>.tradeoff beside it"
@@ -155,7 +171,7 @@ def _add_diff(parser: argparse.ArgumentParser) -> None:
     _add_tolerance(parser)
     parser.add_argument(
         "--fail-on",
-        type=kinds,
+        type=_asked(kinds, f"worse, {', '.join(KINDS)}"),
         default=(),
         metavar="KIND,...",
         help=f"worse, {', '.join(KINDS)}; default: any difference",
@@ -234,6 +250,19 @@ def _add_schema(parser: argparse.ArgumentParser) -> None:
 def _add_completion(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `microplan completion`."""
     parser.add_argument("shell", choices=("bash", "zsh", "fish"), help="whose script")
+
+
+def _asked(convert: Callable[[str], T], allowed: str) -> Callable[[str], T]:
+    """Return a converter of an argument that tells what is allowed."""
+
+    def converted(text: str) -> T:
+        try:
+            return convert(text)
+        except ValueError as error:
+            said = f"{text[:80]!r}; allowed: {allowed}"
+            raise argparse.ArgumentTypeError(said) from error
+
+    return converted
 
 
 def count(text: str) -> int:

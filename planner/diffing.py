@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -103,7 +104,8 @@ def renew_golden(folder: Path, golden: Path) -> None:
 
 def plan_file(path: Path) -> Path:
     """Return the plan.json that a path names or holds."""
-    return path / "plan.json" if path.is_dir() else path
+    is_folder = os.path.isdir(path)  # noqa: PTH112 - Path's raises if it may not look
+    return path / "plan.json" if is_folder else path
 
 
 def read_plan(path: Path) -> Plan:

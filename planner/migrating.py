@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -43,7 +44,7 @@ def migrate(call: MigrateCall, report: Report) -> Told | None:
         return None
     said = "\n".join(found.says) or f"{call.file} is of the newest version already"
     if call.out is not None:
-        if call.out.exists():
+        if os.path.lexists(call.out):
             raise OutputError("MP703", f"{call.out} is there already")
         replace_text(call.out, found.text)
     elif call.in_place:

@@ -106,6 +106,8 @@ def last_plan(folder: Path | None) -> Plan | None:
 def digest(path: str) -> str | None:
     """Return the sha256 of a file, None if there is none that a compile would read."""
     try:
+        if not Path(path).is_file():  # a pipe might wait for ever
+            return None
         with Path(path).open("rb") as stream:
             data = stream.read(MOST_BYTES + 1)
     except (OSError, ValueError):

@@ -18,6 +18,7 @@ from typing import Any, TypeVar, Union, get_args, get_origin
 T = TypeVar("T")
 
 DIGITS = 6  # significant digits on emission: see docs/conventions.md
+MOST = 1 << 63  # whole numbers are below, as in every other language's readers
 
 
 class CodecError(ValueError):
@@ -76,6 +77,8 @@ def _decode(kind: Any, data: Any, path: str) -> Any:
     if origin is not None and issubclass(origin, Mapping):
         _checked(isinstance(data, dict), data, path, "an object")
         item = get_args(kind)[1]
+        for key in data:
+            _checked(_is_text(key), key, path, "keys of Unicode characters")
         return {k: _decode(item, v, f"{path}.{k}") for k, v in data.items()}
     if dataclasses.is_dataclass(kind):
         return _decode_dataclass(kind, data, path)
@@ -89,10 +92,19 @@ def _decode_scalar(kind: Any, data: Any, path: str) -> Any:
         return float(_checked(ok and _fits(data), data, path, "a number"))
     if kind is int:
         ok = isinstance(data, int) and not isinstance(data, bool)
-        return _checked(ok, data, path, "a whole number")
+        return _checked(ok and abs(data) < MOST, data, path, "a whole number")
     if kind is type(None):
         return _checked(data is None, data, path, "null")
+    if kind is str:
+        return _checked(_is_text(data), data, path, "text of Unicode characters")
     return _checked(isinstance(data, kind), data, path, kind.__name__)
+
+
+def _is_text(data: Any) -> bool:
+    """Return whether data are text that can be written: no half of a character."""
+    if not isinstance(data, str):
+        return False
+    return data.isascii() or not any("\ud800" <= char <= "\udfff" for char in data)
 
 
 def _fits(data: float) -> bool:

@@ -8,10 +8,14 @@ import sys
 from collections.abc import Callable
 from typing import TextIO
 
-# all control characters but tabs and line ends, and those that turn text round
+# all control characters but tabs and line ends, those that turn text round, and those
+# that nobody sees
 _CONTROL = re.compile(
-    r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069\ud800-\udfff]"
+    r"[\x00-\x08\x0b-\x1f\x7f-\x9f\xad\u061c\u200b\u200e\u200f\u2028-\u202e"
+    r"\u2060-\u206f\ud800-\udfff\ufeff\ufff9-\ufffb]"
 )
+
+_LINE_END = re.compile(r"[\n\r\x85\u2028\u2029]")
 
 
 class OutputLostError(Exception):
@@ -31,6 +35,11 @@ def say(text: str) -> None:
     error = _print(text, sys.stdout)
     if error is not None:
         raise OutputLostError(f"standard output: {error.strerror or error}")
+
+
+def one_line(text: str) -> str:
+    """Return text in which line ends are spelled out: a name cannot begin a line."""
+    return _LINE_END.sub(_spelled, text)
 
 
 def tell(text: str, paint: Callable[[str], str] | None = None) -> None:
@@ -55,7 +64,7 @@ def _print(
     """
     if stream is None:  # closed before the process began
         return None
-    text = _CONTROL.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
+    text = _CONTROL.sub(_spelled, text)
     encoding = stream.encoding or "utf-8"
     text = text.encode(encoding, "backslashreplace").decode(encoding)
     text = paint(text) if paint else text
@@ -65,6 +74,10 @@ def _print(
         _leave(stream)
         return None if isinstance(error, BrokenPipeError) else error
     return None
+
+
+def _spelled(found: re.Match[str]) -> str:
+    return f"\\u{ord(found[0]):04x}"
 
 
 def _leave(stream: TextIO) -> None:

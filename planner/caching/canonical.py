@@ -25,6 +25,12 @@ class CanonicalError(ValueError):
     """A value that has no such bytes, or bytes that are no value."""
 
 
+# what reading other bytes may raise; SyntaxError: numpy's, of names of types
+_UNREADABLE = (
+    ValueError, TypeError, AttributeError, ImportError, SyntaxError, struct.error,
+)  # fmt: skip
+
+
 def encode(value: Any) -> bytes:
     """Return the bytes of a value.
 
@@ -49,7 +55,7 @@ def decode(data: bytes) -> Any:
         value = reader.value(0)
     except CanonicalError:
         raise
-    except (ValueError, TypeError, AttributeError, ImportError, struct.error) as error:
+    except _UNREADABLE as error:
         raise CanonicalError(f"not a value: {error}") from error
     if reader.at != len(data):
         raise CanonicalError(f"{len(data) - reader.at} bytes after the value")

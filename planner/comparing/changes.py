@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
@@ -27,6 +27,17 @@ ABOUT: Mapping[Kind, str] = {
     "evidence": "what trials gave, of the routines chosen and of those rejected",
     "other": "all else",
 }
+
+
+class Name(str):
+    """A part of a path that somebody chose, as the id of a step; the rest are keys."""
+
+    __slots__ = ()
+
+
+def keys_of(path: Sequence[str]) -> str:
+    """Return a path with its names masked: a step called "reason" is no reason."""
+    return "/".join(":" if isinstance(part, Name) else part for part in path)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
-from planner.comparing.changes import Change, Kind
+from planner.comparing.changes import Change, Kind, Name, keys_of
 from planner.comparing.identity import ORDERED, WHOLE, named
 from planner.comparing.kinds import kind_of, trend_of
 from planner.comparing.tolerances import Rule, rule_for
@@ -14,6 +14,7 @@ from schemas.codec import to_data
 from schemas.plan import Plan
 
 Path = tuple[str, ...]
+_BY_NAME = frozenset({"drawings_sha256", "travel", "repeatability_um"})
 _LONG = 100  # characters of a value that are shown
 
 
@@ -45,13 +46,13 @@ def _differences(
     old: Any, new: Any, path: Path, rules: Sequence[Rule]
 ) -> Iterator[Change]:
     """Yield the differences below `path`."""
-    if rule_for("/".join(path), rules).ignored:
+    if rule_for(path, rules).ignored:
         return
     if isinstance(old, Mapping) and isinstance(new, Mapping):
         yield from _mappings(old, new, path, rules)
     elif isinstance(old, list) and isinstance(new, list):
         yield from _lists(old, new, path, rules)
-    elif not rule_for("/".join(path), rules).same(old, new):
+    elif not rule_for(path, rules).same(old, new):
         yield _changed(path, old, new)
 
 
@@ -59,11 +60,18 @@ def _mappings(
     old: Mapping[str, Any], new: Mapping[str, Any], path: Path, rules: Sequence[Rule]
 ) -> Iterator[Change]:
     """Yield the differences of two mappings, key by key."""
+    if keys_of(path[-1:]) in _BY_NAME:
+        old, new = _by_name(old), _by_name(new)
     for key in [*old, *(key for key in new if key not in old)]:
         if key in old and key in new:
             yield from _differences(old[key], new[key], (*path, key), rules)
-        elif not rule_for("/".join((*path, key)), rules).ignored:
+        elif not rule_for((*path, key), rules).ignored:
             yield _one_sided((*path, key), old.get(key), new.get(key), added=key in new)
+
+
+def _by_name(entries: Mapping[str, Any]) -> dict[str, Any]:
+    """Return entries whose keys are names."""
+    return {Name(name): entry for name, entry in entries.items()}
 
 
 def _lists(
@@ -87,7 +95,7 @@ def _lists(
             yield Change(
                 path=path, kind=kind_of(path), old=common, new=order, says=words
             )
-    yield from _mappings(before, after, path, rules)
+    yield from _mappings(_by_name(before), _by_name(after), path, rules)
 
 
 def _chain(names: Iterable[str]) -> str | None:
@@ -146,9 +154,9 @@ def _moved(
         there = (after or {}).get(name)
         if there is None:
             continue
-        path: Path = ("features", name, "place_um")
+        path: Path = ("features", Name(name), "place_um")
         ends = [[at["x_um"], at["y_um"]] for at in (place, there)]
-        far_um, rule = math.dist(*ends), rule_for("/".join(path), rules)
+        far_um, rule = math.dist(*ends), rule_for(path, rules)
         if rule.ignored or far_um <= max(
             rule.absolute, rule.relative * math.hypot(*ends[0])
         ):

@@ -64,14 +64,15 @@ def named(key: str, entries: Sequence[Any]) -> dict[str, Entry] | None:
     if identity is None or not all(isinstance(entry, Mapping) for entry in entries):
         return None
     found: dict[str, Entry] = {}
+    counts: dict[str, int] = {}
     for entry in entries:
         try:
             name = identity(entry)
         except KeyError:  # another list of the same name
             return None
-        count = 2
         full = name
         while full in found:
-            full, count = f"{name} #{count}", count + 1
+            counts[name] = counts.get(name, 1) + 1
+            full = f"{name} #{counts[name]}"
         found[full] = entry
     return found

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from fnmatch import fnmatchcase
 from typing import Any
 
-from planner.comparing.changes import Kind, Trend
+from planner.comparing.changes import Kind, Trend, keys_of
 
 # patterns of paths, the first that matches counts
 _KINDS: tuple[tuple[str, Kind], ...] = (
@@ -60,7 +60,7 @@ _MORE_IS_BETTER = (
 
 def kind_of(path: Sequence[str]) -> Kind:
     """Return what a change at `path` is about."""
-    where = "/".join(path)
+    where = keys_of(path)
     for pattern, kind in _KINDS:
         if fnmatchcase(where, pattern):
             return kind
@@ -69,7 +69,7 @@ def kind_of(path: Sequence[str]) -> Kind:
 
 def trend_of(path: Sequence[str], old: Any, new: Any) -> Trend:
     """Return whether a value got better or worse, "" if it cannot be said."""
-    where = "/".join(path)
+    where = keys_of(path)
     if where == "status":
         return "worse" if new == "infeasible" else "better"
     if isinstance(old, bool) or isinstance(new, bool):

@@ -11,10 +11,14 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.comparing.changes import Change
+from schemas.folders import contents_within
+from schemas.html.page import png_size
 from schemas.plan import Plan
 
 Picture = npt.NDArray[np.uint8]
 LEVELS = 1  # of 255: rounding may fall to either side
+MOST_BYTES = 1 << 26  # of a picture's file
+_MOST_PX = 1 << 26  # of a picture: an 8192 x 8192 sensor
 
 
 def compare_pictures(
@@ -28,7 +32,7 @@ def compare_pictures(
     for look in before:
         if look not in after:
             continue
-        ends = _read(old_folder / before[look]), _read(new_folder / after[look])
+        ends = _read(old_folder, before[look]), _read(new_folder, after[look])
         says = _difference(*ends, levels)
         if says:
             step, name = look
@@ -48,13 +52,18 @@ def _images(plan: Plan) -> dict[tuple[str, str], str]:
     }
 
 
-def _read(path: Path) -> Picture | None:
+def _read(folder: Path, name: str) -> Picture | None:
     """Return a picture's pixels, None if there is no readable one."""
+    return decoded(contents_within(folder, name, MOST_BYTES))
+
+
+def decoded(data: bytes) -> Picture | None:
+    """Return the pixels of a PNG file, None if it is none or too large to unpack."""
     try:
-        data = path.read_bytes()
-    except OSError:
+        width, height = png_size(data)
+    except ValueError:
         return None
-    if not data:
+    if not 0 < width * height <= _MOST_PX:
         return None
     found: Any = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     return None if found is None else found

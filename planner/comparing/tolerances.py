@@ -13,7 +13,10 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
+from itertools import chain
 from typing import Any
+
+from planner.comparing.changes import keys_of
 
 _NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?%?")
 
@@ -90,12 +93,16 @@ TABLE: tuple[Rule, ...] = (
 )  # fmt: skip
 
 
-def rule_for(path: str, stated: Sequence[Rule] = ()) -> Rule:
-    """Return the rule by which values at `path` are compared."""
-    for rule in (*stated, *TABLE):
-        if rule.matches(path):
-            return rule
-    return EXACT
+def rule_for(path: Sequence[str], stated: Sequence[Rule] = ()) -> Rule:
+    """Return the rule by which values at `path` are compared.
+
+    Those that a user states are matched against names too, the table against keys
+    alone.
+    """
+    where, keys = "/".join(path), keys_of(path)
+    found = (rule for rule in stated if rule.matches(where))
+    known = (rule for rule in TABLE if rule.matches(keys))
+    return next(chain(found, known), EXACT)
 
 
 def parse_rule(text: str) -> Rule:

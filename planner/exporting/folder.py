@@ -64,6 +64,8 @@ class PlanFolder:
         file = self.path / look.scene.image
         need = self.plan.requirements
         size = (need.width_px, need.height_px)
+        if "\0" in look.scene.image:
+            raise ExportError("MP721", f"{file} is no name of a file", file)
         if not file.resolve().is_relative_to(self.path.resolve()):
             raise ExportError("MP721", f"{file} is outside of the plan folder", file)
         data = _read(file)

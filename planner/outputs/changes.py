@@ -8,6 +8,7 @@ from typing import Any
 
 from planner.comparing.changes import KINDS, Change
 from planner.diagnostics import Diagnostic, Severity, Span
+from schemas.console import one_line
 
 FEW = 12  # of a kind that are told, unless all are asked for
 
@@ -84,4 +85,5 @@ def _counts(changes: Sequence[Change]) -> str:
 def _line(change: Change) -> str:
     """Return one change in a line."""
     where = change.where.removeprefix("steps/")
-    return f"  {where}: {change.says}" + (f", {change.trend}" if change.trend else "")
+    told = f"{where}: {change.says}" + (f", {change.trend}" if change.trend else "")
+    return "  " + one_line(told)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
+import stat
 import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -75,11 +76,25 @@ def write_folder(files: PlanFiles, folder: Path) -> None:
 def replace_file(source: Path, file: Path) -> None:
     """Copy a file into place, whole or not at all; MP702 if it cannot be written."""
     try:
+        data = source.read_bytes()
+    except OSError as error:
+        raise OutputError("MP702", f"{source} cannot be read: {error}") from error
+    _replace(file, data)
+
+
+def replace_text(file: Path, text: str) -> None:
+    """Write a text file, whole or not at all; MP702 if it cannot be written."""
+    _replace(file, text.encode())
+
+
+def _replace(file: Path, data: bytes) -> None:
+    """Put data in the place of a file; nothing is left of what fails."""
+    try:
         file.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(prefix=f".{file.name}.", dir=file.parent)
-        os.close(handle)
+        handle, name = tempfile.mkstemp(prefix=".microplan.", dir=file.parent)
         try:
-            shutil.copyfile(source, name)
+            with os.fdopen(handle, "wb") as stream:
+                stream.write(data)
             Path(name).chmod(0o644)
             Path(name).replace(file)
         except BaseException:
@@ -87,14 +102,6 @@ def replace_file(source: Path, file: Path) -> None:
             raise
     except OSError as error:
         raise OutputError("MP702", f"{file} cannot be written: {error}") from error
-
-
-def replace_text(file: Path, text: str) -> None:
-    """Write a text file, whole or not at all; MP702 if it cannot be written."""
-    with tempfile.TemporaryDirectory() as folder:
-        fresh = Path(folder) / "text"
-        fresh.write_bytes(text.encode())
-        replace_file(fresh, file)
 
 
 def replace_folder(source: Path, folder: Path) -> None:
@@ -115,12 +122,19 @@ def replace_folder(source: Path, folder: Path) -> None:
 
 
 def check_folder(folder: Path) -> None:
-    """Raise OutputError unless `folder` is absent, empty or a plan folder."""
-    if not folder.exists():
+    """Raise OutputError unless `folder` is absent, empty or a plan folder.
+
+    MP701 if it is something else, MP702 if it cannot be told.
+    """
+    try:
+        if not stat.S_ISDIR(folder.stat().st_mode):
+            raise OutputError("MP701", f"{folder} is a file, not a folder")
+        known = not any(folder.iterdir()) or (folder / "plan.json").is_file()
+    except FileNotFoundError:
         return
-    if not folder.is_dir():
-        raise OutputError("MP701", f"{folder} is a file, not a folder")
-    if any(folder.iterdir()) and not (folder / "plan.json").is_file():
+    except OSError as error:
+        raise OutputError("MP702", f"{folder} cannot be written: {error}") from error
+    if not known:
         raise OutputError(
             "MP701", f"{folder} holds other things than a plan; it is left untouched"
         )
@@ -181,4 +195,7 @@ def swap(fresh: Path, folder: Path) -> None:
     except BaseException:
         old.rename(folder)
         raise
-    shutil.rmtree(old)
+    if old.is_symlink():  # what it leads to is somebody else's
+        old.unlink()
+    else:
+        shutil.rmtree(old)

@@ -1,23 +1,23 @@
-"""The error budget of a step: its terms as bars, what each costs, what would mend "
-"it."""
+"""The error budget of a step: its terms as bars, what each costs, what mends it."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
 
+from planner.reporting.margins import needed_probability
 from schemas.html.axes import Axes, Scale, around
 from schemas.html.charts import Bar, bars, curve
 from schemas.html.elements import Element, el
 from schemas.html.figures import chance, number, um
 from schemas.html.page import Caption, Column, figure, more, table
-from schemas.plan import Budget, Step
+from schemas.plan import Budget, Plan, Step
 from schemas.verdicts import Offender, YieldCurve
 
 _NAMES = {"within_um": "distance that is allowed"}
 
 
-def budget_figures(step: Step) -> Iterator[Element]:
+def budget_figures(plan: Plan, step: Step) -> Iterator[Element]:
     """Yield the error budget of a step, if it has one."""
     budget = step.budget
     known = [r for r in budget.rows if r.sigma_um]
@@ -30,13 +30,13 @@ def budget_figures(step: Step) -> Iterator[Element]:
         return
     if analysis.offenders:
         yield el("h4", "What the chance hangs on")
-        yield offenders_table(budget, analysis.offenders)
+        yield offenders_table(plan, step, analysis.offenders)
     if analysis.changes:
         rows = [[c.what, f"{number(c.halvings)}", chance(c.success_probability)]
                 for c in analysis.changes]  # fmt: skip
         names = (Column("change"), Column("halvings", numeric=True),
                  Column("P(success) then", numeric=True))  # fmt: skip
-        yield el("h4", "What would do, the cheapest first")
+        yield el("h4", "What would give its share of the goal, the cheapest first")
         yield table(names, rows)
     for one in analysis.yields:
         yield yield_figure(step, one)
@@ -45,28 +45,31 @@ def budget_figures(step: Step) -> Iterator[Element]:
                    _allowed(step))  # fmt: skip
 
 
-def offenders_table(budget: Budget, offenders: tuple[Offender, ...]) -> Element:
+def offenders_table(plan: Plan, step: Step, offenders: tuple[Offender, ...]) -> Element:
     """Return terms with what halving each would give, and the cheapest fix."""
     columns = (
         Column("term"), Column("one sigma", numeric=True),
         Column("P if halved", numeric=True), Column("cheapest fix"),
     )  # fmt: skip
     rows = [
-        [o.term, um(o.size_um), chance(o.halved_probability), fix(budget, o)]
+        [o.term, um(o.size_um), chance(o.halved_probability), fix(plan, step, o)]
         for o in offenders
     ]
     return table(columns, rows)
 
 
-def fix(budget: Budget, offender: Offender) -> str:
-    """Return what the compiler knows of mending one term; nothing is guessed."""
-    analysis, largest = budget.analysis, offender.largest_um
-    met = (
-        analysis is not None
-        and budget.success_probability >= analysis.required_probability
-    )
+def fix(plan: Plan, step: Step, offender: Offender) -> str:
+    """Return what the compiler knows of mending one term; nothing is guessed.
+
+    The largest size that it knows is that which gives the step its share of the goal;
+    others with room to spare may make up for a step that falls short of it.
+    """
+    largest, needed = offender.largest_um, needed_probability(plan, step)
+    met = needed is not None and step.budget.success_probability >= needed
     if met and largest is not None and largest > offender.size_um:
         return f"none needed; may grow to {um(largest)}"
+    if met and largest is not None and largest > 0:
+        return f"none needed; {um(largest)} or less gives its share of the goal"
     if met:
         return "none needed"
     if largest is not None and largest > 0:
@@ -100,7 +103,7 @@ def yield_figure(step: Step, one: YieldCurve, *, short: bool = False) -> Element
         points,
         here=here,
         limit=required,
-        limit_name="" if required is None else f"needed {chance(required)}",
+        limit_name="" if required is None else f"its share {chance(required)}",
     )
     caption = Caption(
         title=f"Yield over the {name}",

@@ -30,11 +30,11 @@ class _Spread:
     covariance_um2: Covariance
     room_um: float
     room_name: str
+    advice: str
 
 
 def error_picture(folder: PlanFolder) -> Element | None:
-    """Return the image of a look and the ellipse of what is left; None without "
-    "looks."""
+    """Return a look's image and the ellipse of what is left; None without looks."""
     spread = _of_budget(folder) or _of_look(folder)
     if spread is None:
         return None
@@ -60,8 +60,7 @@ def error_picture(folder: PlanFolder) -> Element | None:
         f"{um(spread.room_um)}.",
         judge="Good: the outer ellipse lies well inside the circle; bad: it touches "
         "it.",
-        do="If it is long in one direction, mend what acts along it: the step's budget "
-        "names it.",
+        do=spread.advice,
     )
     return figure(caption, drawing)
 
@@ -100,6 +99,8 @@ def _of_budget(folder: PlanFolder) -> _Spread | None:
     return _Spread(
         look=look, step=step.id, covariance_um2=(xx + more, xy, yy + more),
         room_um=room, room_name=name,
+        advice="If it is long in one direction, mend what acts along it: the step's "
+        "budget names it.",
     )  # fmt: skip
 
 
@@ -129,6 +130,8 @@ def _of_look(folder: PlanFolder) -> _Spread | None:
     return _Spread(
         look=look, step=step, covariance_um2=(variance, 0.0, variance),
         room_um=look.evidence.tolerance_um, room_name="the tolerance",
+        advice="If it does, look at a higher magnification or allow the step more: a "
+        "look passes as long as 2 sigma keep the tolerance.",
     )  # fmt: skip
 
 

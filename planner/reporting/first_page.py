@@ -1,5 +1,4 @@
-"""The first page, fit to be passed on: verdict, margin, fixes, yield, depth, "
-"methods."""
+"""The first page, to be passed on: verdict, margin, fixes, yield, depth, methods."""
 
 from __future__ import annotations
 
@@ -8,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from planner.reporting.budgets import fix, yield_figure
 from planner.reporting.errors import error_picture
 from planner.reporting.folder import PlanFolder
-from planner.reporting.margins import Margin, margins
+from planner.reporting.margins import Margin, margins, needed_probability
 from planner.reporting.methods import methods
 from planner.reporting.steps import step_id
 from planner.reporting.timeline import spans
@@ -81,9 +80,9 @@ def _tightest(found: list[Margin], *, whole: bool) -> Element | None:
     tight = found[0]
     words = "Tightest margin: " if whole else "Tightest margin of what was worked out: "
     room = (
-        f"{number(tight.ratio, 2)} times what is needed"
+        f"{number(tight.ratio)} times what is needed"
         if tight.ratio >= 1
-        else f"only {number(tight.ratio, 2)} of what is needed"
+        else f"only {number(tight.ratio)} of what is needed"
     )
     return el(
         "p", el("strong", words), link(tight.step, step_id(tight.step)),
@@ -122,22 +121,29 @@ def _offenders(plan: Plan, found: list[Margin]) -> list[Node]:
         Column("P if halved", numeric=True), Column("cheapest fix"),
     )  # fmt: skip
     rows = [
-        [o.term, um(o.size_um), chance(o.halved_probability), fix(step.budget, o)]
+        [o.term, um(o.size_um), chance(o.halved_probability), fix(plan, step, o)]
         for o in analysis.offenders[:3]
     ]
-    first = analysis.changes[0] if analysis.changes else None
-    all_ = "No change is needed: the goal is met." if first is None else (
-        f"Cheapest change of all: {first.what}, P(success) then "
-        f"{chance(first.success_probability)}."
-    )  # fmt: skip
-    if first is None and step.budget.advice:
-        all_ = step.budget.advice
     return [
         el("h2", f"Three worst offenders of {step.id}, P(success) "
            f"{chance(step.budget.success_probability)}"),
         table(columns, rows, label="Worst offenders"),
-        el("p", all_),
+        el("p", _cheapest(plan, step)),
     ]  # fmt: skip
+
+
+def _cheapest(plan: Plan, step: Step) -> str:
+    """Return the cheapest change for a step, or that none is needed."""
+    analysis, needed = step.budget.analysis, needed_probability(plan, step)
+    first = next(iter(() if analysis is None else analysis.changes), None)
+    met = needed is not None and step.budget.success_probability >= needed
+    if first is None:
+        return step.budget.advice or "No change is needed: the goal is met."
+    change = f"{first.what}, P(success) then {chance(first.success_probability)}."
+    if met:
+        share = f"What would give {step.id} its share of the goal: {change}"
+        return f"No change is needed: the goal is met. {share}"
+    return f"Cheapest change of all: {change}"
 
 
 def _tight_looks(found: list[Margin]) -> list[Node]:

@@ -6,12 +6,15 @@ import hashlib
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import Any, TypeVar
 
+from planner.comparing.pictures import decoded
 from planner.diffing import plan_file, read_plan
+from planner.pictures import picture_sha256
 from schemas.codec import CodecError, from_data
 from schemas.evidence import FOLDER, LookEvidence
+from schemas.folders import contents_within
 from schemas.html.page import png_size
 from schemas.plan import Look, Plan
 from schemas.world import World
@@ -30,6 +33,7 @@ class PlanFolder:
     world: World | None
     evidence: Mapping[str, LookEvidence]  # by the look's id
     pictures: Mapping[str, bytes]  # PNG files by their path in the folder
+    foreign: frozenset[str]  # paths of images that are not those that the plan is of
     versions: Mapping[str, str]  # of what made the plan
 
     @property
@@ -56,12 +60,15 @@ def read_folder(path: Path) -> PlanFolder:
     }
     names = [look.scene.image for look in looks]
     names += [shown.image for each in evidence.values() for shown in each.shown]
+    pictures = dict(_pictures(folder, names))
+    foreign = frozenset(_foreign(looks, pictures))
     return PlanFolder(
         plan=plan,
         sha256=hashlib.sha256(file.read_bytes()).hexdigest(),
         world=_typed(World, folder, "world.json"),
         evidence=evidence,
-        pictures=dict(_pictures(folder, names)),
+        pictures={name: data for name, data in pictures.items() if name not in foreign},
+        foreign=foreign,
         versions=_versions(folder),
     )
 
@@ -69,7 +76,7 @@ def read_folder(path: Path) -> PlanFolder:
 def _pictures(folder: Path, names: list[str]) -> Iterator[tuple[str, bytes]]:
     """Yield the pictures there are; what is no PNG file is left out."""
     for name in names:
-        data = _data(folder, name)
+        data = contents_within(folder, name, MOST_BYTES)
         try:
             png_size(data)
         except ValueError:
@@ -77,23 +84,22 @@ def _pictures(folder: Path, names: list[str]) -> Iterator[tuple[str, bytes]]:
         yield name, data
 
 
-def _data(folder: Path, name: str) -> bytes:
-    """Return a file inside the folder, nothing if there is none."""
-    parts = PurePosixPath(name).parts
-    if not parts or name.startswith("/") or ".." in parts or "\0" in name:
-        return b""
-    try:
-        with (folder / name).open("rb") as stream:
-            data = stream.read(MOST_BYTES + 1)
-    except OSError:
-        return b""
-    return data if len(data) <= MOST_BYTES else b""
+def _foreign(looks: list[Look], pictures: Mapping[str, bytes]) -> Iterator[str]:
+    """Yield the images of looks whose pixels are others than the plan's."""
+    for look in looks:
+        data = pictures.get(look.scene.image)
+        pixels = None if data is None else decoded(data)
+        same = pixels is not None and pixels.ndim == 2 and (
+            picture_sha256(pixels) == look.scene.image_sha256
+        )  # fmt: skip
+        if data is not None and not same:
+            yield look.scene.image
 
 
 def _json(folder: Path, name: str) -> Any:
     """Return what a JSON file holds, None if there is none."""
     try:
-        return json.loads(_data(folder, name))
+        return json.loads(contents_within(folder, name, MOST_BYTES))
     except (ValueError, RecursionError):
         return None
 

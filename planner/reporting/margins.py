@@ -24,8 +24,23 @@ class Margin:
 
 def margins(plan: Plan) -> list[Margin]:
     """Return all margins of a plan that it has numbers for, the tightest first."""
-    found = [margin for step in plan.steps for margin in _of_step(step)]
+    found = [margin for step in plan.steps for margin in _of_step(plan, step)]
     return sorted(found, key=lambda margin: margin.ratio)  # stable: else in order
+
+
+def needed_probability(plan: Plan, step: Step) -> float | None:
+    """Return what a step must reach for the plan's goal, the others as they are.
+
+    The step's share of the goal where that cannot be said: the plan ends early, has no
+    goal, or fails it whatever this step does. None if the step has no budget.
+    """
+    if step.budget.analysis is None:
+        return None
+    share = step.budget.analysis.required_probability
+    if plan.success_goal is None or not step.budget.success_probability > 0:
+        return share
+    others = min(plan.success_probability / step.budget.success_probability, 1.0)
+    return plan.success_goal / others if others > plan.success_goal else share
 
 
 def need_um(score: Score) -> float | None:
@@ -35,15 +50,16 @@ def need_um(score: Score) -> float | None:
     return 2 * score.sigma_um + math.hypot(*score.bias_um)
 
 
-def _of_step(step: Step) -> Iterator[Margin]:
+def _of_step(plan: Plan, step: Step) -> Iterator[Margin]:
     """Yield the margins of one step."""
     for look in step.looks:
         yield from _of_look(step, look)
     analysis, missing = step.budget.analysis, 1 - step.budget.success_probability
-    if analysis is not None:
+    needed = needed_probability(plan, step)
+    if analysis is not None and needed is not None:
         if analysis.miss_probability is not None:
             missing = analysis.miss_probability
-        allowed = 1 - analysis.required_probability
+        allowed = 1 - needed
         yield Margin(
             step=step.id,
             subject=f"chance that {step.verb} misses",

@@ -54,15 +54,17 @@ def look_picture(folder: PlanFolder, look: Look) -> Element:
         "the region searched and what stands in the light drawn in.",
         judge="Good: the solid lines lie on visible edges, and drawing and image "
         "flicker "
-        "in place; bad: an edge that is measured is blurred away or behind a dashed "
+        "in place; bad: an edge that is measured is blurred away or behind a dotted "
         "body.",
         do="If the part on your screen looks different from this, stop and compare "
         "light, "
         "focus and side of the part before running the plan.",
     )
     if data is None:
+        foreign = look.scene.image in folder.foreign
+        why = "not the image that this plan is of" if foreign else "not in the folder"
         missing = el(
-            "p", f"{look.scene.image} is not in the plan folder.", class_="note"
+            "p", f"{look.scene.image} is {why}.", class_="bad" if foreign else "note"
         )
         return figure(caption, missing)
     width, height = png_size(data)

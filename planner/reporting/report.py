@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from planner.outputs.errors import OutputError
+from planner.diffing import plan_file
+from planner.outputs.emit import replace_text
 from planner.reporting.first_page import contents, first_page
 from planner.reporting.folder import PlanFolder, read_folder
 from planner.reporting.methods import provenance
@@ -72,12 +73,6 @@ def write_report(path: Path, out: Path | None) -> Path:
         MP702 if the report cannot be written.
     """
     text = plan_report(read_folder(path))
-    file = out or (path if path.is_dir() else path.parent) / NAME
-    try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        fresh = file.with_name(f".{file.name}.new")
-        fresh.write_text(text, encoding="utf-8", newline="\n")
-        fresh.replace(file)
-    except OSError as error:
-        raise OutputError("MP702", f"{file} cannot be written: {error}") from error
+    file = out or plan_file(path).with_name(NAME)
+    replace_text(file, text)
     return file

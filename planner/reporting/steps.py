@@ -47,7 +47,7 @@ def step_section(folder: PlanFolder, number_: int, step: Step) -> Element:
         facts(_facts(step)),
         el("p", step.budget.advice, class_="note") if step.budget.advice else None,
         [*_verdicts(step)],
-        [*budget_figures(step)],
+        [*budget_figures(folder.plan, step)],
         [look_section(folder, look) for look in step.looks],
         ledger(step.effects, f"the step {step.id}"),
         id=step_id(step.id),

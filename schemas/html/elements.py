@@ -19,9 +19,11 @@ _VOID = frozenset({"br", "hr", "img", "input", "link", "meta", "wbr"})
 _REFUSED = frozenset({"script", "iframe", "object", "embed", "form", "base"})
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9]*(-[A-Za-z0-9]+)*")
 _LOCAL = re.compile(r"#[A-Za-z][\w.-]*|data:image/(png|jpeg);base64,[\w+/=]*|data:,")
-# control characters but tabs and line ends, and those that turn text round
+# control characters but tabs and line ends, those that turn text round, and those
+# that nobody sees
 _CONTROL = re.compile(
-    r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069\ud800-\udfff]"
+    r"[\x00-\x08\x0b-\x1f\x7f-\x9f\xad\u061c\u200b\u200e\u200f\u2028-\u202e"
+    r"\u2060-\u206f\ud800-\udfff\ufeff\ufff9-\ufffb\U000e0000-\U000e007f]"
 )
 
 

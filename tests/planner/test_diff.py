@@ -73,6 +73,22 @@ def test_json_holds_every_change(
     assert (first["kind"], first["old"], first["new"]) == ("choice", 6.9, 9.0)
 
 
+def test_a_name_begins_no_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    data: Data = json.loads(TEXT)
+    look(data, "find_gear")["target"] = "a\n::error::b\r\u2028c"
+    file = tmp_path / "odd.json"
+    file.write_text(json.dumps(data), encoding="utf-8")
+    golden = tmp_path / "plan.json"
+    golden.write_text(TEXT, encoding="utf-8")
+    assert main(["diff", str(golden), str(file)]) == 1
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[2] == "steps"
+    assert lines[3].endswith("became a\\u000a::error::b\\u000d\\u2028c")
+    assert len(lines) == 4
+
+
 @pytest.mark.parametrize("form", ["github", "sarif"])
 def test_findings_tell_what_fails_and_what_got_worse(
     plans: tuple[str, str], capsys: pytest.CaptureFixture[str], form: str
@@ -117,3 +133,24 @@ def test_a_newer_minor_plan_is_compared(plans: tuple[str, str], tmp_path: Path) 
     file = tmp_path / "newer.json"
     file.write_text(json.dumps(data), encoding="utf-8")
     assert main(["diff", plans[0], str(file)]) == 0
+
+
+def test_a_name_that_no_file_can_have_is_no_plan(
+    plans: tuple[str, str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["diff", plans[0], "n" * 300]) == 2
+    assert capsys.readouterr().err.startswith("error[MP704]")
+
+
+@pytest.mark.parametrize(
+    ("words", "allowed"),
+    [(("--tolerance", "a=b"), "PATTERN=5%"), (("--fail-on", "sigma"), "feasibility")],
+)
+def test_a_wrong_argument_is_told_what_is_allowed(
+    plans: tuple[str, str], words: tuple[str, ...], allowed: str,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    assert main(["diff", *plans, *words]) == 2
+    said = capsys.readouterr().err.splitlines()[-1]
+    assert words[1] in said
+    assert allowed in said

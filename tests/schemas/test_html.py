@@ -87,6 +87,9 @@ def test_a_style_fetches_nothing() -> None:
 def test_what_turns_text_round_is_spelled_out() -> None:
     assert "\u202e" not in write(el("p", "a\u202eb", title="\x00"))
     assert "\\u202e" in write(el("p", "a\u202eb"))
+    for hidden in "\u061c\u200b\u2028\u2060\ufeff\U000e0041":
+        assert f"\\u{ord(hidden):04x}" in write(el("p", f"gear{hidden}"))
+    assert write(el("p", "1\u202f\u00b5m \u05d2")) == "<p>1\u202f\u00b5m \u05d2</p>"
 
 
 @pytest.mark.parametrize(

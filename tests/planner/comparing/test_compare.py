@@ -171,5 +171,29 @@ def test_a_mean_is_compared_within_what_trials_repeat_to() -> None:
     assert len(told(by(1.15), "sigma_xy_um=1%")) == 1
 
 
+@pytest.mark.parametrize("name", ["arrays", "reason", "region_a", "success", "travel"])
+def test_a_step_called_as_a_key_is_compared_as_any_other(name: str) -> None:
+    def called(sigma_um: float) -> Plan:
+        def edit(data: Data) -> None:
+            look(data, "find_gear")["measure"]["sigma_xy_um"] = sigma_um
+            step(data, "find_gear")["id"] = name
+            look(data, name)["id"] = name
+
+        return plan(edit)
+
+    (found,) = compare_plans(called(0.1), called(0.2))
+    assert found.where == f"steps/{name}/looks/{name}/measure/sigma_xy_um"
+    assert (found.kind, found.trend) == ("prediction", "worse")
+
+
+def test_a_drawing_of_a_part_called_arrays_is_compared() -> None:
+    def edit(digest: str) -> Callable[[Data], None]:
+        drawn = {"drawings_sha256": {"arrays": digest}}
+        return lambda data: data["provenance"].update(drawn)
+
+    (found,) = compare_plans(plan(edit("1")), plan(edit("2")))
+    assert found.kind == "inputs"
+
+
 def test_every_kind_is_explained() -> None:
     assert set(ABOUT) == set(KINDS)

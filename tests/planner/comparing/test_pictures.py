@@ -8,6 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import numpy.typing as npt
+import pytest
 
 from planner.comparing.pictures import compare_pictures
 from schemas.plan import Plan, parse_plan
@@ -75,3 +76,21 @@ def test_another_size_and_a_lost_picture_are_told(tmp_path: Path) -> None:
         assert told(tmp_path / name, GREY, found) == "no picture in the new folder"
     (tmp_path / "f").mkdir()
     assert told(tmp_path / "f", None, None) == ""
+
+
+@pytest.mark.parametrize("name", ["/dev/zero", "../old/look.png", "a\0b.png"])
+def test_a_picture_elsewhere_is_no_picture(tmp_path: Path, name: str) -> None:
+    data = json.loads(TEXT)
+    data["steps"] = data["steps"][:1]
+    data["steps"][0]["looks"][0]["scene"]["image"] = name
+    there = folder(tmp_path / "old", GREY), folder(tmp_path / "new", GREY)
+    (found,) = compare_pictures(
+        one_look(), there[0], parse_plan(json.dumps(data)), there[1]
+    )
+    assert found.says == "no picture in the new folder"
+
+
+def test_a_picture_too_large_to_unpack_is_no_picture(tmp_path: Path) -> None:
+    bomb = bytearray(cv2.imencode(".png", GREY)[1].tobytes())
+    bomb[16:24] = (60_000).to_bytes(4, "big") * 2
+    assert told(tmp_path, GREY, bytes(bomb)) == "no picture in the new folder"

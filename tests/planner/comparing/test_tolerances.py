@@ -25,9 +25,12 @@ def test_a_pattern_matches_from_the_end() -> None:
 
 def test_what_a_user_states_comes_first() -> None:
     stated = parse_rule("sigma_xy_um=0.5")
-    assert rule_for("steps/a/looks/a/measure/sigma_xy_um", [stated]) is stated
-    assert rule_for("steps/a/looks/a/measure/sigma_xy_um") in TABLE
-    assert rule_for("nothing/like/it") is EXACT
+    assert (
+        rule_for(("steps", "a", "looks", "a", "measure", "sigma_xy_um"), [stated])
+        is stated
+    )
+    assert rule_for(("steps", "a", "looks", "a", "measure", "sigma_xy_um")) in TABLE
+    assert rule_for(("nothing", "like", "it")) is EXACT
 
 
 @pytest.mark.parametrize(
@@ -72,6 +75,6 @@ def test_a_wider_tolerance_never_tells_more(
 
 
 def test_numbers_in_sentences_may_differ() -> None:
-    rule = rule_for("steps/a/looks/a/evidence/chosen/reason")
+    rule = rule_for(("steps", "a", "looks", "a", "evidence", "chosen", "reason"))
     assert rule.same("chosen: 2 sigma 0.733 um", "chosen: 2 sigma 0.74 um")
     assert not rule.same("chosen: 2 sigma 0.733 um", "rejected: 2 sigma 0.733 um")

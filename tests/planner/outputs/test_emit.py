@@ -131,3 +131,23 @@ def test_a_plan_that_may_not_be_a_folder_is_said_so(
     with pytest.raises(OutputError) as caught:
         write_folder(files, tmp_path / "file" / "x.plan")
     assert caught.value.code == "MP702"
+
+
+def test_a_link_to_a_plan_becomes_the_plan(files: PlanFiles, tmp_path: Path) -> None:
+    """What it led to is left alone."""
+    write_folder(files, tmp_path / "one.plan")
+    link = tmp_path / "latest.plan"
+    link.symlink_to("one.plan")
+    write_folder(files, link)
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["latest.plan", "one.plan"]
+    assert not link.is_symlink()
+    assert (tmp_path / "one.plan" / "plan.json").is_file()
+
+
+def test_an_impossible_place_is_refused_before_the_work(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    task = copy_example(tmp_path / "task")
+    for out in (tmp_path / ("n" * 300), task / "x.plan"):
+        assert main(["compile", str(task), "-o", str(out)]) == 2
+        assert "error[MP702]" in capsys.readouterr().err

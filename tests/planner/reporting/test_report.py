@@ -18,6 +18,7 @@ from planner.reporting.pictures import place_id
 from planner.reporting.report import plan_report, write_report
 from planner.reporting.timeline import spans
 from schemas.plan import Plan, Reason, dump_plan
+from schemas.verdicts import Change
 from tests.names import renamed
 from tests.pages import Page, check_page
 
@@ -139,6 +140,33 @@ def _with(plan: Plan, name: str, **changes: object) -> Plan:
     return replace(plan, steps=tuple(steps))
 
 
+def test_a_step_below_its_share_of_a_goal_that_is_met_needs_no_change(
+    folder: PlanFolder,
+) -> None:
+    insert = next(s for s in folder.plan.steps if s.verb == "insert")
+    analysis = insert.budget.analysis
+    assert analysis is not None
+    change = Change(what="widen the hole", halvings=0.1, success_probability=0.999)
+    term = replace(analysis.offenders[0], largest_um=0.1, size_um=0.5)
+    short = replace(
+        analysis, required_probability=0.999, miss_probability=0.01,
+        changes=(change,), offenders=(term,),
+    )  # fmt: skip
+    budget = replace(insert.budget, success_probability=0.99, analysis=short)
+    met = replace(folder.plan, success_goal=0.9, success_probability=0.99 * 0.95)
+    plan = _with(met, insert.id, budget=budget)
+    text = " ".join(check_page(plan_report(replace(folder, plan=plan))).text)
+    assert (
+        "No change is needed: the goal is met. What would give insert its share" in text
+    )
+    assert "none needed; 0.1\u202f\u00b5m or less gives its share" in text
+    (margin,) = (m for m in margins(plan) if m.subject == "chance that insert misses")
+    assert margin.ratio == pytest.approx((1 - 0.9 / 0.95) / 0.01)
+    failed = replace(plan, success_goal=0.96)  # by the others already
+    (margin,) = (m for m in margins(failed) if m.subject == "chance that insert misses")
+    assert margin.ratio == pytest.approx(0.001 / 0.01)
+
+
 def test_plans_of_one_look_and_of_nothing_have_reports(folder: PlanFolder) -> None:
     plan = folder.plan
     for steps in (plan.steps[:1], plan.steps[4:5], ()):
@@ -169,7 +197,20 @@ def test_a_plan_alone_has_a_report(compiled_example: Path, tmp_path: Path) -> No
     alone = tmp_path / "plan.json"
     shutil.copyfile(compiled_example / "plan.json", alone)
     text = " ".join(check_page(plan_report(read_folder(alone))).text)
-    assert "is not in the plan folder" in text
+    assert "is not in the folder" in text
+
+
+def test_an_image_of_another_plan_is_not_shown(
+    compiled_example: Path, tmp_path: Path
+) -> None:
+    copy = Path(shutil.copytree(compiled_example, tmp_path / "copy.plan"))
+    first, other = (look.scene.image for look in read_folder(copy).looks[:2])
+    shutil.copyfile(copy / other, copy / first)
+    found = read_folder(copy)
+    assert first not in found.pictures
+    assert other in found.pictures
+    text = " ".join(check_page(plan_report(found)).text)
+    assert f"{first} is not the image that this plan is of" in text
 
 
 @pytest.mark.parametrize("name", ["../secret.png", "/etc/passwd", "images/none.png"])
@@ -205,6 +246,18 @@ def test_a_report_that_cannot_be_written_is_told(
     out = tmp_path / "file" / "report.html"
     assert main(["report", str(compiled_example), "-o", str(out)]) == 2
     assert "error[MP702]" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("out", [".", "/", "a folder", "n" * 300])
+def test_a_report_in_an_impossible_place_leaves_nothing(
+    compiled_example: Path, tmp_path: Path, out: str,
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "a folder").mkdir()
+    assert main(["report", str(compiled_example), "-o", out]) == 2
+    assert "error[MP702]" in capsys.readouterr().err
+    assert [p.name for p in tmp_path.rglob("*")] == ["a folder"]
 
 
 def test_margins_are_in_order_and_hold_in_a_feasible_plan(folder: PlanFolder) -> None:
