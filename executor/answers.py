@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from executor.calls import told
 from executor.drivers import AxisReading, Clock, Frame
 from executor.errors import ExecutorError
 from executor.safety import AXES
@@ -80,9 +81,10 @@ class CheckedClock:
         """Return what the clock answers; what it raises is a device's fault."""
         try:
             return getattr(self._clock, method)(*given)
-        except Exception as error:
-            kind = type(error).__name__
-            raise ExecutorError("MP841", f"clock.{method}: {kind}: {error}") from error
+        except KeyboardInterrupt:  # the operator's: a clock is called where he is heard
+            raise
+        except BaseException as error:
+            raise ExecutorError("MP841", f"clock.{method}: {told(error)}") from error
 
 
 def _other(name: str, found: Any, wanted: str) -> ExecutorError:

@@ -25,8 +25,8 @@ class _Job:
     done: threading.Lock = field(default_factory=threading.Lock)
     given_up: threading.Event = field(default_factory=threading.Event)
     value: Any = None
-    error: Exception | None = None
-    late_error: Exception | None = None
+    error: BaseException | None = None
+    late_error: BaseException | None = None
 
 
 _Jobs = SimpleQueue[_Job | None]
@@ -84,8 +84,7 @@ class Caller:
         if isinstance(job.error, ExecutorError):
             raise job.error
         if job.error is not None:
-            kind = type(job.error).__name__
-            raise ExecutorError("MP841", f"{name}: {kind}: {job.error}") from job.error
+            raise ExecutorError("MP841", f"{name}: {told(job.error)}") from job.error
         value: T = job.value
         return value
 
@@ -126,12 +125,21 @@ class Caller:
         return self._worker[0]
 
 
+def told(error: BaseException) -> str:
+    """Return what a driver raised; not even its words are sure to be there."""
+    kind = type(error).__name__
+    try:
+        return f"{kind}: {error}"
+    except Exception as other:  # noqa: BLE001 - a driver's class may do what it likes
+        return f"{kind}, whose words raise {type(other).__name__}"
+
+
 def _why(job: _Job) -> str:
     """Return what went wrong with the stop of a motion that began late."""
     error = job.late_error
     if error is None:
         return ""
-    return f"{job.name} returned late, its stop: {type(error).__name__}: {error}"
+    return f"{job.name} returned late, its stop: {told(error)}"
 
 
 def _work(jobs: _Jobs) -> None:
@@ -141,7 +149,7 @@ def _work(jobs: _Jobs) -> None:
             return
         try:
             job.value = job.call()
-        except Exception as error:  # noqa: BLE001 - a driver may raise anything
+        except BaseException as error:  # noqa: BLE001 - a driver may raise anything
             job.error = error
         job.done.release()
         if job.given_up.is_set():
@@ -155,7 +163,7 @@ def _stop(job: _Job) -> None:
         return
     try:
         job.late()
-    except Exception as error:  # noqa: BLE001 - as above; `settle` tells it
+    except BaseException as error:  # noqa: BLE001 - as above; `settle` tells it
         job.late_error = error
 
 
@@ -183,5 +191,5 @@ def _try(name: str, call: Callable[[], None], failed: dict[str, str]) -> None:
     try:
         call()
         failed[name] = ""
-    except Exception as error:  # noqa: BLE001 - as above; the others must go on
-        failed[name] = f"{name}: {type(error).__name__}: {error}"
+    except BaseException as error:  # noqa: BLE001 - as above; the others must go on
+        failed[name] = f"{name}: {told(error)}"

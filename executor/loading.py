@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any
 
-from executor.calls import Caller
+from executor.calls import Caller, told
 from executor.errors import ExecutorError
 
 GROUP = "microplan.drivers"
@@ -49,13 +50,14 @@ def load(name: str, key: str) -> Callable[..., Any]:
 
 def build(made: Callable[..., Any], key: str, options: Mapping[str, Any]) -> Any:
     """Return a driver made with its options; MP813 if that fails."""
-    try:
+    with _refused(key):
         return made(**options)
-    except ExecutorError:
-        raise
-    except Exception as error:
-        kind = type(error).__name__
-        raise ExecutorError("MP813", f"{key}: {kind}: {error}") from error
+
+
+def part_of(hub: object, part: str, key: str) -> Any:
+    """Return a hub's attribute, None if it has none; MP813 if asking for it fails."""
+    with _refused(f"{key}.{part}"):
+        return getattr(hub, part, None)
 
 
 def check_role(device: object, role: str, key: str) -> None:
@@ -79,12 +81,10 @@ def _has(device: object, name: str, key: str) -> bool:
 def _attribute(name: str, key: str) -> Any:
     """Return an attribute of a module."""
     module, _, attribute = name.partition(":")
-    try:
+    with _refused(f"{key}: {name!r}"):
         found: Any = importlib.import_module(module)
         for part in attribute.split("."):
             found = getattr(found, part)
-    except (ImportError, AttributeError, ValueError) as error:
-        raise ExecutorError("MP813", f"{key}: {name!r}: {error}") from error
     return found
 
 
@@ -98,7 +98,19 @@ def _entry_point(name: str, key: str) -> Any:
         raise ExecutorError(
             "MP813", f"{key}: no driver {name!r} in {GROUP}, installed: {known}"
         )
-    try:
+    with _refused(f"{key}: {name!r}"):
         return points[name].load()
-    except (ImportError, AttributeError) as error:
-        raise ExecutorError("MP813", f"{key}: {name!r}: {error}") from error
+
+
+@contextmanager
+def _refused(what: str) -> Iterator[None]:
+    """Tell what a driver's own code raises as MP813; SystemExit is no way out either.
+
+    An interrupt is the operator's.
+    """
+    try:
+        yield
+    except (ExecutorError, KeyboardInterrupt):
+        raise
+    except BaseException as error:
+        raise ExecutorError("MP813", f"{what}: {told(error)}") from error

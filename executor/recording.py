@@ -96,8 +96,8 @@ class Record:
             self._begun[row["n"]] = row
         try:
             answer = call(*args, **named)
-        except Exception as error:
-            row["raised"] = [type(error).__name__, str(error)]
+        except BaseException as error:  # a driver may raise anything
+            row["raised"] = [type(error).__name__, _words(error)]
             self._finish(row)
             raise
         try:
@@ -243,6 +243,14 @@ def _region(rows: Any) -> Any:
     if rows is None:
         return None
     return Region(row=rows[0], column=rows[1], rows=rows[2], columns=rows[3])
+
+
+def _words(error: BaseException) -> str:
+    """Return what an error says, "" if it cannot."""
+    try:
+        return str(error)
+    except Exception:  # noqa: BLE001 - a driver's class may do what it likes
+        return ""
 
 
 def _number(value: Any) -> Any:

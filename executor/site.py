@@ -66,7 +66,7 @@ def find_site(
             "MP804", "--seed and --inject are for --station sim; a file states its own"
         )
     loaded = read_station(Path(asked), plan_folder)
-    cells = [hub for hub in loaded.hubs.values() if hasattr(hub, "judge")]
+    cells = [hub for hub in loaded.hubs.values() if hasattr(type(hub), "judge")]
     return Site(
         name=loaded.name,
         station=loaded.station,

@@ -13,7 +13,7 @@ from typing import Any, cast
 from executor.answers import CheckedClock
 from executor.calibration import Calibration, ZoomPoint
 from executor.errors import ExecutorError
-from executor.loading import ROLES, build, check_role, load
+from executor.loading import ROLES, build, check_role, load, part_of
 from executor.safety import PHASES, Phase, PhaseLimit, Rules, Safety, Settle, Speeds
 from executor.station import Offer, Station
 from executor.tables import Table
@@ -85,7 +85,7 @@ def _parsed(path: Path) -> tuple[bytes, dict[str, Any]]:
     try:
         source = path.read_bytes()
         return source, tomllib.loads(source.decode("utf-8").replace("\r\n", "\n"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+    except (OSError, ValueError) as error:  # so are faults of UTF-8, TOML, digits
         raise ExecutorError("MP812", f"{path}: {error}") from error
     except RecursionError as error:
         raise ExecutorError("MP812", f"{path}: nested too deep") from error
@@ -130,7 +130,7 @@ def _device(
             table.refuse("hub", f"found {hub!r}", f"allowed: {known}")
         part = table.text("part") if table.has("part") else role
         table.finish()
-        device = getattr(hubs[hub], part, None)
+        device = part_of(hubs[hub], part, key)
         if device is None:
             raise ExecutorError("MP813", f"{key}: hub {hub!r} has no {part!r}")
     check_role(device, role, key)

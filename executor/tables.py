@@ -144,10 +144,9 @@ class Table:
 
     def _number(self, name: str, value: object, least: float, above: float) -> float:
         """Return a value if it is a number in its range."""
-        real = isinstance(value, int | float) and not isinstance(value, bool)
-        if not real or not math.isfinite(value):  # type: ignore[arg-type]  # real
+        number = _real(value)
+        if not math.isfinite(number):
             self.refuse(name, f"found {value!r}", "a finite number is needed")
-        number = float(value)  # type: ignore[arg-type]  # a number by now
         if not (number >= least and number > above):
             bound = f"at least {least:g}" if number < least else f"more than {above:g}"
             self.refuse(name, f"found {number:g}", f"it must be {bound}")
@@ -160,3 +159,13 @@ class Table:
             self.refuse(name, found, "two numbers are needed")
         low, high = (self._number(name, v, -math.inf, -math.inf) for v in value)
         return (low, high)
+
+
+def _real(value: object) -> float:
+    """Return a value as a float, nan if it is no number or too large for one."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return math.nan
+    try:
+        return float(value)
+    except OverflowError:  # a whole number of more than 308 digits
+        return math.nan

@@ -92,6 +92,45 @@ def test_rubbish_has_a_code(device: str, method: str) -> None:
     assert "MP841" in told
 
 
+class Leaving(BaseException):
+    """What no driver should raise, without words."""
+
+    def __str__(self) -> str:
+        raise ValueError("no")
+
+
+class Raising(Saying):
+    """A device of which one method raises."""
+
+    def __getattr__(self, name: str) -> Any:
+        if name == self._method:
+            return self._raise
+        return getattr(self._device, name)
+
+    def _raise(self, *_args: Any, **_named: Any) -> None:
+        raise self._answer
+
+
+@pytest.mark.parametrize(("device", "method"), [*ASKED, ("stage", "start")])
+def test_what_is_no_exception_has_a_code_at_once(device: str, method: str) -> None:
+    """SystemExit in a driver ends neither the process nor only its thread."""
+    station = build_cell(world(), 0).station
+    travel = ASKED["stage", "moving"]
+    for error in (SystemExit(0), KeyboardInterrupt(), GeneratorExit(), Leaving()):
+        rude = Raising(getattr(station, device), method, error)
+        with pytest.raises(ExecutorError) as caught:
+            ASKED.get((device, method), travel)(Motion(), rigged(station, device, rude))
+        assert caught.value.code == "MP841"
+        assert type(error).__name__ in caught.value.message
+
+
+def test_a_stop_that_raises_what_is_no_exception_is_told() -> None:
+    station = build_cell(world(), 0).station
+    rude = Raising(station.stage, "stop", SystemExit(0))
+    (left,) = Motion().stop(rigged(station, "stage", rude))
+    assert left == "stage.stop: SystemExit: 0"
+
+
 @pytest.mark.parametrize("device", ["stage", "robot", "gripper"])
 def test_rubbish_before_a_run_has_a_code(device: str) -> None:
     station = build_cell(world(), 0).station
@@ -108,6 +147,8 @@ def test_a_clock_that_tells_no_time_has_a_code() -> None:
         with pytest.raises(ExecutorError) as caught:
             CheckedClock(Saying(clock, "now_s", answer)).now_s()
         assert caught.value.code in ("MP841", "MP847")
+    with pytest.raises(ExecutorError, match=r"clock\.wait: SystemExit"):
+        CheckedClock(Raising(clock, "wait", SystemExit(0))).wait(1.0)
     with pytest.raises(ExecutorError, match=r"clock\.wait: AttributeError"):
         CheckedClock(object()).wait(1.0)  # type: ignore[arg-type]
     assert CheckedClock(clock).now_s() == clock.now_s()

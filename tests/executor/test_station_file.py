@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import shutil
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -186,6 +187,8 @@ def test_options_reach_the_driver(built: Path, tmp_path: Path) -> None:
         ),
         ('stage = { hub = "cell" }', "stage = 3", "devices.stage: found 3; a table"),
         ("[devices]", "[devices", "at line"),
+        ("bits = 8", f"bits = {10**400}", "a finite number is needed"),
+        ("bits = 8", "bits = " + "9" * 5000, "4300 digits"),
     ],
 )
 def test_a_mistake_is_told_with_file_and_key(
@@ -218,6 +221,7 @@ def test_a_mistake_is_told_with_file_and_key(
             'stage = { hub = "cell", part = "camera" }',
             "SimCamera is no stage, it has no reading",
         ),
+        ("executor.simulated.hub:cell", ".hub:cell", "TypeError"),
     ],
 )
 def test_a_driver_that_cannot_be_had_is_told(
@@ -225,6 +229,57 @@ def test_a_driver_that_cannot_be_had_is_told(
 ) -> None:
     with pytest.raises(ExecutorError) as caught:
         loaded(built, tmp_path, (old, new))
+    assert caught.value.code == "MP813"
+    assert message in caught.value.message
+
+
+ODD = """
+class Odd(BaseException):
+    def __str__(self):
+        raise ValueError("no words")
+
+class Hub:
+    def __getattr__(self, name):
+        raise SystemExit(0)
+
+def leaves(**options):
+    raise SystemExit(0)
+
+def wordless(**options):
+    raise Odd
+"""
+
+
+@pytest.mark.parametrize(
+    ("source", "attribute", "message"),
+    [
+        ("raise RuntimeError('no DLL')", "cell", "RuntimeError: no DLL"),
+        ("def cell(:", "cell", "SyntaxError"),
+        ("raise SystemExit(0)", "cell", "SystemExit: 0"),
+        (ODD, "leaves", "SystemExit: 0"),
+        (ODD, "wordless", "Odd, whose words raise ValueError"),
+        (ODD, "Hub", "SystemExit: 0"),
+    ],
+)
+def test_a_driver_that_fails_oddly_is_told(
+    source: str,
+    attribute: str,
+    message: str,
+    built: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A driver that exits with status 0 would else look like a run that is done."""
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "odd_driver", raising=False)
+    (tmp_path / "odd_driver.py").write_text(source, encoding="utf-8")
+    text = EXAMPLE.read_text(encoding="utf-8")
+    start, end = text.index("driver = "), text.index("[devices]")
+    made = f'driver = "odd_driver:{attribute}"\n'
+    path = tmp_path / "station.toml"
+    path.write_text(text[:start] + made + text[end:], encoding="utf-8")
+    with pytest.raises(ExecutorError) as caught:
+        read_station(path, built)
     assert caught.value.code == "MP813"
     assert message in caught.value.message
 
