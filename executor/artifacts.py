@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import io
 import math
-import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
@@ -13,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from executor.errors import ExecutorError
+from executor.paths import stays_in
 from featuresel.routines import (
     REGISTRY,
     Artifact,
@@ -121,13 +121,13 @@ def _read(use: RoutineUse, folder: Path, digest: hashlib._Hash) -> Artifact:
     if use.arrays is None:
         return Artifact(parameters=use.parameters)
     path = folder / use.arrays
-    if not path.resolve().is_relative_to(folder.resolve()):
+    if not stays_in(path, folder):
         raise ExecutorError("MP803", f"{use.arrays} leaves the plan folder")
     try:
         source = path.read_bytes()
         digest.update(source)
         with np.load(io.BytesIO(source), allow_pickle=False) as data:
             arrays = {name: np.asarray(data[name]) for name in data.files}
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
+    except Exception as error:  # of zip, zlib, tokenize, a lack of memory: all of it
         raise ExecutorError("MP803", f"{use.arrays}: {error}") from error
     return Artifact(parameters=use.parameters, arrays=arrays)

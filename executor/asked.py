@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from executor.completion import SHELLS, Completion
+from executor.paths import is_folder
 from executor.simulated.faults import FAULTS
 from executor.site import SIMULATED
 
@@ -66,7 +67,7 @@ def parse(argv: Sequence[str] | None) -> Call:
     if wrong:
         parser.error(wrong)
     return Call(
-        plan_file=found.plan / "plan.json" if found.plan.is_dir() else found.plan,
+        plan_file=found.plan / "plan.json" if is_folder(found.plan) else found.plan,
         station=found.station or "",
         seed=found.seed,
         mode=found.mode,

@@ -17,6 +17,7 @@ from executor.comparison_report import comparison_json, comparison_text
 from executor.errors import BUG, CODES, DONE, FAILED, MACHINE, STOPPED, ExecutorError
 from executor.listing import plan_lines
 from executor.marking import mark, write_marked
+from executor.paths import is_file
 from executor.picture_report import report_json, report_text, together
 from executor.pictures import files_of, find_in, viewer
 from executor.plan_file import PlanFile, read_plan
@@ -65,7 +66,7 @@ def _status(argv: Sequence[str] | None) -> int:
         _tell(error, call.plan_file)
         return error.exit_status
     except KeyboardInterrupt:
-        stopped = ExecutorError("MP860", "stopped before the run began")
+        stopped = ExecutorError("MP860", "stopped while nothing was in motion")
         _tell(stopped, call.plan_file)
         return stopped.exit_status
 
@@ -87,7 +88,7 @@ def _run(call: Call) -> int:
     if call.pictures is not None:
         return _look_at_pictures(call, file.plan, call.pictures)
     with ExitStack() as stack:
-        if call.station_file is not None and call.station_file.is_file():
+        if call.station_file is not None and is_file(call.station_file):
             stack.enter_context(lock_beside(call.station_file))
         return _on_station(call, file, stack)
 
@@ -248,24 +249,24 @@ def _teller(plan: Plan) -> Callable[[str], None] | None:
 
 def _question() -> Callable[[str], bool] | None:
     """Return how to put a question to the operator, None if nobody sits there."""
-    if not (sys.stdin.isatty() and sys.stderr.isatty()):
+    if not _at_terminal():
         return None
 
     def ask(question: str) -> bool:
         tell(f"{question} y goes on, anything else stops")
-        return sys.stdin.readline().strip() == "y"
+        return _answer().strip() == "y"
 
     return ask
 
 
 def _asker() -> Callable[[], bool] | None:
     """Return how to ask the operator, None if nobody sits there."""
-    if not (sys.stdin.isatty() and sys.stderr.isatty()):
+    if not _at_terminal():
         return None
 
     def ask() -> bool:
         tell("paused: Enter goes on, q stops, Ctrl-C stops at once")
-        return sys.stdin.readline() == "\n"  # "" is the end of the input: nobody there
+        return _answer() == "\n"  # "" is the end of the input: nobody there
 
     return ask
 
@@ -286,10 +287,23 @@ def _gate() -> Callable[[str], None]:
 
     def wait(what: str) -> None:
         tell(f"next: {what}\nEnter goes on, q stops")
-        if sys.stdin.readline() not in ("\n", "\r\n"):
+        if _answer() not in ("\n", "\r\n"):
             raise ExecutorError("MP860", "stopped by the operator before this")
 
     return wait
+
+
+def _at_terminal() -> bool:
+    """Return whether somebody sits there who reads and answers."""
+    return all(s is not None and s.isatty() for s in (sys.stdin, sys.stderr))
+
+
+def _answer() -> str:
+    """Return a line of standard input; what cannot be read says no."""
+    try:
+        return sys.stdin.readline()
+    except (OSError, ValueError):  # a terminal that is gone; bytes that are no text
+        return ""
 
 
 def _tell(error: ExecutorError, plan_file: Path) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 
 from executor.drivers import Counts
 from executor.errors import ExecutorError
+from executor.journal import ESCAPED
 from schemas.plan import Region
 
 FOLDER = "frames"
@@ -111,7 +112,8 @@ class Frames:
         }  # fmt: skip
         try:
             write_png(self._folder / path, counts)
-            with (self._folder / FOLDER / INDEX).open("a", encoding="utf-8") as index:
+            path_ = self._folder / FOLDER / INDEX
+            with path_.open("a", encoding="utf-8", errors=ESCAPED) as index:
                 index.write(json.dumps(line, ensure_ascii=False) + "\n")
         except OSError as error:
             raise ExecutorError("MP863", f"{path}: {error}") from error
@@ -158,7 +160,10 @@ def read_png(path: Path) -> Counts:
     import cv2  # as above
 
     data = np.frombuffer(path.read_bytes(), dtype=np.uint8)
-    counts: Any = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
+    try:
+        counts: Any = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
+    except cv2.error as error:  # a head that tells of more than OpenCV takes
+        raise OSError(f"it cannot be read: {error.err}") from error
     if not is_frame(counts):
         raise OSError("it is no grey picture")
     found: Counts = counts

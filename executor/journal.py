@@ -9,6 +9,10 @@ from executor.drivers import Clock
 from executor.errors import ExecutorError
 from schemas.codec import to_data
 
+# a name or a driver's words may hold a lone half of a character, which UTF-8 has not;
+# written so it is what JSON calls it
+ESCAPED = "backslashreplace"
+
 
 class Journal:
     """Writes numbered events to a stream as they happen."""

@@ -20,6 +20,7 @@ from executor.intents import (
     opened,
 )
 from executor.outcome import StepResult
+from executor.paths import is_file
 from executor.safety import Phase
 from schemas.codec import CodecError, from_data
 from schemas.plan import View
@@ -132,7 +133,7 @@ def is_open(folder: Path) -> bool:
     One that the operator stopped counts: it is there to go on with.
     """
     path = folder / FILE
-    if not path.is_file():
+    if not is_file(path):
         return False
     try:
         past = read_past(path).past

@@ -16,6 +16,7 @@ from executor.frames import FOLDER
 from executor.intents import FILE, FileStore, Intents
 from executor.lock import held
 from executor.past import Found, Header, is_open, read_past
+from executor.paths import is_file
 from executor.recording import CALLS, MORE_CALLS
 
 EVENTS = "events.jsonl"
@@ -113,7 +114,7 @@ class RunFolder:
     def last_event(self) -> int:
         """Return the number of the last event, 0 for none; a torn one is cut off."""
         path = self.path / EVENTS
-        if self.found is None or not path.exists():
+        if self.found is None or not is_file(path):
             return 0
         try:
             data = path.read_bytes()
@@ -135,10 +136,10 @@ def check_free(path: Path, *, discard: bool) -> None:
         MP804 if it is no run folder, or holds anything else; MP862 if its run did not
         end, unless it may be discarded.
     """
-    if not path.exists():
-        return
     try:
         names = {entry.name for entry in path.iterdir()}
+    except FileNotFoundError:
+        return
     except OSError as error:
         raise ExecutorError("MP804", f"{path}: {error}") from error
     if names - {LOCK} and not names & {EVENTS, FILE}:
@@ -179,12 +180,12 @@ def old_run(path: Path) -> Iterator[RunFolder]:
         MP861 if it is in use; MP867 if its journal is damaged; MP868 if there is no
         run, or it was done.
     """
-    if not (path / FILE).is_file():
+    if not is_file(path / FILE):
         raise ExecutorError("MP868", f"{path} holds no {FILE}")
     with held(path / LOCK, str(path)):
         found = read_past(path / FILE)
         done = found.past.ended and found.past.code is None
-        if done and (path / SUMMARY).is_file():  # the last thing that is written
+        if done and is_file(path / SUMMARY):  # the last thing that is written
             raise ExecutorError("MP868", f"the run in {path} was done")
         yield RunFolder(path=path, found=found)
 

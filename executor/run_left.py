@@ -12,6 +12,7 @@ from typing import Any
 
 from executor.errors import ExecutorError
 from executor.frames import FOLDER, INDEX
+from executor.paths import is_file
 from executor.run_folder import EVENTS, PLAN, SUMMARY
 from schemas.folders import contents
 
@@ -55,7 +56,7 @@ def read_left(folder: Path) -> Left:
     ExecutorError
         MP879 if the folder holds no run.
     """
-    if not (folder / EVENTS).is_file():
+    if not is_file(folder / EVENTS):
         raise ExecutorError("MP879", f"{folder} holds no run: it has no {EVENTS}")
     source = contents(folder / PLAN, _MOST_BYTES)
     return Left(

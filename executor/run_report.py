@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from executor.errors import ExecutorError
+from executor.journal import ESCAPED
 from executor.run_folder import REPORT
 from executor.run_frames import frame_figures
 from executor.run_left import Left, Row, read_left, real, reals, text
@@ -34,7 +35,7 @@ def write_report(folder: Path) -> Path:
     file = folder / REPORT
     try:
         fresh = folder / f"{REPORT}.new"
-        fresh.write_text(text_, encoding="utf-8", newline="\n")
+        fresh.write_text(text_, encoding="utf-8", errors=ESCAPED, newline="\n")
         fresh.replace(file)
     except OSError as error:
         raise ExecutorError("MP863", f"{file}: {error}") from error

@@ -49,7 +49,10 @@ class Recorded:
 
 def records_of(folder: Path) -> tuple[Path, ...]:
     """Return the records of a run folder, one of every executor that worked on it."""
-    later = [path for path in folder.glob(MORE_CALLS) if _number(path)]
+    try:
+        later = [path for path in folder.glob(MORE_CALLS) if _number(path)]
+    except OSError:  # whoever reads the first tells what is wrong with the folder
+        later = []
     return (folder / CALLS, *sorted(later, key=_number))
 
 
@@ -236,8 +239,8 @@ def _float(value: Any, name: str) -> float:
         raise ExecutorError("MP877", f"{name} answered {value!r}")
     try:
         return float(value)
-    except ValueError:
-        raise ExecutorError("MP877", f"{name} answered {value!r}") from None
+    except (ValueError, OverflowError):
+        raise ExecutorError("MP877", f"{name} answered {value!r:.60}") from None
 
 
 def _raising(row: Mapping[str, Any]) -> Mapping[str, Any]:

@@ -8,6 +8,7 @@ from typing import Any
 from executor.drivers import AxisReading, Frame
 from executor.errors import ExecutorError
 from executor.frames import read_png, region_data
+from executor.paths import stays_in
 from executor.recording import pixels_sha256
 from executor.safety import AXES, Rules
 from executor.station import Offer, Station
@@ -142,7 +143,7 @@ class TapeCamera(_TapeDevice):
             raise ExecutorError("MP877", f"call {row['n']} of the record has no frame")
         folder = self._tape.recorded.folder
         path = folder / gave["frame"]
-        if not path.resolve().is_relative_to(folder.resolve()):
+        if not stays_in(path, folder):
             raise ExecutorError("MP877", f"{gave['frame']} leaves the run folder")
         try:
             counts = read_png(path)

@@ -15,7 +15,7 @@ from executor.asked import Call
 from executor.beliefs import Beliefs
 from executor.errors import ExecutorError
 from executor.frames import Frames
-from executor.journal import Journal
+from executor.journal import ESCAPED, Journal
 from executor.motion import Motion
 from executor.operator import Operator
 from executor.past import Header
@@ -179,7 +179,7 @@ def _recorded(
 def _open(path: Path, mode: Literal["a", "w"]) -> Iterator[TextIO]:
     """Give a file to write lines to; MP863 if it cannot be opened."""
     try:
-        stream = path.open(mode, encoding="utf-8", newline="\n")
+        stream = path.open(mode, encoding="utf-8", errors=ESCAPED, newline="\n")
     except OSError as error:
         raise ExecutorError("MP863", f"{path}: {error}") from error
     try:
@@ -265,10 +265,12 @@ def _write_summary(call: Call, site: Site, file: PlanFile, ended: Ended) -> None
     }
     try:
         words = table(ended.result, errors_um) + "\n"
-        (ended.folder / "summary.txt").write_text(words, encoding="utf-8")
+        (ended.folder / "summary.txt").write_text(
+            words, encoding="utf-8", errors=ESCAPED
+        )
         text = summary_json(file.plan, ended.result, extra)
         fresh = ended.folder / FRESH  # as a whole or not at all: it says that it ended
-        fresh.write_text(text, encoding="utf-8")
+        fresh.write_text(text, encoding="utf-8", errors=ESCAPED)
         fresh.replace(ended.folder / SUMMARY)
     except OSError as error:
         found = ended.result

@@ -111,7 +111,9 @@ class Faults:
         self._steps: dict[str, set[str]] = {}
         self._step = ""
         for entry in asked:
-            name, _, step = entry.partition("@")
+            name, at, step = entry.partition("@")
+            if at and not step:
+                raise ValueError(f"{entry!r} names no step after the @")
             if name not in FAULTS:
                 known = ", ".join(sorted(FAULTS))
                 raise ValueError(f"no fault is called {name!r}; known: {known}")

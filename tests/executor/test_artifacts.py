@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import hashlib
+import io
 import warnings
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from executor.artifacts import answer_of
+from executor.artifacts import _read, answer_of
 from executor.errors import ExecutorError
 from featuresel.routines import (
     REGISTRY,
@@ -90,3 +93,25 @@ def test_a_number_of_another_kind_is_no_plan(value: object) -> None:
     data = {"id": "otsu", "version": "1", "parameters": {"a": value}, "arrays": None}
     with pytest.raises(CodecError, match=r"parameters\.a"):
         from_data(RoutineUse, data)
+
+
+def test_a_damaged_file_of_arrays_has_a_code(tmp_path: Path) -> None:
+    """Numpy lets through what zip, zlib and tokenize raise."""
+    use = RoutineUse(id="edge", version="1", parameters={}, arrays="a.npz")
+    path = tmp_path / "a.npz"
+    np.savez_compressed(path, edge=np.arange(64.0))
+    good = path.read_bytes()
+    assert list(_read(use, tmp_path, hashlib.sha256()).arrays) == ["edge"]
+    with io.BytesIO() as plain:
+        np.save(plain, np.arange(3.0))
+        spoilt = [plain.getvalue(), b"", good[:99]]
+    for at in [*range(64), *range(len(good) - 64, len(good))]:
+        spoilt += [good[:at] + bytes([byte]) + good[at + 1 :] for byte in (99, 255)]
+    told = set()
+    for data in spoilt:
+        path.write_bytes(data)
+        try:
+            told |= set(_read(use, tmp_path, hashlib.sha256()).arrays)
+        except ExecutorError as error:
+            told.add(error.code)
+    assert "MP803" in told

@@ -8,7 +8,8 @@ import sys
 import pytest
 
 from executor.asked import parse
-from executor.cli import _teller
+from executor.cli import _answer, _asker, _question, _teller
+from executor.simulated.faults import Faults
 from schemas.plan import MoveAction
 from tests.executor.bench import plan_of, stage_to, step
 
@@ -50,3 +51,30 @@ def test_a_terminal_alone_is_told_which_step_begins(
     assert told is not None
     told("b")
     assert shown.getvalue() == "running b (2 of 2) ...\n"
+
+
+def test_nobody_is_asked_where_standard_streams_are_closed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(sys, "stdin", Terminal())
+    monkeypatch.setattr(sys, "stderr", Terminal())
+    assert _asker() is not None
+    assert _question() is not None
+    for stream in ("stdin", "stderr"):
+        with monkeypatch.context() as closed:
+            closed.setattr(sys, stream, None)  # as the interpreter has it then
+            assert _asker() is None
+            assert _question() is None
+
+
+def test_an_answer_that_is_no_text_says_no(monkeypatch: pytest.MonkeyPatch) -> None:
+    for source, answer in ((b"\n", "\n"), (b"\xff\n", ""), (b"", "")):
+        stream = io.TextIOWrapper(io.BytesIO(source), encoding="utf-8")
+        monkeypatch.setattr(sys, "stdin", stream)
+        assert _answer() == answer
+
+
+def test_a_fault_of_no_step_is_refused() -> None:
+    with pytest.raises(ValueError, match="names no step after the @"):
+        Faults(["axis_nan@"])
+    assert Faults(["axis_nan"]).on("axis_nan")

@@ -121,6 +121,11 @@ def test_a_new_run_goes_over_an_old_ones_report(copy: Path, example_run: Path) -
     assert "report.html.new" not in names
 
 
+def test_a_frame_of_one_row_is_made_small() -> None:
+    assert small(np.full((1, 1000), 7, np.uint8)).shape == (1, 250)
+    assert small(np.full((1000, 1), 7, np.uint8)).shape == (250, 1)
+
+
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
 def test_frames_are_made_small_by_averages(dtype: type[np.unsignedinteger]) -> None:
     frame: np.ndarray = np.full((960, 1280), 40, dtype=dtype)
