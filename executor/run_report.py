@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -174,7 +175,9 @@ def _shares(steps: Sequence[Row]) -> Iterator[Element]:
         Bar(label=str(s["id"]), pieces=((error / limit, ""),),
             said=f"{um(error)} of {um(limit)}")
         for s in steps
-        if (error := real(s, "error_um")) is not None and (limit := real(s, "limit_um"))
+        if (error := real(s, "error_um")) is not None
+        and (limit := real(s, "limit_um"))
+        and math.isfinite(error / limit)
     ]  # fmt: skip
     if not rows:
         return
@@ -201,7 +204,9 @@ def _sigmas(steps: Sequence[Row], known: Row) -> Iterator[Element]:
         (str(s["id"]), error, sigma)
         for s in steps
         if (error := real(known, str(s["id"])) if known else real(s, "spread_um"))
-        is not None and (sigma := real(s, "expected_sigma_um"))
+        is not None
+        and (sigma := real(s, "expected_sigma_um"))
+        and math.isfinite(error / sigma)
     ]  # fmt: skip
     if not found:
         return

@@ -105,7 +105,10 @@ def _number(value: Any) -> bool:
     if value is None:
         return True
     real = isinstance(value, int | float) and not isinstance(value, bool)
-    return real and math.isfinite(value)
+    try:
+        return real and math.isfinite(value)
+    except OverflowError:  # a whole number of more than 308 digits
+        return False
 
 
 def _same(run: Run) -> list[object]:

@@ -286,4 +286,7 @@ def _verdict(plan: Plan, cell: Cell) -> Verdict | None:
     if not checks or checks[-1].target.partition(".")[0] not in cell.truth.bodies:
         return None
     last = checks[-1]
-    return cell.judge(last.target, last.on, last.within_um, last.within_rad)
+    try:
+        return cell.judge(last.target, last.on, last.within_um, last.within_rad)
+    except (KeyError, ValueError):  # a plan of another world: nothing can be told
+        return None

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -50,10 +51,13 @@ def take(cell: Cell, path: Path) -> None:
         if data["world"] != _digest(cell):
             raise ExecutorError("MP866", f"{path} is of another world.json")
         restore(cell, data)
-    except (OSError, ValueError, KeyError, TypeError) as error:
+        for process in (cell.stage, cell.robot, cell.jaws.motion, cell.lens.motion):
+            cell.timeline.run_out(process)
+        _check(cell)
+    except ExecutorError:
+        raise
+    except Exception as error:  # a spoilt number may fail anywhere in the simulation
         raise ExecutorError("MP803", f"{path}: {error}") from error
-    for process in (cell.stage, cell.robot, cell.jaws.motion, cell.lens.motion):
-        cell.timeline.run_out(process)
 
 
 def state_of(cell: Cell) -> dict[str, Any]:
@@ -97,6 +101,18 @@ def restore(cell: Cell, data: dict[str, Any]) -> None:
         device.restore(data["devices"][name])
     for name, rng in cell.draws.items():
         rng.bit_generator.state = data["draws"][name]
+
+
+def _check(cell: Cell) -> None:
+    """Raise ValueError where a cell holds what no cell could have left."""
+    truth = cell.truth
+    bodies = truth.bodies.values()
+    known = truth.held in ("", *truth.bodies) and isinstance(truth.collided, str)
+    if not known or any(body.carrier not in ("stage", "robot") for body in bodies):
+        raise ValueError("it tells of what is not in the world")
+    numbers = (truth.opening_um, truth.pushed_um, *(body.z_um for body in bodies))
+    if not all(math.isfinite(number) for number in numbers):
+        raise ValueError("a number is not finite")
 
 
 def _devices(cell: Cell) -> dict[str, Any]:

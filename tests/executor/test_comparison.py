@@ -175,6 +175,8 @@ def test_the_command_joins_runs_and_says_what_is_refuted(
           "steps": [{"id": "a", "code": None, "time_s": "long"}]}, "is no summary"),
         ({"code": None, "done": True, "true_look_error_um": {"a": math.nan},
           "steps": []}, "is no summary"),
+        ({"code": None, "done": True, "true_look_error_um": {},
+          "steps": [{"id": "a", "code": None, "time_s": 10**400}]}, "is no summary"),
     ],
 )  # fmt: skip
 def test_a_folder_that_is_no_run_of_the_plan_is_refused(

@@ -97,6 +97,38 @@ def test_a_damaged_file_is_refused(text: str, tmp_path: Path) -> None:
     assert caught.value.code == "MP803"
 
 
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("opening_um", "wide"),
+        ("opening_um", float("nan")),
+        ("held", "wheel"),
+        ("held", {}),
+        ("collided", None),
+        ("bodies/gear/carrier", "table"),
+        ("bodies/gear/z_um", 10**400),
+        ("bodies/gear/pose", []),
+        ("devices/stage/motion", 7),
+        ("draws/light/uinteger", float("inf")),
+        ("draws/lateral/state/state", -1),
+    ],
+)
+def test_a_spoilt_world_is_refused(key: str, value: object, tmp_path: Path) -> None:
+    path = tmp_path / "cell.json"
+    cell(path)
+    data = json.loads(path.read_text("utf-8"))
+    *above, last = key.split("/")
+    place = data
+    for name in above:
+        place = place[name]
+    assert last in place
+    place[last] = value
+    path.write_text(json.dumps(data), encoding="utf-8")
+    with pytest.raises(ExecutorError) as caught:
+        again(path)
+    assert caught.value.code == "MP803"
+
+
 def test_a_file_is_whole_or_the_one_before(tmp_path: Path) -> None:
     made = cell(tmp_path / "cell.json")
     assert json.loads((tmp_path / "cell.json").read_text("utf-8")) == json.loads(

@@ -90,7 +90,9 @@ def test_what_is_left_of_a_killed_run_has_a_report(copy: Path) -> None:
 @pytest.mark.parametrize(
     "summary",
     ["[]", "{", '{"steps": 3}', '{"steps": [1, {"id": 2, "time_s": "x"}]}',
-     '{"steps": [{"id": "a", "error_um": 1e999, "limit_um": 1}], "code": 7}'],
+     '{"steps": [{"id": "a", "error_um": 1e999, "limit_um": 1}], "code": 7}',
+     '{"steps": [{"id": "a", "error_um": 1, "limit_um": 1e-320, "spread_um": 1, '
+     '"expected_sigma_um": 1e-320, "expected_s": 1' + "0" * 400 + "}]}"],
 )  # fmt: skip
 def test_damaged_summaries_give_a_report_all_the_same(copy: Path, summary: str) -> None:
     (copy / "summary.json").write_text(summary, encoding="utf-8")
@@ -137,7 +139,9 @@ def test_frames_are_made_small_by_averages(dtype: type[np.unsignedinteger]) -> N
     assert np.unique(found).tolist() == [round(40 * scale), round(80 * scale)]
 
 
-@pytest.mark.parametrize("value", [None, True, "1", float("nan"), float("inf"), [1]])
+@pytest.mark.parametrize(
+    "value", [None, True, "1", float("nan"), float("inf"), [1], 10**400]
+)
 def test_only_finite_numbers_are_numbers(value: object) -> None:
     assert real({"x": value}, "x") is None
 
