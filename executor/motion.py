@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from typing import TypeVar
 
 from executor.answers import as_frame, as_number, as_pair, as_reading, as_truth
-from executor.arrival import arrive
+from executor.arrival import SHORTEST_S, arrive
 from executor.calls import Caller, call_all
 from executor.drivers import AxisReading, Frame, Mover
 from executor.errors import ExecutorError
@@ -299,7 +299,7 @@ class Motion:
                 raise ExecutorError(
                     "MP845", f"{name} moves for more than {limit_s:g} s"
                 )
-            clock.wait(station.rules.safety.poll_s)
+            clock.wait(max(station.rules.safety.poll_s, SHORTEST_S))
 
     def _opening(self, station: Station) -> float:
         """Return the jaws' reading, um."""

@@ -21,6 +21,8 @@ from executor.wall_clock import WallClock
 
 FORMAT = 1
 LENGTHS = ("x_um", "y_um", "z_um")
+LONGEST_S = 3600.0  # nothing that a station waits for takes longer
+BLIND_S = 1.0  # so long, at most, nobody looks at an axis that moves
 NEEDED = ("stage", "lens", "light", "camera")  # robot and jaws may be missing
 
 
@@ -213,7 +215,7 @@ def _rules(top: Table, roles: tuple[str, ...]) -> Rules:
         jaws_window_um=jaws.number("window_um", 0.5, above=0),
         focus_window_um=lens.number("focus_window_um", 0.1, above=0),
         zoom_window=lens.number("zoom_window", 1e-3, above=0),
-        drive_timeout_s=lens.number("timeout_s", 20.0, above=0),
+        drive_timeout_s=lens.number("timeout_s", 20.0, above=0, most=LONGEST_S),
         safety=_safety(top.table("safety")),
     )
     for table, read in (
@@ -235,9 +237,9 @@ def _settle(table: Table) -> Settle:
     found = Settle(
         window_um=table.number("window_um", usual.window_um, above=0),
         window_rad=math.radians(window_deg),
-        dwell_s=table.number("dwell_s", usual.dwell_s, least=0),
-        timeout_s=table.number("timeout_s", usual.timeout_s, above=0),
-        stall_s=table.number("stall_s", usual.stall_s, above=0),
+        dwell_s=table.number("dwell_s", usual.dwell_s, least=0, most=LONGEST_S),
+        timeout_s=table.number("timeout_s", usual.timeout_s, above=0, most=LONGEST_S),
+        stall_s=table.number("stall_s", usual.stall_s, above=0, most=LONGEST_S),
     )
     table.finish()
     return found
@@ -265,9 +267,9 @@ def _safety(table: Table) -> Safety:
         close_phases=usual.close_phases
         if close is None
         else cast("tuple[Phase, ...]", close),
-        call_s=table.number("call_s", usual.call_s, above=0),
-        grab_s=table.number("grab_s", usual.grab_s, above=0),
-        poll_s=table.number("poll_s", usual.poll_s, above=0),
+        call_s=table.number("call_s", usual.call_s, above=0, most=LONGEST_S),
+        grab_s=table.number("grab_s", usual.grab_s, above=0, most=LONGEST_S),
+        poll_s=table.number("poll_s", usual.poll_s, above=0, most=BLIND_S),
     )
     table.finish()
     return found

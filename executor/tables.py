@@ -72,13 +72,17 @@ class Table:
         *,
         least: float = -math.inf,
         above: float = -math.inf,
+        most: float = math.inf,
     ) -> float:
-        """Return a finite number, at least `least` and more than `above`."""
+        """Return a finite number, `least` to `most` and more than `above`."""
         if not self.has(name):
             if default is None:
                 self.refuse(name, "it is missing", "a number is needed")
             return default
-        return self._number(name, self._data[name], least, above)
+        number = self._number(name, self._data[name], least, above)
+        if number > most:
+            self.refuse(name, f"found {number:g}", f"it must be at most {most:g}")
+        return number
 
     def whole(self, name: str, *, least: int = 1) -> int:
         """Return a whole number."""

@@ -308,3 +308,9 @@ class Deaf(Coasting):
     def stop(self) -> None:
         """Fail."""
         raise OSError("no answer")
+
+
+def test_a_poll_too_short_for_the_clock_ends_too() -> None:
+    found = cell()
+    Motion().focus(ruled(found, poll_s=1e-300), 1.0)
+    assert found.station.lens.reading()[1] == pytest.approx(1.0, abs=0.1)

@@ -187,6 +187,8 @@ def test_options_reach_the_driver(built: Path, tmp_path: Path) -> None:
         ),
         ('stage = { hub = "cell" }', "stage = 3", "devices.stage: found 3; a table"),
         ("[devices]", "[devices", "at line"),
+        ("call_s = 5.0", "call_s = 1e12", "call_s: found 1e+12; it must be at most"),
+        ("poll_s = 0.02", "poll_s = 5", "poll_s: found 5; it must be at most 1"),
         ("bits = 8", f"bits = {10**400}", "a finite number is needed"),
         ("bits = 8", "bits = " + "9" * 5000, "4300 digits"),
     ],

@@ -147,3 +147,21 @@ def test_the_reader_needs_the_same_keys(at: Keys, tmp_path: Path) -> None:
             r"window_rad=[^,]*", "", told
         )
     assert without.startswith("read: ")
+
+
+MOST = [
+    ((*at, name), rule["maximum"])
+    for at, table in TABLES.items()
+    for name, rule in table["properties"].items()
+    if "maximum" in rule
+]
+
+
+@pytest.mark.parametrize(("at", "most"), MOST, ids=str)
+def test_the_reader_allows_as_much(at: Keys, most: float, tmp_path: Path) -> None:
+    data = example()
+    *above, name = at
+    parent(data, tuple(above))[name] = most
+    assert said(data, tmp_path).startswith("read: ")
+    parent(data, tuple(above))[name] = most * 1.001
+    assert f"{name}: found" in said(data, tmp_path)
