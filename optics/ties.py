@@ -65,10 +65,11 @@ def ordered(
     small differences is cut where it has grown to the margin.
     """
     ranked = sorted(((size(item), at) for at, item in enumerate(items)))
-    found: list[T] = []
-    while ranked:
-        first = ranked[0][0]
-        alike = [at for value, at in ranked if at_most(value, first, scale=scale)]
-        found += [items[at] for at in sorted(alike)]
-        ranked = ranked[len(alike) :]
-    return found
+    groups: list[tuple[float, list[int]]] = []
+    for value, at in ranked:
+        # values rise: the first that is above a group's least begins another
+        if groups and at_most(value, groups[-1][0], scale=scale):
+            groups[-1][1].append(at)
+        else:
+            groups.append((value, [at]))
+    return [items[at] for _, alike in groups for at in sorted(alike)]
