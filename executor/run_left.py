@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +16,7 @@ from executor.run_folder import EVENTS, PLAN, SUMMARY
 from schemas.folders import contents
 
 _MOST_BYTES = 1 << 26  # of a file of lines
+_MOST = 1e100  # of a number: no device measures more, and no chart could show it
 
 Row = Mapping[str, Any]
 
@@ -70,7 +70,7 @@ def read_left(folder: Path) -> Left:
 
 
 def real(row: Row, name: str) -> float | None:
-    """Return a finite number of a row, None if it has none of that name."""
+    """Return a number of a row, None if it has none of that name that is sane."""
     value = row.get(name)
     if isinstance(value, bool) or not isinstance(value, int | float):
         return None
@@ -78,7 +78,7 @@ def real(row: Row, name: str) -> float | None:
         number = float(value)
     except OverflowError:  # a whole number of more than 308 digits
         return None
-    return number if math.isfinite(number) else None
+    return number if abs(number) < _MOST else None  # nan is not below either
 
 
 def reals(row: Row, name: str) -> list[float]:

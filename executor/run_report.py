@@ -22,6 +22,7 @@ _SECTIONS = (
     ("Verdict", "verdict"), ("Predicted against actual", "compared"),
     ("Servo", "servo"), ("Heights by focus", "focus"), ("Frames", "frames"),
 )  # fmt: skip
+_MOST_RATIO = 1e6  # of a bar; a longer one would say no more
 
 
 def write_report(folder: Path) -> Path:
@@ -172,7 +173,7 @@ def _pair(actual: str, predicted: str) -> str:
 def _shares(steps: Sequence[Row]) -> Iterator[Element]:
     """Yield the errors that steps ended with, as shares of their limits."""
     rows = [
-        Bar(label=str(s["id"]), pieces=((error / limit, ""),),
+        Bar(label=str(s["id"]), pieces=((min(error / limit, _MOST_RATIO), ""),),
             said=f"{um(error)} of {um(limit)}")
         for s in steps
         if (error := real(s, "error_um")) is not None
@@ -213,7 +214,7 @@ def _sigmas(steps: Sequence[Row], known: Row) -> Iterator[Element]:
     rows = [
         Bar(
             label=name,
-            pieces=((error / sigma, ""),),
+            pieces=((min(error / sigma, _MOST_RATIO), ""),),
             said=f"{um(error)} of {um(sigma)}",
         )
         for name, error, sigma in found

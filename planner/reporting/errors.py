@@ -94,7 +94,7 @@ def _of_budget(folder: PlanFolder) -> _Spread | None:
         (r.sigma_um for r in step.budget.rows if r.term.endswith("left by the servo")),
         None,
     )
-    more = min(left or 0.0, _FAR_UM) ** 2
+    more = min(abs(left or 0.0), _FAR_UM) ** 2
     name = "the capture radius" if step.verb == "insert" else "what is allowed"
     return _Spread(
         look=look, step=step.id, covariance_um2=(xx + more, xy, yy + more),
@@ -163,7 +163,8 @@ def _image(folder: PlanFolder, look: Look) -> Element | None:
 def _plan_view(spread: _Spread) -> Iterator[Element]:
     """Yield ellipses, the circle of what is allowed and a scale, y up."""
     long, short, angle = ellipse(spread.covariance_um2)
-    reach = 1.12 * max(spread.room_um, sigmas(_SHARES[-1]) * long) or 1.0
+    room_um = min(max(spread.room_um, 0.0), _FAR_UM)
+    reach = 1.12 * max(room_um, sigmas(_SHARES[-1]) * long) or 1.0
     scale = _SIDE / 2 / reach
     cx, cy = 360 - _SIDE / 2, _SIDE / 2
     turn = f"translate({cx:.4g} {cy:.4g}) rotate({-math.degrees(angle):.4g})"
@@ -172,7 +173,7 @@ def _plan_view(spread: _Spread) -> Iterator[Element]:
     for share in _SHARES:
         k = sigmas(share) * scale
         yield el("ellipse", rx=k * long, ry=k * short, transform=turn, class_="ell")
-    yield el("circle", cx=cx, cy=cy, r=scale * spread.room_um, class_="room")
+    yield el("circle", cx=cx, cy=cy, r=scale * room_um, class_="room")
     bar = _round(reach / 2)
     x0, y0 = 360 - bar * scale - 4, _SIDE + 4
     yield el("path", d=f"M{x0:.4g} {y0:.4g}h{bar * scale:.4g}", class_="here")

@@ -13,6 +13,7 @@ from schemas.pose import Pose
 from schemas.world import World, WorldOutline, WorldTool
 
 _FAR = 4.0  # arms of a cross, um at the least
+_LEAST = 1e-9  # um per px: no lens magnifies more
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,11 +27,11 @@ class Frame:
     @classmethod
     def of(cls, plan: Plan, look: Look) -> Frame:
         """Return the frame of a look; a plan that is edited by hand may hold zeros."""
-        needs = plan.requirements
+        needs, um_per_px = plan.requirements, look.view.um_per_px
         return cls(
             width_px=max(needs.width_px, 1),
             height_px=max(needs.height_px, 1),
-            px_per_um=1 / (look.view.um_per_px or 1.0),
+            px_per_um=1 / um_per_px if um_per_px > _LEAST else 1.0,
         )
 
     @property

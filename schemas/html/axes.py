@@ -11,6 +11,7 @@ from schemas.html.figures import number
 
 WIDTH, HEIGHT = 360.0, 224.0  # of all charts, in units of their text
 _LEFT, _RIGHT, _TOP, _BOTTOM = 46.0, 12.0, 12.0, 40.0
+_FAR = 1e30  # beyond, differences and ratios might be no numbers any more
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,6 +30,7 @@ class Scale:
 
     def share(self, value: float) -> float:
         """Return where a value stands, 0 at the low end and 1 at the high one."""
+        value = bounded(value)
         if self.log:
             value = max(value, self.low)
             return math.log(value / self.low) / math.log(self.high / self.low)
@@ -40,9 +42,14 @@ class Scale:
         return _decades(self) if self.log and not narrow else _even(self)
 
 
+def bounded(value: float) -> float:
+    """Return a value, or the nearest that a chart can work with."""
+    return min(max(value, -_FAR), _FAR)
+
+
 def around(values: list[float], *, zero: bool = False) -> Scale:
     """Return an even scale that holds all values, with a little room."""
-    low, high = min(values), max(values)
+    low, high = bounded(min(values)), bounded(max(values))
     if zero:
         low, high = min(low, 0.0), max(high, 0.0)
     room = 0.05 * (high - low) or abs(high) * 0.1 or 1.0
@@ -51,7 +58,7 @@ def around(values: list[float], *, zero: bool = False) -> Scale:
 
 def around_log(values: list[float]) -> Scale:
     """Return a logarithmic scale that holds all values above 0, with room."""
-    known = [value for value in values if value > 0] or [1.0]
+    known = [min(max(value, 1 / _FAR), _FAR) for value in values if value > 0] or [1.0]
     return Scale(low=min(known) / 1.5, high=max(known) * 1.5, log=True)
 
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from schemas.html.axes import WIDTH, Axes, Scale
+from schemas.html.axes import WIDTH, Axes, Scale, bounded
 from schemas.html.elements import Element, el
 from schemas.html.figures import number
 from schemas.html.page import chart
@@ -104,11 +104,14 @@ def bars(
     band: tuple[float, float] | None = None,
 ) -> Element:
     """Return bars below their labels on one scale that starts at `least`."""
-    ends = [row.start + sum(size for size, _ in row.pieces) for row in rows]
+    ends = [bounded(row.start + sum(size for size, _ in row.pieces)) for row in rows]
     high = (
-        most if most is not None else max([*ends, 1.22 * (limit or 0.0), 1e-12]) * 1.02
+        bounded(most)
+        if most is not None
+        else max([*ends, 1.22 * bounded(limit or 0.0), 1e-12]) * 1.02
     )
-    scale = Scale(low=least, high=max(high, least + 1e-9))
+    low = bounded(least)
+    scale = Scale(low=low, high=max(high, low + max(1e-9, 1e-9 * abs(low))))
     height = len(rows) * _ROW + 30
 
     def x(value: float) -> float:
@@ -116,9 +119,9 @@ def bars(
 
     drawn: list[Element] = []
     if band is not None:
-        low, wide = x(band[0]), x(band[1]) - x(band[0])
+        left, wide = x(band[0]), x(band[1]) - x(band[0])
         drawn.append(
-            el("rect", x=low, y=0, width=wide, height=height - 26, class_="band")
+            el("rect", x=left, y=0, width=wide, height=height - 26, class_="band")
         )
     for value in scale.ticks():
         at = x(value)

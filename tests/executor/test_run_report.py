@@ -155,3 +155,15 @@ def test_starting_the_executor_loads_no_page() -> None:
         [sys.executable, "-c", script], capture_output=True, text=True, check=False
     )
     assert done.stderr.strip() == ""
+
+
+def test_numbers_that_no_device_gives_break_no_chart(copy: Path) -> None:
+    file = copy / "summary.json"
+    data = json.loads(file.read_text(encoding="utf-8"))
+    for step, size in zip(
+        data["steps"], [1e308, 10**400, 5e-324, -1e308], strict=False
+    ):
+        step |= {"error_um": 1.0, "limit_um": size, "spread_um": size}
+        step["expected_sigma_um"] = 5e-324
+    file.write_text(json.dumps(data), encoding="utf-8")
+    check_page(run_report(read_left(copy)))

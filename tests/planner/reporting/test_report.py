@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -173,7 +174,7 @@ def test_plans_of_one_look_and_of_nothing_have_reports(folder: PlanFolder) -> No
         check_page(plan_report(replace(folder, plan=replace(plan, steps=steps))))
 
 
-@pytest.mark.parametrize("value", [0.0, 1e300])
+@pytest.mark.parametrize("value", [0.0, 5e-324, 1e300, 1.7e308])
 def test_odd_numbers_are_shown_as_they_are(folder: PlanFolder, value: float) -> None:
     insert = next(s for s in folder.plan.steps if s.verb == "insert")
     before = next(s for s in folder.plan.steps if s.id == "over_shaft")
@@ -181,16 +182,22 @@ def test_odd_numbers_are_shown_as_they_are(folder: PlanFolder, value: float) -> 
     assert analysis is not None
     rows = tuple(replace(row, sigma_um=value) for row in insert.budget.rows)
     flat = replace(analysis, covariance_um2=(0.0, 0.0, 0.0), miss_probability=0.0)
-    budget = replace(insert.budget, rows=rows, limit_um=0.0, analysis=flat)
+    budget = replace(insert.budget, rows=rows, limit_um=-value, analysis=flat)
     found = replace(
         look,
         view=replace(look.view, um_per_px=value, field_um=(value, value)),
         measure=replace(look.measure, usable_focus_um=(0.0, value)),
-        evidence=replace(look.evidence, tolerance_um=value),
+        evidence=replace(
+            look.evidence,
+            tolerance_um=value,
+            chosen=replace(look.evidence.chosen, cost=value, sigma_um=value),
+        ),
     )
     plan = _with(folder.plan, insert.id, budget=budget)
     plan = _with(plan, before.id, looks=(found,))
-    check_page(plan_report(replace(folder, plan=plan)))
+    markup = plan_report(replace(folder, plan=plan))
+    check_page(markup)
+    assert not re.search(r'[ "(,-](inf|nan)[ ",)]', re.sub('data:[^"]*', "", markup))
 
 
 def test_a_plan_alone_has_a_report(compiled_example: Path, tmp_path: Path) -> None:
