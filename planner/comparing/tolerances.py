@@ -13,7 +13,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
-from itertools import chain
+from functools import lru_cache
 from typing import Any
 
 from planner.comparing.changes import keys_of
@@ -99,10 +99,15 @@ def rule_for(path: Sequence[str], stated: Sequence[Rule] = ()) -> Rule:
     Those that a user states are matched against names too, the table against keys
     alone.
     """
-    where, keys = "/".join(path), keys_of(path)
-    found = (rule for rule in stated if rule.matches(where))
-    known = (rule for rule in TABLE if rule.matches(keys))
-    return next(chain(found, known), EXACT)
+    where = "/".join(path)
+    found = next((rule for rule in stated if rule.matches(where)), None)
+    return found or _known(keys_of(path))
+
+
+@lru_cache(maxsize=4096)  # a plan has some hundred keys, and ten thousand values
+def _known(keys: str) -> Rule:
+    """Return the rule of the table for a path of keys."""
+    return next((rule for rule in TABLE if rule.matches(keys)), EXACT)
 
 
 def parse_rule(text: str) -> Rule:
