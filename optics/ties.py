@@ -62,9 +62,12 @@ def ordered(
     """Return items by size, the least first; equal ones as they came.
 
     Those within MARGIN of the least that is left are equal to it, so that a chain of
-    small differences is cut where it has grown to the margin.
+    small differences is cut where it has grown to the margin. ValueError if a size is
+    nan.
     """
     ranked = sorted(((size(item), at) for at, item in enumerate(items)))
+    if any(math.isnan(value) for value, _ in ranked):
+        raise ValueError("sizes must not be nan")
     groups: list[tuple[float, list[int]]] = []
     for value, at in ranked:
         # values rise: the first that is above a group's least begins another

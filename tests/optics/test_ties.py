@@ -63,3 +63,9 @@ def test_nothing_to_choose_from_is_refused() -> None:
     assert ordered([], float) == []
     with pytest.raises(ValueError, match="empty"):
         least([], float)
+
+
+def test_what_has_no_size_has_no_place() -> None:
+    with pytest.raises(ValueError, match="nan"):
+        ordered([1.0, math.nan, 2.0], lambda size: size)
+    assert ordered([math.inf, -math.inf, math.inf], lambda s: s)[0] == -math.inf
