@@ -42,6 +42,7 @@ from schemas.plan import Plan, newer_note
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Return the exit status: 0 done, 1 no, 2 input, 3 machine, 4 stopped, 70 a bug."""
+    _hold_streams()
     try:
         status = _status(argv)
         flush()
@@ -52,6 +53,18 @@ def main(argv: Sequence[str] | None = None) -> int:
         tell(f"bug in microplan: {type(error).__name__}: {error}")
         return BUG
     return status
+
+
+def _hold_streams() -> None:
+    """Open what stands in for standard streams that are closed.
+
+    The journal would else be opened in their place, and libraries write there.
+    """
+    for number in range(3):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # gets the lowest number that is free
 
 
 def _status(argv: Sequence[str] | None) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import subprocess
 import sys
 
 import pytest
@@ -78,3 +79,15 @@ def test_a_fault_of_no_step_is_refused() -> None:
     with pytest.raises(ValueError, match="names no step after the @"):
         Faults(["axis_nan@"])
     assert Faults(["axis_nan"]).on("axis_nan")
+
+
+def test_no_file_takes_the_place_of_a_closed_stream() -> None:
+    """A library that writes to standard error would write into the journal."""
+    code = (
+        "import os\nfrom executor.cli import main\nkept = os.dup(1)\n"
+        "os.closerange(0, 3)\nmain(['nowhere', '--station', 'sim'])\n"
+        "os.write(kept, str(os.open(os.devnull, os.O_RDONLY)).encode())"
+    )
+    call = [sys.executable, "-c", code]
+    said = subprocess.run(call, capture_output=True, text=True, check=False)
+    assert int(said.stdout) > 2
