@@ -115,7 +115,7 @@ def perform(
             keep_world(site.cell, run.cell)
         result = _run(rig, call, file, run, asking)
         if record is not None:
-            record.close(result.code, result.message)
+            _close(record, result)
     verdict = None if site.cell is None else _verdict(file.plan, site.cell)
     ended = Ended(
         folder=run.path,
@@ -126,6 +126,15 @@ def perform(
     )
     _write_summary(call, site, file, ended)
     return ended
+
+
+def _close(record: Record, result: RunResult) -> None:
+    """End the record; that it cannot be hides no fault that came before."""
+    try:
+        record.close(result.code, result.message)
+    except ExecutorError:
+        if result.code is None:
+            raise
 
 
 def header_of(call: Call, file: PlanFile, devices: Mapping[str, str]) -> Header:
@@ -171,7 +180,8 @@ def _recorded(
         try:
             yield record
         except ExecutorError as error:  # an interrupt: MP860
-            record.close(error.code, error.message)
+            with suppress(ExecutorError):  # a full disk must not hide what happened
+                record.close(error.code, error.message)
             raise
 
 
@@ -214,7 +224,8 @@ def _run(
         return run_plan(rig)
     except KeyboardInterrupt:
         left = "; ".join(rig.motion.stop(rig.station)) or "nothing moves any more"
-        rig.journal.write("stopped", why=left)
+        with suppress(ExecutorError, KeyboardInterrupt):  # what is left is told anyway
+            rig.journal.write("stopped", why=left)
         raise ExecutorError("MP860", f"stopped; {left}") from None
     except BaseException:  # a bug must not leave anything in motion either
         rig.motion.stop(rig.station)
