@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import stat
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -85,6 +86,8 @@ def read_station(path: Path, plan_folder: Path) -> Loaded:
 def _parsed(path: Path) -> tuple[bytes, dict[str, Any]]:
     """Return the file's bytes and its data."""
     try:
+        if not stat.S_ISREG(path.stat().st_mode):  # a pipe is read once, and not locked
+            raise ExecutorError("MP812", f"{path}: it is no file")
         source = path.read_bytes()
         return source, tomllib.loads(source.decode("utf-8").replace("\r\n", "\n"))
     except (OSError, ValueError) as error:  # so are faults of UTF-8, TOML, digits
