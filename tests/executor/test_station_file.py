@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import shutil
 import sys
 from pathlib import Path
@@ -233,6 +234,15 @@ def test_a_driver_that_cannot_be_had_is_told(
         loaded(built, tmp_path, (old, new))
     assert caught.value.code == "MP813"
     assert message in caught.value.message
+
+
+def test_what_is_no_file_is_told_and_not_waited_for(tmp_path: Path) -> None:
+    pipe = tmp_path / "station.toml"
+    os.mkfifo(pipe)
+    for path in (pipe, tmp_path):
+        with pytest.raises(ExecutorError, match="it is no file") as caught:
+            read_station(path, tmp_path)
+        assert caught.value.code == "MP812"
 
 
 ODD = """
