@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -22,11 +23,21 @@ from planner.model.requests import requests
 from planner.model.sightings import views
 from planner.model.steps import unfold
 from planner.outputs import summary
+from planner.presets import PRESETS
 from planner.reporting.report import write_report
 from tests.planner.examples import change, copy_example, one_look, read
 
 Compile = Callable[..., dict[str, bytes]]
 NOT_COMPARED = {"timings.json"}  # measured times
+
+
+@pytest.fixture(autouse=True)
+def _fewer_trials(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Spend less on a look than any preset does."""
+    fewer = replace(PRESETS["fast"], trials=8, range_draws=1)
+    monkeypatch.setattr(
+        "planner.compiler.PRESETS", dict.fromkeys(("fast", "balanced"), fewer)
+    )
 
 
 @pytest.fixture

@@ -6,6 +6,7 @@ import re
 import shlex
 import shutil
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -18,14 +19,15 @@ from planner.inputs.read_task import load_task
 from planner.inputs.second_reader import read_twice
 from planner.inputs.task import Task
 from planner.model.steps import StepState, unfold
+from planner.presets import PRESETS
 from tests.planner.examples import (
     EXAMPLE,
     GRASP,
     ROOT,
     between_jaws,
     beyond_notes,
-    change,
     cut,
+    one_look,
     one_zoom,
 )
 from tests.planner.placed import memory, placed
@@ -125,13 +127,9 @@ CALLED = [
 ]
 
 
-def _find_gear(folder: Path) -> None:
-    """Cut the example down to its first step."""
-    cut(
-        folder / "task.yaml",
-        "{id: find_gear,       do: locate,  target: gear, view_um: [0, 0]}",
-    )
-    change(folder / "task.yaml", "theta: any, sigma_xy_um: 30", "sigma_xy_um: 5")
+def _see_post(folder: Path) -> None:
+    """Cut the example down to one look."""
+    one_look(folder / "task.yaml")
     one_zoom(folder / "task.yaml")
 
 
@@ -144,7 +142,7 @@ def _grasp_and_release(folder: Path) -> None:
 
 # what a page says the example is cut down to, so that its call takes seconds
 PREPARED: Mapping[str, Callable[[Path], None]] = {
-    "MP501": _find_gear,
+    "MP501": _see_post,
     "MP602": _grasp_and_release,
 }
 
@@ -213,6 +211,8 @@ def test_the_call_of_a_page_leads_to_its_code(
     (call,) = _CALL.findall(page)
     if code in PREPARED:
         PREPARED[code](example)
+    fewer = replace(PRESETS["fast"], trials=8, range_draws=1)
+    monkeypatch.setattr("planner.compiler.PRESETS", {**PRESETS, "fast": fewer})
     monkeypatch.chdir(example)
 
     def headlines() -> tuple[int, set[str]]:
