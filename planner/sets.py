@@ -65,6 +65,27 @@ class Sets:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class _Stakes:
+    """What all features of a look are raced with."""
+
+    seed: int
+    effort: Effort
+
+
+def _contest(stakes: _Stakes, case: LookCase) -> Contest:
+    """Return the race over one of several features."""
+    effort = stakes.effort
+    return compete(
+        case,
+        root_seed=stakes.seed,
+        most=effort.trials,
+        thorough=effort.thorough,
+        limited=effort.limited,
+        in_set=True,
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Search:
     """A look whose features are raced where its target alone does not do.
 
@@ -160,20 +181,33 @@ class Search:
     def _race(self) -> tuple[list[Raced], list[p.FeatureRow]]:
         """Return the features that were raced, and a row for each that was not."""
         known = proposals(self.task, self.request, self.shape)
-        raced, skipped = [self._target(known.target)], _avoided(known)
+        skipped, others = _avoided(known), list[tuple[Feature, Shape, LookCase]]()
         for feature, shape in known.others:
             case = feature_case(
                 self.task, self.request, self.view, self.alone.case, shape
             )
             why = unseen(case)
-            if not why and len(raced) > self.effort.features:
+            if not why and len(others) == self.effort.features:
                 why = f"not tried: {self.effort.features} others were"
             if why:
                 row = p.FeatureRow(name=shape.name, kind=shape.kind, reason=why)
                 skipped.append(row)
             else:
-                raced.append(self._other(feature, shape, case))
-        return raced, skipped
+                others.append((feature, shape, case))
+        return [self._target(known.target), *self._others(others)], skipped
+
+    def _others(
+        self, features: Sequence[tuple[Feature, Shape, LookCase]]
+    ) -> list[Raced]:
+        """Return other features after their races, which are held side by side."""
+        stakes = _Stakes(seed=self.task.seed, effort=self.effort)
+        found = self.memo.each(
+            _contest, stakes, [case for *_, case in features], self.map
+        )
+        return [
+            self._after(feature, shape, case, contest)
+            for (feature, shape, case), contest in zip(features, found, strict=True)
+        ]
 
     def _target(self, known: Feature | None) -> Raced:
         """Return the target itself, its chains judged as those of one of several."""
@@ -182,7 +216,8 @@ class Search:
         if turn is not None and self.shape.symmetry == 0:
             # alone it had few trials, as hopeless: it tells no angle
             case = feature_case(self.task, self.request, self.view, own, self.shape)
-            return self._other(known or drawn(self.shape), self.shape, case)
+            (found,) = self._others([(known or drawn(self.shape), self.shape, case)])
+            return found
         case = replace(
             own,
             tolerance_um=own.tolerance_um * SHARE_TOGETHER,
@@ -210,18 +245,10 @@ class Search:
             feature=feature, shape=self.shape, tried=tried, visible=self.visible
         )
 
-    def _other(self, feature: Feature, shape: Shape, case: LookCase) -> Raced:
+    def _after(
+        self, feature: Feature, shape: Shape, case: LookCase, found: Contest
+    ) -> Raced:
         """Return another feature after its race."""
-        found = self.memo.call(
-            compete,
-            case,
-            root_seed=self.task.seed,
-            most=self.effort.trials,
-            thorough=self.effort.thorough,
-            limited=self.effort.limited,
-            in_set=True,
-            map=self.map,
-        )
         tried = Tried.of(case, self.alone.fidelity, found)
         return Raced(feature=feature, shape=shape, tried=tried, visible=found.visible)
 

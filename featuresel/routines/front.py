@@ -50,12 +50,13 @@ class Front:
         four, (value, by_focus) = self._heights(front.focus_um)
         seen, slopes = [], []
         cells = rows * self.light.shape[2] + columns
+        places = self._places(pose.zoom, columns, rows)
         for maps, cores, sways in (
             (self.light, self.core_light, self.sway_light),
             (self.through, self.core_through, self.sway_through),
         ):
-            near = self._read(maps[four], pose.zoom, columns, rows)
-            core = value @ self._read(cores[four], pose.zoom, columns, rows)
+            near = places.read(maps[four])
+            core = value @ places.read(cores[four])
             swayed = sways.reshape(len(sways), self.light[0].size).take(cells, axis=1)
             shown = value @ near + front.core * core
             if front.sways:
@@ -74,8 +75,9 @@ class Front:
     ) -> tuple[FloatArray, FloatArray]:
         """Return light and share let through at pixels, (...), by focus alone."""
         four, (value, _) = self._heights(pose.veiling.focus_um)
+        places = self._places(pose.zoom, columns, rows)
         light, through = (
-            np.tensordot(value, self._read(m[four], pose.zoom, columns, rows), 1)
+            np.tensordot(value, places.read(m[four]), 1)
             for m in (self.light, self.through)
         )
         return light, through
@@ -99,26 +101,46 @@ class Front:
         four, (value, _) = self._heights(0.0)
         return np.asarray(value @ self.through[four, rows, columns])
 
-    def _read(
-        self, maps: Float32Array, zoom: float, columns: IntArray, rows: IntArray
-    ) -> FloatArray:
-        """Return maps' values, (maps, ...), at what the zoom shows in pixels."""
+    def _places(self, zoom: float, columns: IntArray, rows: IntArray) -> _Places:
+        """Return what the zoom shows in pixels, as places of the maps."""
         if zoom == 1.0:
-            return np.asarray(maps[:, rows, columns], dtype=np.float64)
-        return _between(
-            maps,
+            return _Places(left=columns, top=rows)
+        return _Places.between(
+            self.light.shape[1:],
             np.asarray(self.axis_px[0] + (columns - self.axis_px[0]) / zoom),
             np.asarray(self.axis_px[1] + (rows - self.axis_px[1]) / zoom),
         )
 
 
-def _between(maps: Float32Array, x: FloatArray, y: FloatArray) -> FloatArray:
-    """Return maps' values between pixels, linear; at the border, the border's."""
-    height, width = maps.shape[1:]
-    x = np.asarray(np.clip(x, 0, width - 1.001))
-    y = np.asarray(np.clip(y, 0, height - 1.001))
-    left, top = x.astype(np.intp), y.astype(np.intp)
-    u, v = x - left, y - top
-    above = (1 - u) * maps[:, top, left] + u * maps[:, top, left + 1]
-    below = (1 - u) * maps[:, top + 1, left] + u * maps[:, top + 1, left + 1]
-    return np.asarray((1 - v) * above + v * below)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Places:
+    """Places of maps, (...): at pixels, or between four of them."""
+
+    left: IntArray
+    top: IntArray
+    # shares of the way to the next column and row, 0..1; None: at pixels
+    share: tuple[FloatArray, FloatArray] | None = None
+
+    @classmethod
+    def between(cls, shape: tuple[int, ...], x: FloatArray, y: FloatArray) -> _Places:
+        """Return places that need not be at pixels; at the border, the border."""
+        height, width = shape
+        x = np.asarray(np.clip(x, 0, width - 1.001))
+        y = np.asarray(np.clip(y, 0, height - 1.001))
+        left, top = x.astype(np.intp), y.astype(np.intp)
+        return cls(left=left, top=top, share=(x - left, y - top))
+
+    def read(self, maps: Float32Array) -> FloatArray:
+        """Return maps' values there, (maps, ...), between pixels linear."""
+        if self.share is None:
+            return np.asarray(maps[:, self.top, self.left], dtype=np.float64)
+        # one place of all maps after the other: fewer of them are out of the cache
+        flat = np.ascontiguousarray(maps.reshape(len(maps), -1).T)
+        width = maps.shape[2]
+        first = self.top * width + self.left
+        u, v = (share[..., None] for share in self.share)
+        above, below = (
+            (1 - u) * flat.take(at, axis=0) + u * flat.take(at + 1, axis=0)
+            for at in (first, first + width)
+        )
+        return np.moveaxis((1 - v) * above + v * below, -1, 0)

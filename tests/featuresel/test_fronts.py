@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 import pytest
+from scipy.ndimage import map_coordinates
 
 from featuresel.nominal import nominal_render
-from featuresel.routines.appearance import Veiling
+from featuresel.routines.appearance import Pose, Veiling
 from featuresel.routines.front import Front
 from featuresel.routines.fronts import front_maps
 from tests.featuresel.fits import Drawn, artifact, case, job, render
@@ -109,3 +110,31 @@ def test_an_odd_number_of_heights_has_focus_in_its_middle() -> None:
         depth_um = case(name).microscope.wave_depth_um
         assert front(name).reach_um == pytest.approx(REACH_UM + 2 * depth_um)
         assert artifact(name).arrays["front_light"].shape[1:] == (200, 200)
+
+
+def test_maps_are_read_linearly_between_pixels() -> None:
+    """By another interpolation, at a zoom that leaves no pixel where it was."""
+    rng = np.random.default_rng(2)
+    maps = rng.random((2, 6, 40, 50)).astype(np.float32)
+    sways = np.zeros((0, 40, 50), np.float32)
+    seen = Front(
+        light=maps[0],
+        through=maps[1],
+        core_light=maps[0],
+        core_through=maps[1],
+        reach_um=REACH_UM,
+        axis_px=(20.3, 11.6),
+        sway_light=sways,
+        sway_through=sways,
+    )
+    rows, columns = (place.ravel() for place in np.mgrid[2:38, 3:47])
+    pose = Pose(
+        column=0.0, row=0.0, turn_rad=0.0, z_um=0.0, zoom=0.98,
+        front=Veiling(focus_um=REACH_UM),
+    )  # fmt: skip
+    at = 11.6 + (rows - 11.6) / 0.98, 20.3 + (columns - 20.3) / 0.98
+    # at the last height the spline's weights are those of its ends: 1, 4, 1
+    for map_, found in zip(maps, seen.plain(pose, columns, rows), strict=True):
+        mixed = (map_[3] + 4.0 * map_[4] + map_[5]) / 6
+        expected = map_coordinates(mixed.astype(np.float64), at, order=1)
+        np.testing.assert_allclose(found, expected, atol=1e-6)

@@ -119,6 +119,20 @@ def test_rules_and_steepest_descent_meet_fine_panels(
     assert found == pytest.approx(_finely(law, s, phase), rel=0, abs=1e-12)
 
 
+@pytest.mark.parametrize("aperture", [None, 0.05, 0.42, 0.95, 0.999])
+@pytest.mark.parametrize("steep_rad", [60.5, 90.0, 400.0])
+def test_steepest_descent_is_right_from_where_it_begins(
+    aperture: float | None, steep_rad: float
+) -> None:
+    """Rounding leaves 1e-14 of panels whose phases are hundreds of radians."""
+    law = Paraxial() if aperture is None else HighAperture(aperture=aperture, index=1.0)
+    for s in (1e-3, 0.1, 0.5, 0.9, 0.999):
+        top = float(law.top(np.array([[s]]))[0, 0])
+        phase = steep_rad / min(top, law.scale)
+        found = overlap(law, np.array([s]), np.array([phase]))[0]
+        assert found == pytest.approx(_finely(law, s, phase), rel=0, abs=3e-14)
+
+
 @pytest.mark.parametrize("z_um", [1e3, 1e4, 1e5, 1e6])
 @pytest.mark.parametrize("aperture", [0.1, 0.42, 0.95])
 def test_far_out_of_focus_light_goes_where_rays_go(
