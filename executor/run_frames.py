@@ -62,7 +62,8 @@ def small(counts: Any) -> Any:
     """Return a frame as 8 bit, averaged over squares until it is small enough."""
     most = 255 if counts.dtype == np.uint8 else max(int(counts.max()), 1)
     step = -(-max(counts.shape) // _MOST_PX)
-    rows, columns = (side // step * step for side in counts.shape)
-    tiles = counts[:rows, :columns].reshape(rows // step, step, columns // step, step)
-    mean = tiles.mean(axis=(1, 3)) * (255 / most)
+    down, across = (min(step, side) for side in counts.shape)
+    rows, columns = counts.shape[0] // down, counts.shape[1] // across
+    cut = counts[: rows * down, : columns * across]
+    mean = cut.reshape(rows, down, columns, across).mean(axis=(1, 3)) * (255 / most)
     return np.clip(np.rint(mean), 0, 255).astype(np.uint8)
