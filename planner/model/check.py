@@ -22,7 +22,9 @@ def check_task(task: Task, report: Report) -> str:
     for look in looks:
         first_views(task, look, low, report)
     parts = ", ".join(sorted(task.parts))
-    return f"{task.name}: {len(states)} steps, {len(looks)} looks, parts {parts}"
+    steps = "1 step" if len(states) == 1 else f"{len(states)} steps"
+    seen = "1 look" if len(looks) == 1 else f"{len(looks)} looks"
+    return f"{task.name}: {steps}, {seen}, parts {parts}"
 
 
 def check_fits(task: Task, states: tuple[StepState, ...], report: Report) -> None:

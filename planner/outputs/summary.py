@@ -42,10 +42,8 @@ def _look_times(plan: Plan) -> list[str]:
     axes_s = sum(row.time_s for row in rows if not row.what.startswith(words))
     total_s = sum(change.total_s for change in changes)
     said = ", ".join(f"{word} {sum(t):.3g} s ({len(t)})" for word, t in shares)
-    text = (
-        f"{len(changes)} looks take {total_s:.3g} s, each once: {said}, axes "
-        f"{axes_s:.3g} s"
-    )
+    head = "1 look takes" if len(changes) == 1 else f"{len(changes)} looks take"
+    text = f"{head} {total_s:.3g} s, each once: {said}, axes {axes_s:.3g} s"
     return [text]
 
 

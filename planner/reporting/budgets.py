@@ -39,7 +39,7 @@ def budget_figures(plan: Plan, step: Step) -> Iterator[Element]:
         yield el("h4", "What would give its share of the goal, the cheapest first")
         yield table(names, rows)
     for one in analysis.yields:
-        yield yield_figure(step, one)
+        yield yield_figure(plan, step, one)
     if analysis.allowed:
         yield more("The largest errors of one setting that still give the goal",
                    _allowed(step))  # fmt: skip
@@ -77,10 +77,11 @@ def fix(plan: Plan, step: Step, offender: Offender) -> str:
     return "no size of this term alone gives the goal"
 
 
-def yield_figure(step: Step, one: YieldCurve, *, short: bool = False) -> Element:
+def yield_figure(
+    plan: Plan, step: Step, one: YieldCurve, *, short: bool = False
+) -> Element:
     """Return P(success) over one size, with what is drawn and what is needed."""
-    analysis = step.budget.analysis
-    required = None if analysis is None else analysis.required_probability
+    required = needed_probability(plan, step)
     points = [(p.value_um, p.success_probability) for p in one.points]
     name, here = _NAMES.get(one.over, one.over), _here(step, one.over)
     if len(points) < 2:
@@ -103,29 +104,29 @@ def yield_figure(step: Step, one: YieldCurve, *, short: bool = False) -> Element
         points,
         here=here,
         limit=required,
-        limit_name="" if required is None else f"its share {chance(required)}",
+        limit_name="" if required is None else f"needed {chance(required)}",
     )
     caption = Caption(
         title=f"Yield over the {name}",
         shows=f"The chance that {step.id} succeeds if the {name} were another, all "
         f"else "
         f"as it is{stands}.",
-        judge="Good: the plan stands on the flat top, above the dashed share of the "
-        "goal; bad: on the slope.",
+        judge="Good: the plan stands on the flat top, above the dashed line that its "
+        "goal needs; bad: on the slope.",
         do=_yield_advice(points, required),
     )
     return figure(caption, drawing)
 
 
 def _yield_advice(points: list[tuple[float, float]], required: float | None) -> str:
-    """Return which sizes still give the share, by the points there are."""
+    """Return which sizes still give the goal, by the points there are."""
     if required is None:
         return "Choose a size on the flat top."
     enough = [x for x, p in points if p >= required]
     if not enough:
-        return "No size on the curve gives the share: change something else."
+        return "No size on the curve gives the goal: change something else."
     low, high = um(min(enough)), um(max(enough))
-    return f"Stay within {low} to {high}, which give the share."
+    return f"Stay within {low} to {high}, which give the goal."
 
 
 def _here(step: Step, over: str) -> float | None:

@@ -170,7 +170,7 @@ def _yield(folder: PlanFolder) -> Element | None:
     step = worst_step(folder.plan)
     analysis = None if step is None else step.budget.analysis
     if step is not None and analysis is not None and analysis.yields:
-        return yield_figure(step, analysis.yields[0], short=True)
+        return yield_figure(folder.plan, step, analysis.yields[0], short=True)
     looks = [m.look for m in margins(folder.plan) if m.look]
     for name in looks:
         look = next(each for each in folder.looks if each.id == name)
