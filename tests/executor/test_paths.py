@@ -82,7 +82,7 @@ def test_a_name_that_can_be_no_files_is_refused(name: str, tmp_path: Path) -> No
     quoted = dump_plan(plan_of([moving(name)]))
     path = tmp_path / "plan.json"
     path.write_text(quoted, encoding="utf-8", errors="backslashreplace")
-    with pytest.raises(ExecutorError, match="file's name|Unicode") as told:
+    with pytest.raises(ExecutorError, match=r"file's name|Unicode") as told:
         read_plan(path)
     assert told.value.code == "MP802"
     path.write_text(good, encoding="utf-8")
