@@ -6,10 +6,10 @@ from typing import Any
 
 from schemas.codec import to_data
 from schemas.plan import (
-    Action,
     AlignAction,
     GraspAction,
     InsertAction,
+    LocateAction,
     Measure,
     Plan,
     ReleaseAction,
@@ -20,11 +20,11 @@ from schemas.plan import (
 
 def plan_lines(plan: Plan) -> list[str]:
     """Return one line for every move, look and action of the plan."""
-    return [line for step in plan.steps for line in step_lines(step)]
+    return [line for step in plan.steps for line in step_lines(plan, step)]
 
 
-def step_lines(step: Step) -> list[str]:
-    """Return the lines of one step."""
+def step_lines(plan: Plan, step: Step) -> list[str]:
+    """Return the lines of one step of a plan."""
     lines = [f"{step.id}: {step.verb}"]
     lines += [f"  move {_targets(to_data(move))}" for move in step.moves]
     lines += [
@@ -32,21 +32,42 @@ def step_lines(step: Step) -> list[str]:
         f"{look.view.focus_um:g} um: {'; '.join(map(_found_by, look.measures))}"
         for look in step.looks
     ]
+    if _probes(plan, step):
+        lines.append(
+            "  probe: the axes that carry it move up to 100 um to all sides, and back, "
+            "with a look after each move"
+        )
     words = action_line(step)
     return [*lines, f"  {words}"] if words else lines
 
 
 def action_line(step: Step) -> str:
     """Return what a step's action does, "" if it only looks or moves."""
-    words = _action(step.action)
+    words = _action(step)
     return f"{words} (cannot be undone)" if step.irreversible else words
 
 
-def _action(action: Action) -> str:
-    """Return an action in words."""
+def _probes(plan: Plan, step: Step) -> bool:
+    """Return whether a step's look is the first that leads to motions at its zoom."""
+    before: set[float] = set()
+    for other in plan.steps:
+        moves = isinstance(other.action, LocateAction | AlignAction)
+        zooms = {look.view.magnification for look in other.looks} if moves else set()
+        if other is step:
+            return bool(zooms) and zooms != before
+        before = zooms or before
+    return False
+
+
+def _action(step: Step) -> str:
+    """Return a step's action in words."""
+    action, control = step.action, step.control
     match action:
         case AlignAction():
-            return f"align {action.target} to {action.to} by the {action.axes}"
+            until = "" if control is None else (
+                f", looking after each move, to {control.tolerance_xy_um:.3g} um"
+            )  # fmt: skip
+            return f"align {action.target} to {action.to} by the {action.axes}{until}"
         case GraspAction():
             return f"close {action.tool} to {action.opening_um:g} um on {action.target}"
         case InsertAction():
@@ -55,7 +76,11 @@ def _action(action: Action) -> str:
         case ReleaseAction():
             return f"open {action.tool} to {action.opening_um:g} um: {action.target}"
         case VerifyAction():
-            return f"verify that {action.target} sits on {action.on}"
+            sweep = "" if action.height is None else (
+                f"; for its height the focus goes from {min(action.height.focus_um):g} "
+                f"to {max(action.height.focus_um):g} um"
+            )  # fmt: skip
+            return f"verify that {action.target} sits on {action.on}{sweep}"
     return ""
 
 

@@ -13,6 +13,7 @@ from executor.beliefs import Beliefs
 from executor.calibration import LookFrame, look_frame
 from executor.errors import ExecutorError
 from executor.features import Picture, Shown, measured, spare
+from executor.frames import INDEX
 from executor.gates import Gate, gates_of
 from executor.picture_file import read_picture
 from featuresel.routines import Failure, FloatArray
@@ -120,13 +121,14 @@ def viewer(
 def files_of(folder: Path) -> list[Path]:
     """Return the files of a folder by name; MP878 if there are none, or too many.
 
-    Those whose names begin with a dot are the file manager's.
+    Those whose names begin with a dot are the file manager's; a run's list of its
+    frames is no picture.
     """
     try:
         found = sorted(
             path
             for path in folder.iterdir()
-            if path.is_file() and not path.name.startswith(".")
+            if path.is_file() and not path.name.startswith(".") and path.name != INDEX
         )
     except OSError as error:
         raise ExecutorError("MP878", f"{folder}: {error.strerror}") from error

@@ -107,7 +107,7 @@ def _run_step(rig: Rig, step: Step) -> StepResult:
     began_s = rig.worked_s()
     try:
         rig.journal.write("begin", verb=step.verb, key=step.key)
-        rig.announce("\n".join(step_lines(step)))
+        rig.announce("\n".join(step_lines(rig.plan, step)))
         rig.enter(step.id)
         _keep_frame(rig, step)
         rig.phase = _phase(rig, step)

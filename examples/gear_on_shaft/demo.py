@@ -33,7 +33,7 @@ def main() -> int:
     plan, run = call.out / "plan", call.out / "run"
     task = str(HERE / "task.yaml")
     print(f"compiling {task} (preset {call.preset}, 2 jobs) ...", flush=True)
-    options = ["-o", str(plan), "--jobs", "2", "--preset", call.preset]
+    options = ["-o", str(plan), "--jobs", "2", "--preset", call.preset, "--report"]
     status = planner.cli.main(["compile", task, *options])
     if status:
         return status
@@ -68,6 +68,8 @@ def closing_lines(plan: Path, run: Path, sheet: Path) -> str:
             f"what the compiler expected to see  {plan / 'images'}",
             f"what the simulated camera saw      {run / 'frames'}",
             f"every step on one sheet            {sheet}",
+            f"what the plan says, to read        {plan / 'report.html'}",
+            f"what the run showed, to read       {run / 'report.html'}",
         ]
     )
 

@@ -14,7 +14,8 @@ def plan_summary(plan: Plan) -> str:
     width = max((len(step.id) for step in plan.steps), default=4)
     lines = [f"{step.id:{width}}  {_step_line(step)}" for step in plan.steps]
     lines.append(f"{plan.name}: {plan.status}, {_chance(plan)}")
-    return "\n".join([*lines, *_look_times(plan), *_worst_effect(plan)])
+    rest = (*_left_out(plan), *_look_times(plan), *_worst_effect(plan))
+    return "\n".join([*lines, *rest])
 
 
 def _chance(plan: Plan) -> str:
@@ -25,6 +26,16 @@ def _chance(plan: Plan) -> str:
         return f"ends before {ends!r}, so that P(success) is not worked out"
     goal = "" if plan.success_goal is None else f", goal {plan.success_goal:g}"
     return f"P(success) {plan.success_probability:.4f}{goal} (simulated)"
+
+
+def _left_out(plan: Plan) -> list[str]:
+    """Return which grasps are not known to hold: nobody knows how likely that is."""
+    doubtful = [
+        f"{step.id} ({step.grasp.verdict})"
+        for step in plan.steps
+        if step.grasp is not None and step.grasp.verdict != "holds"
+    ]
+    return [f"not in P(success): {', '.join(doubtful)}"] if doubtful else []
 
 
 def _look_times(plan: Plan) -> list[str]:
