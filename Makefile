@@ -28,6 +28,7 @@ test: install
 	$(BIN)/pytest -n 2
 
 bench: install
+	$(BIN)/pytest -n 2 -m slow
 	$(BIN)/python -m benchmarks
 
 clean:

@@ -121,6 +121,7 @@ def test_a_point_at_which_nothing_is_right_has_empty_cells() -> None:
     assert line == "| plain | 5 |  |  | 2 ambiguous | 0 | 2 | 500 |"
 
 
+@pytest.mark.slow
 def test_units_that_are_recorded_are_not_measured_again(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -81,6 +81,7 @@ def test_errors_at_an_edge_are_those_across_it(tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.slow
 def test_rows_that_are_recorded_are_not_measured_again(tmp_path: Path) -> None:
     path = tmp_path / "record.jsonl"
     first = list(measure_all([("shaft", "plain", ("otsu",))], 2, 1, path))

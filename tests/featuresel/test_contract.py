@@ -133,7 +133,17 @@ def test_a_routine_declares_itself(name: str) -> None:
     assert isinstance(routine.CONTROL, bool)
 
 
-@pytest.mark.parametrize(("name", "kind"), list(pairs()))
+# preparing a fit to the jaws takes as long as all the others
+DEAR = {("likelihood", "jaws"), ("one_step", "jaws")}
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"),
+    [
+        pytest.param(*pair, marks=[pytest.mark.slow] if pair in DEAR else [])
+        for pair in pairs()
+    ],
+)
 def test_any_image_has_a_typed_answer(name: str, kind: TargetKind) -> None:
     artifact, routine = prepared(name, kind), load(name)
     if isinstance(artifact, Failure):

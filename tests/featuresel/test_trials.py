@@ -78,7 +78,16 @@ def test_a_routine_that_cannot_be_prepared_fails_aloud(look: Look) -> None:
     assert not any(is_wrong(case, o) for o in outcomes)
 
 
-@pytest.mark.parametrize("name", ["find_gear", "between", "over_shaft", "jaws"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "find_gear",
+        *(
+            pytest.param(n, marks=pytest.mark.slow)
+            for n in ("between", "over_shaft", "jaws")
+        ),
+    ],
+)
 def test_each_look_of_the_job_finds_a_chain_without_silent_failures(
     name: str, look: Look
 ) -> None:

@@ -47,7 +47,7 @@ def _error(
 
 
 @pytest.mark.parametrize("magnification", [6.9, 44.5])
-@pytest.mark.parametrize("z_um", [0.0, 2.5, 25.0])
+@pytest.mark.parametrize("z_um", [0.0, pytest.param(2.5, marks=pytest.mark.slow), 25.0])
 def test_predictions_hold_and_are_close(magnification: float, z_um: float) -> None:
     optics = microscope(magnification, 96, 72)
     part = RIM if magnification > 10 else gear()

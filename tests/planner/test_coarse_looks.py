@@ -108,6 +108,7 @@ def probed_s(events: list[dict[str, Any]]) -> float:
     return float(again - first)
 
 
+@pytest.mark.slow
 def test_the_fine_look_finds_the_target_wherever_it_lies(
     folder: Path, plan: Plan, tmp_path: Path
 ) -> None:

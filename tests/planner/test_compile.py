@@ -214,6 +214,7 @@ def move_tooth(file: Path) -> None:
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.slow
 def test_a_moved_tooth_changes_the_plan(tmp_path: Path) -> None:
     plans = []
     for name, edit in (("as_drawn", None), ("moved", move_tooth)):

@@ -250,6 +250,7 @@ def test_a_front_betters_all_others(points: list[tuple[int, int | None]]) -> Non
         assert any(known[i][0] <= t and known[i][1] <= e for i in found)
 
 
+@pytest.mark.slow
 def test_the_same_look_gives_the_same_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ways, "BANDS", (5e-4,))  # a few of all are enough
     monkeypatch.setattr(ways, "RAYS", (16,))
@@ -284,6 +285,7 @@ def test_both_oracles_of_the_law_agree_within_their_errors(
     assert 0 < away <= closed.error + banded.error
 
 
+@pytest.mark.slow
 def test_hidden_layers_are_those_of_the_slow_oracle() -> None:
     sight = sight_of(two_discs(), 0.0)
     law = law_truth(sight, 40.0)
