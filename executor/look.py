@@ -196,10 +196,11 @@ def _sight(
     focus_um = stops[(tries - 1) % len(stops)]
     rig.set_view(look.view, focus_um=focus_um)
     counts = rig.grab(look.measure.region, look=look.id)
+    readings = rig.readings()
     picture = Picture(
         image=to_unit(counts, rig.plan.requirements.bits),
-        expected=rig.beliefs.world(look.target, rig.readings()),
-        believed=rig.beliefs.angle(look.target, rig.readings()),
+        expected=rig.beliefs.world(look.target, readings),
+        believed=rig.beliefs.angle(look.target, readings),
         dz_um=focus_um - look.view.focus_um,
         near=near,
         trusted=trusted,
