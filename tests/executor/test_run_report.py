@@ -96,7 +96,7 @@ def test_what_is_left_of_a_killed_run_has_a_report(copy: Path) -> None:
 )  # fmt: skip
 def test_damaged_summaries_give_a_report_all_the_same(copy: Path, summary: str) -> None:
     (copy / "summary.json").write_text(summary, encoding="utf-8")
-    check_page(run_report(read_left(copy)))
+    assert check_page(run_report(read_left(copy))).of("h1")
 
 
 def test_frames_outside_the_folder_are_not_shown(copy: Path) -> None:
@@ -166,4 +166,4 @@ def test_numbers_that_no_device_gives_break_no_chart(copy: Path) -> None:
         step |= {"error_um": 1.0, "limit_um": size, "spread_um": size}
         step["expected_sigma_um"] = 5e-324
     file.write_text(json.dumps(data), encoding="utf-8")
-    check_page(run_report(read_left(copy)))
+    assert check_page(run_report(read_left(copy))).of("svg")

@@ -137,9 +137,10 @@ def test_spoilt_bytes_give_a_value_or_an_error(value: Any, data: st.DataObject) 
     cut = data.draw(st.integers(0, len(spoilt)))
     for tried in (bytes(spoilt), bytes(spoilt[:cut]), bytes(spoilt) + b"N"):
         try:
-            decode(tried)
+            found = decode(tried)
         except CanonicalError:
             continue
+        assert encode(found)  # nothing that could not have been kept
 
 
 def test_order_of_keys_is_kept() -> None:
