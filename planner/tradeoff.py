@@ -44,7 +44,7 @@ FORMAT_VERSION = "1.0"
 FOCUS_SIGMAS = 2.0  # as far from the nominal focus as the compiler's choice must hold
 OFFSET_DEPTHS = (3.0, 8.0)  # of the strip's pictures, in depths of field
 NOTE = (
-    "Times are CPU times of one thread, the least of the repeats, with warm tables; "
+    "Times are of one thread, the least of the repeats, with warm tables; "
     "they depend on the machine, and so do the fronts. Errors do not."
 )
 

@@ -130,7 +130,7 @@ def _written(time_ms: float, error: float | None) -> tuple[float, float | None]:
 
 
 def floor_ms(window: Window) -> float:
-    """Return the CPU time of a real transform of a region, there and back."""
+    """Return the time of a real transform of a region, there and back."""
     image = np.random.default_rng(1).random((window.rows, window.columns))
 
     def pairs() -> None:
@@ -165,12 +165,15 @@ def _measured(sight: Sight, way: Way, law: Truth, layered: Truth) -> Measured:
 
 
 def _least_ms(work: Callable[[], object]) -> float:
-    """Return the least CPU time of several calls: other processes count for nothing."""
+    """Return the least time of several calls: what interrupts a call counts for nothing.
+
+    Wall time, as some systems count CPU time in steps longer than a call.
+    """
     found: list[float] = []
     while len(found) < REPEATS and (len(found) < 2 or sum(found) < _ENOUGH_S):
-        start = time.process_time()
+        start = time.perf_counter()
         work()
-        found.append(time.process_time() - start)
+        found.append(time.perf_counter() - start)
     return 1e3 * min(found)
 
 

@@ -29,7 +29,7 @@ class Measured:
     margin: float  # around all that spreads light, in wavelengths / A
     float_bits: int  # of the transforms, 64 or 32
     rays_per_cell: int  # of occluded layers, else 0
-    time_ms: float  # CPU time of one image, the least of several
+    time_ms: float  # of one image, one thread, the least of several
     law_max_error: float | None
     law_rms_error: float | None
     max_error: float
