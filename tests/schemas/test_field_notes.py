@@ -9,8 +9,11 @@ from typing import Any
 import pytest
 
 import schemas
-from schemas import plan, pose, solids, verdicts, views, world
+from schemas import pose, solids, verdicts, views, world
 from schemas.field_notes import field_notes
+from schemas.plan import actions, document, evidence, looks, measures, moves, steps
+
+PLAN = (actions, document, evidence, looks, measures, moves, steps)
 
 
 def types_of(module: ModuleType) -> list[type]:
@@ -24,7 +27,7 @@ def types_of(module: ModuleType) -> list[type]:
     ]
 
 
-@pytest.mark.parametrize("module", [plan, pose, solids, verdicts, views, world])
+@pytest.mark.parametrize("module", [*PLAN, pose, solids, verdicts, views, world])
 def test_every_field_has_a_comment(module: ModuleType) -> None:
     found = types_of(module)
     assert found

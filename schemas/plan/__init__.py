@@ -1,0 +1,90 @@
+"""The augmented plan: frozen types shared by compiler, diff and executor.
+
+Lengths are um in the world (camera) frame and angles rad unless a name says otherwise;
+`docs/conventions.md` defines frames and signs. `plan.json` is `to_data` of `Plan`.
+"""
+
+from __future__ import annotations
+
+from schemas.plan.actions import (
+    Action,
+    AlignAction,
+    GraspAction,
+    HeightSearch,
+    InsertAction,
+    LocateAction,
+    MoveAction,
+    ReleaseAction,
+    VerifyAction,
+)
+from schemas.plan.document import (
+    FORMAT_VERSION,
+    Belief,
+    FeaturePlace,
+    Plan,
+    Provenance,
+    Reason,
+    Requirements,
+)
+from schemas.plan.evidence import Evidence, FeatureRow, Score, Together
+from schemas.plan.looks import EffectRow, LayerRecord, Look, SceneRecord, Shade, View
+from schemas.plan.measures import (
+    BiasAt,
+    Depth,
+    Gates,
+    Measure,
+    Reference,
+    Region,
+    RoutineUse,
+)
+from schemas.plan.moves import AxesName, AxisMove
+from schemas.plan.steps import Budget, BudgetRow, Conditions, Control, OnFailure, Step
+from schemas.plan.text import check_version, dump_plan, newer_note, parse_plan
+
+__all__ = [
+    "FORMAT_VERSION",
+    "Action",
+    "AlignAction",
+    "AxesName",
+    "AxisMove",
+    "Belief",
+    "BiasAt",
+    "Budget",
+    "BudgetRow",
+    "Conditions",
+    "Control",
+    "Depth",
+    "EffectRow",
+    "Evidence",
+    "FeaturePlace",
+    "FeatureRow",
+    "Gates",
+    "GraspAction",
+    "HeightSearch",
+    "InsertAction",
+    "LayerRecord",
+    "LocateAction",
+    "Look",
+    "Measure",
+    "MoveAction",
+    "OnFailure",
+    "Plan",
+    "Provenance",
+    "Reason",
+    "Reference",
+    "Region",
+    "ReleaseAction",
+    "Requirements",
+    "RoutineUse",
+    "SceneRecord",
+    "Score",
+    "Shade",
+    "Step",
+    "Together",
+    "VerifyAction",
+    "View",
+    "check_version",
+    "dump_plan",
+    "newer_note",
+    "parse_plan",
+]

@@ -1,0 +1,106 @@
+"""What a step does: one action of seven, told apart by `kind`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from schemas.plan.moves import AxesName, AxisMove
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HeightSearch:
+    """Focus sweep over a face: where its image is sharpest is its height."""
+
+    look: str  # id of the look whose view and region it uses
+    expected_um: float  # world height of the face if seated
+    within_um: float  # how far off still counts as seated
+    focus_um: tuple[float, ...]  # stops
+    ring_radius_um: float  # the score is taken on edges about this radius; 0: all
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LocateAction:
+    """Measure `target` and remember where it is."""
+
+    kind: Literal["locate"] = "locate"  # which action
+    target: str  # what is measured
+    look: str  # id of the look
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AlignAction:
+    """Move `axes` until `target` is at `to`, looking after every move."""
+
+    kind: Literal["align"] = "align"  # which action
+    target: str  # what is measured and brought
+    to: str  # where it is brought
+    look: str  # id of the look
+    axes: AxesName  # what moves
+    path: tuple[
+        str, ...
+    ]  # order of the first approach: ("xy",), ("x", "y"), ("y", "x")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GraspAction:
+    """Close the jaws of `tool` on `target`."""
+
+    kind: Literal["grasp"] = "grasp"  # which action
+    target: str  # what is gripped
+    tool: str  # with what
+    opening_um: float  # of the jaws at the end
+    across_um: float = 0.0  # of the part's origin, from the middle of the closed jaws
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MoveAction:
+    """Nothing beyond the step's moves."""
+
+    kind: Literal["move"] = "move"  # which action
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class InsertAction:
+    """Put `target` onto `onto` by `moves`; no sensor tells whether it seated."""
+
+    kind: Literal["insert"] = "insert"  # which action
+    target: str  # the hole, or its part
+    onto: str  # the post
+    moves: tuple[AxisMove, ...]  # in order
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReleaseAction:
+    """Open the jaws of `tool`."""
+
+    kind: Literal["release"] = "release"  # which action
+    target: str  # what is let go
+    tool: str  # that holds it
+    opening_um: float  # of the jaws at the end
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VerifyAction:
+    """Decide whether `target` sits on `on`; every part of it can fail."""
+
+    kind: Literal["verify"] = "verify"  # which action
+    target: str  # what should sit
+    on: str  # its seat
+    look: str  # sees the target
+    seat_look: str  # sees what it should sit on
+    within_um: float  # how far off still counts as seated
+    height: HeightSearch | None  # None: the height is not looked at
+    empty: str | None  # tool that must hold nothing
+    within_rad: float | None = None  # turned against the seat; None: any angle
+
+
+Action = (
+    LocateAction
+    | AlignAction
+    | GraspAction
+    | MoveAction
+    | InsertAction
+    | ReleaseAction
+    | VerifyAction
+)

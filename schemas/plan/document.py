@@ -1,0 +1,100 @@
+"""The whole plan: what it was made from, what it needs, what is believed, its steps."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+from schemas.plan.moves import AxesName, AxisMove
+from schemas.plan.steps import Step
+from schemas.pose import Pose
+from schemas.solids import Fingers, Solid
+
+FORMAT_VERSION = "2.3"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Belief:
+    """Where something is thought to be before step 1, in its carrier's frame.
+
+    The stage's frame is the world at stage reading 0; the robot's is its grip.
+    """
+
+    name: str  # part or tool
+    carrier: AxesName  # what it stands on or is held by
+    pose: Pose  # in the carrier's frame
+    sigma_xy_um: float  # per axis
+    sigma_theta_rad: float  # pi: any
+    z_um: float = 0.0  # world height of the underside, its carrier's z reading at 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FeaturePlace:
+    """Where a named feature sits in its owner's frame."""
+
+    name: str  # "gear.bore"
+    owner: str  # "gear"
+    x_um: float  # of its centre
+    y_um: float  # of its centre
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Requirements:
+    """What the station must offer; preflight compares."""
+
+    width_px: int  # of the camera's frame
+    height_px: int  # of the camera's frame
+    pitch_um: float  # of the sensor's pixels
+    bits: int  # of a pixel
+    magnification: tuple[float, float]  # least and most that looks use
+    focus_um: tuple[float, float]  # least and most that looks use
+    opening_um: tuple[float, float]  # least and most that the jaws need
+    travel: Mapping[str, tuple[float, float]]  # "stage.x_um" -> least, most
+    theta_axis_um: tuple[float, float]  # world point the stage turns about at reading 0
+    # one sigma per axis of where "stage" and "robot" land; None: not told
+    repeatability_um: Mapping[str, float] | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reason:
+    """Why a plan is infeasible."""
+
+    code: str  # of the finding
+    step: str  # id of the step it is about
+    message: str  # as the compiler said it
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Provenance:
+    """What the plan was made from; hashes are of the normalised inputs."""
+
+    microplan: str  # version of the compiler
+    task_sha256: str  # of the task
+    workcell_sha256: str  # of the workcell
+    drawings_sha256: Mapping[str, str]  # by part or tool
+    seed: int  # of the task
+    preset: str  # how much was spent
+    max_image_error: float  # of unit contrast
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Plan:
+    """The augmented plan."""
+
+    format_version: str  # major.minor
+    name: str  # of the task
+    status: Literal["feasible", "infeasible"]  # the executor refuses an infeasible plan
+    reasons: tuple[Reason, ...]  # why it is infeasible; () if it is not
+    provenance: Provenance  # what it was made from
+    requirements: Requirements  # what the station must offer
+    beliefs: tuple[Belief, ...]  # where things are before step 1
+    features: tuple[FeaturePlace, ...]  # places of named features
+    stage_start: AxisMove  # readings before step 1
+    robot_start: AxisMove | None  # readings before step 1; None: no robot
+    opening_start_um: float | None  # of the jaws before step 1; None: no tool
+    success_probability: float  # of the whole run
+    success_goal: float | None  # what the task asks for; None: nothing
+    steps: tuple[Step, ...]  # in order
+    parts: tuple[Solid, ...] = ()  # the room they take up; (): not told
+    fingers: tuple[Fingers, ...] = ()  # of the tool; (): not told

@@ -1,0 +1,100 @@
+"""How a look measures one feature: its chain of routines, and what they are given.
+
+Lengths are um and angles rad unless a name says otherwise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from schemas.pose import Pose
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Region:
+    """The part of the frame a routine sees, px; (0, 0) is the frame's top left."""
+
+    row: int  # of the top left pixel, in the frame
+    column: int  # of the top left pixel, in the frame
+    rows: int  # height of the region
+    columns: int  # width of the region
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RoutineUse:
+    """One routine of a chain, with what `measure` needs."""
+
+    id: str  # name of the routine
+    version: str  # must be the executor's
+    parameters: Mapping[str, float]  # numbers that it works with
+    arrays: str | None  # npz in the plan folder
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reference:
+    """Where the target should be if everything were nominal."""
+
+    column: float  # px of the region
+    row: float  # px of the region, down
+    pose: Pose  # world
+    z_um: float  # world height of the target's face
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Gates:
+    """What a measurement must meet to be accepted."""
+
+    min_score: float  # score below which an answer is refused
+    max_shift_um: float  # from the expected place
+    max_turn_rad: float | None  # from the expected angle; None: any angle
+    max_spread_um: float | None = None  # of the routine's own sigma; None: any
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BiasAt:
+    """Mean error that the renderer predicts at one focus, in the target's frame."""
+
+    dz_um: float  # of the focus from the look's own
+    bias_x_um: float  # along x of the target
+    bias_y_um: float  # along y of the target
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Depth:
+    """What the usable focus range of a feature stands beside."""
+
+    textbook_um: float  # depth of field n wavelength / A**2, from end to end
+    spurious_um: float | None  # defocus that turns dark and bright about; None: none
+    contrast: tuple[float, float]  # at both ends of the range, over that in focus
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Measure:
+    """How a look measures one feature: its target, or another of the same part."""
+
+    chain: tuple[RoutineUse, ...]  # coarse to fine
+    fallback: tuple[RoutineUse, ...]  # used when the chain fails aloud; may be empty
+    region: Region  # what the routine sees of the frame
+    reference: Reference  # where the target should be
+    bias_um: tuple[float, float]  # mean error, in the target's frame; subtract it
+    # rows column, row (down); columns x, y per um, theta per rad, relative zoom
+    jacobian_px_per_um: tuple[tuple[float, ...], ...]
+    sigma_xy_um: float  # per axis, from the trials
+    sigma_theta_rad: float | None  # None: the angle is not measured
+    limit_xy_um: float | None  # Cramer-Rao bound per axis; None: not computed
+    gates: Gates  # what an answer must meet
+    capture_um: float  # how far the target may be from the nominal place
+    symmetry: int  # order of the rotational one; 1: none; 0: any turn
+    symmetry_broken_by: str  # "" if nothing does, or nothing needs to
+    usable_focus_um: tuple[float, float]  # focus error that still meets the tolerance
+    usable_magnification: tuple[float, float]  # ratio to nominal that still does
+    fallback_bias_um: tuple[float, float] = (0.0, 0.0)  # as bias_um, of the fallback
+    fallback_sigma_xy_um: float | None = None  # as sigma_xy_um, of the fallback
+    fallback_sigma_theta_rad: float | None = None  # as sigma_theta_rad, of the fallback
+    fallback_min_score: float = 0.0  # as gates.min_score, of the fallback
+    feature: str = ""  # what is measured; "": the look's target
+    offset_um: tuple[float, float] = (0.0, 0.0)  # from the target, in the part's frame
+    turn_rad: float = 0.0  # of the feature's frame in the part's
+    bias_through_focus: tuple[BiasAt, ...] = ()  # by rising dz_um; () = not predicted
+    depth: Depth | None = None  # None: not computed
