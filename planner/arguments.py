@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TypeVar
 
+from planner.argument_values import asked, count, kinds, share
 from planner.comparing.changes import KINDS
 from planner.comparing.tolerances import parse_rule
 from planner.presets import PRESETS
@@ -14,7 +14,6 @@ from planner.vary import AXES, parse_vary
 from schemas import NAMES
 
 Run = Callable[[argparse.Namespace], int]
-T = TypeVar("T")
 
 # the keys of `optics.models.MODELS`, which --help cannot load: it loads scipy
 LAWS = "geometric, product, stokseth, hopkins, exact"
@@ -52,7 +51,7 @@ def _add_tolerance(parser: argparse.ArgumentParser) -> None:
         "--tolerance",
         action="append",
         default=[],
-        type=_asked(parse_rule, "PATTERN=0.1, PATTERN=5% or PATTERN=ignore"),
+        type=asked(parse_rule, "PATTERN=0.1, PATTERN=5% or PATTERN=ignore"),
         metavar="PATTERN=VALUE",
         help="0.1, 5%% or ignore, where a value's path ends as the pattern says: "
         "control/gain=5%%",
@@ -80,14 +79,14 @@ def _add_compile(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("-o", "--out", type=Path, help="default: <name>.plan beside it")
     parser.add_argument(
         "--jobs",
-        type=_asked(count, "a whole number from 1 to 256"),
+        type=asked(count, "a whole number from 1 to 256"),
         default=1,
         help="worker processes",
     )
     parser.add_argument("--preset", choices=sorted(PRESETS), help="how much to spend")
     parser.add_argument(
         "--max-image-error",
-        type=_asked(share, "a number above 0 and below 1"),
+        type=asked(share, "a number above 0 and below 1"),
         help="of unit contrast, above 0 and below 1",
     )
     parser.add_argument("--no-cache", action="store_true", help="compute everything")
@@ -126,7 +125,7 @@ def _add_render(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--model", help=f"defocus law: {LAWS}; default: exact")
     parser.add_argument(
         "--max-image-error",
-        type=_asked(share, "a number above 0 and below 1"),
+        type=asked(share, "a number above 0 and below 1"),
         help="law and sampling that keep it at this focus, sampling alone with --model;"
         " with --trial as for compile",
     )
@@ -142,20 +141,20 @@ def _add_tradeoff(parser: argparse.ArgumentParser) -> None:
     what.add_argument("--step", help="id of the step; default: all that look")
     what.add_argument(
         "--vary",
-        type=_asked(parse_vary, f"{', '.join(AXES)}, each once, as trials=24:64"),
+        type=asked(parse_vary, f"{', '.join(AXES)}, each once, as trials=24:64"),
         metavar="AXIS,...",
         help="compile the whole task by preset, trials, frames, zoom, each with its "
         "usual values or those given: preset,trials=24:304",
     )
     parser.add_argument(
         "--jobs",
-        type=_asked(count, "a whole number from 1 to 256"),
+        type=asked(count, "a whole number from 1 to 256"),
         default=1,
         help="with --vary: processes",
     )
     parser.add_argument(
         "--max-image-error",
-        type=_asked(share, "a number above 0 and below 1"),
+        type=asked(share, "a number above 0 and below 1"),
         help="what may be chosen; default: the task's",
     )
     parser.add_argument(
@@ -171,7 +170,7 @@ def _add_diff(parser: argparse.ArgumentParser) -> None:
     _add_tolerance(parser)
     parser.add_argument(
         "--fail-on",
-        type=_asked(kinds, f"worse, {', '.join(KINDS)}"),
+        type=asked(kinds, f"worse, {', '.join(KINDS)}"),
         default=(),
         metavar="KIND,...",
         help=f"worse, {', '.join(KINDS)}; default: any difference",
@@ -250,43 +249,6 @@ def _add_schema(parser: argparse.ArgumentParser) -> None:
 def _add_completion(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `microplan completion`."""
     parser.add_argument("shell", choices=("bash", "zsh", "fish"), help="whose script")
-
-
-def _asked(convert: Callable[[str], T], allowed: str) -> Callable[[str], T]:
-    """Return a converter of an argument that tells what is allowed."""
-
-    def converted(text: str) -> T:
-        try:
-            return convert(text)
-        except ValueError as error:
-            said = f"{text[:80]!r}; allowed: {allowed}"
-            raise argparse.ArgumentTypeError(said) from error
-
-    return converted
-
-
-def count(text: str) -> int:
-    """Return a whole number from 1 on."""
-    value = int(text)
-    if not 1 <= value <= 256:
-        raise ValueError(text)
-    return value
-
-
-def share(text: str) -> float:
-    """Return a number above 0 and below 1."""
-    value = float(text)
-    if not 0 < value < 1:
-        raise ValueError(text)
-    return value
-
-
-def kinds(text: str) -> tuple[str, ...]:
-    """Return kinds of changes, and "worse"."""
-    found = tuple(text.split(","))
-    if not set(found) <= {"worse", *KINDS}:
-        raise ValueError(text)
-    return found
 
 
 _COMMANDS: Mapping[str, tuple[Callable[[argparse.ArgumentParser], None], str]] = {

@@ -1,0 +1,1 @@
+"""What the command does: a function a subcommand, from its call to its exit status."""

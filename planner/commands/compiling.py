@@ -1,0 +1,152 @@
+"""microplan compile: once, beside a golden plan, or whenever a file changes."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from planner.commands.answering import (
+    BAD_INPUT,
+    DONE,
+    answer,
+    refuse,
+    tell_findings,
+    tell_progress,
+)
+from planner.diagnostics import Report, Span
+from schemas.console import say, tell
+
+if TYPE_CHECKING:
+    from planner.options import Options
+    from planner.outputs.emit import PlanFiles
+    from schemas.plan import Plan
+
+
+def compile_task(call: argparse.Namespace) -> int:
+    """Compile a task into a plan folder."""
+    from planner.diffing import DiffError
+    from planner.outputs.errors import OutputError
+
+    if call.watch:
+        return _watch(call)
+    report, said = Report(), ""
+    try:
+        said = _written(call, report)
+    except OutputError as error:
+        return refuse(call, report, error)
+    except DiffError as error:
+        report.error(error.code, Span(file=error.file), str(error))
+    return answer(call, report, said)
+
+
+def _written(call: argparse.Namespace, report: Report) -> str:
+    """Return what to say of the plan that was written, "" if the task is at fault."""
+    from planner.outputs.summary import plan_summary, times_summary
+
+    made = _compiled(call, report)
+    if made is None:
+        return ""
+    files, folder = made
+    said = [plan_summary(files.plan), f"plan folder: {folder}"]
+    if call.report:
+        from planner.reporting.report import write_report
+
+        said.append(f"report: {write_report(folder, None)}")
+    if call.timings:
+        tell(times_summary(files.timings))
+    if call.golden is not None:
+        said.append(_golden(call, files.plan, folder, report))
+    return "\n".join(said)
+
+
+def _compiled(
+    call: argparse.Namespace, report: Report
+) -> tuple[PlanFiles, Path] | None:
+    """Return what a task compiles to and where it was written, None if at fault."""
+    from planner.caching.store import Store, place
+    from planner.compiling import compile_file
+    from planner.diffing import read_plan
+    from planner.outputs.emit import check_folder, write_folder
+
+    def ready(name: str) -> None:
+        check_folder(call.out or _beside(call.task, name))
+        if call.golden is not None and not call.update:
+            read_plan(call.golden)  # what cannot be compared need not be compiled
+
+    store = None if call.no_cache else Store(call.cache or place())
+    files = compile_file(call.task, report, _options(call), store, ready)
+    if files is None:
+        return None
+    folder = call.out or _beside(call.task, files.plan.name)
+    write_folder(files, folder)
+    return files, folder
+
+
+def _options(call: argparse.Namespace) -> Options:
+    """Return what the user asks of the compiler."""
+    from planner.options import Options
+
+    return Options(
+        preset=call.preset,
+        max_image_error=call.max_image_error,
+        jobs=call.jobs,
+        tell=_tell_step,
+    )
+
+
+def _tell_step(done: int, count: int, step: str) -> None:
+    """Say which step is being compiled."""
+    tell_progress(f"compiling {step} ({done + 1} of {count}) ...")
+
+
+def _beside(task: str, name: str) -> Path:
+    """Return the plan folder of a task unless the user names another."""
+    return Path(task).parent / f"{name}.plan"
+
+
+def _golden(call: argparse.Namespace, plan: Plan, folder: Path, report: Report) -> str:
+    """Return how a new plan compares with the golden one, renewed if asked for."""
+    from planner.diffing import diff_with_golden, plan_file, renew_golden
+    from planner.outputs.changes import changes_text
+
+    golden: Path = call.golden
+    if call.update:
+        renew_golden(folder, golden)
+        return f"golden plan: {golden}"
+    changes = diff_with_golden(plan, folder, golden, call.tolerance)
+    if changes:
+        where = Span(file=str(plan_file(golden)))
+        hint = "meant? compile again with --update"
+        message = f"{len(changes)} differences from the golden plan"
+        report.refuse("MP710", where, message, hint)
+    return changes_text(changes)
+
+
+def _watch(call: argparse.Namespace) -> int:
+    """Compile whenever a file changes; only Ctrl-C or an unusable call ends it."""
+    from planner.outputs.errors import OutputError
+
+    if call.golden is not None or call.update or call.format != "text":
+        tell("--watch goes with neither --golden nor --format")
+        return BAD_INPUT
+    try:
+        _rounds(call)
+    except OutputError as error:
+        return refuse(call, Report(), error)
+    return DONE
+
+
+def _rounds(call: argparse.Namespace) -> None:
+    """Compile at every change, and tell what came of each round."""
+    from planner.outputs.findings import render_findings
+    from planner.watching import last_plan, round_text, watch
+
+    def compiled(report: Report) -> Plan | None:
+        made = _compiled(call, report)
+        return None if made is None else made[0].plan
+
+    for found in watch(call.task, compiled, last_plan(call.out)):
+        grave = [d for d in found.report.in_order if d.severity != "note"]
+        tell_findings(render_findings(grave, "", "text")[1])
+        say(round_text(found, Path(call.task).parent))

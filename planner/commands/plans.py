@@ -1,0 +1,101 @@
+"""Subcommands that read plans: diff, export, report."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+from planner.commands.answering import DONE, NO, answer
+from planner.diagnostics import Report, Span
+from schemas.console import say, tell
+
+if TYPE_CHECKING:
+    from planner.diffing import DiffCall, Difference
+    from planner.exporting.export import ExportCall
+
+
+def diff(call: argparse.Namespace) -> int:
+    """Compare two plans: 0 for the same, 1 for different."""
+    from planner.diffing import DiffError
+    from planner.diffing import diff as compared
+    from planner.outputs.changes import findings_of
+
+    try:
+        found = compared(_diff_call(call))
+    except DiffError as error:
+        report = Report()
+        report.error(error.code, Span(file=error.file), str(error))
+        return answer(call, report, "")
+    for note in found.notes:
+        tell(f"note: {note}")
+    if call.format in ("text", "json"):
+        say(_differences(call, found))
+        return NO if found.failing else DONE
+    report = Report(found=findings_of(found.changes, found.failing, str(call.new)))
+    return answer(call, report, f"{len(found.changes)} differences")
+
+
+def _diff_call(call: argparse.Namespace) -> DiffCall:
+    """Return which plans are compared, and how strictly."""
+    from planner.diffing import DiffCall
+
+    return DiffCall(
+        old=call.old,
+        new=call.new,
+        rules=call.tolerance,
+        fail_on=call.fail_on,
+        pictures=not call.no_images,
+    )
+
+
+def _differences(call: argparse.Namespace, found: Difference) -> str:
+    """Return what differs, for people or as JSON."""
+    from planner.outputs.changes import changes_json, changes_text
+
+    if call.format == "json":
+        return changes_json(found.changes, str(call.old), str(call.new))
+    return changes_text(found.changes, tell_all=call.all)
+
+
+def export(call: argparse.Namespace) -> int:
+    """Write a plan's looks in another tool's format."""
+    from planner.exporting.export import export as exported
+    from planner.exporting.folder import ExportError
+    from planner.outputs.errors import OutputError
+
+    report, said = Report(), ""
+    try:
+        said = exported(_export_call(call), report)
+    except ExportError as error:
+        report.error(error.code, Span(file=error.file), str(error), error.hint)
+    except OutputError as error:
+        report.error(error.code, Span(file=str(call.out)), str(error))
+    return answer(call, report, said)
+
+
+def _export_call(call: argparse.Namespace) -> ExportCall:
+    """Return what is exported, and to where."""
+    from planner.exporting.export import ExportCall
+
+    return ExportCall(
+        plan=call.plan,
+        to=call.to,
+        out=call.out,
+        looks=tuple(call.look),
+        channel=call.channel,
+        overwrite=call.overwrite,
+    )
+
+
+def report_plan(call: argparse.Namespace) -> int:
+    """Write the report of a plan folder."""
+    from planner.diffing import DiffError
+    from planner.outputs.errors import OutputError
+    from planner.reporting.report import write_report
+
+    report, said = Report(), ""
+    try:
+        said = f"report: {write_report(call.plan, call.out)}"
+    except (DiffError, OutputError) as error:
+        report.error(error.code, Span(file=str(call.plan)), str(error))
+    return answer(call, report, said)
