@@ -27,12 +27,12 @@ from benchmarks.rendering import floor_ms
 PRESETS = ("fast", "balanced")
 # stage -> where the function that does it is called from; none calls another
 STAGES: Mapping[str, tuple[str, str]] = {
-    "scene": ("planner.looks", "build_case"),  # and how well it has to be rendered
+    "scene": ("planner.contests", "build_case"),  # and how well it has to be rendered
     "prepare": ("featuresel.contest", "prepare"),
     "trials": ("featuresel.contest", "race"),
     "limit": ("featuresel.contest", "limit_um"),
-    "usable_range": ("planner.looks", "usable_range"),
-    "pictures": ("planner.looks", "reference_image"),
+    "usable_range": ("planner.compiled", "usable_range"),
+    "pictures": ("planner.compiled", "reference_image"),
 }
 RENDERERS = ("shaded", "occluded")  # of `featuresel.case`
 

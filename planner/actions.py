@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from planner.compiled import CompiledLook
 from planner.inputs.task import Move, Step, Task
-from planner.looks import CompiledLook
 from planner.model.assembly import locate_place, owner_of
 from planner.model.steps import StepState
 from schemas import plan as p

@@ -10,10 +10,12 @@ from multiprocessing.synchronize import Event
 from typing import TypeVar
 
 from planner.coarse_looks import compile_looks
+from planner.compiled import CompiledLook
+from planner.contests import Begun, Effects
 from planner.control import tolerance_um
 from planner.diagnostics import Diagnostic, Report
 from planner.inputs.task import Task
-from planner.looks import Begun, CompiledLook, Effects, look_at_first
+from planner.looks import look_at_first
 from planner.model.requests import Request, insertion_after, requests
 from planner.model.sightings import views
 from planner.model.steps import StepState

@@ -9,8 +9,9 @@ from featuresel.reach import Direction, Search, Setting
 from featuresel.usable import alone
 from planner.checks.borne import Borne
 from planner.checks.insertion import Insertion
+from planner.compiled import CompiledLook
+from planner.contests import Effects
 from planner.inputs.task import Task
-from planner.looks import CompiledLook, Effects
 from planner.measures import Measured
 from schemas.verdicts import Allowed
 

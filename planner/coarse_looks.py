@@ -6,9 +6,11 @@ import math
 from dataclasses import replace
 
 from planner.checks.view_times import centre_times
+from planner.compiled import CompiledLook
+from planner.contests import Begun, Effects
 from planner.diagnostics import Report
 from planner.inputs.task import Task
-from planner.looks import Begun, CompiledLook, Effects, compile_look
+from planner.looks import compile_look
 from planner.model.coarse import (
     MAY_HELP,
     Sighting,

@@ -14,10 +14,10 @@ from importlib.metadata import version
 
 from planner.ahead import Ahead, begin, listen
 from planner.checks.insert_budget import share_of_goal
+from planner.contests import Effects
 from planner.diagnostics import Report, Span
 from planner.inputs.second_reader import read_twice
 from planner.inputs.task import Task
-from planner.looks import Effects
 from planner.memory import Memory
 from planner.model.assembly import State, initial
 from planner.model.check import check_fits

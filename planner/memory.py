@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 
 from planner.checks.budget import Sighted
 from planner.checks.view_times import Setting
-from planner.looks import CompiledLook
+from planner.compiled import CompiledLook
 from planner.model.assembly import owner_of
 from planner.model.steps import StepState
 from schemas.verdicts import MethodChoice, MethodName

@@ -13,10 +13,10 @@ from planner.checks.insertion import Insertion
 from planner.checks.placing import Placement, chance_beside, placing_budget, within
 from planner.checks.since import since_rows
 from planner.checks.turning import Turning
+from planner.contests import Effects
 from planner.inputs.task import Task
 from planner.inserting import apart
 from planner.leaving import gain_of, left_by, moved_by, unaligned
-from planner.looks import Effects
 from planner.memory import Memory, method_taken
 from planner.model.assembly import (
     Carrier,

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 from featuresel.case import LookCase
 from featuresel.score import Score
+from planner.chosen_sets import ChosenSet
 from planner.inputs.task import Task
 from planner.model.assembly import height_sigma_um
 from planner.model.focus import focus_stops, reach_margin_um
@@ -15,7 +16,6 @@ from planner.model.scenes import shade_of
 from planner.model.sightings import needed_shape, spot_of
 from planner.model.targets import Shape
 from planner.pictures import Picture, picture_sha256
-from planner.sets import ChosenSet
 from planner.tried import Tried
 from schemas import plan as p
 

@@ -13,10 +13,10 @@ from planner.checks.budget import (
 )
 from planner.checks.insert_budget import Left, insert_budget, share_of_goal
 from planner.checks.passing import passed
+from planner.contests import Effects
 from planner.inputs.task import Task
 from planner.inserting import insertion_of
 from planner.leaving import left_by, unaligned
-from planner.looks import Effects
 from planner.memory import Memory, method_taken
 from planner.model.assembly import owner_of
 from planner.model.requests import insertion_after

@@ -20,11 +20,12 @@ from planner.checks.view_times import (
     view_change,
 )
 from planner.coarse_looks import waits_between
+from planner.compiled import CompiledLook
 from planner.conditions import conditions_of
+from planner.contests import Effects
 from planner.control import control_of, method_of, tolerance_um
 from planner.diagnostics import Report
 from planner.inputs.task import Task
-from planner.looks import CompiledLook, Effects
 from planner.memory import Memory, remember
 from planner.model.assembly import axes_of, locate_place, owner_of
 from planner.model.requests import Request, requests

@@ -6,10 +6,10 @@ from dataclasses import replace
 from pathlib import Path
 
 from planner.checks.budget import Sighted
+from planner.contests import Effects
 from planner.diagnostics import Report
 from planner.inputs.read_task import load_task
 from planner.inputs.task import Step, Task
-from planner.looks import Effects
 from planner.memory import Memory
 from planner.model.steps import unfold
 from planner.placements import place_budget

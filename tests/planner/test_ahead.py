@@ -13,8 +13,8 @@ import pytest
 
 from planner import ahead
 from planner.ahead import StoppedError, begin, listen, until_told
+from planner.contests import Effects
 from planner.diagnostics import Report
-from planner.looks import Effects
 from planner.model.requests import requests
 from planner.model.steps import unfold
 from planner.presets import PRESETS

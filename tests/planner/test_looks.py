@@ -7,8 +7,10 @@ from pathlib import Path
 
 from planner.caching.memo import EVERY_TIME
 from planner.cases import build_case
+from planner.compiled import CompiledLook
+from planner.contests import Begun, Effects
 from planner.diagnostics import Report
-from planner.looks import Begun, CompiledLook, Effects, compile_look
+from planner.looks import compile_look
 from planner.model.requests import Request, requests
 from planner.model.sightings import views
 from planner.model.steps import unfold

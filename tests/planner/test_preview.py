@@ -20,8 +20,10 @@ from optics.sampling import BAND_ERROR
 from planner.arguments import LAWS
 from planner.cases import build_case
 from planner.cli import main
+from planner.compiled import reference_image
+from planner.contests import Effects
 from planner.diagnostics import Report
-from planner.looks import Effects, compile_look, reference_image
+from planner.looks import compile_look
 from planner.model.requests import requests
 from planner.model.sightings import views
 from planner.model.steps import unfold

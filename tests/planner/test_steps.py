@@ -8,13 +8,13 @@ from pathlib import Path
 import pytest
 
 from planner.checks.budget import Sighted
+from planner.contests import Effects
 from planner.control import control_of, tolerance_um
 from planner.diagnostics import Report
 from planner.inputs.read_task import load_task
 from planner.inputs.task import Task
 from planner.inserting import apart
 from planner.leaving import moved_by, residual_of
-from planner.looks import Effects
 from planner.memory import Memory
 from planner.model.assembly import part_sigma_um
 from planner.model.steps import StepState, unfold
