@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
@@ -17,22 +16,18 @@ from featuresel.case import (
     still_layers,
     still_lights,
 )
-from featuresel.disturb import turned
+from featuresel.elsewhere import elsewhere
 from featuresel.routines import Blur, Camera, Drifts, Sway, Veil
-from featuresel.standing import CUT, Backdrop, standing, usual_range
+from featuresel.standing import Backdrop, standing, usual_range
+from featuresel.templates import template
+from featuresel.veiling import veil
 from optics.microscope import Microscope
-from optics.outline import Outline, Ring, Segment, place
-from optics.prepared import prepare
-from optics.scene import Illumination, Layer, Scene, Window
-from optics.views import Range
+from optics.scene import Illumination
 
 FloatArray = npt.NDArray[np.float64]
 
-_POINT = 1e-12  # fill factor of samples that integrate over no area
-_VEILED = 3.0  # fields: the face behind what stands in front ends out of sight
 _HELD_PX = 1 << 22  # of images that are kept, 32 MiB: routines ask for the same ones
 _BACKDROPS = 4  # settings whose still layers are kept
-_TURNS = 12  # of the circle, where an angle is unknown: blur leaves its first waves
 
 Asked = tuple[float, ...]  # numbers that an image depends on
 T = TypeVar("T")
@@ -120,20 +115,8 @@ class NominalRender:
     def template(
         self, dz_um: Sequence[float], *, over: int, half_px: tuple[int, int]
     ) -> FloatArray:
-        """Return the target alone at points, see `featuresel.routines.LookModel`.
-
-        Raises
-        ------
-        ValueError
-            If `over` is even: no sample would be at a pixel's centre.
-        """
-        if over < 1 or over % 2 == 0:
-            raise ValueError(f"over must be odd and positive, got {over}")
-        fine = _fine(self.case, over, half_px)
-        moved = moved_layers(fine, 0.0, 0.0, 0.0)
-        if fine.shares_spectra:
-            return _through_focus(fine, moved, dz_um)
-        return np.stack([_alone(fine, moved, dz) for dz in dz_um])
+        """Return the target alone at points, see `featuresel.templates.template`."""
+        return template(self.case, dz_um, over=over, half_px=half_px)
 
     def alone(
         self, *, dx_um: float = 0.0, dy_um: float = 0.0, dz_um: float = 0.0
@@ -147,29 +130,8 @@ class NominalRender:
         return lone._picture((dx_um, dy_um, 0.0), dz_um=dz_um, zoom=1.0)
 
     def veil(self, dz_um: float = 0.0) -> Veil:
-        """Return what stands in front of the target, `dz_um` off nominal focus.
-
-        A face without end at the height of the target's top, once black and once white,
-        takes the target's place; what lies below it is not seen.
-        """
-        rows, columns = self.case.window.rows, self.case.window.columns
-        top_um = max(layer.z_um for layer in self.case.moving)
-        if all(layer.z_um <= top_um for layer in self.case.static):
-            return Veil(
-                light=np.zeros((rows, columns)), through=np.ones((rows, columns))
-            )
-        focus_um = self.case.focus_um + dz_um
-        # what lies below the face is hidden, and need not be rendered
-        hidden = tuple(layer for layer in self.case.static if layer.z_um > top_um)
-        even = replace(
-            self.case, light=Illumination(), static=hidden, background_z_um=None
-        )
-        shown = _before(even, _face(even, top_um, 0.0), dz_um)
-        even = replace(even, focus_um=focus_um)
-        black, white = (
-            _faced(even, _face(even, top_um, share), shown) for share in (0.0, 1.0)
-        )
-        return Veil(light=self.case.light.gain * black, through=white - black)
+        """Return what stands in front of the target, see `featuresel.veiling.veil`."""
+        return veil(self.case, dz_um)
 
     def sways(self) -> tuple[Sway, ...]:
         """Return how the image may differ as what stands still may lie elsewhere.
@@ -178,7 +140,7 @@ class NominalRender:
         have, and round the circle or to both sides where its angle is unknown.
         """
         image, through = self(), self.veil().through
-        found = [(nominal_render(case), root) for case, root in _elsewhere(self.case)]
+        found = [(nominal_render(case), root) for case, root in elsewhere(self.case)]
         return tuple(
             Sway(
                 shown=root * (there() - image),
@@ -200,24 +162,19 @@ class NominalRender:
         The target is transformed once for all places at its own angle, and for all
         heights of a pose that is asked for `again`.
         """
-        case, reach = self.case, usual_range(self.case)
-        scope = replace(
-            case.microscope, magnification=case.microscope.magnification * zoom
-        )
-        focus_um, layers = case.focus_um + dz_um, moved_layers(case, *moved)
+        case, zoomed = self.case, self.case.microscope.magnification * zoom
+        scope = replace(case.microscope, magnification=zoomed)
+        focus_um = case.focus_um + dz_um
         shown = _held(
             self.known.backdrops,
             (dz_um, zoom),
             _BACKDROPS,
             lambda: _backdrop(case, scope, focus_um, zoom),
         )
-        x, y, turn = moved
-        if (again or turn == 0) and reach.holds(focus_um, (x, y), zoom):
-            at, by_um = (moved, (0.0, 0.0)) if again else ((0.0, 0.0, 0.0), (x, y))
-            ready = standing(case, moved_layers(case, *at), reach, case.model)
-            if ready is not None:
-                own = ready.at(focus_um=focus_um, zoom=zoom, shift_um=by_um)
-                shown, layers = shown.with_(own), ()
+        layers = moved_layers(case, *moved)
+        own = self._own(moved, focus_um=focus_um, zoom=zoom, again=again)
+        if own is not None:
+            shown, layers = shown.with_(own), ()
         return picture(
             case,
             layers,
@@ -228,6 +185,25 @@ class NominalRender:
             backdrop=shown.layers,
             under=shown.under,
         )
+
+    def _own(
+        self,
+        moved: tuple[float, float, float],
+        *,
+        focus_um: float,
+        zoom: float,
+        again: bool,
+    ) -> Backdrop | None:
+        """Return the target from what was transformed once, None where that is not."""
+        case, reach = self.case, usual_range(self.case)
+        x, y, turn = moved
+        if not (again or turn == 0) or not reach.holds(focus_um, (x, y), zoom):
+            return None
+        at, by_um = (moved, (0.0, 0.0)) if again else ((0.0, 0.0, 0.0), (x, y))
+        ready = standing(case, moved_layers(case, *at), reach, case.model)
+        if ready is None:
+            return None
+        return ready.at(focus_um=focus_um, zoom=zoom, shift_um=by_um)
 
 
 def nominal_render(case: LookCase) -> NominalRender:
@@ -244,39 +220,8 @@ def swayed(case: LookCase) -> FloatArray:
         Shares of full scale, as `NominalRender.sways` shows them.
     """
     image = nominal_render(case)()
-    changes = [root * (nominal_render(c)() - image) for c, root in _elsewhere(case)]
+    changes = [root * (nominal_render(c)() - image) for c, root in elsewhere(case)]
     return np.array(changes).reshape(-1, *image.shape)
-
-
-def _elsewhere(case: LookCase) -> Iterator[tuple[LookCase, float]]:
-    """Yield the look with what stands still elsewhere, and the root of its weight."""
-    own = case.target.name.partition(".")[0]
-    names = sorted({layer.name.partition(".")[0] for layer in case.static} - {own})
-    sigma = case.spread.occluder_sigma_um
-    for name in names if sigma > 0 else ():
-        for x, y in ((sigma, 0.0), (-sigma, 0.0), (0.0, sigma), (0.0, -sigma)):
-            moved = _moved(case.static, name, x, y)
-            yield replace(case, static=moved), math.sqrt(1 / 2)
-    for what in case.spread.turning:
-        turns = [what.sigma_theta_rad, -what.sigma_theta_rad]
-        if what.is_any:
-            turns = [2 * math.pi * k / _TURNS for k in range(1, _TURNS)]
-        for turn in turns:
-            weight = 1 / (_TURNS if what.is_any else 2)
-            there = turned(case.static, what, turn)
-            yield replace(case, static=there), math.sqrt(weight)
-
-
-def _moved(
-    layers: tuple[Layer, ...], owner: str, x_um: float, y_um: float
-) -> tuple[Layer, ...]:
-    """Return layers with those of one owner moved."""
-    return tuple(
-        replace(layer, outline=place(layer.outline, x_um, y_um, 0.0))
-        if layer.name.partition(".")[0] == owner
-        else layer
-        for layer in layers
-    )
 
 
 def _backdrop(
@@ -301,97 +246,3 @@ def _held(known: dict[Asked, T], asked: Asked, most: int, make: Callable[[], T])
         del known[next(iter(known))]
     known[asked] = found
     return found
-
-
-def _fine(case: LookCase, over: int, half_px: tuple[int, int]) -> LookCase:
-    """Return the target alone in a window of finer pixels about its nominal place."""
-    scope: Microscope = replace(
-        case.microscope,
-        pitch_um=case.microscope.pitch_um / over,
-        width_px=case.microscope.width_px * over,
-        height_px=case.microscope.height_px * over,
-        fill_factor=_POINT,
-    )
-    column = case.window.column + round(case.target.column)
-    row = case.window.row + round(case.target.row)
-    middle = (over - 1) // 2
-    window = Window(
-        row=(row - half_px[1]) * over + middle,
-        column=(column - half_px[0]) * over + middle,
-        rows=2 * half_px[1] * over + 1,
-        columns=2 * half_px[0] * over + 1,
-    )
-    # the light's gradient belongs to the frame, not to the target
-    even = Illumination(gain=case.light.gain)
-    return replace(case, static=(), microscope=scope, window=window, light=even)
-
-
-def _alone(fine: LookCase, moved: tuple[Layer, ...], dz_um: float) -> FloatArray:
-    """Return the picture of the target alone at one focus."""
-    return picture(
-        fine,
-        moved,
-        fine.microscope,
-        focus_um=fine.focus_um + dz_um,
-        model=fine.model,
-        light=fine.light,
-    )
-
-
-def _through_focus(
-    fine: LookCase, moved: tuple[Layer, ...], dz_um: Sequence[float]
-) -> FloatArray:
-    """Return the pictures of the target alone from spectra computed once."""
-    heights = [fine.focus_um + dz for dz in dz_um]
-    ready = prepare(
-        Scene(layers=moved, background=fine.background),
-        fine.microscope,
-        Range(focus_um=(min(heights), max(heights))),
-        model=fine.model,
-        window=fine.window,
-        sampling=fine.sampling,
-    )
-    return np.stack([ready.image(focus_um=z, light=fine.light) for z in heights])
-
-
-def _before(case: LookCase, face: Layer, dz_um: float) -> Backdrop:
-    """Return what stands before a face, `dz_um` off nominal focus.
-
-    Heights within one of equal steps share the transforms.
-    """
-    wide_um = max(2 * CUT * case.spread.focus_sigma_um, case.microscope.wave_depth_um)
-    middle_um = case.focus_um + round(dz_um / wide_um) * wide_um
-    half_um = wide_um / 2 * (1 + 1e-9)  # ends belong to both
-    reach = Range(focus_um=(middle_um - half_um, middle_um + half_um))
-    ready = standing(replace(case, moving=(face,)), case.static, reach, case.model)
-    return Backdrop() if ready is None else ready.at(focus_um=case.focus_um + dz_um)
-
-
-def _faced(case: LookCase, face: Layer, shown: Backdrop) -> FloatArray:
-    """Return the region with a face in the target's place."""
-    return picture(
-        case,
-        (face,),
-        case.microscope,
-        focus_um=case.focus_um,
-        model=case.model,
-        light=case.light,
-        backdrop=shown.layers,
-        under=shown.under,
-    )
-
-
-def _face(case: LookCase, z_um: float, reflectance: float) -> Layer:
-    """Return a face without end."""
-    side = _VEILED * max(case.microscope.field_um)
-    corners = [(-side, -side), (side, -side), (side, side), (-side, side)]
-    edges = tuple(
-        Segment(start=a, end=b)
-        for a, b in zip(corners, corners[1:] + corners[:1], strict=True)
-    )
-    return Layer(
-        name="face",
-        outline=Outline(rings=(Ring(edges=edges),)),
-        z_um=z_um,
-        reflectance=reflectance,
-    )

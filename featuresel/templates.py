@@ -1,0 +1,98 @@
+"""The target alone at points finer than pixels, through focus."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from featuresel.case import LookCase, moved_layers, picture
+from optics.microscope import Microscope
+from optics.prepared import prepare
+from optics.scene import Illumination, Layer, Scene, Window
+from optics.views import Range
+
+FloatArray = npt.NDArray[np.float64]
+
+_POINT = 1e-12  # fill factor of samples that integrate over no area
+
+
+def template(
+    case: LookCase, dz_um: Sequence[float], *, over: int, half_px: tuple[int, int]
+) -> FloatArray:
+    """Return the target alone at points, see `featuresel.routines.LookModel`.
+
+    Raises
+    ------
+    ValueError
+        If `over` is even: no sample would be at a pixel's centre.
+    """
+    if over < 1 or over % 2 == 0:
+        raise ValueError(f"over must be odd and positive, got {over}")
+    fine = _fine(case, over, half_px)
+    moved = moved_layers(fine, 0.0, 0.0, 0.0)
+    if fine.shares_spectra:
+        return _through_focus(fine, moved, dz_um)
+    return np.stack([_alone(fine, moved, dz) for dz in dz_um])
+
+
+def _fine(case: LookCase, over: int, half_px: tuple[int, int]) -> LookCase:
+    """Return the target alone in a window of finer pixels about its nominal place."""
+    scope: Microscope = replace(
+        case.microscope,
+        pitch_um=case.microscope.pitch_um / over,
+        width_px=case.microscope.width_px * over,
+        height_px=case.microscope.height_px * over,
+        fill_factor=_POINT,
+    )
+    return replace(
+        case,
+        static=(),
+        microscope=scope,
+        window=_window(case, over, half_px),
+        # the light's gradient belongs to the frame, not to the target
+        light=Illumination(gain=case.light.gain),
+    )
+
+
+def _window(case: LookCase, over: int, half_px: tuple[int, int]) -> Window:
+    """Return the finer pixels about the target's nominal place."""
+    column = case.window.column + round(case.target.column)
+    row = case.window.row + round(case.target.row)
+    middle = (over - 1) // 2
+    return Window(
+        row=(row - half_px[1]) * over + middle,
+        column=(column - half_px[0]) * over + middle,
+        rows=2 * half_px[1] * over + 1,
+        columns=2 * half_px[0] * over + 1,
+    )
+
+
+def _alone(fine: LookCase, moved: tuple[Layer, ...], dz_um: float) -> FloatArray:
+    """Return the picture of the target alone at one focus."""
+    return picture(
+        fine,
+        moved,
+        fine.microscope,
+        focus_um=fine.focus_um + dz_um,
+        model=fine.model,
+        light=fine.light,
+    )
+
+
+def _through_focus(
+    fine: LookCase, moved: tuple[Layer, ...], dz_um: Sequence[float]
+) -> FloatArray:
+    """Return the pictures of the target alone from spectra computed once."""
+    heights = [fine.focus_um + dz for dz in dz_um]
+    ready = prepare(
+        Scene(layers=moved, background=fine.background),
+        fine.microscope,
+        Range(focus_um=(min(heights), max(heights))),
+        model=fine.model,
+        window=fine.window,
+        sampling=fine.sampling,
+    )
+    return np.stack([ready.image(focus_um=z, light=fine.light) for z in heights])
