@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TypeVar
 
-from executor.answers import as_frame, as_number, as_pair, as_reading, as_truth
-from executor.arrival import SHORTEST_S, arrive
-from executor.calls import Caller, call_all
-from executor.drivers import AxisReading, Frame, Mover
+from executor.arrival import arrive
+from executor.calls import Caller
+from executor.device_calls import DeviceCalls
+from executor.drivers import AxisReading, Frame
 from executor.errors import ExecutorError
 from executor.safety import (
-    AXES,
     Phase,
     check_fingers,
     check_finite,
@@ -23,10 +21,6 @@ from executor.safety import (
 )
 from executor.station import Station
 from schemas.plan import AxesName, AxisMove, Region
-
-T = TypeVar("T")
-
-FRAMES = 3  # a frame that was dropped or is old is asked for again so often, in all
 
 
 class Motion:
@@ -55,30 +49,30 @@ class Motion:
 
     def reading(self, station: Station, group: AxesName) -> AxisReading:
         """Return where an axis group is; MP847 if a number is not finite."""
-        with self.guarded(station):
-            return self._reading(station, group)[0]
+        with self._using(station) as devices:
+            return devices.reading(group)[0]
 
     def opening(self, station: Station) -> float:
         """Return what the jaws read, um; MP847 if it is not finite."""
-        with self.guarded(station):
-            return self._opening(station)
+        with self._using(station) as devices:
+            return devices.opening_um()
 
     def magnification(self, station: Station) -> float:
         """Return what the zoom reads; MP847 if it is not finite."""
-        with self.guarded(station):
-            return self._lens(station, 0)
+        with self._using(station) as devices:
+            return devices.lens()[0]
 
     def rest(self, station: Station) -> None:
         """Stop everything and wait until it stands; MP841, MP844, MP845 if it does not.
 
         A drive that is stopped still takes its way to a stand.
         """
-        with self.guarded(station):
-            left = self.stop(station)
+        with self._using(station) as devices:
+            left = devices.stop()
             if left:
                 raise ExecutorError("MP841", "not stopped: " + "; ".join(left))
-            for name, device in _movers(station).items():
-                self._wait_until_still(station, name, device.moving, lambda _: 0.0)
+            for name, device in devices.movers().items():
+                devices.wait_until_still(name, device.moving, lambda: None)
             rules = station.rules
             station.clock.wait(max(rules.stage.dwell_s, rules.robot.dwell_s))
 
@@ -91,27 +85,20 @@ class Motion:
             MP840, MP842, MP843, MP847 before anything moves; MP840, MP844..MP847 while
             it does; MP860 if the operator stops the run.
         """
-        with self.guarded(station):
-            self._pause()
-            now, _ = self._reading(station, move.axes)
+        group, rules = move.axes, station.rules
+        with self._moving(station) as devices:
+            now, _ = devices.reading(group)
             target = targets(move)
-            self._check(station, move, now, phase)
-            axes, rules = station.axes(move.axes), station.rules
-            speed = rules.speed(move.axes, phase, move.speed_um_per_s)
-            self._call(
-                station,
-                f"{move.axes}.start",
+            _check_move(devices, move, now, phase)
+            axes, speed = station.axes(group), _speed(station, move, phase)
+            devices.call(
+                f"{group}.start",
                 lambda: axes.start(**target, speed_um_per_s=speed),
                 late=axes.stop,
             )
             away = {a: abs(v - getattr(now, a)) for a, v in target.items()}
-            seconds = rules.speeds(move.axes).seconds(away, speed)
-
-            def read() -> tuple[AxisReading, bool]:
-                return self._reading(station, move.axes)
-
-            arrive(station, move.axes, read, now, target, seconds)
-            self._pause()
+            seconds = rules.speeds(group).seconds(away, speed)
+            arrive(station, group, lambda: devices.reading(group), now, target, seconds)
 
     def grip(self, station: Station, opening_um: float) -> float:
         """Move the jaws and return their reading; closing, they may rest on a part.
@@ -121,58 +108,55 @@ class Motion:
         ExecutorError
             MP840, MP844, MP845, MP847; MP849 if they do not go where they were told.
         """
-        with self.guarded(station):
-            self._pause()
+        with self._moving(station) as devices:
             jaws, window_um = station.jaws(), station.rules.jaws_window_um
             check_opening(opening_um, station.offer.opening_um)
-            before_um = self._opening(station)
-            self._call(
-                station, "jaws.start", lambda: jaws.start(opening_um), late=jaws.stop
-            )
-            self._wait_until_still(station, "jaws", jaws.moving, self._opening)
-            after_um = self._opening(station)
+            before_um = devices.opening_um()
+            devices.call("jaws.start", lambda: jaws.start(opening_um), late=jaws.stop)
+            devices.wait_until_still("jaws", jaws.moving, devices.opening_um)
+            after_um = devices.opening_um()
             _check_jaws(before_um, after_um, opening_um, window_um)
-            self._pause()
-            return after_um
+        return after_um
 
     def zoom(self, station: Station, magnification: float) -> None:
         """Set the magnification; MP844, MP845, MP847 if that does not work."""
         window = station.rules.zoom_window * abs(magnification)
-        start = station.lens.start_magnification
-        self._drive(station, 0, "magnification", start, magnification, window)
+        self._drive(station, "magnification", magnification, window)
 
     def focus(self, station: Station, focus_um: float) -> None:
         """Set the focus; MP844, MP845, MP847 if that does not work."""
-        window = station.rules.focus_window_um
-        start = station.lens.start_focus_um
-        self._drive(station, 1, "focus_um", start, focus_um, window)
+        self._drive(station, "focus_um", focus_um, station.rules.focus_window_um)
+
+    def _drive(self, station: Station, name: str, value: float, window: float) -> None:
+        """Move zoom or focus and compare what it reads."""
+        lens = station.lens
+        which, start = {
+            "magnification": (0, lens.start_magnification),
+            "focus_um": (1, lens.start_focus_um),
+        }[name]
+        with self._moving(station) as devices:
+            check_finite("lens", {name: value})
+            within = getattr(station.offer, name)
+            check_travel("lens", {name: value}, {f"lens.{name}": within})
+            devices.call(f"lens.{name}", lambda: start(value), late=lens.stop)
+            devices.wait_until_still(f"lens.{name}", lens.moving, devices.lens)
+            found = devices.lens()[which]
+            if not abs(found - value) <= window:
+                raise ExecutorError(
+                    "MP845", f"lens.{name} reads {found:.6g}, was sent to {value:.6g}"
+                )
 
     def light(self, station: Station, level: float) -> None:
         """Set the light."""
-        with self.guarded(station):
+        with self._using(station) as devices:
             check_finite("light", {"level": level})
             light = station.light
-            self._call(station, "light.set_level", lambda: light.set_level(level))
+            devices.call("light.set_level", lambda: light.set_level(level))
 
     def grab(self, station: Station, region: Region | None) -> Frame:
         """Return a frame exposed from now on; MP848 if none comes."""
-        with self.guarded(station):
-            after_s, why = station.clock.now_s(), ""
-            for _ in range(FRAMES):
-                try:
-                    frame = self._frame(station, region, after_s)
-                except ExecutorError as error:
-                    if not isinstance(error.__cause__, TimeoutError):
-                        raise
-                    why = error.message
-                    continue
-                if after_s <= frame.exposed_s <= station.clock.now_s():
-                    return frame
-                why = (
-                    f"a frame was exposed at {frame.exposed_s:.6g} s, asked for after "
-                    f"{after_s:.6g} s"
-                )
-            raise ExecutorError("MP848", f"{FRAMES} frames were no use: {why}")
+        with self._using(station) as devices:
+            return devices.frame(region)
 
     def halt(self, station: Station, fault: ExecutorError) -> None:
         """Stop everything and refuse all that comes later, because of `fault`.
@@ -186,14 +170,8 @@ class Motion:
                 fault.append("NOT STOPPED: " + "; ".join(left))
 
     def stop(self, station: Station) -> list[str]:
-        """Stop all devices at the same time; return what could not be stopped.
-
-        A motion whose order was given up may begin after that: its own stop is waited
-        for.
-        """
-        calls = ((f"{n}.stop", d.stop) for n, d in _movers(station).items())
-        limit_s = station.rules.safety.call_s
-        return [*call_all(calls, limit_s), *self._caller.settle(limit_s)]
+        """Stop all devices at the same time; return what could not be stopped."""
+        return DeviceCalls(station, self._caller).stop()
 
     @contextmanager
     def guarded(self, station: Station) -> Iterator[None]:
@@ -209,134 +187,45 @@ class Motion:
             self.stop(station)
             raise
 
-    def _call(
-        self,
-        station: Station,
-        name: str,
-        call: Callable[[], T],
-        late: Callable[[], None] | None = None,
-    ) -> T:
-        """Make a device call within the station's limit."""
-        return self._caller.call(name, call, station.rules.safety.call_s, late)
-
-    def _reading(self, station: Station, group: AxesName) -> tuple[AxisReading, bool]:
-        """Return where an axis group is, and whether it says that it moves."""
-        axes = station.axes(group)
-        name = f"{group}.reading"
-
-        def ask() -> tuple[AxisReading, bool]:
-            reading, moving = axes.reading(), axes.moving()
-            return (
-                as_reading(name, reading),
-                as_truth(f"{group}.moving", moving),
-            )
-
-        found = self._call(station, name, ask)
-        check_finite(group, {axis: getattr(found[0], axis) for axis in AXES})
-        return found
-
-    def _check(
-        self, station: Station, move: AxisMove, now: AxisReading, phase: Phase
-    ) -> None:
-        """Refuse a move that its phase, the limits or the fingers' height forbid."""
-        target, rules = targets(move), station.rules
-        speed = {"speed_um_per_s": move.speed_um_per_s or 1.0}
-        check_finite(move.axes, {**target, **speed})
-        check_travel(move.axes, target, station.offer.travel)
-        check_step(move, now, phase, rules.safety.phase(phase))
-        if move.z_um is None or station.gripper is None:
-            return
-        stage, robot = (
-            move.z_um if move.axes == group else self._reading(station, group)[0].z_um
-            for group in ("stage", "robot")
-        )
-        surface_um = rules.stage_datum_z_um + stage
-        check_fingers(robot, surface_um, phase, rules.safety)
-
-    def _drive(
-        self,
-        station: Station,
-        which: int,
-        name: str,
-        start: Callable[[float], None],
-        value: float,
-        window: float,
-    ) -> None:
-        """Move zoom or focus and compare what it reads."""
-        lens = station.lens
+    @contextmanager
+    def _using(self, station: Station) -> Iterator[DeviceCalls]:
+        """Give a station's devices, guarded."""
         with self.guarded(station):
+            yield DeviceCalls(station, self._caller)
+
+    @contextmanager
+    def _moving(self, station: Station) -> Iterator[DeviceCalls]:
+        """Give a station's devices for one motion; the operator may pause around it."""
+        with self._using(station) as devices:
             self._pause()
-            check_finite("lens", {name: value})
-            within = getattr(station.offer, name)
-            check_travel("lens", {name: value}, {f"lens.{name}": within})
-            self._call(station, f"lens.{name}", lambda: start(value), late=lens.stop)
-
-            def read(station: Station) -> float:
-                return self._lens(station, which)
-
-            self._wait_until_still(station, f"lens.{name}", lens.moving, read)
-            found = read(station)
-            if not abs(found - value) <= window:
-                raise ExecutorError(
-                    "MP845", f"lens.{name} reads {found:.6g}, was sent to {value:.6g}"
-                )
+            yield devices
             self._pause()
 
-    def _wait_until_still(
-        self,
-        station: Station,
-        name: str,
-        moving: Callable[[], bool],
-        read: Callable[[Station], float],
-    ) -> None:
-        """Wait until a drive says that it stands; its reading is checked meanwhile."""
-        clock, limit_s = station.clock, station.rules.drive_timeout_s
-        began_s = clock.now_s()
-        asked = f"{name}.moving"
-        while as_truth(asked, self._call(station, asked, moving)):
-            read(station)
-            if clock.now_s() - began_s > limit_s:
-                raise ExecutorError(
-                    "MP845", f"{name} moves for more than {limit_s:g} s"
-                )
-            clock.wait(max(station.rules.safety.poll_s, SHORTEST_S))
 
-    def _opening(self, station: Station) -> float:
-        """Return the jaws' reading, um."""
-        name = "jaws.reading"
-        found = as_number(name, self._call(station, name, station.jaws().reading))
-        check_finite("jaws", {"opening_um": found})
-        return found
-
-    def _lens(self, station: Station, which: int) -> float:
-        """Return magnification (0) or focus (1) as the lens reads it."""
-        name = "lens.reading"
-        found = as_pair(name, self._call(station, name, station.lens.reading))
-        zoom, focus_um = found
-        check_finite("lens", {"magnification": zoom, "focus_um": focus_um})
-        return (zoom, focus_um)[which]
-
-    def _frame(self, station: Station, region: Region | None, after_s: float) -> Frame:
-        """Return what the camera gives."""
-        camera, limit_s = station.camera, station.rules.safety.grab_s
-        frame = self._caller.call(
-            "camera.grab",
-            lambda: as_frame("camera.grab", camera.grab(region, after_s=after_s)),
-            limit_s,
-        )
-        check_finite("camera", {"exposed_s": frame.exposed_s})
-        return frame
+def _speed(station: Station, move: AxisMove, phase: Phase) -> float | None:
+    """Return how fast an axis group moves in a phase; None: its own speed."""
+    return station.rules.speed(move.axes, phase, move.speed_um_per_s)
 
 
-def _movers(station: Station) -> dict[str, Mover]:
-    """Return what can move, by name."""
-    named = {
-        "stage": station.stage,
-        "robot": station.robot,
-        "jaws": station.gripper,
-        "lens": station.lens,
-    }
-    return {name: device for name, device in named.items() if device is not None}
+def _check_move(
+    devices: DeviceCalls, move: AxisMove, now: AxisReading, phase: Phase
+) -> None:
+    """Refuse a move that its phase, the limits or the fingers' height forbid."""
+    station, target = devices.station, targets(move)
+    safety = station.rules.safety
+    speed = {"speed_um_per_s": move.speed_um_per_s or 1.0}
+    check_finite(move.axes, {**target, **speed})
+    check_travel(move.axes, target, station.offer.travel)
+    check_step(move, now, phase, safety.phase(phase))
+    if move.z_um is None or station.gripper is None:
+        return
+    groups: tuple[AxesName, AxesName] = ("stage", "robot")
+    stage, robot = (
+        move.z_um if move.axes == group else devices.reading(group)[0].z_um
+        for group in groups
+    )
+    surface_um = station.rules.stage_datum_z_um + stage
+    check_fingers(robot, surface_um, phase, safety)
 
 
 def _check_jaws(
