@@ -14,6 +14,7 @@ from executor.artifacts import Artifacts
 from executor.asked import Call, parse
 from executor.comparison import compare
 from executor.comparison_report import comparison_json, comparison_text
+from executor.ending import Ended
 from executor.errors import BUG, CODES, DONE, FAILED, MACHINE, STOPPED, ExecutorError
 from executor.listing import plan_lines
 from executor.marking import mark, write_marked
@@ -35,7 +36,7 @@ from executor.site import Site, find_site
 from executor.station import preflight
 from executor.summary import table
 from executor.tape import read_record, records_of
-from executor.whole_run import Asking, Ended, header_of, perform
+from executor.whole_run import Asking, Job, header_of, perform
 from schemas.console import OutputLostError, flush, say, tell
 from schemas.plan import Plan, newer_note
 
@@ -126,7 +127,8 @@ def _on_station(call: Call, file: PlanFile, stack: ExitStack) -> int:
     asking = _asking(call, plan)
     run = stack.enter_context(new_run(path, discard=call.discard))
     run.begin(call.plan_file, file.source, site.source)
-    return _report(call, plan, perform(call, file, site, artifacts, run, asking))
+    job = Job(call=call, file=file, site=site, artifacts=artifacts, run=run)
+    return _report(call, plan, perform(job, asking))
 
 
 def _resume(call: Call, file: PlanFile, run: RunFolder) -> int:
@@ -139,8 +141,8 @@ def _resume(call: Call, file: PlanFile, run: RunFolder) -> int:
     check_same(header_of(call, file, site.station.devices()), then)
     preflight(file.plan, site.station, begun=True)
     artifacts = Artifacts.from_folder(file.plan, call.folder)
-    ended = perform(call, file, site, artifacts, run, _asking(call, file.plan))
-    return _report(call, file.plan, ended)
+    job = Job(call=call, file=file, site=site, artifacts=artifacts, run=run)
+    return _report(call, file.plan, perform(job, _asking(call, file.plan)))
 
 
 def _site(call: Call, plan: Plan, left: Path | None) -> Site:

@@ -13,8 +13,10 @@ from typing import TYPE_CHECKING, Any, Literal, TextIO
 from executor.artifacts import Artifacts
 from executor.asked import Call
 from executor.beliefs import Beliefs
+from executor.ending import Ended, judged, write_summary
 from executor.errors import ExecutorError
 from executor.frames import Frames
+from executor.intents import Intents
 from executor.journal import ESCAPED, Journal
 from executor.motion import Motion
 from executor.operator import Operator
@@ -24,27 +26,12 @@ from executor.recording import CALLS, RESUMES, Record
 from executor.resume import begin, take_up
 from executor.rig import Rig
 from executor.run import RunResult, run_plan
-from executor.run_folder import EVENTS, FRESH, SUMMARY, RunFolder
+from executor.run_folder import EVENTS, RunFolder
 from executor.site import SIMULATED, Site
 from executor.station import Station
-from executor.summary import summary_json, table
-from schemas.codec import to_data
-from schemas.plan import Plan, VerifyAction
 
 if TYPE_CHECKING:
     from executor.simulated.cell import Cell
-    from executor.simulated.judging import Verdict
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Ended:
-    """How a run ended; a simulated cell knows what truly became of it."""
-
-    folder: Path
-    result: RunResult
-    verdict: Verdict | None
-    errors_um: dict[str, float]  # step -> true error of its last look
-    executors: int = 1  # that worked on it: more than one if it was resumed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,28 +44,34 @@ class Asking:
     progress: Callable[[str], None] | None = None  # told of every step that begins
 
 
-def perform(
-    call: Call,
-    file: PlanFile,
-    site: Site,
-    artifacts: Artifacts,
-    run: RunFolder,
-    asking: Asking,
-) -> Ended:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Job:
+    """A plan that is to be run: as asked for, where, and where the run is kept."""
+
+    call: Call
+    file: PlanFile
+    site: Site
+    artifacts: Artifacts  # of the plan's routines
+    run: RunFolder  # locked, and emptied for a new run
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Logs:
+    """What a run writes while it goes on."""
+
+    journal: Journal
+    intents: Intents
+    frames: Frames
+    record: Record | None  # None: it cannot be replayed
+
+
+def perform(job: Job, asking: Asking) -> Ended:
     """Run the plan, or what is left of it, and write the run folder.
 
     Parameters
     ----------
-    call : Call
-        What was asked for.
-    file : PlanFile
-        The plan.
-    site : Site
-        Where it runs.
-    artifacts : Artifacts
-        The plan's routines.
-    run : RunFolder
-        The locked folder, emptied for a new run.
+    job : Job
+        The plan, and where it is run.
     asking : Asking
         What the operator can be asked.
 
@@ -88,44 +81,58 @@ def perform(
         MP860 if the run is interrupted; MP863 if something cannot be written; codes of
         `executor.resume.take_up`.
     """
-    station, seq = site.station, run.last_event()
-    before = run.executors
-    tag = f"_by{before + 1}" if before else ""
-    frames = Frames(run.path if call.frames else None, tag=tag)
-    calls = run.path / (f"calls-{before + 1}.jsonl" if before else CALLS)
-    with (
-        _open(run.path / EVENTS, "a") as stream,
-        run.intents() as intents,
-        _recorded(calls, frames, station, _facts(file, site, artifacts, run)) as record,
-        Operator(asking.pause) as operator,
-    ):
-        rig = Rig(
-            plan=file.plan,
-            station=station if record is None else record.station(),
-            beliefs=Beliefs(file.plan.beliefs, file.plan.features),
-            artifacts=artifacts,
-            journal=Journal(stream, station.clock, seq=seq),
-            frames=frames,
-            motion=Motion(operator.pause),
-            gate=asking.gate,
-            intents=intents,
-        )
+    call, file, site, run = job.call, job.file, job.site, job.run
+    seq, before = run.last_event(), run.executors
+    with _logs(job, seq, before) as logs, Operator(asking.pause) as operator:
+        rig = _rig(job, logs, operator, asking)
         errors_um = _watch(rig, site.cell, asking.progress)
         if site.cell is not None and call.station_file is None:
             keep_world(site.cell, run.cell)
         result = _run(rig, call, file, run, asking)
-        if record is not None:
-            _close(record, result)
-    verdict = None if site.cell is None else _verdict(file.plan, site.cell)
+        if logs.record is not None:
+            _close(logs.record, result)
     ended = Ended(
         folder=run.path,
         result=result,
-        verdict=verdict,
+        verdict=None if site.cell is None else judged(file.plan, site.cell),
         errors_um=errors_um,
         executors=before + 1,
     )
-    _write_summary(call, site, file, ended)
+    write_summary(call, site, file, ended)
     return ended
+
+
+@contextmanager
+def _logs(job: Job, seq: int, before: int) -> Iterator[_Logs]:
+    """Give the files of a run, after `seq` events of `before` earlier executors."""
+    run, station = job.run, job.site.station
+    tag = f"_by{before + 1}" if before else ""
+    frames = Frames(run.path if job.call.frames else None, tag=tag)
+    calls = run.path / (f"calls-{before + 1}.jsonl" if before else CALLS)
+    facts = _facts(job.file, job.site, job.artifacts, run)
+    with (
+        _open(run.path / EVENTS, "a") as stream,
+        run.intents() as intents,
+        _recorded(calls, frames, station, facts) as record,
+    ):
+        journal = Journal(stream, station.clock, seq=seq)
+        yield _Logs(journal=journal, intents=intents, frames=frames, record=record)
+
+
+def _rig(job: Job, logs: _Logs, operator: Operator, asking: Asking) -> Rig:
+    """Return all that steps are done with."""
+    plan, station, record = job.file.plan, job.site.station, logs.record
+    return Rig(
+        plan=plan,
+        station=station if record is None else record.station(),
+        beliefs=Beliefs(plan.beliefs, plan.features),
+        artifacts=job.artifacts,
+        journal=logs.journal,
+        frames=logs.frames,
+        motion=Motion(operator.pause),
+        gate=asking.gate,
+        intents=logs.intents,
+    )
 
 
 def _close(record: Record, result: RunResult) -> None:
@@ -260,44 +267,3 @@ def _watch(
 
     rig.watch, rig.on_step = note, begin_step
     return errors
-
-
-def _write_summary(call: Call, site: Site, file: PlanFile, ended: Ended) -> None:
-    """Write summary.json and the table."""
-    verdict, errors_um = ended.verdict, ended.errors_um
-    extra: dict[str, Any] = {
-        "plan_sha256": file.sha256,
-        "station": site.name,
-        "seed": call.seed or 0,
-        "executors": ended.executors,
-        "faults": list(call.faults),
-        "cell_verdict": None if verdict is None else to_data(verdict),
-        "true_look_error_um": to_data(errors_um),
-    }
-    try:
-        words = table(ended.result, errors_um) + "\n"
-        (ended.folder / "summary.txt").write_text(
-            words, encoding="utf-8", errors=ESCAPED
-        )
-        text = summary_json(file.plan, ended.result, extra)
-        fresh = ended.folder / FRESH  # as a whole or not at all: it says that it ended
-        fresh.write_text(text, encoding="utf-8", errors=ESCAPED)
-        fresh.replace(ended.folder / SUMMARY)
-    except OSError as error:
-        found = ended.result
-        how = "done" if found.code is None else f"in {found.code}: {found.message}"
-        raise ExecutorError(
-            "MP863", f"the run has ended {how}; its summary: {error}"
-        ) from error
-
-
-def _verdict(plan: Plan, cell: Cell) -> Verdict | None:
-    """Return what truly became of what the last verify step is about."""
-    checks = [s.action for s in plan.steps if isinstance(s.action, VerifyAction)]
-    if not checks or checks[-1].target.partition(".")[0] not in cell.truth.bodies:
-        return None
-    last = checks[-1]
-    try:
-        return cell.judge(last.target, last.on, last.within_um, last.within_rad)
-    except (KeyError, ValueError):  # a plan of another world: nothing can be told
-        return None

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from executor.asked import MODES
+from executor.arguments import MODES
 from planner.presets import PRESETS
 from tests.planner.examples import ROOT
 

@@ -1,0 +1,78 @@
+"""How a whole run ended: what the executor says of it, and what truly became of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from executor.asked import Call
+from executor.errors import ExecutorError
+from executor.journal import ESCAPED
+from executor.plan_file import PlanFile
+from executor.run import RunResult
+from executor.run_folder import FRESH, SUMMARY
+from executor.site import Site
+from executor.summary import summary_json, table
+from schemas.codec import to_data
+from schemas.plan import Plan, VerifyAction
+
+if TYPE_CHECKING:
+    from executor.simulated.cell import Cell
+    from executor.simulated.judging import Verdict
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ended:
+    """How a run ended; a simulated cell knows what truly became of it."""
+
+    folder: Path
+    result: RunResult
+    verdict: Verdict | None
+    errors_um: dict[str, float]  # step -> true error of its last look
+    executors: int = 1  # that worked on it: more than one if it was resumed
+
+
+def judged(plan: Plan, cell: Cell) -> Verdict | None:
+    """Return what truly became of what the last verify step is about."""
+    checks = [s.action for s in plan.steps if isinstance(s.action, VerifyAction)]
+    if not checks or checks[-1].target.partition(".")[0] not in cell.truth.bodies:
+        return None
+    last = checks[-1]
+    try:
+        return cell.judge(last.target, last.on, last.within_um, last.within_rad)
+    except (KeyError, ValueError):  # a plan of another world: nothing can be told
+        return None
+
+
+def write_summary(call: Call, site: Site, file: PlanFile, ended: Ended) -> None:
+    """Write summary.json and the table; MP863 if they cannot be written."""
+    try:
+        words = table(ended.result, ended.errors_um) + "\n"
+        (ended.folder / "summary.txt").write_text(
+            words, encoding="utf-8", errors=ESCAPED
+        )
+        text = summary_json(file.plan, ended.result, _extra(call, site, file, ended))
+        fresh = ended.folder / FRESH  # as a whole or not at all: it says that it ended
+        fresh.write_text(text, encoding="utf-8", errors=ESCAPED)
+        fresh.replace(ended.folder / SUMMARY)
+    except OSError as error:
+        found = ended.result
+        how = "done" if found.code is None else f"in {found.code}: {found.message}"
+        raise ExecutorError(
+            "MP863", f"the run has ended {how}; its summary: {error}"
+        ) from error
+
+
+def _extra(call: Call, site: Site, file: PlanFile, ended: Ended) -> dict[str, Any]:
+    """Return what summary.json says beside the result."""
+    verdict = ended.verdict
+    return {
+        "plan_sha256": file.sha256,
+        "station": site.name,
+        "seed": call.seed or 0,
+        "executors": ended.executors,
+        "faults": list(call.faults),
+        "cell_verdict": None if verdict is None else to_data(verdict),
+        "true_look_error_um": to_data(ended.errors_um),
+    }
