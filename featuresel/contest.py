@@ -12,7 +12,7 @@ from featuresel.constraints import Constraints
 from featuresel.known import Known, Looks
 from featuresel.nominal import nominal_render
 from featuresel.place_limit import limit_um
-from featuresel.race import race, round_ends
+from featuresel.race import Race, race, round_ends
 from featuresel.routines import Artifact, Failure, load
 from featuresel.score import Score
 from featuresel.select import Limits, Selection, select
@@ -78,10 +78,9 @@ def compete(
     """
     bounds = limits or Limits()
     known = (looks or Looks()).of(case, root_seed)
-    visible = known.fact(
-        "visible", lambda: seen_share(case.target, nominal_render(case).veil())
-    )
+    visible = _visible(case, known)
     hopeless = bool(_task(case, bounds, visible).unfit())
+    once = thorough or hopeless
     judge = _Judge(
         case=case,
         root_seed=root_seed,
@@ -89,19 +88,27 @@ def compete(
         limits=bounds,
         in_set=in_set,
         map=map,
-        races=1 if thorough or hopeless else 2,
-        limit_um=known.fact("limit_um", lambda: limit_um(case))
-        if limited and not hopeless
-        else None,
+        races=1 if once else 2,
+        limit_um=_limit_um(case, known) if limited and not hopeless else None,
         visible=visible,
         known=known,
     )
     found = judge.contest(judge.ready(dear=thorough and not hopeless))
-    if thorough or hopeless or is_roomy(case, found.selection, judge.limits):
+    if once or is_roomy(case, found.selection, judge.limits):
         return found
-    ready = judge.ready()
-    fresh = [chain for chain in ready.chains if chain not in found.prepared.chains]
-    return judge.contest(replace(ready, chains=tuple(fresh)), found) if fresh else found
+    return judge.with_dear(found)
+
+
+def _visible(case: LookCase, known: Known) -> float | None:
+    """Return the share of the target's edges that is seen; None: not known."""
+    return known.fact(
+        "visible", lambda: seen_share(case.target, nominal_render(case).veil())
+    )
+
+
+def _limit_um(case: LookCase, known: Known) -> float | None:
+    """Return the Cramer-Rao limit of the target's place, the worse axis."""
+    return known.fact("limit_um", lambda: limit_um(case))
 
 
 def is_roomy(case: LookCase, found: Selection, limits: Limits | None = None) -> bool:
@@ -144,9 +151,34 @@ class _Judge:
         self.known.artifacts.update(found.artifacts)
         return found
 
+    def with_dear(self, found: Contest) -> Contest:
+        """Return a contest after the race of those that were too dear for it."""
+        ready = self.ready()
+        fresh = tuple(c for c in ready.chains if c not in found.prepared.chains)
+        return self.contest(replace(ready, chains=fresh), found) if fresh else found
+
     def contest(self, ready: Prepared, before: Contest | None = None) -> Contest:
         """Return the choice among new chains and those of an earlier contest."""
-        raced = race(
+        raced = self.race(ready)
+        outcomes, chains_, artifacts = raced.outcomes, ready.chains, ready.artifacts
+        scores = tuple(replace(s, limit_um=self.limit_um) for s in raced.scores)
+        if before is not None:
+            outcomes = before.outcomes + outcomes
+            chains_ = before.prepared.chains + chains_
+            artifacts = {**before.prepared.artifacts, **artifacts}
+            scores = before.scores + scores
+        return Contest(
+            prepared=Prepared(chains=chains_, artifacts=artifacts),
+            outcomes=outcomes,
+            scores=scores,
+            selection=self.select(scores),
+            limit_um=self.limit_um,
+            visible=self.visible,
+        )
+
+    def race(self, ready: Prepared) -> Race:
+        """Return the outcomes of chains, as far as any of them may be chosen."""
+        return race(
             self.case,
             ready,
             root_seed=self.root_seed,
@@ -157,21 +189,6 @@ class _Judge:
             in_set=self.in_set,
             map=self.map,
             known=self.known,
-        )
-        scores = tuple(replace(s, limit_um=self.limit_um) for s in raced.scores)
-        outcomes, chains_, artifacts = raced.outcomes, ready.chains, ready.artifacts
-        if before is not None:
-            scores = before.scores + scores
-            outcomes = before.outcomes + outcomes
-            chains_ = before.prepared.chains + chains_
-            artifacts = {**before.prepared.artifacts, **artifacts}
-        return Contest(
-            prepared=Prepared(chains=chains_, artifacts=artifacts),
-            outcomes=outcomes,
-            scores=scores,
-            selection=self.select(scores),
-            limit_um=self.limit_um,
-            visible=self.visible,
         )
 
     def select(self, scores: Sequence[Score]) -> Selection:
@@ -215,13 +232,19 @@ def make_ready(
     ready = {name: found for name, found in (known or {}).items() if name in names}
     fresh = prepare(case, [(name,) for name in names if name not in ready])
     ready |= fresh.artifacts
+    found = chains(case.target, costs=_costs(case, names, ready), controls=controls)
+    if not found:  # nothing could be prepared: the trials say of each why
+        found = chains(case.target, costs=dict.fromkeys(names, 1.0))
+    return Prepared(chains=found, artifacts=ready)
+
+
+def _costs(
+    case: LookCase, names: Sequence[str], ready: Mapping[str, Artifact | Failure]
+) -> dict[str, float]:
+    """Return what each routine costs that could be prepared."""
     pixels = case.window.rows * case.window.columns
-    costs = {
+    return {
         name: load(name).cost(artifact, pixels)
         for name in names
         if not isinstance(artifact := ready[name], Failure)
     }
-    found = chains(case.target, costs=costs, controls=controls)
-    if not found:  # nothing could be prepared: the trials say of each why
-        found = chains(case.target, costs=dict.fromkeys(names, 1.0))
-    return Prepared(chains=found, artifacts=ready)

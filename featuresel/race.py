@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 from featuresel.candidates import Chain
 from featuresel.case import LookCase
@@ -105,27 +106,39 @@ def race(
         case=case, limits=limits or Limits(), peeks=peeks, in_set=in_set
     )
     trials = design(case, most, root_seed)
-    running, done = prepared.chains, 0
-    outcomes: list[Outcome] = []
-    dropped: list[tuple[Chain, str]] = []
-    for end in ends:
-        racing = replace(prepared, chains=running)
-        outcomes += run(case, racing, trials[done:end], map, curves, known)
-        scores = verdicts.scores(racing, outcomes)
-        fallen = verdicts.fallen(scores)
-        dropped, done = dropped + fallen, end
-        out = {chain for chain, _ in fallen}
-        running = tuple(chain for chain in running if chain not in out)
-        if verdicts.is_decided([s for s in scores if s.chain not in out]):
+    standing = _Standing(running=prepared.chains)
+    for begin, end in pairwise((0, *ends)):
+        racing = replace(prepared, chains=standing.running)
+        standing.outcomes += run(case, racing, trials[begin:end], map, curves, known)
+        scores = verdicts.scores(racing, standing.outcomes)
+        if verdicts.is_decided(standing.left(scores, verdicts.fallen(scores))):
             break
-    found = score(case, prepared, outcomes, peeks=peeks, curves=curves)
+    found = score(case, prepared, standing.outcomes, peeks=peeks, curves=curves)
     return Race(
-        outcomes=tuple(outcomes),
+        outcomes=tuple(standing.outcomes),
         scores=found,
         trials={s.chain: s.trials for s in found},
-        dropped=tuple(dropped),
+        dropped=tuple(standing.dropped),
         peeks=peeks,
     )
+
+
+@dataclass(slots=True)
+class _Standing:
+    """How a race stands: who still runs, who fell and why, and what was seen."""
+
+    running: tuple[Chain, ...]
+    dropped: list[tuple[Chain, str]] = field(default_factory=list)
+    outcomes: list[Outcome] = field(default_factory=list)
+
+    def left(
+        self, scores: Sequence[Score], fallen: Sequence[tuple[Chain, str]]
+    ) -> list[Score]:
+        """Drop who has fallen; return the scores of the others."""
+        out = {chain for chain, _ in fallen}
+        self.dropped += fallen
+        self.running = tuple(chain for chain in self.running if chain not in out)
+        return [s for s in scores if s.chain not in out]
 
 
 def round_ends(rounds: Sequence[int], most: int) -> tuple[int, ...]:
