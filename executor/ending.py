@@ -1,4 +1,4 @@
-"""How a whole run ended: what the executor says of it, and what truly became of it."""
+"""How a whole run ended, and the summary that says so."""
 
 from __future__ import annotations
 
@@ -15,10 +15,8 @@ from executor.run_folder import FRESH, SUMMARY
 from executor.site import Site
 from executor.summary import summary_json, table
 from schemas.codec import to_data
-from schemas.plan import Plan, VerifyAction
 
 if TYPE_CHECKING:
-    from executor.simulated.cell import Cell
     from executor.simulated.judging import Verdict
 
 
@@ -31,18 +29,6 @@ class Ended:
     verdict: Verdict | None
     errors_um: dict[str, float]  # step -> true error of its last look
     executors: int = 1  # that worked on it: more than one if it was resumed
-
-
-def judged(plan: Plan, cell: Cell) -> Verdict | None:
-    """Return what truly became of what the last verify step is about."""
-    checks = [s.action for s in plan.steps if isinstance(s.action, VerifyAction)]
-    if not checks or checks[-1].target.partition(".")[0] not in cell.truth.bodies:
-        return None
-    last = checks[-1]
-    try:
-        return cell.judge(last.target, last.on, last.within_um, last.within_rad)
-    except (KeyError, ValueError):  # a plan of another world: nothing can be told
-        return None
 
 
 def write_summary(call: Call, site: Site, file: PlanFile, ended: Ended) -> None:

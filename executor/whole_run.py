@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import hashlib
-import math
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TextIO
+from typing import Any, Literal, TextIO
 
 from executor.artifacts import Artifacts
 from executor.asked import Call
 from executor.beliefs import Beliefs
-from executor.ending import Ended, judged, write_summary
+from executor.cell_watch import judged, keep_world, watch
+from executor.ending import Ended, write_summary
 from executor.errors import ExecutorError
 from executor.frames import Frames
 from executor.intents import Intents
@@ -29,9 +29,6 @@ from executor.run import RunResult, run_plan
 from executor.run_folder import EVENTS, RunFolder
 from executor.site import SIMULATED, Site
 from executor.station import Station
-
-if TYPE_CHECKING:
-    from executor.simulated.cell import Cell
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,7 +82,7 @@ def perform(job: Job, asking: Asking) -> Ended:
     seq, before = run.last_event(), run.executors
     with _logs(job, seq, before) as logs, Operator(asking.pause) as operator:
         rig = _rig(job, logs, operator, asking)
-        errors_um = _watch(rig, site.cell, asking.progress)
+        errors_um = watch(rig, site.cell, asking.progress)
         if site.cell is not None and call.station_file is None:
             keep_world(site.cell, run.cell)
         result = _run(rig, call, file, run, asking)
@@ -160,16 +157,6 @@ def header_of(call: Call, file: PlanFile, devices: Mapping[str, str]) -> Header:
     )
 
 
-def keep_world(cell: Cell, path: Path) -> None:
-    """Have a simulated cell keep its world beside the journal."""
-    from executor.simulated.keeping import keep  # optics only for the simulated cell
-
-    try:
-        keep(cell, path)
-    except OSError as error:
-        raise ExecutorError("MP863", f"{path}: {error}") from error
-
-
 def _sha256(data: bytes) -> str:
     return hashlib.sha256(data).hexdigest()
 
@@ -237,33 +224,3 @@ def _run(
     except BaseException:  # a bug must not leave anything in motion either
         rig.motion.stop(rig.station)
         raise
-
-
-def _watch(
-    rig: Rig, cell: Cell | None, progress: Callable[[str], None] | None
-) -> dict[str, float]:
-    """Return a record, filled while the rig runs: step -> its last look's true error.
-
-    Only a simulated cell knows the truth; a plan never sees it. `progress` is told of
-    every step.
-    """
-    errors: dict[str, float] = {}
-    rig.on_step = progress
-    if cell is None:
-        return errors
-    shown_um = cell.shown_um
-
-    def note(target: str, x_um: float, y_um: float) -> None:
-        owner, offset = rig.beliefs.anchor(target)
-        true_x, true_y = shown_um(owner, *offset)
-        errors[rig.journal.step] = math.hypot(x_um - true_x, y_um - true_y)
-
-    enter = cell.faults.enter
-
-    def begin_step(step: str) -> None:
-        if progress is not None:
-            progress(step)
-        enter(step)
-
-    rig.watch, rig.on_step = note, begin_step
-    return errors
