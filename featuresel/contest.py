@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
-from featuresel.candidates import chains, routines
+from featuresel.ahead import chains_ahead
+from featuresel.candidates import Chain, chains, routines
 from featuresel.case import LookCase
 from featuresel.completeness import seen_share
 from featuresel.constraints import Constraints
@@ -65,7 +67,8 @@ def compete(
     limits : Limits, optional
         What a chain must meet, as in `featuresel.select.select`.
     thorough : bool
-        Whether dear routines take part in any case.
+        Whether dear routines take part in any case, and all chains have all trials
+        that they are not out of; else one waits behind a cheaper one that leaves room.
     limited : bool
         Whether the Cramer-Rao limit is computed: it takes two dozen images.
     in_set : bool
@@ -89,6 +92,7 @@ def compete(
         in_set=in_set,
         map=map,
         races=1 if once else 2,
+        to_the_end=thorough,
         limit_um=_limit_um(case, known) if limited and not hopeless else None,
         visible=visible,
         known=known,
@@ -141,6 +145,7 @@ class _Judge:
     in_set: bool
     map: Map
     races: int  # at most
+    to_the_end: bool  # all chains have all trials, whatever the choice hangs on
     limit_um: float | None
     visible: float | None
     known: Known
@@ -159,7 +164,7 @@ class _Judge:
 
     def contest(self, ready: Prepared, before: Contest | None = None) -> Contest:
         """Return the choice among new chains and those of an earlier contest."""
-        raced = self.race(ready)
+        raced = self.race(ready, before)
         outcomes, chains_, artifacts = raced.outcomes, ready.chains, ready.artifacts
         scores = tuple(replace(s, limit_um=self.limit_um) for s in raced.scores)
         if before is not None:
@@ -176,7 +181,7 @@ class _Judge:
             visible=self.visible,
         )
 
-    def race(self, ready: Prepared) -> Race:
+    def race(self, ready: Prepared, before: Contest | None) -> Race:
         """Return the outcomes of chains, as far as any of them may be chosen."""
         return race(
             self.case,
@@ -187,9 +192,18 @@ class _Judge:
             rounds=ROUNDS,
             peeks=self.races * len(round_ends(ROUNDS, self.most)),
             in_set=self.in_set,
+            ahead=None if self.to_the_end else partial(self.ahead, before),
             map=self.map,
             known=self.known,
         )
+
+    def ahead(
+        self, before: Contest | None, scores: Sequence[Score]
+    ) -> frozenset[Chain]:
+        """Return the chains that the choice hangs on, an earlier contest's included."""
+        whole = [*(before.scores if before else ()), *scores]
+        task = _task(self.case, self.limits, self.visible)
+        return chains_ahead(whole, self.select(whole), task)
 
     def select(self, scores: Sequence[Score]) -> Selection:
         """Return the choice."""

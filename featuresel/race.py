@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from itertools import pairwise
+from dataclasses import dataclass
+from functools import partial
 
 from featuresel.candidates import Chain
 from featuresel.case import LookCase
 from featuresel.constraints import Limits
+from featuresel.heats import Ahead, Heats
 from featuresel.known import Known
 from featuresel.perturb import design
 from featuresel.score import Score, score
@@ -22,7 +23,7 @@ ROUNDS = (32, 256, 1024)  # trials at the end of each
 class Race:
     """What the rounds showed."""
 
-    outcomes: tuple[Outcome, ...]  # round by round and trial by trial
+    outcomes: tuple[Outcome, ...]  # round by round, each trial by trial
     scores: tuple[Score, ...]  # of every chain, by the trials that it had
     trials: Mapping[Chain, int]  # how many that were
     dropped: tuple[tuple[Chain, str], ...]  # why a chain was, in the order it happened
@@ -39,6 +40,7 @@ def race(
     rounds: Sequence[int] = ROUNDS,
     peeks: int | None = None,
     in_set: bool = False,
+    ahead: Ahead | None = None,
     map: Map = map,  # noqa: A002 - it is the builtin, or a pool's
     curves: Curves | None = None,
     known: Known | None = None,
@@ -57,6 +59,9 @@ def race(
       dearer, surely more accurate, and was on the same trials right no less often and
       silently wrong no more often. One that begins with another routine is kept: it
       may be the fallback.
+
+    After `featuresel.heats.SHOWN` trials only those chains go on that `ahead` tells;
+    the others follow where that changes.
 
     The race ends when no chain is left, after `most` trials, or when a chain is proved
     good enough with room to spare and none that is cheaper is left.
@@ -79,16 +84,19 @@ def race(
         the rounds of both: the bounds of whichever chain wins then hold.
     in_set : bool
         As in `featuresel.select.select`.
+    ahead : callable, optional
+        Returns the chains that the choice hangs on by the scores so far, as
+        `featuresel.ahead.chains_ahead` does. Without it that is all.
     map, curves, known
         As in `featuresel.trials.run`.
 
     Returns
     -------
     Race
-        It depends on the case, chains, seed, rounds, peeks and limits alone. Each bound
-        in a score holds at all `peeks` at once, at `CONFIDENCE` (union bound); a chain
-        that meets all limits is dropped by the first three tests with a probability of
-        1 - `CONFIDENCE` at most.
+        It depends on the case, chains, seed, rounds, peeks, limits and `ahead` alone.
+        Each bound in a score holds at all `peeks` at once, at `CONFIDENCE` (union
+        bound); a chain that meets all limits is dropped by the first three tests with a
+        probability of 1 - `CONFIDENCE` at most.
 
     Raises
     ------
@@ -105,40 +113,25 @@ def race(
     verdicts = Verdicts(
         case=case, limits=limits or Limits(), peeks=peeks, in_set=in_set
     )
-    trials = design(case, most, root_seed)
-    standing = _Standing(running=prepared.chains)
-    for begin, end in pairwise((0, *ends)):
-        racing = replace(prepared, chains=standing.running)
-        standing.outcomes += run(case, racing, trials[begin:end], map, curves, known)
-        scores = verdicts.scores(racing, standing.outcomes)
-        if verdicts.is_decided(standing.left(scores, verdicts.fallen(scores))):
+    heats = Heats(
+        prepared=prepared,
+        trials=design(case, most, root_seed),
+        run=partial(run, case, map=map, curves=curves, known=known or Known()),
+        scored=verdicts.scores,
+        ahead=ahead,
+    )
+    for end in ends:
+        scores = heats.round(end)
+        if verdicts.is_decided(heats.left(scores, verdicts.fallen(scores))):
             break
-    found = score(case, prepared, standing.outcomes, peeks=peeks, curves=curves)
+    found = score(case, prepared, heats.outcomes, peeks=peeks, curves=curves)
     return Race(
-        outcomes=tuple(standing.outcomes),
+        outcomes=tuple(heats.outcomes),
         scores=found,
         trials={s.chain: s.trials for s in found},
-        dropped=tuple(standing.dropped),
+        dropped=tuple(heats.dropped),
         peeks=peeks,
     )
-
-
-@dataclass(slots=True)
-class _Standing:
-    """How a race stands: who still runs, who fell and why, and what was seen."""
-
-    running: tuple[Chain, ...]
-    dropped: list[tuple[Chain, str]] = field(default_factory=list)
-    outcomes: list[Outcome] = field(default_factory=list)
-
-    def left(
-        self, scores: Sequence[Score], fallen: Sequence[tuple[Chain, str]]
-    ) -> list[Score]:
-        """Drop who has fallen; return the scores of the others."""
-        out = {chain for chain, _ in fallen}
-        self.dropped += fallen
-        self.running = tuple(chain for chain in self.running if chain not in out)
-        return [s for s in scores if s.chain not in out]
 
 
 def round_ends(rounds: Sequence[int], most: int) -> tuple[int, ...]:

@@ -165,7 +165,7 @@ def _measured(sight: Sight, way: Way, law: Truth, layered: Truth) -> Measured:
 
 
 def _least_ms(work: Callable[[], object]) -> float:
-    """Return the least time of several calls: what interrupts a call counts for nothing.
+    """Return the least time of several calls: what interrupts one counts for nothing.
 
     Wall time, as some systems count CPU time in steps longer than a call.
     """

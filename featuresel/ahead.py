@@ -1,0 +1,55 @@
+"""Which chains a choice still hangs on: those behind a roomy one need no trials."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from featuresel.candidates import Chain
+from featuresel.constraints import Constraints
+from featuresel.pareto import by_cost
+from featuresel.score import Score
+from featuresel.select import Selection
+from optics.ties import at_most
+
+
+def chains_ahead(
+    scores: Sequence[Score], found: Selection, task: Constraints
+) -> frozenset[Chain]:
+    """Return the chains whose trials may change the choice or what it falls back on.
+
+    `select` never takes a chain that costs more than one that passes and leaves room;
+    nor does it fall back on one that costs more than such a one which begins with
+    another routine than the chosen. Where either leaves none, the choice hangs on all.
+
+    Parameters
+    ----------
+    scores : sequence of Score
+        Of all chains of one look, by the trials they had so far.
+    found : Selection
+        What `select` takes by these scores.
+    task : Constraints
+        What it asked of them.
+
+    Returns
+    -------
+    frozenset of Chain
+        Chosen and fallback, and every chain that costs no more than the one it could
+        take the place of.
+    """
+    chosen, fallback = found.chosen, found.fallback
+    order = [score.chain for score in by_cost(scores)]
+    if chosen is None or fallback is None:
+        return frozenset(order)
+    begun = chosen.chain[0]
+    if fallback.chain[0] == begun or not (
+        _has_room(chosen, task) and _has_room(fallback, task)
+    ):
+        return frozenset(order)
+    before = order[: order.index(chosen.chain) + 1]
+    apart = order[: order.index(fallback.chain) + 1]
+    return frozenset([*before, *(chain for chain in apart if chain[0] != begun)])
+
+
+def _has_room(score: Score, task: Constraints) -> bool:
+    """Return whether a chain leaves room in every tolerance."""
+    return at_most(task.use(score), task.limits.roomy)
