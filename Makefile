@@ -25,10 +25,10 @@ check: install
 	$(BIN)/lint-imports
 
 test: install
-	$(BIN)/pytest -n 2
+	$(BIN)/pytest -n 2 --dist worksteal
 
 bench: install
-	$(BIN)/pytest -n 2 -m slow
+	$(BIN)/pytest -n 2 --dist worksteal -m slow
 	$(BIN)/python -m benchmarks
 
 clean:

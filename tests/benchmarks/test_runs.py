@@ -15,6 +15,7 @@ def plan(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder.write(assembly(folder), world())
 
 
+@pytest.mark.slow
 def test_a_run_depends_on_its_seed_alone(plan: Path, tmp_path: Path) -> None:
     alone = [perform(plan, tmp_path / "alone", seed) for seed in (0, 2)]
     assert perform_all(plan, tmp_path / "together", [0, 2], jobs=2) == alone

@@ -96,6 +96,7 @@ def test_a_mirrored_camera_is_stopped_before_anything_is_held(
     assert summary["step"] in ("find_gear", "see_fingers", "bring_between")
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_log(
     compiled_example: Path, tmp_path: Path
 ) -> None:

@@ -52,6 +52,7 @@ def test_a_killed_executor_is_followed_by_one_that_ends_the_job(
     assert {o.fates[0].how for o in found} == {fate.how for fate in fates}
 
 
+@pytest.mark.slow
 def test_executors_killed_while_they_recover_are_followed_too(
     job: Job, fates: list[Fate]
 ) -> None:

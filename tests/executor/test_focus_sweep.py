@@ -62,7 +62,10 @@ def test_noise_alone_hardly_ever_stands_out_of_itself() -> None:
     assert (spans > LEAST_HEIGHT).sum() == 0  # chance 3e-6 each
 
 
-@pytest.mark.parametrize(("way", "seeds"), [("sweep", 2), ("two_pairs", 1)])
+@pytest.mark.parametrize(
+    ("way", "seeds"),
+    [("sweep", 2), pytest.param("two_pairs", 1, marks=pytest.mark.slow)],
+)
 def test_heights_on_the_cell_are_as_good_as_its_focus_repeats(
     way: str, seeds: int
 ) -> None:

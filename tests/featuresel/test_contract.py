@@ -133,17 +133,21 @@ def test_a_routine_declares_itself(name: str) -> None:
     assert isinstance(routine.CONTROL, bool)
 
 
-# preparing a fit to the jaws takes as long as all the others
-DEAR = {("likelihood", "jaws"), ("one_step", "jaws")}
+# preparing a fit to the jaws takes as long as all the others, an outline's half of it
+DEAR = {
+    (name, kind) for name in ("likelihood", "one_step") for kind in ("jaws", "outline")
+}
 
-
-@pytest.mark.parametrize(
+every_pair = pytest.mark.parametrize(
     ("name", "kind"),
     [
         pytest.param(*pair, marks=[pytest.mark.slow] if pair in DEAR else [])
         for pair in pairs()
     ],
 )
+
+
+@every_pair
 def test_any_image_has_a_typed_answer(name: str, kind: TargetKind) -> None:
     artifact, routine = prepared(name, kind), load(name)
     if isinstance(artifact, Failure):
@@ -163,7 +167,7 @@ def test_any_image_has_a_typed_answer(name: str, kind: TargetKind) -> None:
         assert value.tobytes() == arrays[key], key
 
 
-@pytest.mark.parametrize(("name", "kind"), list(pairs()))
+@every_pair
 def test_what_is_no_image_is_refused(name: str, kind: TargetKind) -> None:
     artifact, routine = prepared(name, kind), load(name)
     if isinstance(artifact, Failure):

@@ -27,21 +27,21 @@ Look = Callable[[str], LookCase]
 def test_a_process_pool_gives_the_same_outcomes(look: Look) -> None:
     case = look("post")
     ready = prepare(case, chains(case.target))
-    trials = design(case, 20, 1)
+    trials = design(case, 6, 1)
     serial = run(case, ready, trials)
     context = get_context("spawn")
     with ProcessPoolExecutor(max_workers=2, mp_context=context) as pool:
         assert run(case, ready, trials, map=pool.map) == serial
-    assert len(serial) == 20 * len(ready.chains)
+    assert len(serial) == 6 * len(ready.chains)
 
 
 def test_fewer_chains_or_trials_change_no_outcome(look: Look) -> None:
     case = look("find_gear")
     all_chains = chains(case.target)
-    whole = run(case, prepare(case, all_chains), design(case, 8, 1))
+    whole = run(case, prepare(case, all_chains), design(case, 4, 1))
     chain = all_chains[0]
-    part = run(case, prepare(case, [chain]), design(case, 4, 1))
-    assert part == tuple(o for o in whole if o.chain == chain and o.trial < 4)
+    part = run(case, prepare(case, [chain]), design(case, 2, 1))
+    assert part == tuple(o for o in whole if o.chain == chain and o.trial < 2)
 
 
 def test_outcomes_are_those_of_the_chain_the_executor_runs(look: Look) -> None:
@@ -113,6 +113,13 @@ def test_focus_range_is_wider_for_a_looser_tolerance(look: Look) -> None:
     assert narrow.focus_um[1] <= wide.focus_um[1]
     assert wide.focus_um[1] >= 8
     assert wide.magnification[0] < 1 < wide.magnification[1]
+
+
+@pytest.mark.slow
+def test_a_process_pool_gives_the_same_range(look: Look) -> None:
+    case = look("post")
+    ready = prepare(case, [("circle_caliper",)])
+    wide = usable_range(case, ready, ("circle_caliper",), root_seed=1, draws=2)
     with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
         again = usable_range(
             case, ready, ("circle_caliper",), root_seed=1, draws=2, map=pool.map

@@ -181,11 +181,23 @@ def test_the_order_of_keys_means_nothing(small: Path, small_plan: PlanFiles) -> 
 @pytest.mark.parametrize(
     ("file", "old", "new"),
     [
-        ("parts/shaft_plate.dxf", "22.0", "21.5"),
-        ("workcell.yaml", "numerical_aperture: 0.42", "numerical_aperture: 0.40"),
-        ("task.yaml", "seed: 1998", "seed: 1999"),
+        pytest.param(
+            "parts/shaft_plate.dxf",
+            "22.0",
+            "21.5",
+            id="post diameter",
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(
+            "workcell.yaml",
+            "numerical_aperture: 0.42",
+            "numerical_aperture: 0.40",
+            id="aperture",
+        ),
+        pytest.param(
+            "task.yaml", "seed: 1998", "seed: 1999", id="seed", marks=pytest.mark.slow
+        ),
     ],
-    ids=["post diameter", "aperture", "seed"],
 )
 def test_what_matters_changes_the_plan(
     small: Path, small_plan: PlanFiles, file: str, old: str, new: str
