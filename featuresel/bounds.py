@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.stats import beta, chi2, t, trim_mean
+from scipy import special
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -67,10 +67,21 @@ def estimate(values: FloatArray, confidence: float = CONFIDENCE) -> Estimate | N
         count=count,
         mean=float(values.mean()),
         sigma=sigma,
-        sigma_lower=sigma * math.sqrt(nu / chi2.ppf(confidence, nu)),
-        sigma_upper=sigma * math.sqrt(nu / chi2.ppf(1 - confidence, nu)),
-        mean_reach=float(t.ppf(confidence, count - 1)) * sigma / math.sqrt(count),
+        sigma_lower=sigma * math.sqrt(nu / _chi_square(confidence, nu)),
+        sigma_upper=sigma * math.sqrt(nu / _chi_square(1 - confidence, nu)),
+        mean_reach=float(special.stdtrit(count - 1, confidence))
+        * sigma
+        / math.sqrt(count),
     )
+
+
+def _chi_square(share: float, freedom: float) -> float:
+    """Return the value below which a share of chi-square lies.
+
+    As `scipy.stats.chi2.ppf`, without what that checks each time: scores ask for
+    thousands.
+    """
+    return float(2 * special.gammaincinv(freedom / 2, share))
 
 
 def freedom(values: FloatArray) -> float:
@@ -90,10 +101,17 @@ def freedom(values: FloatArray) -> float:
     square = float((about**2).sum())
     if square == 0 or n < 5:
         return float(max(n - 1, 1))
-    middle = trim_mean(values, min(0.5 / math.sqrt(n - 4), 0.49))
+    middle = _trimmed_mean(values, min(0.5 / math.sqrt(n - 4), 0.49))
     kurtosis = n * float(((values - middle) ** 4).sum()) / square**2
     excess = max(kurtosis - (n - 3) / (n - 1), 2 * n / (n - 1))  # 2 n / (n - 1): normal
     return max(1.0, 2 * n / excess)
+
+
+def _trimmed_mean(values: FloatArray, share: float) -> float:
+    """Return the mean without a share of the values at either end."""
+    cut = int(share * len(values))
+    last = len(values) - cut
+    return float(np.partition(values, (cut, last - 1))[cut:last].mean())
 
 
 def success_lower(success: int, trials: int, confidence: float = CONFIDENCE) -> float:
@@ -106,7 +124,7 @@ def success_lower(success: int, trials: int, confidence: float = CONFIDENCE) -> 
     _check(success, trials)
     if success == 0:
         return 0.0
-    return float(beta.ppf(1 - confidence, success, trials - success + 1))
+    return float(special.betaincinv(success, trials - success + 1, 1 - confidence))
 
 
 def failure_upper(failures: int, trials: int, confidence: float = CONFIDENCE) -> float:
@@ -114,7 +132,7 @@ def failure_upper(failures: int, trials: int, confidence: float = CONFIDENCE) ->
     _check(failures, trials)
     if failures == trials:
         return 1.0
-    return float(beta.ppf(confidence, failures + 1, trials - failures))
+    return float(special.betaincinv(failures + 1, trials - failures, confidence))
 
 
 def _check(count: int, trials: int) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.stats import binom, binomtest, chi2
+from scipy.stats import binom, binomtest, chi2, trim_mean
 
 from featuresel.bounds import (
     Estimate,
@@ -96,3 +96,14 @@ def _sure(values: np.ndarray) -> Estimate:
     found = estimate(values)
     assert found is not None
     return found
+
+
+@pytest.mark.parametrize("count", [5, 24, 64, 305])
+def test_freedom_is_that_of_the_kurtosis_about_a_trimmed_mean(count: int) -> None:
+    values = np.random.default_rng(count).standard_t(4, count)
+    middle = trim_mean(values, min(0.5 / np.sqrt(count - 4), 0.49))
+    fourth = count * ((values - middle) ** 4).sum()
+    kurtosis = fourth / ((values - values.mean()) ** 2).sum() ** 2
+    excess = kurtosis - (count - 3) / (count - 1)
+    expected = max(1.0, min(count - 1.0, 2 * count / excess))
+    assert freedom(values) == pytest.approx(expected, rel=1e-12)
