@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Sequence
 from functools import cache
@@ -14,10 +13,10 @@ import numpy.typing as npt
 
 from executor.errors import ExecutorError
 from executor.pictures import Attempt, Finding, Viewer
-from schemas.codec import CodecError, from_data
+from executor.plan_file import world_beside
 from schemas.pose import Pose
-from schemas.world import World
 
+_world = cache(world_beside)
 Marked = npt.NDArray[np.uint8]
 
 GREEN, RED, YELLOW, GREY = (80, 220, 80), (60, 60, 255), (0, 200, 255), (150, 150, 150)
@@ -159,16 +158,6 @@ def _points(edge: Sequence[float], step_um: float) -> list[tuple[float, float]]:
         )
         for k in range(count)
     ]
-
-
-@cache
-def _world(folder: Path) -> World | None:
-    """Return the plan's world, None where it is not there."""
-    try:
-        text = (folder / "world.json").read_text(encoding="utf-8")
-        return from_data(World, json.loads(text))
-    except (OSError, ValueError, RecursionError, CodecError):
-        return None
 
 
 def _cross(picture: Any, at: tuple[int, int], colour: Any, half: int) -> None:

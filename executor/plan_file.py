@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import hashlib
+import json
 from dataclasses import dataclass
 from pathlib import Path
 
 from executor.errors import ExecutorError
-from schemas.codec import CodecError
+from schemas.codec import CodecError, from_data
+from schemas.folders import contents
 from schemas.plan import Plan, parse_plan
+from schemas.world import World
 
 _NO_FILE = frozenset('/\\:*?"<>|')  # of Windows' names, which take in all others
+_MOST_WORLD = 1 << 26  # bytes
 _MOST = 200  # bytes; a file's name has 255 with what stands around it
 
 
@@ -42,6 +46,18 @@ def read_plan(path: Path) -> PlanFile:
         if path.suffix in (".yaml", ".yml"):
             words = f"{path} is a task, no plan: compile it first (microplan compile)"
         raise ExecutorError("MP802", words) from error
+
+
+def world_beside(folder: Path) -> World | None:
+    """Return the world of a plan folder, None where it is missing or damaged.
+
+    Nothing in a run depends on it but the simulated cell, which reads it by itself.
+    """
+    source = contents(folder / "world.json", _MOST_WORLD)
+    try:
+        return from_data(World, json.loads(source))
+    except (ValueError, RecursionError, CodecError):
+        return None
 
 
 def _check_names(plan: Plan) -> None:

@@ -116,7 +116,7 @@ def _run_step(rig: Rig, step: Step) -> StepResult:
             rig.move(move, f"move {number}")
         outcome = _act(rig, step)
         _keep_frame(rig, step)
-        done = _step_result(step, outcome, None, "", rig.worked_s() - began_s)
+        done = _step_result(rig, step, outcome, None, "", rig.worked_s() - began_s)
         rig.finish(done)
         rig.journal.write("done")
         return done
@@ -125,7 +125,9 @@ def _run_step(rig: Rig, step: Step) -> StepResult:
         rig.motion.halt(rig.station, error)
         with suppress(ExecutorError):  # a full disk is told already
             rig.journal.write("failed", code=code, why=message)
-        return _step_result(step, _Outcome(), code, message, rig.worked_s() - began_s)
+        return _step_result(
+            rig, step, _Outcome(), code, message, rig.worked_s() - began_s
+        )
 
 
 def _phase(rig: Rig, step: Step) -> Phase:
@@ -197,7 +199,12 @@ def _look(step: Step, look_id: str) -> Look:
 
 
 def _step_result(
-    step: Step, outcome: _Outcome, code: str | None, message: str, time_s: float
+    rig: Rig,
+    step: Step,
+    outcome: _Outcome,
+    code: str | None,
+    message: str,
+    time_s: float,
 ) -> StepResult:
     """Set what happened beside what was predicted."""
     control, action = step.control, step.action
@@ -210,7 +217,9 @@ def _step_result(
         code=code,
         message=message,
         time_s=time_s,
-        expected_s=None if control is None else control.approach_s + control.expected_s,
+        expected_s=rig.moving_s.get(step.id)
+        if control is None
+        else control.approach_s + control.expected_s,
         cycles=outcome.cycles,
         expected_cycles=None if control is None else control.expected_cycles,
         error_um=outcome.error_um,

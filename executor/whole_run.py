@@ -21,7 +21,7 @@ from executor.journal import ESCAPED, Journal
 from executor.motion import Motion
 from executor.operator import Operator
 from executor.past import Header
-from executor.plan_file import PlanFile
+from executor.plan_file import PlanFile, world_beside
 from executor.recording import CALLS, RESUMES, Record
 from executor.resume import begin, take_up
 from executor.rig import Rig
@@ -29,6 +29,7 @@ from executor.run import RunResult, run_plan
 from executor.run_folder import EVENTS, RunFolder
 from executor.site import SIMULATED, Site
 from executor.station import Station
+from schemas.times import moving_s
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -129,6 +130,7 @@ def _rig(job: Job, logs: _Logs, operator: Operator, asking: Asking) -> Rig:
         motion=Motion(operator.pause),
         gate=asking.gate,
         intents=logs.intents,
+        moving_s=moving_s(plan, world_beside(job.call.folder)),
     )
 
 

@@ -10,7 +10,6 @@ from planner.reporting.folder import PlanFolder
 from planner.reporting.margins import Margin, margins, needed_probability
 from planner.reporting.methods import methods
 from planner.reporting.steps import step_id
-from planner.reporting.timeline import spans
 from schemas.evidence import LookEvidence
 from schemas.html.axes import Axes, Scale, around
 from schemas.html.charts import Bar, bars, curve
@@ -18,6 +17,7 @@ from schemas.html.elements import Element, Node, el
 from schemas.html.figures import MICRO, chance, number, quantity, signed, span, um
 from schemas.html.page import Caption, Column, facts, figure, link, table
 from schemas.plan import Look, Plan, Step
+from schemas.times import spans
 
 _MOST_LOOKS = 5  # on the first page, the narrowest
 

@@ -55,6 +55,10 @@ def test_predicted_stands_beside_actual(example_run: Path, page: Page) -> None:
     for step in data["steps"]:
         assert step["id"] in text
     assert f"{data['time_s']:.3g}" in text
+    expected = {s["id"]: s["expected_s"] for s in data["steps"]}
+    # 260 um down at 20 um/s, and the stage settles; what jaws take is stated nowhere
+    assert expected["insert"] == pytest.approx(260 / 20 + 0.15)
+    assert expected["grasp"] is None
     servoed = {row["step"] for row in read_left(example_run).of("error")}
     assert servoed
     for step in servoed:

@@ -17,8 +17,8 @@ from planner.reporting.folder import PlanFolder, read_folder
 from planner.reporting.margins import margins
 from planner.reporting.pictures import place_id
 from planner.reporting.report import plan_report, write_report
-from planner.reporting.timeline import spans
 from schemas.plan import Plan, Reason, dump_plan
+from schemas.times import moving_s, spans
 from schemas.verdicts import Change
 from tests.names import renamed
 from tests.pages import Page, check_page
@@ -289,6 +289,20 @@ def test_the_timeline_agrees_with_what_the_looks_wait_for(folder: PlanFolder) ->
     assert folder.world is not None
     expected = 260 / 20 + folder.world.stage.settle_s
     assert found["insert"].total_s == pytest.approx(expected)
+    moving = moving_s(folder.plan, folder.world)
+    assert moving["insert"] == pytest.approx(expected)
+    assert set(moving) == {"lift", "insert", "retract"}
+    assert moving_s(folder.plan, None) == {}  # nobody knows how fast the axes are
+    stage = replace(folder.world.stage, speed_z_um_per_s=0.0)
+    stuck = replace(folder.world, stage=stage)  # a damaged world: nothing is told
+    assert "lift" not in moving_s(folder.plan, stuck)
+    moving = moving_s(folder.plan, folder.world)
+    assert moving["insert"] == pytest.approx(expected)
+    assert set(moving) == {"lift", "insert", "retract"}
+    assert moving_s(folder.plan, None) == {}  # nobody knows how fast the axes are
+    stage = replace(folder.world.stage, speed_z_um_per_s=0.0)
+    stuck = replace(folder.world, stage=stage)  # a damaged world: nothing is told
+    assert "lift" not in moving_s(folder.plan, stuck)
 
 
 def test_the_ellipse_holds_its_share_of_errors() -> None:
