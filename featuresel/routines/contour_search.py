@@ -21,6 +21,8 @@ from featuresel.routines import FloatArray, work
 from featuresel.routines.contour_model import turned
 
 Float32Array = npt.NDArray[np.float32]
+_Samples = npt.NDArray[np.intp]
+_Directions = tuple[FloatArray, FloatArray]
 
 _SMOOTH_PX = 0.8  # before gradients are taken, px of the level
 _DIRECTION = 6e-5  # work of one sample of a field
@@ -67,6 +69,28 @@ class Field:
         i = np.rint((column - half) / self.shrink).astype(np.intp)
         j = np.rint((row - half) / self.shrink).astype(np.intp)
         return i, j
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Tried:
+    """Poses that are scored: angles, and shifts by samples about a place."""
+
+    found: Field
+    points: FloatArray  # (N, 5), px of the image
+    near: tuple[float, float]  # column, row, px of the image
+    steps: int  # samples to every side
+    angles_rad: FloatArray  # (A,)
+
+    def placed(self, angle_rad: float) -> tuple[_Samples, _Samples, _Directions]:
+        """Return samples (column, row) of the points unshifted, and their directions."""
+        x, y, right, up, _ = turned(self.points, angle_rad).T
+        i, j = self.found.samples(self.near[0] + x, self.near[1] - y)
+        return i, j, (right, up)
+
+    def weight(self) -> FloatArray:
+        """Return the points' weights (N,), 1 in all."""
+        weight: FloatArray = self.points[:, 4] / self.points[:, 4].sum()
+        return weight
 
 
 def gradients(image: FloatArray, shrink: int) -> tuple[FloatArray, FloatArray]:
@@ -135,7 +159,10 @@ def search(
         Whether the last angle is next to the first.
     """
     steps = math.ceil(reach_px / found.shrink)
-    scores = _scores(found, points, near, steps, angles_rad)
+    tried = _Tried(
+        found=found, points=points, near=near, steps=steps, angles_rad=angles_rad
+    )
+    scores = _scores(tried)
     poses: list[Pose] = []
     for _ in range(_TRIED):
         a, j, i = np.unravel_index(int(scores.argmax()), scores.shape)
@@ -162,7 +189,8 @@ def climb(
     if not turns:
         angles = angles[2:3]
     near = (start.column, start.row)
-    scores = _scores(found, points, near, 2, angles)
+    tried = _Tried(found=found, points=points, near=near, steps=2, angles_rad=angles)
+    scores = _scores(tried)
     a, j, i = np.unravel_index(int(scores.argmax()), scores.shape)
     return Pose(
         column=start.column + (int(i) - 2) * found.shrink,
@@ -194,39 +222,28 @@ def scan(
     return np.array([score(found, points, at.column, at.row, a) for a in angles_rad])
 
 
-def _scores(
-    found: Field,
-    points: FloatArray,
-    near: tuple[float, float],
-    steps: int,
-    angles_rad: FloatArray,
-) -> FloatArray:
+def _scores(tried: _Tried) -> FloatArray:
     """Return (A, 2 steps + 1, 2 steps + 1) scores of angles and shifts by samples."""
-    rows, columns = found.right.shape
+    rows, columns = tried.found.right.shape
+    steps = tried.steps
     transformed = (rows + 2 * steps) * (columns + 2 * steps)
-    if len(points) * (2 * steps + 1) ** 2 > _MANY * transformed:
-        return _correlated(found, points, near, steps, angles_rad)
-    return _looked_up(found, points, near, steps, angles_rad)
+    if len(tried.points) * (2 * steps + 1) ** 2 > _MANY * transformed:
+        return _correlated(tried)
+    return _looked_up(tried)
 
 
-def _correlated(
-    found: Field,
-    points: FloatArray,
-    near: tuple[float, float],
-    steps: int,
-    angles_rad: FloatArray,
-) -> FloatArray:
+def _correlated(tried: _Tried) -> FloatArray:
     """Return the same by the correlation theorem: faster, where shifts are many."""
+    found, steps = tried.found, tried.steps
     rows, columns = found.right.shape
     # what shifts beyond the border must not come in again from the other side
     size = [cv2.getOptimalDFTSize(count + 2 * steps) for count in (rows, columns)]
     waves = np.fft.fft2(found.right + 1j * found.up, size)
-    weight = points[:, 4] / points[:, 4].sum()
+    weight = tried.weight()
     shifts = np.arange(-steps, steps + 1)
-    scores = np.empty((len(angles_rad), shifts.size, shifts.size))
-    for k, angle in enumerate(angles_rad.tolist()):
-        x, y, across, upward, _ = turned(points, angle).T
-        i, j = found.samples(near[0] + x, near[1] - y)
+    scores = np.empty((len(tried.angles_rad), shifts.size, shifts.size))
+    for k, angle in enumerate(tried.angles_rad.tolist()):
+        i, j, (across, upward) = tried.placed(angle)
         seen = (i >= -steps) & (i < columns + steps)
         seen &= (j >= -steps) & (j < rows + steps)
         model = np.zeros(size, dtype=np.complex128)
@@ -237,23 +254,17 @@ def _correlated(
     return scores
 
 
-def _looked_up(
-    found: Field,
-    points: FloatArray,
-    near: tuple[float, float],
-    steps: int,
-    angles_rad: FloatArray,
-) -> FloatArray:
+def _looked_up(tried: _Tried) -> FloatArray:
     """Return scores point by point."""
+    found, steps = tried.found, tried.steps
     side, pad = 2 * steps + 1, 2 * steps
     right, up = (np.pad(part, pad) for part in (found.right, found.up))
     rows, columns = right.shape
     shifted = [sliding_window_view(part, (side, side)) for part in (right, up)]
-    weight = points[:, 4] / points[:, 4].sum()
-    scores = np.empty((len(angles_rad), side * side))
-    for k, angle in enumerate(angles_rad.tolist()):
-        x, y, across, upward, _ = turned(points, angle).T
-        i, j = found.samples(near[0] + x, near[1] - y)
+    weight = tried.weight()
+    scores = np.empty((len(tried.angles_rad), side * side))
+    for k, angle in enumerate(tried.angles_rad.tolist()):
+        i, j, (across, upward) = tried.placed(angle)
         i, j = i + steps, j + steps  # of the first shift, in the padded field
         # what no shift brings into the image counts as without gradient
         seen = (i >= 0) & (i <= columns - side) & (j >= 0) & (j <= rows - side)
