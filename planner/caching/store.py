@@ -6,12 +6,17 @@ import contextlib
 import hashlib
 import os
 import tempfile
+import time
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 
 MOST_BYTES = 1 << 30  # of all results together: a gibibyte
 _SUM = 32  # bytes of a sha256, before the result
 _SUFFIX = ".result"
+_BEGUN = ".begun-"  # of files that are being written
+_DEAD_S = 86400.0  # a result is written in seconds; what is older nobody finishes
+_MOST_DEAD = 10_000  # files that one trim removes
 
 
 def place() -> Path:
@@ -55,7 +60,7 @@ class Store:
         check = hashlib.sha256(key.encode() + result).digest()
         try:
             file.parent.mkdir(parents=True, exist_ok=True)
-            handle, name = tempfile.mkstemp(prefix=".", dir=file.parent)
+            handle, name = tempfile.mkstemp(prefix=_BEGUN, dir=file.parent)
         except OSError:
             return
         try:
@@ -67,7 +72,11 @@ class Store:
                 Path(name).unlink()
 
     def trim(self) -> None:
-        """Forget what was not used for longest until the rest fits."""
+        """Forget what was not used for longest until the rest fits.
+
+        What killed processes began to write and left goes too, a day later.
+        """
+        self._clear()
         kept = []
         for file in self.folder.glob(f"*/*{_SUFFIX}"):
             with contextlib.suppress(OSError):
@@ -80,6 +89,14 @@ class Store:
             with contextlib.suppress(OSError):
                 file.unlink()
             total -= size
+
+    def _clear(self) -> None:
+        """Remove what was begun more than a day ago: its writer is dead, or fails."""
+        oldest_s = time.time() - _DEAD_S
+        for file in islice(self.folder.glob(f"[0-9a-f][0-9a-f]/{_BEGUN}*"), _MOST_DEAD):
+            with contextlib.suppress(OSError):
+                if file.lstat().st_mtime < oldest_s:
+                    file.unlink()
 
     def _file(self, key: str) -> Path:
         """Return where a key's result is; keys are hexadecimal digests."""

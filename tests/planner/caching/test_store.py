@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import multiprocessing
 import os
+import time
 from pathlib import Path
 
 import pytest
@@ -67,6 +68,29 @@ def test_what_has_no_room_is_not_kept(tmp_path: Path) -> None:
     store = Store(tmp_path, most_bytes=100)
     store.put(key(1), bytes(100))
     assert files(tmp_path) == []
+
+
+def test_what_dead_processes_left_goes_a_day_later(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    store.put(key(1), b"x")
+    folder = next(tmp_path.iterdir())
+    names = (".begun-old", ".begun-new", ".mine", "mine")
+    for name in names:
+        (folder / name).write_bytes(b"half")
+    beside = tmp_path / "project"  # a folder of somebody else
+    beside.mkdir()
+    (beside / ".begun-old").write_bytes(b"mine")
+    old_s = time.time() - 2 * 86400
+    for path in (
+        *(folder / name for name in names if "new" not in name),
+        *beside.iterdir(),
+    ):
+        os.utime(path, (old_s, old_s))
+    store.trim()
+    left = {path.name for path in folder.iterdir() if path.suffix != ".result"}
+    assert left == {".begun-new", ".mine", "mine"}
+    assert (beside / ".begun-old").exists()
+    assert store.get(key(1)) == b"x"
 
 
 def test_a_folder_that_cannot_be_used_stops_nothing(tmp_path: Path) -> None:
