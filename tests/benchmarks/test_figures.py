@@ -3,6 +3,7 @@
 import json
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -72,6 +73,13 @@ def test_a_benchmark_makes_the_figures_it_says() -> None:
     liar = _benchmark("a", made=("b",))
     with pytest.raises(ValueError, match=r"made \['b'\], not \['a'\]"):
         list(run([liar], Options()))
+    made = _benchmark("a", "b", "c", made=("a", "c"))
+    able = replace(made, may_lack=frozenset({"b"}))
+    assert [f.name for f in run([able], Options())] == ["a", "c"]
+    with pytest.raises(ValueError, match=r"made \['a', 'c'\]"):
+        list(run([made], Options()))
+    with pytest.raises(ValueError, match=r"made \['a', 'c'\]"):
+        list(run([replace(made, may_lack=frozenset({"a"}))], Options()))
 
 
 def test_every_figure_has_one_name_of_its_own() -> None:
