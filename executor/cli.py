@@ -138,7 +138,8 @@ def _resume(call: Call, file: PlanFile, run: RunFolder) -> int:
     call = replace(call, seed=seed, faults=call.faults or then.faults)
     check_same(header_of(call, file, then.devices), then)  # before a driver is touched
     site = _site(call, file.plan, run.cell)
-    check_same(header_of(call, file, site.station.devices()), then)
+    devices = site.station.devices()
+    check_same(header_of(call, file, devices, site.source), then)
     preflight(file.plan, site.station, begun=True)
     artifacts = Artifacts.from_folder(file.plan, call.folder)
     job = Job(call=call, file=file, site=site, artifacts=artifacts, run=run)

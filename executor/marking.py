@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
@@ -20,6 +21,7 @@ _world = cache(world_beside)
 Marked = npt.NDArray[np.uint8]
 
 GREEN, RED, YELLOW, GREY = (80, 220, 80), (60, 60, 255), (0, 200, 255), (150, 150, 150)
+_MOST_NAME = 255  # bytes, of common file systems
 _SMALL_PX = 400  # a picture with a shorter side is shown larger
 _ARC_PX = 2.0  # between points of an arc that is drawn
 
@@ -66,6 +68,13 @@ def write_marked(folder: Path, name: str, picture: Marked) -> None:
 
     done, data = cv2.imencode(".png", picture)
     path = folder / (name if name.lower().endswith(".png") else f"{name}.png")
+    if len(os.fsencode(path.name)) > _MOST_NAME:
+        size = f"{len(os.fsencode(name))} bytes"
+        raise ExecutorError(
+            "MP878",
+            f"{name[:40]}...: its name has {size}; {_MOST_NAME - 4} leave room "
+            "for .png, so give the picture a shorter one",
+        )
     try:
         folder.mkdir(parents=True, exist_ok=True)
         if not done:

@@ -67,18 +67,24 @@ def run_plan(rig: Rig) -> RunResult:
             break
     rig.frames.leave()
     rig.journal.enter("")
-    time_s = before_s + rig.worked_s() - began_s
+    own_s = _since_s(rig, began_s)
+    if own_s is None:  # the steps have told theirs
+        own_s = sum(result.time_s for result in results[finished:])
+    time_s = before_s + own_s
     return _noted(rig, _result(rig, results, time_s))
 
 
 def _noted(rig: Rig, ended: RunResult) -> RunResult:
     """Note how the run ended; an end that cannot be noted is a fault of its own."""
-    try:
-        rig.journal.write("end", code=ended.code, why=ended.message)
-        rig.intents.write("end", code=ended.code, why=ended.message)
-    except ExecutorError as error:
-        if ended.code is None:
-            return replace(ended, code=error.code, message=error.message)
+    for log in (
+        rig.journal,
+        rig.intents,
+    ):  # one that fails keeps nothing from the other
+        try:
+            log.write("end", code=ended.code, why=ended.message)
+        except ExecutorError as error:
+            if ended.code is None:
+                ended = replace(ended, code=error.code, message=error.message)
     return ended
 
 
@@ -104,8 +110,9 @@ def acts_unverified(plan: Plan) -> bool:
 
 def _run_step(rig: Rig, step: Step) -> StepResult:
     """Run one step and say how it went."""
-    began_s = rig.worked_s()
+    began_s: float | None = None
     try:
+        began_s = rig.worked_s()
         rig.journal.write("begin", verb=step.verb, key=step.key)
         rig.announce("\n".join(step_lines(rig.plan, step)))
         rig.enter(step.id)
@@ -121,13 +128,21 @@ def _run_step(rig: Rig, step: Step) -> StepResult:
         rig.journal.write("done")
         return done
     except ExecutorError as error:
-        code, message = error.code, error.message
         rig.motion.halt(rig.station, error)
+        code, message = error.code, error.message
         with suppress(ExecutorError):  # a full disk is told already
             rig.journal.write("failed", code=code, why=message)
-        return _step_result(
-            rig, step, _Outcome(), code, message, rig.worked_s() - began_s
-        )
+        time_s = _since_s(rig, began_s) or 0.0
+        return _step_result(rig, step, _Outcome(), code, message, time_s)
+
+
+def _since_s(rig: Rig, began_s: float | None) -> float | None:
+    """Return the time since then; None where the clock fails."""
+    if began_s is None:
+        return None
+    with suppress(ExecutorError):
+        return rig.worked_s() - began_s
+    return None
 
 
 def _phase(rig: Rig, step: Step) -> Phase:

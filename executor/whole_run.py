@@ -86,7 +86,7 @@ def perform(job: Job, asking: Asking) -> Ended:
         errors_um = watch(rig, site.cell, asking.progress)
         if site.cell is not None and call.station_file is None:
             keep_world(site.cell, run.cell)
-        result = _run(rig, call, file, run, asking)
+        result = _run(rig, job, asking)
         if logs.record is not None:
             _close(logs.record, result)
     ended = Ended(
@@ -143,16 +143,26 @@ def _close(record: Record, result: RunResult) -> None:
             raise
 
 
-def header_of(call: Call, file: PlanFile, devices: Mapping[str, str]) -> Header:
-    """Return what a run is begun with; MP804 if the station file cannot be read."""
+def header_of(
+    call: Call,
+    file: PlanFile,
+    devices: Mapping[str, str],
+    source: bytes | None = None,
+) -> Header:
+    """Return what a run is begun with; MP804 if the station file cannot be read.
+
+    `source` are the bytes that the station was made from: the file may be another one
+    by now. Without them it is read.
+    """
     station = call.station_file
     try:
-        found = SIMULATED if station is None else _sha256(station.read_bytes())
+        if source is None and station is not None:
+            source = station.read_bytes()
     except OSError as error:
         raise ExecutorError("MP804", f"{station}: {error.strerror}") from error
     return Header(
         plan_sha256=file.sha256,
-        station=found,
+        station=SIMULATED if source is None else _sha256(source),
         seed=call.seed or 0,
         faults=call.faults,
         devices=devices,
@@ -208,15 +218,14 @@ def _facts(
     }
 
 
-def _run(
-    rig: Rig, call: Call, file: PlanFile, run: RunFolder, asking: Asking
-) -> RunResult:
+def _run(rig: Rig, job: Job, asking: Asking) -> RunResult:
     """Run the plan; whatever ends it, nothing is left in motion."""
     try:
-        if run.found is None:
-            begin(rig, header_of(call, file, rig.station.devices()))
+        if job.run.found is None:
+            devices = rig.station.devices()
+            begin(rig, header_of(job.call, job.file, devices, job.site.source))
         else:
-            take_up(rig, run.found.past, asking.question)
+            take_up(rig, job.run.found.past, asking.question)
         return run_plan(rig)
     except KeyboardInterrupt:
         left = "; ".join(rig.motion.stop(rig.station)) or "nothing moves any more"

@@ -21,6 +21,9 @@ from schemas.codec import from_data, to_data
 from schemas.pose import Pose
 
 FORMAT = 1
+_DAY_S = 86400.0  # what axes, jaws and lens do takes seconds
+_LATEST_S = 1e9  # thirty years; far below where adding a poll changes nothing
+_MOST_STEPS = 100_000  # of 4 um: 400 mm
 
 
 def keep(cell: Cell, path: Path) -> None:
@@ -50,6 +53,7 @@ def take(cell: Cell, path: Path) -> None:
             raise ValueError(f"format {data['format']!r}, need {FORMAT}")
         if data["world"] != _digest(cell):
             raise ExecutorError("MP866", f"{path} is of another world.json")
+        _check_left(data)
         restore(cell, data)
         for process in (cell.stage, cell.robot, cell.jaws.motion, cell.lens.motion):
             cell.timeline.run_out(process)
@@ -58,6 +62,24 @@ def take(cell: Cell, path: Path) -> None:
         raise
     except Exception as error:  # a spoilt number may fail anywhere in the simulation
         raise ExecutorError("MP803", f"{path}: {error}") from error
+
+
+def _check_left(data: dict[str, Any]) -> None:
+    """Raise ValueError for times that no cell leaves: waiting for them would not end."""
+    devices, now_s = data["devices"], data["time_s"]
+    left = [devices[name]["left_s"] for name in ("jaws", "lens")]
+    for motion in (devices[name]["motion"] for name in ("stage", "robot")):
+        if motion is None:
+            continue
+        left += [motion["seconds"]]
+        if not 0 <= motion["taken"] <= motion["count"] <= _MOST_STEPS:
+            raise ValueError(f"a motion has not 0 to {_MOST_STEPS} steps")
+        if not 0 <= motion["began_s"] <= now_s:
+            raise ValueError("a motion began at no time that was")
+    if not 0 <= now_s <= _LATEST_S:
+        raise ValueError("its time is no time that a cell reaches")
+    if not all(0 <= seconds <= _DAY_S for seconds in left if seconds is not None):
+        raise ValueError("what was under way would not end within a day")
 
 
 def state_of(cell: Cell) -> dict[str, Any]:

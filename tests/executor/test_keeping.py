@@ -109,6 +109,9 @@ def test_a_damaged_file_is_refused(text: str, tmp_path: Path) -> None:
         ("bodies/gear/z_um", 10**400),
         ("bodies/gear/pose", []),
         ("devices/stage/motion", 7),
+        ("devices/jaws/left_s", 1e300),
+        ("devices/lens/left_s", float("nan")),
+        ("time_s", 1e300),
         ("draws/light/uinteger", float("inf")),
         ("draws/lateral/state/state", -1),
     ],
@@ -123,6 +126,26 @@ def test_a_spoilt_world_is_refused(key: str, value: object, tmp_path: Path) -> N
         place = place[name]
     assert last in place
     place[last] = value
+    path.write_text(json.dumps(data), encoding="utf-8")
+    with pytest.raises(ExecutorError) as caught:
+        again(path)
+    assert caught.value.code == "MP803"
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [("count", 10**12), ("taken", -(10**12)), ("seconds", 1e300), ("began_s", 1e9)],
+)
+def test_a_motion_that_would_not_end_is_refused(
+    key: str, value: float, tmp_path: Path
+) -> None:
+    path = tmp_path / "cell.json"
+    made = cell(path)
+    made.stage.start(x_um=-300.0)
+    data = json.loads(path.read_text("utf-8"))
+    assert key in data["devices"]["stage"]["motion"]
+    again(path)
+    data["devices"]["stage"]["motion"][key] = value
     path.write_text(json.dumps(data), encoding="utf-8")
     with pytest.raises(ExecutorError) as caught:
         again(path)

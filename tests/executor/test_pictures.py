@@ -17,6 +17,8 @@ import pytest
 from executor.appearance import appearance, likeness
 from executor.artifacts import Artifacts
 from executor.cli import main
+from executor.errors import ExecutorError
+from executor.marking import write_marked
 from executor.picture_file import read_picture, size_of
 from executor.picture_report import together
 from executor.pictures import Finding, find_in, viewer
@@ -373,3 +375,11 @@ def test_light_contrast_and_blur_are_told(frames: list[Any]) -> None:
     assert any("sharpness" in word for word in soft.words)
     black = likeness(appearance(image), appearance(np.zeros((20, 20))))
     assert black.brightness is None
+
+
+def test_a_name_that_leaves_no_room_says_how_long_it_may_be(tmp_path: Path) -> None:
+    picture = np.zeros((4, 4, 3), dtype=np.uint8)
+    write_marked(tmp_path, "a" * 251, picture)
+    with pytest.raises(ExecutorError, match="has 252 bytes; 251 leave room") as caught:
+        write_marked(tmp_path, "a" * 252, picture)
+    assert caught.value.code == "MP878"
