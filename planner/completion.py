@@ -6,7 +6,10 @@ import argparse
 from collections.abc import Iterator
 from pathlib import Path
 
+from planner.outputs.shipped import codes
+
 FILES = ("task",)  # arguments that name files though they are kept as text
+CODES = ("code",)  # arguments that name a finding's code: any case will do
 
 
 def script(parser: argparse.ArgumentParser, shell: str) -> str:
@@ -22,6 +25,8 @@ def script(parser: argparse.ArgumentParser, shell: str) -> str:
     for action in _actions(parser):
         if action.type is Path or action.dest in FILES:
             action.complete = shtab.FILE  # type: ignore[attr-defined]  # shtab's way
+        elif action.dest in CODES:
+            action.choices = codes()  # of the script alone
     return shtab.complete(parser, shell)
 
 

@@ -23,6 +23,11 @@ def page(code: str) -> str | None:
     return file.read_text(encoding="utf-8") if known else None
 
 
+def codes() -> list[str]:
+    """Return the codes that have a page, in order."""
+    return sorted(file.stem for file in _folder("pages").glob("MP*.md"))
+
+
 def starter() -> Iterator[tuple[str, bytes]]:
     """Yield path and content of every file of a task that compiles."""
     folder = _folder("starter")

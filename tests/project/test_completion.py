@@ -28,6 +28,8 @@ OFFERS: list[tuple[list[str], set[str]]] = [
     (["microplan", "compile", "--pre"], {"--preset"}),
     (["microplan", "compile", "--preset", ""], set(PRESETS)),
     (["microplan", "export", "a.plan", "--to", "o"], {"ome-tiff"}),
+    (["microplan", "explain", "MP10"], {"MP101", "MP104"}),
+    (["microplan", "explain", "MP82"], {"MP820"}),
     (["microplan", "compile", "exampl"], {"examples"}),
     (["microplan-run", "--mo"], {"--mode"}),
     (["microplan-run", "a.plan", "--mode", ""], set(MODES)),
