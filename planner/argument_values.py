@@ -33,9 +33,9 @@ def count(text: str) -> int:
 
 
 def share(text: str) -> float:
-    """Return a number above 0 and below 1."""
+    """Return a number above 0 and at most 1."""
     value = float(text)
-    if not 0 < value < 1:
+    if not 0 < value <= 1:
         raise ValueError(text)
     return value
 

@@ -86,8 +86,8 @@ def _add_compile(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--preset", choices=sorted(PRESETS), help="how much to spend")
     parser.add_argument(
         "--max-image-error",
-        type=asked(share, "a number above 0 and below 1"),
-        help="of unit contrast, above 0 and below 1",
+        type=asked(share, "a number above 0, at most 1"),
+        help="aimed at, of unit contrast: above 0, at most 1; default: the task's",
     )
     parser.add_argument("--no-cache", action="store_true", help="compute everything")
     parser.add_argument(
@@ -125,7 +125,7 @@ def _add_render(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--model", help=f"defocus law: {LAWS}; default: exact")
     parser.add_argument(
         "--max-image-error",
-        type=asked(share, "a number above 0 and below 1"),
+        type=asked(share, "a number above 0, at most 1"),
         help="law and sampling that keep it at this focus, sampling alone with --model;"
         " with --trial as for compile",
     )
@@ -154,7 +154,7 @@ def _add_tradeoff(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--max-image-error",
-        type=asked(share, "a number above 0 and below 1"),
+        type=asked(share, "a number above 0, at most 1"),
         help="what may be chosen; default: the task's",
     )
     parser.add_argument(

@@ -7,6 +7,10 @@ from collections.abc import Mapping
 from schemas.plan import Look, Measure, Plan, Step
 
 CONTRAST = "unit contrast"  # that of `optics.ledger`, without loading scipy for it
+# effects whose name in a plan says less than they are
+EFFECTS = {
+    "shade of higher bodies": "shade of bodies on what lies lower, the ground too"
+}
 
 
 def plan_summary(plan: Plan) -> str:
@@ -73,10 +77,12 @@ def _worst_effect(plan: Plan) -> list[str]:
         return []
     error, effect, look = max(over)
     limit = plan.provenance.max_image_error
-    looks = len({name for _, _, name in over})
+    count = len({name for _, _, name in over})
+    looks = "1 look" if count == 1 else f"{count} looks"
+    what = EFFECTS.get(effect, effect)
     text = (
-        f"note: {looks} looks may err by more than max_image_error {limit:g} of unit "
-        f"contrast, at most by {error:.2g} ({effect}, {look}); plan.json lists every "
+        f"note: {looks} may err by more than max_image_error {limit:g} of unit "
+        f"contrast, at most by {error:.2g} ({what}, {look}); plan.json lists every "
         "effect"
     )
     return [text]

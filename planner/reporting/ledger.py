@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from planner.outputs.summary import EFFECTS
 from schemas.html.elements import Element, Node, el
 from schemas.html.figures import number
 from schemas.html.page import Column, more, table
@@ -38,4 +39,10 @@ def _cells(row: EffectRow) -> list[Node]:
     over = _is_over(row)
     error = el("span", f"{said}{unit}", " \u2013 above the limit" if over else None,
                class_="bad" if over else None)  # fmt: skip
-    return [row.effect, row.level, error, number(row.limit, 2), row.reason]
+    return [
+        EFFECTS.get(row.effect, row.effect),
+        row.level,
+        error,
+        number(row.limit, 2),
+        row.reason,
+    ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from planner.outputs.summary import CONTRAST
 from planner.reporting.folder import PlanFolder
 from schemas.html.elements import Element, Node, el
 from schemas.html.figures import number
@@ -29,11 +30,8 @@ def methods(folder: PlanFolder) -> Element:
         "Microassembly and Visual Servoing, ICRA 1998. Images of "
         f"{needs.width_px} \u00d7 {needs.height_px} pixels of {number(needs.pitch_um)} "
         "\u00b5m were predicted from the parts' drawings by incoherent Fourier "
-        "optics to "
-        f"{number(p.max_image_error)} of unit contrast where the effects ledger does "
-        f"not "
-        f"say otherwise. Chains of image routines were tried on up to {trials} "
-        f"images a "
+        f"optics; {_errors(folder)} Chains of image routines were tried on up to "
+        f"{trials} images a "
         "look with focus, magnification, light and pose disturbed; the chances follow "
         "from the error budget. All of it is simulated. "
     )
@@ -43,6 +41,19 @@ def methods(folder: PlanFolder) -> Element:
         f"of the workcell {p.workcell_sha256}."
     )
     return el("p", text, el("span", hashes, class_="hash"), class_="methods")
+
+
+def _errors(folder: PlanFolder) -> str:
+    """Return what images may err by: what was aimed at, and what the ledgers leave."""
+    aim = folder.plan.provenance.max_image_error
+    rows = [row for look in folder.looks for row in look.effects]
+    worst = max(
+        (r.predicted_error or 0.0 for r in rows if r.unit == CONTRAST), default=0
+    )
+    text = f"each effect was to stay within {number(aim)} of unit contrast"
+    if worst <= aim:
+        return f"{text}, and does where the effects ledgers give a number."
+    return f"{text}; by the effects ledgers up to {number(worst, 2)} is left."
 
 
 def provenance(folder: PlanFolder) -> Element:
@@ -57,7 +68,7 @@ def provenance(folder: PlanFolder) -> Element:
           for name, digest in p.drawings_sha256.items()),
         ["seed", str(p.seed)],
         ["preset", p.preset],
-        ["images may err by", f"{number(p.max_image_error)} of unit contrast"],
+        ["images: error aimed at", f"{number(p.max_image_error)} of unit contrast"],
         *(_row(name, said) for name, said in folder.versions.items()),
     ]  # fmt: skip
     return table((Column("what"), Column("value")), rows, label="Provenance")

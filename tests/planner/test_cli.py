@@ -27,7 +27,7 @@ TASK = str(EXAMPLE / "task.yaml")
         ["compile", TASK, "--jobs", "0"],
         ["compile", TASK, "--jobs", "two"],
         ["compile", TASK, "--preset", "best"],
-        ["compile", TASK, "--max-image-error", "1"],
+        ["compile", TASK, "--max-image-error", "1.01"],
         ["compile", TASK, "--max-image-error", "nan"],
         ["render", TASK, "--step", "find_gear"],
         ["render", TASK, "-o", "x.png"],

@@ -15,8 +15,10 @@ from planner.cli import main
 from planner.reporting.errors import ellipse, sigmas
 from planner.reporting.folder import PlanFolder, read_folder
 from planner.reporting.margins import margins
+from planner.reporting.methods import methods
 from planner.reporting.pictures import place_id
 from planner.reporting.report import plan_report, write_report
+from schemas.html.elements import write
 from schemas.plan import Plan, Reason, dump_plan
 from schemas.times import moving_s, spans
 from schemas.verdicts import Change
@@ -112,6 +114,20 @@ def test_an_infeasible_plan_tells_why(folder: PlanFolder) -> None:
     assert "ends before over_shaft" in text
     assert reason.message in text
     assert "no error budget" in text
+
+
+def test_the_methods_tell_what_was_aimed_at_and_what_is_left(
+    folder: PlanFolder,
+) -> None:
+    said = write(methods(folder))
+    assert "each effect was to stay within 0.002 of unit contrast" in said
+    rows = [row for look in folder.looks for row in look.effects]
+    left = max(r.predicted_error or 0 for r in rows if r.unit == "unit contrast")
+    assert left > 0.002
+    assert f"up to {left:.2g} is left" in said
+    loose = replace(folder.plan.provenance, max_image_error=left)
+    found = methods(replace(folder, plan=replace(folder.plan, provenance=loose)))
+    assert "and does where the effects ledgers give a number" in write(found)
 
 
 def test_a_budget_that_falls_short_names_the_cheapest_change(
