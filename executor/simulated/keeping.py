@@ -65,7 +65,7 @@ def take(cell: Cell, path: Path) -> None:
 
 
 def _check_left(data: dict[str, Any]) -> None:
-    """Raise ValueError for times that no cell leaves: waiting for them would not end."""
+    """Raise ValueError for times that no cell leaves: no wait may be endless."""
     devices, now_s = data["devices"], data["time_s"]
     left = [devices[name]["left_s"] for name in ("jaws", "lens")]
     for motion in (devices[name]["motion"] for name in ("stage", "robot")):

@@ -82,7 +82,7 @@ class _Tried:
     angles_rad: FloatArray  # (A,)
 
     def placed(self, angle_rad: float) -> tuple[_Samples, _Samples, _Directions]:
-        """Return samples (column, row) of the points unshifted, and their directions."""
+        """Return the samples (column, row) of the unshifted points, and directions."""
         x, y, right, up, _ = turned(self.points, angle_rad).T
         i, j = self.found.samples(self.near[0] + x, self.near[1] - y)
         return i, j, (right, up)

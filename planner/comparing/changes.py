@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
 Kind = Literal[
-    "feasibility", "steps", "choice", "feature", "motion", "prediction", "effects",
-    "picture", "inputs", "evidence", "other",
+    "feasibility", "steps", "choice", "learnt", "feature", "motion", "prediction",
+    "effects", "picture", "inputs", "evidence", "other",
 ]  # fmt: skip
 Trend = Literal["better", "worse", ""]
 
@@ -17,7 +17,8 @@ KINDS: tuple[Kind, ...] = get_args(Kind)
 ABOUT: Mapping[Kind, str] = {
     "feasibility": "whether the plan is feasible, and the chance of success",
     "steps": "steps and looks added, removed, reordered, or of another verb or target",
-    "choice": "routines, their parameters, zoom, focus, light, method",
+    "choice": "routines, zoom, focus, light, method",
+    "learnt": "parameters that the routines chosen learnt from predicted images",
     "feature": "features of a part or a look: added, removed, moved",
     "motion": "where axes go, where things are thought to be, what to keep out of",
     "prediction": "errors, ranges, times and chances that the plan promises",

@@ -19,6 +19,7 @@ _KINDS: tuple[tuple[str, Kind], ...] = (
     ("*/evidence*", "evidence"),
     ("*/measure/feature", "feature"),
     ("*/looks/*/others*", "feature"),
+    ("*/parameters*", "learnt"),
     ("*/chain*", "choice"),
     ("*/fallback", "choice"),
     ("*/fallback/*", "choice"),

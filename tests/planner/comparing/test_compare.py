@@ -101,6 +101,19 @@ def test_a_chain_is_one_choice() -> None:
     assert told(edit) == [("choice", where, "otsu > tooth_notch became otsu")]
 
 
+def test_what_a_routine_learnt_is_no_choice() -> None:
+    def edit(data: Data) -> None:
+        found = look(data, "find_gear")["measure"]
+        found["chain"][0]["parameters"]["area_px"] *= 1.5
+        found["fallback"][0]["parameters"]["more"] = 1.0
+
+    where = "steps/find_gear/looks/find_gear/measure"
+    assert [(kind, path) for kind, path, _ in told(edit)] == [
+        ("learnt", f"{where}/chain/otsu/parameters/area_px"),
+        ("learnt", f"{where}/fallback/contour_match/parameters/more"),
+    ]
+
+
 def test_a_moved_feature_is_told_in_um_and_sigmas() -> None:
     def edit(data: Data) -> None:
         place = next(f for f in data["features"] if f["name"] == "gear.bore")
