@@ -9,15 +9,17 @@ from typing import Any
 import numpy as np
 
 from executor.frames import FOLDER, png_bytes, read_png
-from executor.run_left import Left, Row, text
+from executor.run_left import Left, Row, real, text
 from schemas.html.elements import Element, el
+from schemas.html.figures import um
 from schemas.html.page import Caption, figure, png_size, png_uri
 
 _MOST_PX = 320  # of the longer side of a frame in the page
 _CAPTION = Caption(
     title="First and last frame of each step",
     shows="What the camera gave first and last in every step that kept a frame, made "
-    "smaller.",
+    "smaller, with the height in focus: what lies higher or lower is blurred. A "
+    "verification looks at part and seat in turn.",
     judge="Good: the last frame of a step looks like the plan's image of it; bad: "
     "parts "
     "are missing, turned or blurred.",
@@ -36,13 +38,15 @@ def frame_figures(left: Left) -> Iterator[Element]:
         rows = [row for row in whole if text(row, "step") == step]
         ends = [(rows[0], "first frame"), (rows[-1], "last frame")]
         for row, words in ends if len(rows) > 1 else [(rows[0], "only frame")]:
-            tiles.append(_tile(left.folder, row, f"{step}, {words}"))
+            focus_um = real(row, "focus_um")
+            at = "" if focus_um is None else f", focus {um(focus_um)}"
+            tiles.append(_tile(left.folder, row, f"{step}, {words}", at))
     found = [tile for tile in tiles if tile is not None]
     if found:
         yield figure(_CAPTION, el("div", found, class_="strip wide-tiles"))
 
 
-def _tile(folder: Path, row: Row, words: str) -> Element | None:
+def _tile(folder: Path, row: Row, words: str, more: str) -> Element | None:
     """Return one frame made small, None if it cannot be read."""
     name = text(row, "file")
     parts = PurePosixPath(name).parts
@@ -55,7 +59,7 @@ def _tile(folder: Path, row: Row, words: str) -> Element | None:
     width, height = png_size(data)
     picture = el("img", src=png_uri(data), alt=f"Frame of {words}", width=width,
                  height=height)  # fmt: skip
-    return el("div", picture, el("p", words))
+    return el("div", picture, el("p", words, more))
 
 
 def small(counts: Any) -> Any:

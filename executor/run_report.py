@@ -257,8 +257,9 @@ def _servo(left: Left) -> Iterator[Element]:
 def _servo_figure(step: str, errors: list[float], limit: float | None) -> Element:
     """Return the error over the looks of one alignment."""
     top = max([*errors, limit or 0.0]) * 1.15 or 1.0
+    looks = "1 look" if len(errors) == 1 else f"{len(errors)} looks"
     axes = Axes(
-        across=Scale(low=0.5, high=len(errors) + 0.5),
+        across=Scale(low=0.0, high=max(len(errors), 3) + 0.5),
         up=Scale(low=0.0, high=top),
         across_label="look",
         up_label="error, \u00b5m",
@@ -274,7 +275,7 @@ def _servo_figure(step: str, errors: list[float], limit: float | None) -> Elemen
         limit_name=f"tolerance {um(limit)}",
     )
     caption = Caption(
-        title=f"Servo of {step}: {len(errors)} looks",
+        title=f"Servo of {step}: {looks}",
         shows="The measured distance to the goal after the approach and after each "
         "correction.",
         judge="Good: it falls below the dashed tolerance within a few looks; bad: it "

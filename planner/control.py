@@ -206,7 +206,9 @@ def method_of(
         report.note(
             "MP612",
             step.spans.get("method", step.where),
-            f"step {step.id!r}: {found.method} {found.reason}",
+            f"step {step.id!r}: aligned by {found.method}: it {found.reason}",
+            "nothing must be done; 'servo' looks after every move, 'look_then_move' "
+            "once: state one as 'method' to decide yourself",
         )
     return found
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import time
 from pathlib import Path
 
 import cv2
@@ -18,6 +19,10 @@ import planner.cli
 
 HERE = Path(__file__).parent
 COLUMNS = 4  # of the contact sheet
+WAIT = (
+    "this takes some minutes the first time, seconds after that; nothing more is said "
+    "before it is done where the output is no terminal"
+)
 SHRINK = 0.6  # of the frames on it
 
 Picture = npt.NDArray[np.uint8]
@@ -33,11 +38,15 @@ def main() -> int:
     plan, run = call.out / "plan", call.out / "run"
     task = str(HERE / "task.yaml")
     print(f"compiling {task} (preset {call.preset}, 2 jobs) ...", flush=True)
+    print(WAIT, flush=True)
+    began_s = time.monotonic()
     options = ["-o", str(plan), "--jobs", "2", "--preset", call.preset, "--report"]
     status = planner.cli.main(["compile", task, *options])
     if status:
         return status
-    print("\nrunning the plan on the simulated cell: predicted / actual", flush=True)
+    print(f"compiled in {time.monotonic() - began_s:.0f} s", flush=True)
+    print("\nrunning the plan on the simulated cell ... (half a minute)", flush=True)
+    print("what happened beside what the plan predicted:", flush=True)
     station = ["--station", "sim", "--seed", call.seed, "--run-dir", str(run)]
     status = executor.cli.main([str(plan / "plan.json"), *station])
     if not (run / "summary.json").is_file():
@@ -75,10 +84,18 @@ def closing_lines(plan: Path, run: Path, sheet: Path) -> str:
 
 
 def contact_sheet(frames: Path) -> Picture:
-    """Return the last frame of every step, named, in rows of COLUMNS."""
-    whole = [p for p in sorted(frames.glob("*.png")) if not p.stem.endswith("_region")]
-    last = {path.stem.rpartition("_")[0]: path for path in whole}  # of every step
-    tiles = [_tile(path, name) for name, path in last.items()]
+    """Return the last frame of every step, and of every look of it, named.
+
+    What is out of focus in a frame is blurred, so the name tells the height in focus.
+    """
+    rows = map(json.loads, (frames / "index.jsonl").read_text("utf-8").splitlines())
+    last = {(r["step"], r["look"]): r for r in rows if r["shows"] is None}
+    taken = {step for step, look in last if look}  # frames of these are of looks
+    tiles = [
+        _tile(frames.parent / row["file"], f"focus {row['focus_um']:.0f} um")
+        for (step, look), row in last.items()
+        if look or step not in taken
+    ]
     while len(tiles) % COLUMNS:
         tiles.append(np.zeros_like(tiles[0]))
     rows = [np.hstack(tiles[i : i + COLUMNS]) for i in range(0, len(tiles), COLUMNS)]
@@ -86,14 +103,15 @@ def contact_sheet(frames: Path) -> Picture:
     return sheet
 
 
-def _tile(path: Path, name: str) -> Picture:
+def _tile(path: Path, more: str) -> Picture:
     """Return one frame, smaller, with the step's name under its left corner."""
+    step = path.stem.rpartition("_")[0].replace("_", " ", 1)
     frame = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
     if frame is None:
         raise OSError(f"{path} is no picture")
     small = cv2.resize(frame, None, fx=SHRINK, fy=SHRINK, interpolation=cv2.INTER_AREA)
     framed = cv2.copyMakeBorder(small, 0, 22, 1, 1, cv2.BORDER_CONSTANT, value=0)
-    words, at = name.replace("_", " ", 1), (6, framed.shape[0] - 6)
+    words, at = f"{step}, {more}", (6, framed.shape[0] - 6)
     cv2.putText(framed, words, at, cv2.FONT_HERSHEY_SIMPLEX, 0.5, 255, 1, cv2.LINE_AA)
     return framed.astype(np.uint8)
 

@@ -158,12 +158,13 @@ def fit_words(step: str, found: FitVerdict) -> str:
     words = (
         f"step {step!r}: {found.fit} fit, {found.hole_um:.4g} um over "
         f"{found.shaft_um:.4g} um: clearance {least:.3g}..{most:.3g} um, drawn "
-        f"{drawn:.3g} um; capture radius {found.capture_um[0]:.3g} um at least"
+        f"{drawn:.3g} um; the shaft may be {found.capture_um[0]:.3g} um off at least "
+        "(capture radius)"
     )
     if found.tilt_limit_rad is None:
         return words + "; nothing is engaged once the moves are done"
-    words += f"; tilt up to {1e3 * found.tilt_limit_rad:.3g} mrad over "
-    words += f"{found.engaged_um:.4g} um"
+    words += f" and lean {1e3 * found.tilt_limit_rad:.3g} mrad when it is "
+    words += f"{found.engaged_um:.4g} um deep"
     if found.wedging_rad is None:
         return words + "; no friction, no wedging"
-    return words + f"; no wedging below {1e3 * found.wedging_rad:.3g} mrad"
+    return words + f"; it cannot wedge below {1e3 * found.wedging_rad:.3g} mrad"

@@ -103,10 +103,12 @@ def _report_tight(
     report.note(
         "MP406",
         request.where,
-        f"look {request.id!r}: only {found.least:.4g} to {found.most:.4g} x show "
-        f"{shape.name}: from below {why[0].by} ({why[0].reason}), from above "
-        f"{why[1].by} ({why[1].reason})",
-        "know its place better, or look at it nearer the middle of the field",
+        f"look {request.id!r}: {shape.name} can be looked at between {found.least:.4g} "
+        f"and {found.most:.4g} x only: less is barred by {why[0].by} "
+        f"({why[0].reason}), more by {why[1].by} ({why[1].reason})",
+        "nothing must be done; for more room, or where a small change gives MP401, "
+        "look at it nearer the middle of the field ('view_um'), or state a smaller "
+        "sigma at its start if that is true",
     )
 
 
@@ -140,10 +142,14 @@ def _origin(task: Task, request: Request, spot: Place) -> Origin:
 def _shade_advice(task: Task) -> str:
     """Return what the trials say of bodies above a target, and what to do."""
     if task.workcell.light.kind == "coaxial":
-        return "trials show both; for more light look where nothing higher stands near"
+        return (
+            "nothing must be done: trials of the look have it; if they find nothing "
+            "good enough, choose a 'view_um' where nothing higher stands near"
+        )
     return (
-        "trials show what is hidden but not the lost light; if the look fails on the "
-        "cell, look from where nothing higher stands near"
+        "nothing must be done, but trials have what is hidden and not the lost light: "
+        "if the look fails on the cell, choose a 'view_um' where nothing higher stands "
+        "near"
     )
 
 
@@ -177,9 +183,9 @@ def _report_shade(
     report.note(
         "MP306",
         request.where,
-        f"look {request.id!r}: higher than {shape.name}: {names}; "
-        f"hidden of its edges: {', '.join(covering) or 'none'}; losing light on one "
-        f"side: up to {reached:.0%}",
+        f"look {request.id!r}: what stands higher than {shape.name} ({names}) hides "
+        f"{', '.join(covering) or 'none'} of its edges, and takes light on one side "
+        f"from up to {reached:.0%} of them",
         _shade_advice(task),
     )
 

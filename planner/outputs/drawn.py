@@ -20,6 +20,8 @@ from planner.outputs.errors import OutputError
 _SVG = "http://www.w3.org/2000/svg"
 SIDE_PX = 720.0  # of the longer side of the drawing
 _MARGIN = 0.08  # of the longer side
+_WIDE = 0.62  # of a letter, over its height
+_MOST_LINES = 64  # places that are tried for one line
 _BAR = 0.3  # of the width, that the scale bar takes at most
 _STYLE = (
     "text{font-family:sans-serif;fill:#222}"
@@ -65,7 +67,7 @@ def svg(part: Part) -> str:
             f'<g stroke-width="{line:.4g}" font-size="{margin / 2.2:.4g}">',
             _path(part.outline, "part"),
             *(_path(post.outline, "post") for _, post in sorted(part.posts.items())),
-            *_marks(part, margin / 4),
+            *_marks(part, margin / 4, margin / 2.2),
             bar,
             "</g></svg>\n",
         ]
@@ -95,8 +97,9 @@ def _edge(edge: Edge) -> str:
     return " ".join(f"A{radius} {radius} 0 0 {side} {x:.8g} {-y:.8g}" for x, y in ends)
 
 
-def _marks(part: Part, size: float) -> Iterator[str]:
-    """Yield a cross at every circle's middle, with its diameter."""
+def _marks(part: Part, size: float, letter: float) -> Iterator[str]:
+    """Yield a cross at every circle's middle, with its diameter, each in its place."""
+    lines: list[tuple[float, float, float]] = []  # left, base, width of what is there
     for ring in part.outline.rings:
         circle = dominant_circle(ring)
         if circle is None:
@@ -106,7 +109,38 @@ def _marks(part: Part, size: float) -> Iterator[str]:
         down = f"M{x:.6g} {y - size:.6g}v{2 * size:.6g}"
         yield f'<path class="mark" d="{across}{down}"/>'
         said = f"{2 * circle.radius_um:.6g} um"
-        yield f'<text x="{x + size:.6g}" y="{y - size / 2:.6g}">{said}</text>'
+        at = (x + size, y - size / 2, _WIDE * letter * len(said))
+        line = _free(at, lines, letter, _reach(part, letter))
+        lines.append(line)
+        yield f'<text x="{line[0]:.6g}" y="{line[1]:.6g}">{said}</text>'
+
+
+def _reach(part: Part, letter: float) -> tuple[float, float]:
+    """Return the highest and the lowest base that a line in the picture can have."""
+    _, y0, _, y1 = part.outline.bounds_um
+    return -y1, -y0 + letter
+
+
+def _free(
+    at: tuple[float, float, float],
+    lines: list[tuple[float, float, float]],
+    letter: float,
+    reach: tuple[float, float],
+) -> tuple[float, float, float]:
+    """Return the place nearest to `at`, above or below, where no line stands yet.
+
+    Where so many circles lie so close that there is none, the line stays where it was.
+    """
+    x, y, wide = at
+    for k in range(_MOST_LINES):
+        base = y + (k + 1) // 2 * (letter if k % 2 else -letter)
+        meets = any(
+            abs(base - other) < 0.999 * letter and x < left + w and left < x + wide
+            for left, other, w in lines
+        )
+        if not meets and reach[0] <= base <= reach[1]:
+            return x, base, wide
+    return at
 
 
 def _bar(corner: Point, width: float, margin: float) -> str:

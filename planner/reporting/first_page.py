@@ -115,7 +115,7 @@ def _offenders(plan: Plan, found: list[Margin]) -> list[Node]:
     step = worst_step(plan)
     analysis = None if step is None else step.budget.analysis
     if step is None or analysis is None or not analysis.offenders:
-        return _tight_looks(found)
+        return _tight_looks(found, has_budget=step is not None)
     columns = (
         Column("error term"), Column("one sigma", numeric=True),
         Column("P if halved", numeric=True), Column("cheapest fix"),
@@ -146,22 +146,27 @@ def _cheapest(plan: Plan, step: Step) -> str:
     return f"Cheapest change of all: {change}"
 
 
-def _tight_looks(found: list[Margin]) -> list[Node]:
-    """Return what has the least room where no step has an error budget."""
+def _tight_looks(found: list[Margin], *, has_budget: bool) -> list[Node]:
+    """Return what has the least room where no step has an error budget to tell of."""
     if not found:
         return []
+    why = (
+        "The error budget has no term that could be made less"
+        if has_budget
+        else "No step that was worked out inserts or places a part, so there is no "
+        "error budget"
+    )
     rows = [
         [link(m.step, step_id(m.step)), m.subject, m.has, m.needs,
-         "none needed" if m.ratio >= 1 else "does not hold as it is"]
+         "it holds" if m.ratio >= 1 else "does not hold as it is"]
         for m in found[:3]
     ]  # fmt: skip
     columns = (Column("step"), Column("what"), Column("is", numeric=True),
-               Column("must be", numeric=True), Column("fix"))  # fmt: skip
+               Column("must be", numeric=True), Column("verdict"))  # fmt: skip
     return [
-        el("h2", "Three worst offenders"),
-        el("p", "No step that was worked out inserts or places a part, so there is "
-           "no error budget; these have the least room."),
-        table(columns, rows, label="Worst offenders"),
+        el("h2", "Least room"),
+        el("p", f"{why}; of what was worked out this has the least room."),
+        table(columns, rows, label="Least room"),
     ]  # fmt: skip
 
 

@@ -13,6 +13,10 @@ from schemas.html.page import chart
 
 _ROW = 31.0  # height of a bar with its label
 _LEFT, _RIGHT = 4.0, 10.0
+_ABOVE, _BELOW = 5.0, 14.0  # of the base of a limit's name, from its line
+_HIGH = 0.85  # of a chart's height: above there is no room for a name
+_LETTER = 6.0  # width of a letter of a name, about
+_SHARES = tuple(k / 64 for k in range(65))  # of a piece of a path, looked at
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,18 +54,19 @@ def curve(
     """Return a curve, with the present value across and a limit upwards."""
     path = " ".join(f"{axes.x(x):.1f},{axes.y(y):.1f}" for x, y in points)
     drawn: list[Element] = [*axes.draw()]
+    top, bottom = axes.y(axes.up.high), axes.y(axes.up.low)
+    lines = [(axes.x(x), axes.y(y)) for x, y in points]
     if limit is not None:
-        drawn += _limit(axes, limit, limit_name)
+        drawn.append(_limit_line(axes, limit))
     if here is not None:
         x = axes.x(here)
-        top, bottom = axes.y(axes.up.high), axes.y(axes.up.low)
         drawn.append(el("line", x1=x, x2=x, y1=top, y2=bottom, class_="here"))
     drawn.append(el("polyline", points=path, class_="curve"))
     if dots:
-        drawn += [
-            el("circle", cx=axes.x(x), cy=axes.y(y), r=2.6, class_="dot")
-            for x, y in points
-        ]
+        drawn += [el("circle", cx=x, cy=y, r=2.6, class_="dot") for x, y in lines]
+    if limit is not None:
+        across = [*lines] if here is None else [*lines, (x, bottom), (x, top)]
+        drawn.append(_limit_name(axes, limit, limit_name, across))
     return chart(title, description, drawn, width=WIDTH, height=axes.height)
 
 
@@ -79,7 +84,7 @@ def scatter(
     """Return points with their front, the choice and a limit upwards."""
     drawn: list[Element] = [*axes.draw()]
     if limit is not None:
-        drawn += _limit(axes, limit, limit_name, left=True)
+        drawn += _limit(axes, limit, limit_name)
     if len(front) > 1:
         drawn.append(el("polyline", points=_stairs(axes, front), class_="front"))
     for point in points:
@@ -158,16 +163,47 @@ def _bar(row: Bar, top: float, x: Callable[[float], float]) -> list[Element]:
     return drawn
 
 
-def _limit(axes: Axes, limit: float, name: str, *, left: bool = False) -> list[Element]:
+def _limit(axes: Axes, limit: float, name: str) -> list[Element]:
     """Return a limit upwards with its name; below it where there is no room above."""
+    x, y = axes.x(axes.across.low), axes.y(limit)
+    y += _BELOW if axes.up.share(limit) > _HIGH else -_ABOVE
+    return [_limit_line(axes, limit), el("text", name, x=x + 4, y=y, class_="limit")]
+
+
+def _limit_line(axes: Axes, limit: float) -> Element:
+    """Return the line of a limit upwards."""
     x0, x1, y = axes.x(axes.across.low), axes.x(axes.across.high), axes.y(limit)
-    high = axes.up.share(limit) > 0.85
-    side = "limit" if left else "limit end"
-    return [
-        el("line", x1=x0, x2=x1, y1=y, y2=y, class_="limit"),
-        el("text", name, x=x0 + 4 if left else x1, y=y + 14 if high else y - 4,
-           class_=side),
-    ]  # fmt: skip
+    return el("line", x1=x0, x2=x1, y1=y, y2=y, class_="limit")
+
+
+def _limit_name(
+    axes: Axes, limit: float, name: str, path: Sequence[tuple[float, float]]
+) -> Element:
+    """Return a limit's name beside its line, where the path does not cross it."""
+    x0, x1, y = axes.x(axes.across.low), axes.x(axes.across.high), axes.y(limit)
+    wide, share = _LETTER * len(name), axes.up.share(limit)
+    sides = [_BELOW] if share > _HIGH else [-_ABOVE]
+    if share <= _HIGH and share > 1 - _HIGH:  # room on both sides of the line
+        sides = [-_ABOVE, _BELOW]
+    spots = [(x, y + side) for side in sides for x in (x1 - wide, x0 + 4)]
+    free = (spot for spot in spots if not _crosses(path, spot, wide))
+    left, base = next(free, spots[0])
+    if left > x0 + 4:
+        return el("text", name, x=x1, y=base, class_="limit end")
+    return el("text", name, x=left, y=base, class_="limit")
+
+
+def _crosses(
+    path: Sequence[tuple[float, float]], spot: tuple[float, float], wide: float
+) -> bool:
+    """Return whether a path runs through words that begin at a spot."""
+    left, base = spot
+    return any(
+        left - 3 < x0 + s * (x1 - x0) < left + wide + 3
+        and base - 12 < y0 + s * (y1 - y0) < base + 4
+        for (x0, y0), (x1, y1) in pairwise([*path[:1], *path])
+        for s in _SHARES
+    )
 
 
 def _point(axes: Axes, point: Point) -> Element:

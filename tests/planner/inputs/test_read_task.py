@@ -56,7 +56,8 @@ def edit(folder: Path, file: str, old: str, new: str) -> None:
 MISTAKES = [
     ("task.yaml", "thickness_um: 100", "<<thicknes_um>>: 100", "MP104"),
     ("task.yaml", "seed: 1998", "<<sed>>: 1998", "MP104"),
-    ("task.yaml", "search: spiral", "<<serch>>: spiral", "MP104"),
+    ("task.yaml", "speed_um_per_s: 20}", "speed_um_per_s: 20, if_blocked: "
+     "{back_um: 20, <<serch>>: spiral, pitch_um: 4, radius_um: 8}}", "MP104"),
     ("task.yaml", "reflectance: 0.80", "reflectance: <<bright>>", "MP101"),
     ("task.yaml", "reflectance: 0.80", "reflectance: <<true>>", "MP101"),
     ("task.yaml", "thickness_um: 100", "thickness_um: <<NaN>>", "MP101"),
@@ -341,12 +342,19 @@ def test_the_example_is_read_as_it_stands(folder: Path) -> None:
     assert task.steps[3].tool == "tweezers"
     assert task.steps[1].move[2].to.z_um == 40
     assert task.steps[1].move[2].to.x_um is None
-    blocked = task.steps[8].if_blocked
-    assert blocked is not None
-    assert blocked.pitch_um == 4
     assert task.workcell.tools["tweezers"].stick_probability == 0
     assert task.where["goal.success_probability"].line == 35
     assert task.steps[8].spans["speed_um_per_s"].text.count("speed_um_per_s: 20") == 1
+
+
+def test_what_is_to_happen_to_a_blocked_insertion_is_read(folder: Path) -> None:
+    search = "if_blocked: {back_um: 20, search: spiral, pitch_um: 4, radius_um: 8}"
+    change(
+        folder / "task.yaml", "speed_um_per_s: 20}", f"speed_um_per_s: 20, {search}}}"
+    )
+    blocked = load(folder).steps[8].if_blocked
+    assert blocked is not None
+    assert (blocked.back_um, blocked.pitch_um, blocked.radius_um) == (20, 4, 8)
 
 
 def test_the_order_of_keys_means_nothing(folder: Path) -> None:

@@ -120,3 +120,28 @@ def test_what_a_terminal_obeys_is_not_printed(parts: dict[str, Part]) -> None:
     drawing = replace(gear.sheet.drawing, file="\x1b[2Jgear\r.dxf")
     odd = replace(gear, sheet=replace(gear.sheet, drawing=drawing))
     assert list(part_lines(odd))[1] == "  from ?[2Jgear?.dxf, DXF R12"
+
+
+def test_diameters_of_concentric_circles_stand_apart(parts: dict[str, Part]) -> None:
+    rings = tuple(
+        Ring(
+            layer="RIM",
+            edges=(
+                Arc(center=(0.0, 0.0), radius_um=r, start_rad=0.0, sweep_rad=math.tau),
+            ),
+        )
+        for r in (40.0, 30.0, 20.0, 10.0, 5.0)
+    )
+    part = replace(parts["gear"], outline=Outline(rings=rings))
+    root = ET.fromstring(svg(part))
+    group = root.find(f"{SVG}g")
+    assert group is not None
+    letter = float(group.get("font-size") or "nan")
+    texts = [t for t in root.iter(f"{SVG}text") if t.get("x")]
+    marks = texts[:-1]  # the last is the scale bar's
+    assert sorted(t.text or "" for t in marks) == sorted(
+        f"{d} um" for d in (80, 60, 40, 20, 10)
+    )
+    bases = sorted(float(t.get("y") or "nan") for t in marks)
+    assert min(b - a for a, b in pairwise(bases)) > 0.99 * letter
+    assert len({t.get("x") for t in marks}) == 1  # beside their common middle

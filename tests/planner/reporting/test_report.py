@@ -19,7 +19,7 @@ from planner.reporting.methods import methods
 from planner.reporting.pictures import place_id
 from planner.reporting.report import plan_report, write_report
 from schemas.html.elements import write
-from schemas.plan import Plan, Reason, dump_plan
+from schemas.plan import Plan, Reason, Step, dump_plan
 from schemas.times import moving_s, spans
 from schemas.verdicts import Change
 from tests.names import renamed
@@ -114,6 +114,35 @@ def test_an_infeasible_plan_tells_why(folder: PlanFolder) -> None:
     assert "ends before over_shaft" in text
     assert reason.message in text
     assert "no error budget" in text
+    assert "Least room" in text
+    assert "worst offenders" not in text  # nothing that was worked out offends
+    assert "none needed" not in text
+
+
+@pytest.mark.parametrize("steps", [0, 1])
+def test_a_plan_that_ends_at_once_has_a_page(folder: PlanFolder, steps: int) -> None:
+    plan = folder.plan
+    reason = Reason(code="MP401", step=plan.steps[steps].id, message="too uncertain")
+    short = replace(
+        plan, status="infeasible", reasons=(reason,), steps=plan.steps[:steps],
+        success_probability=0.0,
+    )  # fmt: skip
+    text = " ".join(check_page(plan_report(replace(folder, plan=short))).text)
+    assert f"ends before {reason.step}" in text
+    assert ("Least room" in text) == bool(steps)
+
+
+def test_a_budget_without_offenders_is_not_denied(folder: PlanFolder) -> None:
+    def bare(step: Step) -> Step:
+        if step.budget.analysis is None:
+            return step
+        analysis = replace(step.budget.analysis, offenders=())
+        return replace(step, budget=replace(step.budget, analysis=analysis))
+
+    plan = replace(folder.plan, steps=tuple(map(bare, folder.plan.steps)))
+    text = " ".join(check_page(plan_report(replace(folder, plan=plan))).text)
+    assert "The error budget has no term" in text
+    assert "so there is no error budget" not in text
 
 
 def test_the_methods_tell_what_was_aimed_at_and_what_is_left(
