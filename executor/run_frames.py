@@ -18,8 +18,8 @@ _MOST_PX = 320  # of the longer side of a frame in the page
 _CAPTION = Caption(
     title="First and last frame of each step",
     shows="What the camera gave first and last in every step that kept a frame, made "
-    "smaller, with the height in focus: what lies higher or lower is blurred. A "
-    "verification looks at part and seat in turn.",
+    "smaller, with the height in focus; what lies higher or lower is blurred, so that "
+    "a verification sees part and seat in turn.",
     judge="Good: the last frame of a step looks like the plan's image of it; bad: "
     "parts "
     "are missing, turned or blurred.",

@@ -6,12 +6,14 @@ import math
 import re
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
 
+from optics.outline import Arc, Outline, Ring
 from planner.diagnostics import Report
 from planner.inputs.read_task import load_task
 from planner.inputs.task import Part
