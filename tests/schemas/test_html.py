@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from html.parser import HTMLParser
 
 import pytest
@@ -166,3 +167,28 @@ def test_only_pictures_are_taken_into_a_page() -> None:
         png_uri(b"<svg onload=x>")
     with pytest.raises(ValueError, match="PNG"):
         png_size(b"\x89PNG\r\n\x1a\n")
+
+
+@pytest.mark.parametrize(
+    ("points", "left", "below"),
+    [
+        ([(0.0, 0.5), (4.0, 0.5)], False, False),  # far below the line
+        ([(0.0, 0.5), (3.5, 1.1), (4.0, 0.5)], True, False),  # over it at the right
+        ([(0.0, 1.1), (4.0, 1.1)], False, True),  # over all of it
+    ],
+)
+def test_no_curve_crosses_the_name_of_its_limit(
+    points: list[tuple[float, float]], left: bool, below: bool
+) -> None:
+    axes = Axes(
+        across=Scale(low=0.0, high=4.0),
+        up=Scale(low=0.0, high=2.0),
+        across_label="look",
+        up_label="error",
+    )
+    drawn = write(curve("c", "c", axes, points, limit=1.0, limit_name="tolerance"))
+    (words,) = re.findall(
+        r'<text x="([\d.]+)" y="([\d.]+)" class="(limit[^"]*)">', drawn
+    )
+    assert (words[2] == "limit") == left
+    assert (float(words[1]) > axes.y(1.0)) == below
