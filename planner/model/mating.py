@@ -158,12 +158,12 @@ def fit_words(step: str, found: FitVerdict) -> str:
     words = (
         f"step {step!r}: {found.fit} fit, {found.hole_um:.4g} um over "
         f"{found.shaft_um:.4g} um: clearance {least:.3g}..{most:.3g} um, drawn "
-        f"{drawn:.3g} um; the shaft may be {found.capture_um[0]:.3g} um off at least "
-        "(capture radius)"
+        f"{drawn:.3g} um; the hole finds a shaft up to {found.capture_um[0]:.3g} um "
+        "off (capture radius)"
     )
     if found.tilt_limit_rad is None:
         return words + "; nothing is engaged once the moves are done"
-    words += f" and lean {1e3 * found.tilt_limit_rad:.3g} mrad when it is "
+    words += f" that leans up to {1e3 * found.tilt_limit_rad:.3g} mrad where it is "
     words += f"{found.engaged_um:.4g} um deep"
     if found.wedging_rad is None:
         return words + "; no friction, no wedging"

@@ -179,13 +179,14 @@ def _report_shade(
         )
         return
     names = ", ".join(shade.by for shade in shades)
+    said = ", ".join(covering)
     reached = max(shade.hidden + shade.shaded for shade in shades)
     report.note(
         "MP306",
         request.where,
         f"look {request.id!r}: what stands higher than {shape.name} ({names}) hides "
-        f"{', '.join(covering) or 'none'} of its edges, and takes light on one side "
-        f"from up to {reached:.0%} of them",
+        f"{f'some of its edges ({said})' if said else 'none of its edges'}, and takes "
+        f"light on one side from up to {reached:.0%} of them",
         _shade_advice(task),
     )
 
