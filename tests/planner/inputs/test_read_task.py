@@ -56,8 +56,8 @@ def edit(folder: Path, file: str, old: str, new: str) -> None:
 MISTAKES = [
     ("task.yaml", "thickness_um: 100", "<<thicknes_um>>: 100", "MP104"),
     ("task.yaml", "seed: 1998", "<<sed>>: 1998", "MP104"),
-    ("task.yaml", "speed_um_per_s: 20}", "speed_um_per_s: 20, if_blocked: "
-     "{back_um: 20, <<serch>>: spiral, pitch_um: 4, radius_um: 8}}", "MP104"),
+    ("task.yaml", "speed_um_per_s: 20}", ("speed_um_per_s: 20, if_blocked: "
+     "{back_um: 20, <<serch>>: spiral, pitch_um: 4, radius_um: 8}}"), "MP104"),
     ("task.yaml", "reflectance: 0.80", "reflectance: <<bright>>", "MP101"),
     ("task.yaml", "reflectance: 0.80", "reflectance: <<true>>", "MP101"),
     ("task.yaml", "thickness_um: 100", "thickness_um: <<NaN>>", "MP101"),
