@@ -5,6 +5,10 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 DEMO ?= build/demo
 
+# One thread each: tests and benchmarks spread over processes themselves.
+export OPENBLAS_NUM_THREADS := 1
+export OPENCV_FOR_THREADS_NUM := 1
+
 .PHONY: install demo check test bench clean
 
 install: $(STAMP)
