@@ -18,7 +18,7 @@ from reference_cli import program
 from reference_keys import key_tables, row
 
 import schemas
-from executor.asked import build_parser as run_parser
+from executor.arguments import build_parser as run_parser
 from executor.errors import CODES
 from planner.arguments import build_parser
 from planner.diagnostics import TITLES, Report

@@ -17,12 +17,18 @@ from schemas.console import OutputLostError, flush, say, tell
 
 BUG = 70
 STOPPED = 130  # by Ctrl-C, as shells tell it
+_THREADS = (
+    "OMP_NUM_THREADS",
+    "OPENBLAS_NUM_THREADS",
+    "MKL_NUM_THREADS",
+    "OPENCV_FOR_THREADS_NUM",
+)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Return the exit status of one call."""
     # One thread each: `--jobs` spreads work over processes, and sums keep their order.
-    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    for name in _THREADS:
         os.environ.setdefault(name, "1")
     try:
         status = _status(argv)

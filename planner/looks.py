@@ -13,6 +13,7 @@ from planner.inputs.task import Task
 from planner.model.requests import Request
 from planner.model.sightings import marks_view, views, whole_view
 from planner.model.views import ViewPlan
+from planner.rejections import commonest_hint, rejections
 from planner.sets import Search, Sets, wanted
 from planner.tried import Tried
 from schemas.views import ZoomTried
@@ -185,14 +186,12 @@ def _zooms(refused: Sequence[_Refused]) -> tuple[ZoomTried, ...]:
 
 def _report_failure(request: Request, last: _Refused, report: Report) -> None:
     """Report that neither a chain nor a set of features is good enough."""
-    reasons = "; ".join(
-        f"{' > '.join(chain)}: {why}" for chain, why in last.tried.selection.reasons
-    )
+    reasons = rejections(last.tried.selection.reasons)
     report.refuse(
         "MP501",
         request.where,
         f"look {request.id!r}: no routine finds {request.target} well enough at "
         f"{last.view.microscope.magnification:.4g} x, 2 sigma + |bias| within "
         f"{last.tried.case.tolerance_um:.3g} um ({request.asked_by}): {reasons}",
-        last.advice,
+        commonest_hint(last.tried.scores, last.advice),
     )

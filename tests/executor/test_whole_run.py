@@ -26,7 +26,7 @@ from executor.run_folder import RunFolder
 from executor.simulated.cell import build_cell
 from executor.site import Site
 from executor.station import Station
-from executor.whole_run import Asking, _recorded, _run, header_of
+from executor.whole_run import Asking, Job, _recorded, _run, header_of
 from schemas.plan import MoveAction
 from tests.executor.bench import plan_of, stage_to, step, world
 
@@ -74,15 +74,15 @@ def test_what_could_not_be_stopped_is_told_on_a_full_disk_too(tmp_path: Path) ->
         raise KeyboardInterrupt
 
     rig.on_step = interrupt
+    job = Job(
+        call=parse([str(tmp_path), "--station", "sim"]),
+        file=PlanFile(plan=plan, source=b""),
+        site=Site(name="sim", station=station, cell=None),
+        artifacts=Artifacts({}),
+        run=RunFolder(path=tmp_path, found=None),
+    )
     with pytest.raises(ExecutorError, match=r"stopped; stage\.stop: OSError") as caught:
-        _run(
-            rig,
-            parse([str(tmp_path), "--station", "sim"]),
-            PlanFile(plan=plan, source=b""),
-            Site(name="sim", station=station, cell=None),
-            RunFolder(path=tmp_path, found=None),
-            Asking(),
-        )
+        _run(rig, job, Asking())
     assert caught.value.code == "MP860"
 
 
