@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from benchmarks import (
     coherence,
+    compile_memory,
     compile_rival,
     compile_times,
     compiling,
@@ -60,6 +61,7 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     same_meaning.BENCHMARK,
     imports.BENCHMARK,
     compile_times.BENCHMARK,
+    compile_memory.BENCHMARK,
     compile_rival.BENCHMARK,
     compiling.BENCHMARK,
     machines.BENCHMARK,
