@@ -18,7 +18,7 @@ from planner.cli import main as microplan_main
 from planner.presets import PRESETS
 from tests.planner.examples import change, copy_example, one_zoom
 
-SEEDS = range(10)
+SEEDS = range(4)  # `python -m benchmarks executor.success` takes hundreds
 # An L of lines, 120 x 80 um; an arc rounds one corner and a circle is its hole.
 BRACKET = (
     ((0, 0), (120, 0)),
@@ -69,7 +69,7 @@ def test_looks_err_as_the_trials_promised(compiled_example: Path, runs: Runs) ->
     for step in (s for s in plan["steps"] if s["looks"]):
         sigma = step["looks"][-1]["measure"]["sigma_xy_um"]
         errors = [s["true_look_error_um"][step["id"]] for _, s in runs]
-        # an rms over both axes above 2 sigma sqrt(2) has a chance below 1e-9 in 10 runs
+        # an rms over both axes above 2 sigma sqrt(2) has a chance below 1e-4 in 4 runs
         assert math.hypot(*errors) / math.sqrt(len(errors)) < 2 * math.sqrt(2) * sigma
 
 

@@ -20,7 +20,7 @@ from tests.executor.crashing import (
     small_job,
 )
 
-EVERY = 29  # benchmarks/crashes.py takes every one
+EVERY = 59  # benchmarks/crashes.py takes every one
 TWICE = 12
 
 

@@ -120,6 +120,7 @@ RUNNERS: dict[str, Callable[[Path], Report]] = {
 CODES = sorted(page.stem for page in PAGES.glob("MP[0-7]*.md"))
 # of plans, not of a task: see test_diff.py and exporting/test_export.py
 TOLD_ELSEWHERE = {"MP710", "MP720", "MP721", "MP722"}
+DEAR = {"MP615"}  # works out a whole placement
 CALLED = [
     code
     for code in CODES
@@ -188,7 +189,13 @@ def example(tmp_path: Path, code: str) -> Path:
     return Path(shutil.copytree(source, tmp_path / "example"))
 
 
-@pytest.mark.parametrize("code", sorted({*CODES} - {*CALLED} - TOLD_ELSEWHERE))
+@pytest.mark.parametrize(
+    "code",
+    [
+        pytest.param(code, marks=[pytest.mark.slow] if code in DEAR else [])
+        for code in sorted({*CODES} - {*CALLED} - TOLD_ELSEWHERE)
+    ],
+)
 def test_the_example_of_a_page_leads_to_its_code(code: str, example: Path) -> None:
     run = runner(code)
     before = run(example)

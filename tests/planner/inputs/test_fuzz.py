@@ -31,7 +31,7 @@ def test_a_spoilt_dxf_file_gives_an_outline_or_a_reason(data: bytes) -> None:
     judge_dxf(data)
 
 
-@quick
+@settings(quick, max_examples=20)
 @given(data=random_dxf())
 def test_random_entities_give_an_outline_or_a_reason(data: bytes) -> None:
     judge_dxf(data)
