@@ -97,10 +97,13 @@ def design(case: LookCase, count: int, root_seed: int) -> tuple[Trial, ...]:
     if root_seed < 0:
         raise ValueError(f"root_seed must not be negative, got {root_seed}")
     points = interior("design", case.key, root_seed, count)
-    others = [
+    normal = _normal(points[:, :5])
+    occluder, lens, noise = (
         interior(group, case.key, root_seed, count)
         for group in ("occluder", "lens", "noise")
-    ]
+    )
+    resting = zip(_normal(occluder), _normal(lens), noise[:, 0], strict=True)
+    rests = [_Rest(tuple(o), tuple(t), float(n)) for o, t, n in resting]
     found = []
     for index in range(count):
         turn, place_of = divmod(index, _EVERY)
@@ -108,8 +111,8 @@ def design(case: LookCase, count: int, root_seed: int) -> tuple[Trial, ...]:
             found.append(_extreme(case, index, turn, root_seed))
         else:
             row = index - turn
-            rest = _rest(*(more[row] for more in others))
-            found.append(_interior(case, index, points[row], rest, root_seed))
+            at = normal[row], points[row], rests[row]
+            found.append(_interior(case, index, *at, root_seed))
     return tuple(found)
 
 
@@ -215,21 +218,22 @@ def _zoomed(case: LookCase, trial: Trial) -> Microscope:
     return replace(case.microscope, magnification=magnification)
 
 
-def _rest(occluder: FloatArray, lens: FloatArray, noise: FloatArray) -> _Rest:
-    """Return points of the unit cube in units of the spreads."""
-    return _Rest(
-        tuple(truncnorm.ppf(occluder, -CUT, CUT)),
-        tuple(truncnorm.ppf(lens, -CUT, CUT)),
-        float(noise[0]),
-    )
+def _normal(points: FloatArray) -> FloatArray:
+    """Return points of the unit cube in units of sigmas."""
+    found: FloatArray = truncnorm.ppf(points, -CUT, CUT)
+    return found
 
 
 def _interior(
-    case: LookCase, index: int, point: FloatArray, rest: _Rest, root: int
+    case: LookCase,
+    index: int,
+    normal: FloatArray,
+    point: FloatArray,
+    rest: _Rest,
+    root: int,
 ) -> Trial:
-    """Return a point of the unit cube mapped to the spreads."""
+    """Return a point of the unit cube, five of it in sigmas, mapped to the spreads."""
     spread = case.spread
-    normal = truncnorm.ppf(point[:5], -CUT, CUT)
     theta = normal[2] * spread.pose_sigma_theta_rad
     if case.theta_any:
         theta = (2 * point[2] - 1) * math.pi

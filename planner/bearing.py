@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
+from planner.caching.memo import EVERY_TIME, Memo
 from planner.checks.budget import Sighted
 from planner.checks.insert_budget import share_of_goal
 from planner.checks.insertion import Insertion
@@ -35,6 +36,7 @@ def bearable(
     align: StepState,
     within_um: float,
     seen: Mapping[str, Sighted],
+    memo: Memo = EVERY_TIME,
 ) -> Bearable:
     """Return how far off an alignment's look may be for the insertion after it.
 
@@ -60,7 +62,7 @@ def bearable(
     elsewhere = 1 - leaves.scaled(look.term, 0.0).miss
 
     def twice(chance: float) -> float | None:
-        largest = largest_um(stays, look.term, look.sigma_um, chance)
+        largest = memo.call(largest_um, stays, look.term, look.sigma_um, chance)
         return None if largest is None else 2 * largest
 
     return Bearable(

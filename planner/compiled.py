@@ -94,7 +94,9 @@ def measured(
         chosen=chosen,
         usable=usable,
         curve=curves.get(chosen.chain),
-        depth=depth_record(case, usable) if effects.effort.limited else None,
+        depth=effects.memo.call(depth_record, case, usable)
+        if effects.effort.limited
+        else None,
         sigma_um=sigma_um,
     )
 

@@ -57,7 +57,9 @@ def place_budget(
         return None
     placed, left, goal = _placement(put), left_of(put), share_of_goal(task)
     turning, job = turning_of(put), job_of(put, left)
-    budget, verdict = placing_budget(placed, job, left, turning, goal=goal)
+    budget, verdict = effects.memo.call(
+        placing_budget, placed, job, left, turning, goal=goal
+    )
     others = chance_beside(placed, turning)
     looks = [
         (memory.seen[name].term, memory.looks[name])

@@ -68,7 +68,8 @@ def _of_insertion(
     job = insertion_of(task, states, insert, left, memory.seen)
     if job is None:
         return empty_budget()
-    budget = insert_budget(job, left, goal=goal, methods=_other_methods(memory))
+    methods = _other_methods(memory)
+    budget = effects.memo.call(insert_budget, job, left, goal=goal, methods=methods)
     mates = [owner_of(n or "") for n in (insert.step.target, insert.step.onto)]
     looks = [
         (memory.seen[mate].term, memory.looks[mate])

@@ -72,7 +72,7 @@ def compile_step(
     before = memory.seen.get(owner_of(here.step.target or ""))
     asked = requests(task, states, index, within)
     if within is not None:
-        bears = bearable(task, states, here, within, memory.seen)
+        bears = bearable(task, states, here, within, memory.seen, effects.memo)
         asked = tuple(
             replace(request, borne_um=bears.borne_um, worth_um=bears.worth_um)
             for request in asked

@@ -16,9 +16,13 @@ from typing import Any
 
 import numpy as np
 
+from optics.recent import Recent
+
 PACKAGES = ("optics", "featuresel", "schemas", "planner")
 _NUMBERS = "biufc"  # kinds of numpy's types that hold no objects
 _DEEPEST = 200
+_SHARED = "optics.outline:Outline"  # frozen to its numbers, large, and held by many
+_made: Recent[tuple[Any, bytes]] = Recent(1 << 22, lambda made: len(made[1]))
 
 
 class CanonicalError(ValueError):
@@ -72,7 +76,10 @@ def _parts(value: Any, depth: int) -> Iterator[bytes]:
     elif isinstance(value, np.ndarray):
         yield from _array(value)
     elif dataclasses.is_dataclass(value) and not isinstance(value, type):
-        yield from _record(value, depth)
+        if _name(value) == _SHARED:
+            yield _shared(value, depth)
+        else:
+            yield from _record(value, depth)
     elif isinstance(value, Mapping):
         yield _head(b"M", len(value))
         for key, each in value.items():
@@ -124,10 +131,19 @@ def _array(value: np.ndarray[Any, Any]) -> Iterator[bytes]:
     yield np.ascontiguousarray(value).tobytes()
 
 
+def _shared(value: Any, depth: int) -> bytes:
+    """Return the bytes of a value that many others hold, made once."""
+
+    def made() -> tuple[Any, bytes]:
+        return value, b"".join(_record(value, depth))
+
+    _, data = _made.get(id(value), made)  # held, so that no other gets its id
+    return data
+
+
 def _record(value: Any, depth: int) -> Iterator[bytes]:
     """Yield a dataclass by its name and fields."""
-    cls = type(value)
-    name = f"{cls.__module__}:{cls.__qualname__}"
+    cls, name = type(value), _name(value)
     if cls is not _class(name):
         raise CanonicalError(f"{name} cannot be found again")
     yield _text(b"D", name)
@@ -136,6 +152,11 @@ def _record(value: Any, depth: int) -> Iterator[bytes]:
     for field in fields:
         yield _text(b"", field)
         yield from _parts(getattr(value, field), depth + 1)
+
+
+def _name(value: Any) -> str:
+    """Return the name of a value's type, as `_class` takes it."""
+    return f"{type(value).__module__}:{type(value).__qualname__}"
 
 
 @cache

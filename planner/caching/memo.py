@@ -63,7 +63,8 @@ class Memo:
         """
         if self.store is None:
             return list(spread(partial(function, first), items))
-        keys = [digest(_name(function), (first, item), {}) for item in items]
+        shared = encode(first)
+        keys = [digest(_name(function), shared, item) for item in items]
         kept = [list(self._kept(key)) for key in keys]
         lacking = [item for item, each in zip(items, kept, strict=True) if not each]
         fresh = iter(spread(partial(function, first), lacking))

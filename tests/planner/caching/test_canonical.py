@@ -146,3 +146,19 @@ def test_spoilt_bytes_give_a_value_or_an_error(value: Any, data: st.DataObject) 
 def test_order_of_keys_is_kept() -> None:
     one = OrderedDict([("b", 1), ("a", 2)])
     assert list(decode(encode(one))) == ["b", "a"]
+
+
+def test_equal_outlines_have_equal_bytes_however_often_they_are_asked_for() -> None:
+    arc = Arc(center=(0.0, 0.0), radius_um=5.0, start_rad=0.0, sweep_rad=2 * math.pi)
+    one, same_one = (
+        Outline(rings=(Ring(edges=(arc,)),)),
+        Outline(rings=(Ring(edges=(replace(arc),)),)),
+    )
+    other = Outline(rings=(Ring(edges=(replace(arc, radius_um=5.5),)),))
+    first = encode((one, one, {"deeper": [one]}))
+    assert encode((one, same_one, {"deeper": [one]})) == first
+    assert encode((one, other, {"deeper": [one]})) != first
+    assert decode(first) == (one, one, {"deeper": [one]})
+    for radius_um in range(1, 2000):  # each may get the place of one before
+        each = Outline(rings=(Ring(edges=(replace(arc, radius_um=float(radius_um)),)),))
+        assert decode(encode(each)) == each

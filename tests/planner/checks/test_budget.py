@@ -5,9 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
+from planner.caching.memo import Memo
+from planner.caching.store import Store
 from planner.checks.budget import (
     Sighted,
     blind_rows,
@@ -81,7 +84,7 @@ def test_what_the_servo_cannot_see_is_listed_with_its_source(
 
 
 def test_the_budget_of_an_insertion_names_the_cheapest_change(
-    job: tuple[Task, tuple[StepState, ...]],
+    job: tuple[Task, tuple[StepState, ...]], tmp_path: Path
 ) -> None:
     task, states = job
     fit = fit_of(task, step_of(states, "insert"))
@@ -90,7 +93,10 @@ def test_the_budget_of_an_insertion_names_the_cheapest_change(
     left = Left(residual=residual, term="left by the servo", source="workcell")
     blind = blind_rows(task.workcell, DOWN, replace(HOLE, sigma_um=1.4), SHAFT)
     insertion = Insertion(fit=fit, residual=residual, blind=blind)
-    budget = insert_budget(insertion, left, goal=0.95)
+    memo = Memo(Store(tmp_path / "cache"))
+    budget = memo.call(insert_budget, insertion, left, goal=0.95)
+    assert memo.call(insert_budget, insertion, left, goal=0.95) == budget
+    assert len([*(tmp_path / "cache").rglob("*.result")]) == 1
     sigma_um = combine([row.sigma_um or 0.0 for row in blind])
     miss = miss_probability(fit, residual, sigma_um)
     assert budget.success_probability == pytest.approx(1 - miss)
