@@ -17,9 +17,9 @@ def chains_ahead(
 ) -> frozenset[Chain]:
     """Return the chains whose trials may change the choice or what it falls back on.
 
-    `select` never takes a chain that costs more than one that passes and leaves room;
-    nor does it fall back on one that costs more than such a one which begins with
-    another routine than the chosen. Where either leaves none, the choice hangs on all.
+    Where the chosen one leaves room, nothing that costs more can take its place; where
+    the fallback begins with another routine and leaves room, nor can what costs more
+    take that one's. Where either leaves none, the choice hangs on all.
 
     Parameters
     ----------

@@ -43,6 +43,7 @@ def compete(
     most: int,
     limits: Limits | None = None,
     thorough: bool = False,
+    to_the_end: bool = False,
     limited: bool = True,
     in_set: bool = False,
     map: Map = map,  # noqa: A002 - it is the builtin, or a pool's
@@ -67,8 +68,10 @@ def compete(
     limits : Limits, optional
         What a chain must meet, as in `featuresel.select.select`.
     thorough : bool
-        Whether dear routines take part in any case, and all chains have all trials
-        that they are not out of; else one waits behind a cheaper one that leaves room.
+        Whether dear routines take part in any case, and `to_the_end`.
+    to_the_end : bool
+        Whether each chain that is not out has all trials; else one waits behind a
+        cheaper one that leaves room.
     limited : bool
         Whether the Cramer-Rao limit is computed: it takes two dozen images.
     in_set : bool
@@ -92,7 +95,7 @@ def compete(
         in_set=in_set,
         map=map,
         races=1 if once else 2,
-        to_the_end=thorough,
+        to_the_end=thorough or to_the_end,
         limit_um=_limit_um(case, known) if limited and not hopeless else None,
         visible=visible,
         known=known,
@@ -121,6 +124,11 @@ def is_roomy(case: LookCase, found: Selection, limits: Limits | None = None) -> 
         return False
     task = _task(case, limits or Limits())
     return at_most(task.use(found.chosen), task.limits.roomy)
+
+
+def is_fit(case: LookCase, visible: float | None) -> bool:
+    """Return whether a chain can pass at all: the target is seen, its angle told."""
+    return not _task(case, Limits(), visible).unfit()
 
 
 def _task(case: LookCase, limits: Limits, visible: float | None = None) -> Constraints:

@@ -24,7 +24,8 @@ class Heats:
     prepared: Prepared
     trials: Sequence[Trial]
     run: Run
-    scored: Scored
+    scored: Scored  # with bounds for dropping chains
+    judged: Scored  # as the choice is made by in the end
     ahead: Ahead | None  # the chains that the choice hangs on; None: always all
     outcomes: list[Outcome] = field(default_factory=list)
     done: dict[Chain, int] = field(default_factory=dict)  # trials of each chain
@@ -66,7 +67,8 @@ class Heats:
         behind = [chain for chain in self._running() if self._had(chain) < end]
         if self.ahead is None or any(self._had(chain) < SHOWN for chain in behind):
             return behind
-        wanted = self.ahead(self._scores()) if behind else ()
+        # of all, those that fell too: they may pass, and stand before others
+        wanted = self.ahead(self.judged(self.prepared, self.outcomes)) if behind else ()
         return [chain for chain in behind if chain in wanted]
 
     def _try(self, chains: Sequence[Chain], end: int) -> None:

@@ -118,6 +118,7 @@ def race(
         trials=design(case, most, root_seed),
         run=partial(run, case, map=map, curves=curves, known=known or Known()),
         scored=verdicts.scores,
+        judged=partial(score, case, peeks=peeks, curves=curves),
         ahead=ahead,
     )
     for end in ends:

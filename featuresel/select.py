@@ -195,7 +195,10 @@ def _reason(
     if fallback is not None and score.chain == fallback.chain:
         return f"fallback: {numbers}"
     if score.cost >= chosen.cost:
-        return f"passes ({numbers}), but costs no less than {_name(chosen.chain)}"
+        tried = "" if score.trials >= chosen.trials else f" in {score.trials} trials"
+        return (
+            f"passes{tried} ({numbers}), but costs no less than {_name(chosen.chain)}"
+        )
     return (
         f"passes ({numbers}), but {_name(chosen.chain)} is "
         f"{score.need_um / max(chosen.need_um, 1e-12):.2g} times more accurate"

@@ -104,8 +104,11 @@ class Job:
         )
         return replace(self, request=request)
 
-    def contest(self, view: ViewPlan) -> Alone:
-        """Return the choice among all chains for the target, with the trials."""
+    def contest(self, view: ViewPlan, *, to_the_end: bool = False) -> Alone:
+        """Return the choice among all chains for the target, with the trials.
+
+        `to_the_end` is for who wants more of the chains than which one is chosen.
+        """
         effects, effort = self.effects, self.effects.effort
         case, fidelity = self.begun.case(
             self.task, self.request, view, effects.max_image_error, effects.memo
@@ -116,6 +119,7 @@ class Job:
             root_seed=self.task.seed,
             most=effort.trials,
             thorough=effort.thorough,
+            to_the_end=to_the_end,
             limited=effort.limited,
             map=effects.map,
             looks=self.begun.looks,

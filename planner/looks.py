@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from featuresel.contest import is_fit
 from planner.compiled import CompiledLook, Decided, compiled, measured
 from planner.contests import Alone, Begun, Effects, Job
 from planner.diagnostics import Report
@@ -30,6 +31,7 @@ class _Refused:
     view: ViewPlan
     tried: Tried
     advice: str
+    fit: bool  # the target is seen, and its angle can be told
 
 
 def compile_look(
@@ -81,12 +83,19 @@ def _by_target(
         tried = alone.tried
         if tried.selection.chosen is not None:
             return _finish(job, alone, _zooms(refused))
-        refused.append(_Refused(view=view, tried=tried, advice=tried.selection.advice))
+        refused.append(_refusal(view, alone, tried.selection.advice))
         if view is settings[0] and (look := _kept(job, view)) is not None:
             return look
         if job.is_round:
             break  # no magnification gives it the angle that is needed
     return None
+
+
+def _refusal(view: ViewPlan, alone: Alone, advice: str) -> _Refused:
+    """Return a magnification that was refused, with what would mend it."""
+    tried = alone.tried
+    fit = is_fit(tried.case, alone.visible)
+    return _Refused(view=view, tried=tried, advice=advice, fit=fit)
 
 
 def _by_several(
@@ -101,7 +110,7 @@ def _by_several(
         sets = Search(job=job, alone=alone).run()
         if sets.chosen is not None:
             return _finish_set(job, alone.tried, sets, _zooms(refused))
-        refused.append(_Refused(view=view, tried=alone.tried, advice=sets.advice))
+        refused.append(_refusal(view, alone, sets.advice))
     return None
 
 
@@ -128,7 +137,7 @@ def _kept(job: Job, view: ViewPlan) -> CompiledLook | None:
             return look
     if bears.worth_um is None or bears.worth_um <= asked_um:
         return None
-    alone = job.asked(bears.worth_um, WORTH).contest(view)
+    alone = job.asked(bears.worth_um, WORTH).contest(view, to_the_end=True)
     # not the cheapest that is worth it, but the best
     reliable = alone.tried.selection.pareto
     best_um = NEAR * min((s.need_um for s in reliable), default=math.inf)
@@ -193,5 +202,5 @@ def _report_failure(request: Request, last: _Refused, report: Report) -> None:
         f"look {request.id!r}: no routine finds {request.target} well enough at "
         f"{last.view.microscope.magnification:.4g} x, 2 sigma + |bias| within "
         f"{last.tried.case.tolerance_um:.3g} um ({request.asked_by}): {reasons}",
-        commonest_hint(last.tried.scores, last.advice),
+        commonest_hint(last.tried.scores, last.advice) if last.fit else last.advice,
     )

@@ -11,21 +11,21 @@ from featuresel.score import Score
 
 _NUMBER = re.compile(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?")
 _UNSEEN = frozenset({
-    "flat", "few_points", "misfit", "no_blob", "no_contrast", "no_edge", "no_fit",
-    "no_notch", "no_peak", "no_teeth", "low_score",
+    "flat", "few_points", "few_rays", "misfit", "no_blob", "no_contrast", "no_edge",
+    "no_fit", "no_notch", "no_peak", "no_teeth", "not_prepared", "too_dim",
 })  # fmt: skip
 _AWAY = frozenset({"border", "not_captured", "outside"})
-_BLURRED = frozenset({"diverged", "no_focus", "scale_off"})
+_BLURRED = frozenset({"no_focus", "scale_off"})
 _FAINT = (
-    "it is seen too faintly: state more light ('light_gain') or a target with more "
-    "contrast"
+    "most trials fail for want of contrast: a darker or brighter ground "
+    "('reflectance'), other light, or another feature"
 )
 _FAR = (
-    "it lies too far off: state a smaller sigma at its start if that is so, or locate "
-    "something first that shows in a wider field"
+    "most trials fail as it lies too far off: state a smaller sigma at its start if "
+    "that is so, or locate something first that shows in a wider field"
 )
 _OTHER = (
-    "its scale or focus is off: state a smaller 'focus_sigma_um' or "
+    "most trials fail as scale or focus is off: state a smaller 'focus_sigma_um' or "
     "'magnification_sigma' if the station keeps them"
 )
 _HINTS = ((_UNSEEN, _FAINT), (_AWAY, _FAR), (_BLURRED, _OTHER))
@@ -63,12 +63,12 @@ def commonest_hint(scores: Sequence[Score], advice: str) -> str:
     if max(counts) <= answered:  # most trials had an answer: what it lacks is advised
         return advice
     hint = _HINTS[counts.index(max(counts))][1]
-    return f"{hint}; {advice}" if advice else hint
+    return f"{advice}; {hint}" if advice else hint
 
 
 def _kind(why: str) -> str:
-    """Return a reason without its numbers and what stands in brackets."""
-    return _NUMBER.sub("#", re.sub(r" \(.*\)|; worst .*", "", why))
+    """Return a reason without its numbers, and without how far off answers were."""
+    return _NUMBER.sub("#", re.sub(r"; worst .*", "", why))
 
 
 def _told(alike: Sequence[tuple[Chain, str]]) -> str:

@@ -23,7 +23,7 @@ from schemas.pose import Pose
 FORMAT = 1
 _DAY_S = 86400.0  # what axes, jaws and lens do takes seconds
 _LATEST_S = 1e9  # thirty years; far below where adding a poll changes nothing
-_MOST_STEPS = 100_000  # of 4 um: 400 mm
+_MOST_STEPS = 1_000_000  # a metre of steps of 1 um
 
 
 def keep(cell: Cell, path: Path) -> None:

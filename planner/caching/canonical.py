@@ -22,7 +22,8 @@ PACKAGES = ("optics", "featuresel", "schemas", "planner")
 _NUMBERS = "biufc"  # kinds of numpy's types that hold no objects
 _DEEPEST = 200
 _SHARED = "optics.outline:Outline"  # frozen to its numbers, large, and held by many
-_made: Recent[tuple[Any, bytes]] = Recent(1 << 22, lambda made: len(made[1]))
+# a value takes some seven times its bytes
+_made: Recent[tuple[Any, bytes]] = Recent(1 << 24, lambda made: 8 * len(made[1]))
 
 
 class CanonicalError(ValueError):

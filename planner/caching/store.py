@@ -16,7 +16,7 @@ _SUM = 32  # bytes of a sha256, before the result
 _SUFFIX = ".result"
 _BEGUN = ".begun-"  # of files that are being written
 _DEAD_S = 86400.0  # a result is written in seconds; what is older nobody finishes
-_MOST_DEAD = 10_000  # files that one trim removes
+_MOST_LOOKED_AT = 10_000  # files begun, by one trim
 
 
 def place() -> Path:
@@ -93,7 +93,9 @@ class Store:
     def _clear(self) -> None:
         """Remove what was begun more than a day ago: its writer is dead, or fails."""
         oldest_s = time.time() - _DEAD_S
-        for file in islice(self.folder.glob(f"[0-9a-f][0-9a-f]/{_BEGUN}*"), _MOST_DEAD):
+        for file in islice(
+            self.folder.glob(f"[0-9a-f][0-9a-f]/{_BEGUN}*"), _MOST_LOOKED_AT
+        ):
             with contextlib.suppress(OSError):
                 if file.lstat().st_mtime < oldest_s:
                     file.unlink()

@@ -115,7 +115,8 @@ def accuracy(look: Look) -> Iterator[Element]:
         title="Accuracy against time of all routines",
         shows="Every chain tried: dots answered rightly in all their trials, crosses "
         "did "
-        f"not; the line joins those that none is both quicker and better than{beside}.",
+        f"not; the line joins those that none is both quicker and better than{beside}."
+        + _stopped(scores, chosen),
         judge="Good: the circled choice lies well below the tolerance and far to the "
         "left; bad: only crosses lie below it.",
         do="If the choice is close to the tolerance, look at a higher magnification or "
@@ -180,6 +181,17 @@ def _point(
         label=words,
         kind="dot" if sure else "cross",
         named=_named(score) if score is chosen or on_front else "",
+    )
+
+
+def _stopped(scores: Sequence[Score], chosen: Score) -> str:
+    """Return what to say of chains that had fewer trials than the choice, if any."""
+    fewer = {s.trials for s in scores if s.success == s.trials < chosen.trials}
+    if not fewer:
+        return ""
+    return (
+        f" Chains that cost more than the choice may have stopped after {min(fewer)} "
+        f"of its {chosen.trials} trials: their errors are known less well."
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -14,6 +14,7 @@ from featuresel.ahead import chains_ahead
 from featuresel.candidates import Chain
 from featuresel.case import LookCase
 from featuresel.constraints import Constraints
+from featuresel.contest import compete
 from featuresel.heats import SHOWN, Heats
 from featuresel.perturb import Trial, design
 from featuresel.race import race
@@ -112,6 +113,7 @@ def heats_of(case: LookCase, script: dict[int, set[str]]) -> tuple[Heats, list[s
         trials=design(case, 128, 1),
         run=run,
         scored=scored,
+        judged=scored,
         ahead=lambda scores: {(n,) for n in script[max(s.trials for s in scores)]},
     )
     return heats, noted
@@ -142,3 +144,38 @@ def test_a_race_with_waiting_chains_chooses_what_one_without_does(look: Look) ->
     assert some.trials == {("otsu",): 40, ("ncc",): 40, ("circle_caliper",): SHOWN}
     assert set(whole.trials.values()) == {40}
     assert set(some.outcomes) < set(whole.outcomes)
+
+
+def test_a_chain_that_fell_is_judged_with_the_others_and_tried_no_more(
+    look: Look,
+) -> None:
+    """It may still pass, and so decide what a choice without room is."""
+    heats, noted = heats_of(look("post"), {24: {"a"}, 64: {"a", "b"}})
+    for end in (8, SHOWN):
+        heats.round(end)
+    judged: list[tuple[Chain, ...]] = []
+    ahead = heats.ahead
+    assert ahead is not None
+
+    def watched(scores: Sequence[Score]) -> Collection[Chain]:
+        judged.append(tuple(score.chain for score in scores))
+        return ahead(scores)
+
+    heats.ahead = watched
+    heats.left((), [(("b",), "is dearer")])
+    heats.round(64)
+    assert set(judged) == {(("a",), ("b",), ("c",))}
+    assert noted[2:] == ["a 24..63"]
+
+
+@pytest.mark.slow
+def test_who_wants_all_chains_to_the_end_has_them(look: Look) -> None:
+    case = replace(look("post"), tolerance_um=0.8)
+    waiting, whole = (
+        compete(case, root_seed=3, most=30, limited=False, to_the_end=to_the_end)
+        for to_the_end in (False, True)
+    )
+    passing = {s.chain for s in whole.scores if s.success == s.trials}
+    assert {s.trials for s in whole.scores if s.chain in passing} == {30}
+    assert {s.trials for s in waiting.scores if s.chain in passing} == {SHOWN, 30}
+    assert waiting.selection.chosen == whole.selection.chosen
