@@ -18,6 +18,7 @@ from planner.reporting.margins import margins
 from planner.reporting.methods import methods
 from planner.reporting.pictures import place_id
 from planner.reporting.report import plan_report, write_report
+from planner.reporting.trials import accuracy
 from schemas.html.elements import write
 from schemas.plan import Plan, Reason, Step, dump_plan
 from schemas.times import moving_s, spans
@@ -362,3 +363,14 @@ def test_the_ellipse_holds_its_share_of_errors() -> None:
     for share in (0.68, 0.95):
         inside = float((radius < sigmas(share)).mean())
         assert inside == pytest.approx(share, abs=4 * math.sqrt(0.25 / 100_000))
+
+
+def test_the_accuracy_figure_says_which_chains_had_fewer_trials(
+    folder: PlanFolder,
+) -> None:
+    look = next(look for step in folder.plan.steps for look in step.looks)
+    told = "may have stopped after 24 of its 64 trials"
+    assert told not in "".join(map(write, accuracy(look)))
+    more = replace(look.evidence.chosen, trials=64, success=64)
+    longer = replace(look, evidence=replace(look.evidence, chosen=more))
+    assert told in "".join(map(write, accuracy(longer)))
