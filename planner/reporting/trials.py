@@ -186,7 +186,8 @@ def _point(
 
 def _stopped(scores: Sequence[Score], chosen: Score) -> str:
     """Return what to say of chains that had fewer trials than the choice, if any."""
-    fewer = {s.trials for s in scores if s.success == s.trials < chosen.trials}
+    passing = [s.trials for s in scores if not s.reason.startswith("rejected")]
+    fewer = [trials for trials in passing if trials < chosen.trials]
     if not fewer:
         return ""
     return (
