@@ -71,6 +71,7 @@ def test_the_page_shows_every_routine() -> None:
     assert set(REGISTRY) <= shown
 
 
+@pytest.mark.slow
 def test_errors_at_an_edge_are_those_across_it(tmp_path: Path) -> None:
     wanted = [("edge", "plain", ("line_caliper",))]
     limit, row = measure_all(wanted, 3, 1, tmp_path / "record.jsonl")

@@ -19,7 +19,9 @@ def test_optics_meets_every_vector() -> None:
     assert worst_error() < 1e-12
 
 
-@pytest.mark.parametrize("magnification", [6.9, 44.5])
+@pytest.mark.parametrize(
+    "magnification", [pytest.param(6.9, marks=pytest.mark.slow), 44.5]
+)
 def test_the_renderer_meets_the_oracle(magnification: float) -> None:
     optics = microscope(magnification)  # the gear is larger than the frame at 44.5
     exact = Oracle.of(gear(), optics, wrap_error=1e-4).image("exact", 10.0)

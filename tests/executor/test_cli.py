@@ -119,7 +119,10 @@ def test_the_same_seed_gives_the_same_bytes(built: Path, tmp_path: Path) -> None
     assert logs[0] != (tmp_path / "c" / "events.jsonl").read_bytes()
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize(
+    "seed",
+    [*range(3), *(pytest.param(k, marks=pytest.mark.slow) for k in range(3, 8))],
+)
 def test_done_is_never_said_of_a_failed_assembly(
     built: Path, tmp_path: Path, seed: int
 ) -> None:

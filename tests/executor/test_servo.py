@@ -71,11 +71,13 @@ class SteppedStage:
         """Do nothing: it never moves for long."""
 
 
-RATIOS = [0.8, 1.5]  # tolerance over the sigma of a move
+EVERY_RATIO = pytest.mark.parametrize(  # tolerance over the sigma of a move
+    "ratio", [pytest.param(0.8, marks=pytest.mark.slow), 1.5]
+)
 RUNS = 80
 
 
-@pytest.mark.parametrize("ratio", RATIOS)
+@EVERY_RATIO
 def test_moves_from_the_true_place_take_as_many_as_the_closed_form(
     ratio: float,
 ) -> None:
@@ -93,7 +95,7 @@ def test_moves_from_the_true_place_take_as_many_as_the_closed_form(
     assert abs(np.mean(cycles) - 1 / p) < 3.5 * spread
 
 
-@pytest.mark.parametrize("ratio", [pytest.param(0.8, marks=pytest.mark.slow), 1.5])
+@EVERY_RATIO
 def test_moves_that_repeat_to_a_reading_take_more(ratio: float) -> None:
     # The simulated stage scatters about the reading, so a correction carries the last
     # error along: e[k+1] = (1 - g) e[k] + n[k+1] - n[k], variance 2 / (2 - g) sigma^2.

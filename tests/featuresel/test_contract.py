@@ -201,7 +201,7 @@ def _check(
     assert away <= 2 * target.search_px + 10, label
 
 
-@pytest.mark.parametrize(("name", "kind"), list(pairs()))
+@every_pair
 def test_the_work_is_predicted_from_artifact_and_pixels(
     name: str, kind: TargetKind
 ) -> None:

@@ -24,6 +24,7 @@ from featuresel.usable import usable_range
 Look = Callable[[str], LookCase]
 
 
+@pytest.mark.slow
 def test_a_process_pool_gives_the_same_outcomes(look: Look) -> None:
     case = look("post")
     ready = prepare(case, chains(case.target))

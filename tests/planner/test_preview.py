@@ -65,7 +65,7 @@ class Recorder:
         return map(function, chunks)
 
 
-@pytest.mark.parametrize("limit", [None, 0.03])
+@pytest.mark.parametrize("limit", [None, pytest.param(0.03, marks=pytest.mark.slow)])
 def test_a_trial_is_rebuilt_bit_for_bit(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], limit: float | None
 ) -> None:
