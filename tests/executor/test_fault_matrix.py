@@ -126,7 +126,7 @@ def sampled() -> Iterator[object]:
             yield pytest.param(name, step, marks=marks)
 
 
-@pytest.mark.parametrize(("name", "step"), sampled())
+@pytest.mark.parametrize(("name", "step"), list(sampled()))
 def test_a_fault_in_a_step_ends_in_its_code_and_everything_stands(
     name: str, step: str, job: tuple[Plan, Artifacts, World]
 ) -> None:
