@@ -9,6 +9,7 @@ from pathlib import Path
 
 from planner.comparing.changes import Change, Kind
 from planner.comparing.compare import compare_plans
+from planner.comparing.errors import DiffError
 from planner.comparing.pictures import compare_pictures
 from planner.comparing.tolerances import Rule
 from planner.outputs.emit import replace_file, replace_folder
@@ -16,14 +17,6 @@ from schemas.codec import CodecError
 from schemas.plan import Plan, newer_note, parse_plan
 
 MOST_BYTES = 1 << 26  # of a plan.json: some 64 MiB
-
-
-class DiffError(Exception):
-    """A plan that cannot be compared; carries the code of its finding."""
-
-    def __init__(self, code: str, message: str, file: str) -> None:
-        super().__init__(message)
-        self.code, self.file = code, file
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -12,8 +12,9 @@ from typing import TypeAlias
 
 from planner.caching.whole import MOST_BYTES
 from planner.comparing.compare import compare_plans
+from planner.comparing.errors import DiffError
 from planner.diagnostics import Report
-from planner.diffing import DiffError, read_plan
+from planner.diffing import read_plan
 from planner.outputs.changes import changes_text
 from schemas.plan import Plan
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 def compile_task(call: argparse.Namespace) -> int:
     """Compile a task into a plan folder."""
-    from planner.diffing import DiffError
+    from planner.comparing.errors import DiffError
     from planner.outputs.errors import OutputError
 
     if call.watch:
@@ -66,12 +66,13 @@ def _compiled(
     """Return what a task compiles to and where it was written, None if at fault."""
     from planner.caching.store import Store, place
     from planner.compiling import compile_file
-    from planner.diffing import read_plan
     from planner.outputs.emit import check_folder, write_folder
 
     def ready(name: str) -> None:
         check_folder(call.out or _beside(call.task, name))
         if call.golden is not None and not call.update:
+            from planner.diffing import read_plan
+
             read_plan(call.golden)  # what cannot be compared need not be compiled
 
     store = None if call.no_cache else Store(call.cache or place())

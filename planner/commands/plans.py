@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 def diff(call: argparse.Namespace) -> int:
     """Compare two plans: 0 for the same, 1 for different."""
-    from planner.diffing import DiffError
+    from planner.comparing.errors import DiffError
     from planner.diffing import diff as compared
     from planner.outputs.changes import findings_of
 
@@ -89,7 +89,7 @@ def _export_call(call: argparse.Namespace) -> ExportCall:
 
 def report_plan(call: argparse.Namespace) -> int:
     """Write the report of a plan folder."""
-    from planner.diffing import DiffError
+    from planner.comparing.errors import DiffError
     from planner.outputs.errors import OutputError
     from planner.reporting.report import write_report
 

@@ -13,7 +13,8 @@ import cv2
 import numpy as np
 
 from optics.outline import Arc, Edge, Outline, Ring, Segment
-from planner.diffing import MOST_BYTES, DiffError, plan_file, read_plan
+from planner.comparing.errors import DiffError
+from planner.diffing import MOST_BYTES, plan_file, read_plan
 from planner.pictures import Picture, picture_sha256
 from schemas.codec import CodecError, from_data
 from schemas.plan import Look, Plan, Step
