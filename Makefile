@@ -32,7 +32,7 @@ test: install
 	$(BIN)/pytest -n 2 --dist worksteal
 
 bench: install
-	$(BIN)/pytest -n 2 --dist worksteal -m slow
+	HYPOTHESIS_PROFILE=roving $(BIN)/pytest -n 2 --dist worksteal -m "slow or not slow"
 	$(BIN)/python -m benchmarks
 
 clean:

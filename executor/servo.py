@@ -208,9 +208,14 @@ def _turned(turn_rad: float, limit_rad: float | None) -> str:
 
 
 def diverges(errors_um: Sequence[float], tolerance_um: float, gain: float) -> bool:
-    """Return whether the last two corrections both made it worse, beyond noise."""
+    """Return whether the last two corrections both made it worse, beyond noise.
+
+    From a gain of 2 on nothing settles, and noise excuses nothing.
+    """
     if len(errors_um) < 3:
         return False
     first, second, third = errors_um[-3:]
-    noise_um = NOISE_PER_TOLERANCE * math.sqrt(2 / (2 - gain)) * tolerance_um
+    noise_um = 0.0
+    if gain < 2:
+        noise_um = NOISE_PER_TOLERANCE * math.sqrt(2 / (2 - gain)) * tolerance_um
     return first < second < third and third > noise_um

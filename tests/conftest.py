@@ -12,11 +12,19 @@ from hypothesis import HealthCheck, settings
 
 from tests.planner.examples import EXAMPLE, microplan
 
-# No test depends on time, not even on how long its own examples take to make.
+# No test depends on time, not even on how long its own examples take to make, and each
+# run draws the same examples; `make bench` draws others.
 settings.register_profile(
-    "steady", deadline=None, suppress_health_check=[HealthCheck.too_slow]
+    "steady",
+    deadline=None,
+    derandomize=True,
+    database=None,
+    suppress_health_check=[HealthCheck.too_slow],
 )
-settings.load_profile("steady")
+settings.register_profile(
+    "roving", deadline=None, suppress_health_check=[HealthCheck.too_slow]
+)
+settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "steady"))
 
 
 @pytest.fixture(scope="session", autouse=True)

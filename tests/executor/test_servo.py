@@ -193,6 +193,9 @@ def test_noise_alone_is_not_divergence() -> None:
     assert not diverges([0.5, 1.0, 0.99 * limit_um], tolerance_um, 0.8)
     assert not diverges([9.0, 8.0, 9.0], tolerance_um, 0.8)
     assert diverges([2.0, 4.0, 1.01 * limit_um], tolerance_um, 0.8)
+    for unstable in (2.0, 3.0):  # refused before a run; no noise would be bounded
+        assert diverges([1e-3, 2e-3, 3e-3], tolerance_um, unstable)
+        assert not diverges([3e-3, 2e-3, 3e-3], tolerance_um, unstable)
 
 
 def test_a_turn_is_made_up_for_in_x_and_y() -> None:
