@@ -342,13 +342,6 @@ def test_the_timeline_agrees_with_what_the_looks_wait_for(folder: PlanFolder) ->
     stage = replace(folder.world.stage, speed_z_um_per_s=0.0)
     stuck = replace(folder.world, stage=stage)  # a damaged world: nothing is told
     assert "lift" not in moving_s(folder.plan, stuck)
-    moving = moving_s(folder.plan, folder.world)
-    assert moving["insert"] == pytest.approx(expected)
-    assert set(moving) == {"lift", "insert", "retract"}
-    assert moving_s(folder.plan, None) == {}  # nobody knows how fast the axes are
-    stage = replace(folder.world.stage, speed_z_um_per_s=0.0)
-    stuck = replace(folder.world, stage=stage)  # a damaged world: nothing is told
-    assert "lift" not in moving_s(folder.plan, stuck)
 
 
 def test_the_ellipse_holds_its_share_of_errors() -> None:
