@@ -9,7 +9,6 @@ from featuresel.constraints import Constraints
 from featuresel.pareto import by_cost
 from featuresel.score import Score
 from featuresel.select import Selection
-from optics.ties import at_most
 
 
 def chains_ahead(
@@ -42,14 +41,9 @@ def chains_ahead(
         return frozenset(order)
     begun = chosen.chain[0]
     if fallback.chain[0] == begun or not (
-        _has_room(chosen, task) and _has_room(fallback, task)
+        task.is_roomy(chosen) and task.is_roomy(fallback)
     ):
         return frozenset(order)
     before = order[: order.index(chosen.chain) + 1]
     apart = order[: order.index(fallback.chain) + 1]
     return frozenset([*before, *(chain for chain in apart if chain[0] != begun)])
-
-
-def _has_room(score: Score, task: Constraints) -> bool:
-    """Return whether a chain leaves room in every tolerance."""
-    return at_most(task.use(score), task.limits.roomy)

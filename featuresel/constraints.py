@@ -140,6 +140,10 @@ class Constraints:
             return place
         return max(place, score.need_theta_rad / self.tolerance_theta_rad)
 
+    def is_roomy(self, score: Score) -> bool:
+        """Return whether the chain leaves room in every tolerance."""
+        return at_most(self.use(score), self.limits.roomy)
+
 
 def half_period_rad(target: Target) -> float:
     """Return how far off an angle may be without looking like another; pi if any."""

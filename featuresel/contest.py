@@ -19,7 +19,6 @@ from featuresel.routines import Artifact, Failure, load
 from featuresel.score import Score
 from featuresel.select import Limits, Selection, select
 from featuresel.trials import Map, Outcome, Prepared, prepare
-from optics.ties import at_most
 
 ROUNDS = (8, 24, 64, 304, 1024)  # trials at the end of each; most chains leave early
 
@@ -122,8 +121,7 @@ def is_roomy(case: LookCase, found: Selection, limits: Limits | None = None) -> 
     """Return whether the chosen chain leaves room in every tolerance."""
     if found.chosen is None:
         return False
-    task = _task(case, limits or Limits())
-    return at_most(task.use(found.chosen), task.limits.roomy)
+    return _task(case, limits or Limits()).is_roomy(found.chosen)
 
 
 def is_fit(case: LookCase, visible: float | None) -> bool:
