@@ -84,7 +84,7 @@ def compete(
     bounds = limits or Limits()
     known = (looks or Looks()).of(case, root_seed)
     visible = _visible(case, known)
-    hopeless = bool(_task(case, bounds, visible).unfit())
+    hopeless = not is_fit(case, visible, bounds)
     once = thorough or hopeless
     judge = _Judge(
         case=case,
@@ -124,9 +124,9 @@ def is_roomy(case: LookCase, found: Selection, limits: Limits | None = None) -> 
     return _task(case, limits or Limits()).is_roomy(found.chosen)
 
 
-def is_fit(case: LookCase, visible: float | None) -> bool:
+def is_fit(case: LookCase, visible: float | None, limits: Limits | None = None) -> bool:
     """Return whether a chain can pass at all: the target is seen, its angle told."""
-    return not _task(case, Limits(), visible).unfit()
+    return not _task(case, limits or Limits(), visible).unfit()
 
 
 def _task(case: LookCase, limits: Limits, visible: float | None = None) -> Constraints:
