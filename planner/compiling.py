@@ -14,7 +14,7 @@ from planner.diagnostics import Report
 from planner.options import Options
 
 if TYPE_CHECKING:
-    from planner.outputs.emit import PlanFiles
+    from planner.outputs.folder import PlanFolder
 
 _PASSING = frozenset({"MP227"})  # findings that another try may not have
 
@@ -25,8 +25,8 @@ def compile_file(
     options: Options,
     store: Store | None,
     ready: Callable[[str], None],
-) -> PlanFiles | None:
-    """Return what the plan folder of a task file holds, None if the file is at fault.
+) -> PlanFolder | None:
+    """Return the plan folder of a task file, None if the file is at fault.
 
     Parameters
     ----------
@@ -47,19 +47,24 @@ def compile_file(
     if whole is not None:
         report.found.extend(whole.findings)
         report.files.update(whole.files)
-        files: PlanFiles = whole.made
-        ready(files.plan.name)
-        return replace(files, timings={"total_s": time.perf_counter() - started})
+        folder: PlanFolder = whole.made
+        ready(folder.name)
+        spent = {"total_s": time.perf_counter() - started}
+        return replace(folder, timings=spent)
     # what nothing is computed for need not be loaded: that takes ten times as long
     from planner.compiler import compile_task
     from planner.inputs.read_task import load_task
+    from planner.outputs.emit import plan_folder
 
     read = load_task(task, report)
     if read is None:
         return None
     ready(read.name)
-    made = compile_task(read, report, replace(options, memo=Memo(store)))
-    if made is not None and store is not None:
+    files = compile_task(read, report, replace(options, memo=Memo(store)))
+    if files is None:
+        return None
+    made = plan_folder(files)
+    if store is not None:
         _remember(store, task, asked, report, made)
     return made
 
@@ -69,7 +74,7 @@ def _remember(
     task: str,
     asked: tuple[str | None, float | None],
     report: Report,
-    made: PlanFiles,
+    made: PlanFolder,
 ) -> None:
     """Keep a compile, unless a second try may find something else."""
     if not _PASSING & {finding.code for finding in report.found}:

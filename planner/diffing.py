@@ -12,7 +12,7 @@ from planner.comparing.compare import compare_plans
 from planner.comparing.errors import DiffError
 from planner.comparing.pictures import compare_pictures
 from planner.comparing.tolerances import Rule
-from planner.outputs.emit import replace_file, replace_folder
+from planner.outputs.folder import replace_file, replace_folder
 from schemas.codec import CodecError
 from schemas.plan import Plan, newer_note, parse_plan
 

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from planner.diagnostics import Report
 from planner.inputs.migrations import migrated
-from planner.outputs.emit import replace_text
 from planner.outputs.errors import OutputError
+from planner.outputs.folder import replace_text
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

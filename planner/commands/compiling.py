@@ -19,7 +19,7 @@ from schemas.console import say, tell
 
 if TYPE_CHECKING:
     from planner.options import Options
-    from planner.outputs.emit import PlanFiles
+    from planner.outputs.folder import PlanFolder
     from schemas.plan import Plan
 
 
@@ -42,31 +42,31 @@ def compile_task(call: argparse.Namespace) -> int:
 
 def _written(call: argparse.Namespace, report: Report) -> str:
     """Return what to say of the plan that was written, "" if the task is at fault."""
-    from planner.outputs.summary import plan_summary, times_summary
-
     made = _compiled(call, report)
     if made is None:
         return ""
     files, folder = made
-    said = [plan_summary(files.plan), f"plan folder: {folder}"]
+    said = [files.summary, f"plan folder: {folder}"]
     if call.report:
         from planner.reporting.report import write_report
 
         said.append(f"report: {write_report(folder, None)}")
     if call.timings:
+        from planner.outputs.summary import times_summary
+
         tell(times_summary(files.timings))
     if call.golden is not None:
-        said.append(_golden(call, files.plan, folder, report))
+        said.append(_golden(call, files.plan(), folder, report))
     return "\n".join(said)
 
 
 def _compiled(
     call: argparse.Namespace, report: Report
-) -> tuple[PlanFiles, Path] | None:
+) -> tuple[PlanFolder, Path] | None:
     """Return what a task compiles to and where it was written, None if at fault."""
     from planner.caching.store import Store, place
     from planner.compiling import compile_file
-    from planner.outputs.emit import check_folder, write_folder
+    from planner.outputs.folder import check_folder, write_folder
 
     def ready(name: str) -> None:
         check_folder(call.out or _beside(call.task, name))
@@ -79,7 +79,7 @@ def _compiled(
     files = compile_file(call.task, report, _options(call), store, ready)
     if files is None:
         return None
-    folder = call.out or _beside(call.task, files.plan.name)
+    folder = call.out or _beside(call.task, files.name)
     write_folder(files, folder)
     return files, folder
 
@@ -145,7 +145,7 @@ def _rounds(call: argparse.Namespace) -> None:
 
     def compiled(report: Report) -> Plan | None:
         made = _compiled(call, report)
-        return None if made is None else made[0].plan
+        return None if made is None else made[0].plan()
 
     for found in watch(call.task, compiled, last_plan(call.out)):
         grave = [d for d in found.report.in_order if d.severity != "note"]

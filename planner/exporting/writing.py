@@ -10,8 +10,8 @@ import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
-from planner.outputs.emit import swap
 from planner.outputs.errors import OutputError
+from planner.outputs.folder import swap
 
 INDEX = "export.json"  # by which a folder is known to be an export
 _STRANGE = re.compile(r"[^A-Za-z0-9_-]")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from planner.diffing import plan_file
-from planner.outputs.emit import replace_text
+from planner.outputs.folder import replace_text
 from planner.reporting.first_page import contents, first_page
 from planner.reporting.folder import PlanFolder, read_folder
 from planner.reporting.methods import provenance

@@ -200,10 +200,10 @@ def test_a_changed_step_asks_anew_for_its_own_look_alone(tmp_path: Path) -> None
 
 def test_an_unchanged_task_loads_nothing_that_computes() -> None:
     script = (
-        "import planner.cli, planner.compiling, planner.diffing, planner.options\n"
-        "import planner.caching.store, planner.outputs.emit, planner.outputs.summary\n"
-        "import schemas.plan, schemas.world, sys\n"
-        "heavy = ('scipy', 'skimage', 'shapely', 'ezdxf', 'yaml', 'jsonschema')\n"
+        "import planner.cli, planner.commands.compiling, planner.compiling, sys\n"
+        "import planner.caching.store, planner.options, planner.outputs.folder\n"
+        "heavy = ('scipy', 'skimage', 'shapely', 'ezdxf', 'yaml', 'jsonschema',\n"
+        "         'cv2', 'schemas.plan', 'planner.diffing')\n"
         "sys.exit(', '.join(name for name in heavy if name in sys.modules))"
     )
     call = [sys.executable, "-c", script]

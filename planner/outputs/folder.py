@@ -1,0 +1,162 @@
+"""Files and plan folders put into place: whole, or not at all."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import stat
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from planner.outputs.errors import OutputError
+
+if TYPE_CHECKING:
+    from schemas.plan import Plan
+
+PLAN = "plan.json"
+_ALWAYS = ("images", "artifacts")  # folders of every plan, empty or not
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlanFolder:
+    """A plan folder as it will lie on the disc, and what is said of it."""
+
+    name: str  # of the task
+    files: Mapping[str, bytes]  # path in the folder, with "/" -> what it holds
+    timings: Mapping[str, float]  # stage -> seconds; never compared
+    summary: str
+
+    def plan(self) -> Plan:
+        """Return the plan in it."""
+        # loaded where it is wanted: an unchanged task's is written and not read
+        from schemas.plan import parse_plan
+
+        return parse_plan(self.files[PLAN].decode("utf-8"))
+
+
+def write_folder(made: PlanFolder, folder: Path) -> None:
+    """Write a plan folder; an older plan in its place is replaced whole.
+
+    Raises
+    ------
+    OutputError
+        MP701 if `folder` holds something that is no plan, MP702 if it cannot be
+        written.
+    """
+    check_folder(folder)
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        fresh = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
+        try:
+            _fill(made, fresh)
+            fresh.chmod(0o755)
+            swap(fresh, folder)
+        except BaseException:
+            shutil.rmtree(fresh, ignore_errors=True)
+            raise
+    except OSError as error:
+        raise OutputError("MP702", f"{folder} cannot be written: {error}") from error
+
+
+def replace_file(source: Path, file: Path) -> None:
+    """Copy a file into place, whole or not at all; MP702 if it cannot be written."""
+    try:
+        data = source.read_bytes()
+    except OSError as error:
+        raise OutputError("MP702", f"{source} cannot be read: {error}") from error
+    _replace(file, data)
+
+
+def replace_text(file: Path, text: str) -> None:
+    """Write a text file, whole or not at all; MP702 if it cannot be written."""
+    _replace(file, text.encode())
+
+
+def _replace(file: Path, data: bytes) -> None:
+    """Put data in the place of a file; nothing is left of what fails."""
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(prefix=".microplan.", dir=file.parent)
+        try:
+            with os.fdopen(handle, "wb") as stream:
+                stream.write(data)
+            Path(name).chmod(0o644)
+            Path(name).replace(file)
+        except BaseException:
+            Path(name).unlink(missing_ok=True)
+            raise
+    except OSError as error:
+        raise OutputError("MP702", f"{file} cannot be written: {error}") from error
+
+
+def replace_folder(source: Path, folder: Path) -> None:
+    """Copy a plan folder into place, whole or not at all; MP701, MP702 as above."""
+    check_folder(folder)
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        fresh = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
+        try:
+            shutil.copytree(source, fresh, dirs_exist_ok=True)
+            fresh.chmod(0o755)
+            swap(fresh, folder)
+        except BaseException:
+            shutil.rmtree(fresh, ignore_errors=True)
+            raise
+    except OSError as error:
+        raise OutputError("MP702", f"{folder} cannot be written: {error}") from error
+
+
+def check_folder(folder: Path) -> None:
+    """Raise OutputError unless `folder` is absent, empty or a plan folder.
+
+    MP701 if it is something else, MP702 if it cannot be told.
+    """
+    try:
+        if not stat.S_ISDIR(folder.stat().st_mode):
+            raise OutputError("MP701", f"{folder} is a file, not a folder")
+        known = not any(folder.iterdir()) or (folder / PLAN).is_file()
+    except FileNotFoundError:
+        return
+    except OSError as error:
+        raise OutputError("MP702", f"{folder} cannot be written: {error}") from error
+    if not known:
+        raise OutputError(
+            "MP701", f"{folder} holds other things than a plan; it is left untouched"
+        )
+
+
+def _fill(made: PlanFolder, folder: Path) -> None:
+    """Write all files into an empty folder."""
+    held = {path.rpartition("/")[0] for path in made.files} - {""}
+    for name in sorted({*held, *_ALWAYS}):
+        (folder / name).mkdir(parents=True, exist_ok=True)
+    for path, data in made.files.items():
+        (folder / path).write_bytes(data)
+    (folder / "timings.json").write_bytes(json_bytes(dict(made.timings)))
+
+
+def json_bytes(data: object) -> bytes:
+    """Return JSON the way the plan is written."""
+    return (json.dumps(data, indent=2, ensure_ascii=False) + "\n").encode("utf-8")
+
+
+def swap(fresh: Path, folder: Path) -> None:
+    """Put `fresh` in the place of `folder`, which is kept until the last moment."""
+    if not folder.exists():
+        fresh.rename(folder)
+        return
+    old = fresh.with_name(fresh.name + ".old")
+    folder.rename(old)
+    try:
+        fresh.rename(folder)
+    except BaseException:
+        old.rename(folder)
+        raise
+    if old.is_symlink():  # what it leads to is somebody else's
+        old.unlink()
+    else:
+        shutil.rmtree(old)
