@@ -3,26 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from featuresel.case import (
-    LookCase,
-    moved_layers,
-    picture,
-    still_layers,
-    still_lights,
-)
+from featuresel.case import LookCase, moved_layers, picture
 from featuresel.perturb import Trial
-from optics.lamplight import Light
+from featuresel.standing import Backdrop, standing
 from optics.laying import light_up
 from optics.microscope import Microscope
 from optics.outline import Outline
-from optics.render import Covered
-from optics.scene import Illumination
+from optics.scene import Illumination, Layer
+from optics.views import Range
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -38,6 +32,7 @@ _STEP = 0.035  # of wavelength / A, the resolution: how far an edge moves
 _STEP_Z = 0.03  # of n wavelength / A**2, the depth of field
 _LARGEST_TURN = 0.02  # rad, where a target is smaller than its blur
 _LARGEST_ZOOM = 0.01
+_FARTHEST = 4  # steps from the middle of a difference
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -146,8 +141,8 @@ def sensitivities(
     if unknown:
         raise ValueError(f"no such parameters: {unknown}, known: {POSE + LIGHT}")
     at = setting or Setting()
-    look = _Look.of(case, at)
-    steps = _steps(case, at)
+    steps = {name: h for name, h in _steps(case, at).items() if name in names}
+    look = _Look.of(case, at, steps)
     unlit, light = look.unlit(), _light(case, at)
     mean = unlit * light
     slopes = np.zeros((len(names), *unlit.shape))
@@ -170,15 +165,17 @@ def sensitivities(
 
 @dataclass(frozen=True, slots=True)
 class _Look:
-    """Renders a case in even light, about a setting."""
+    """Renders a case in even light, about a setting: what does not turn from spectra.
+
+    `case` is at the setting's zoom; so are the zooms of views.
+    """
 
     case: LookCase
     at: Setting
-    # what stands still at the setting's focus and zoom, and the light it leaves
-    backdrop: tuple[tuple[Covered, ...], tuple[Light, ...] | None]
+    reach: Range  # of all images but those of a turned target
 
     @classmethod
-    def of(cls, case: LookCase, at: Setting) -> _Look:
+    def of(cls, case: LookCase, at: Setting, steps: Mapping[str, float]) -> _Look:
         """Return the look, with band and margin wide enough for differences."""
         sampling = replace(
             case.sampling,
@@ -186,8 +183,16 @@ class _Look:
             margin=max(case.sampling.margin, _MARGIN),
             single=False,
         )
-        fine = replace(case, sampling=sampling)
-        return cls(fine, at, _still(fine, at))
+        fine = replace(case, sampling=sampling, microscope=_scope(case, at))
+        focus_um = case.focus_um + at.dz_um
+        far = {name: _FARTHEST * steps.get(name, 0.0) for name in POSE}
+        ratio = far["zoom"] / at.zoom
+        reach = Range(
+            focus_um=(focus_um - far["z"], focus_um + far["z"]),
+            zoom=(1 - ratio, 1 + ratio),
+            shift_um=max(far["x"], far["y"]),
+        )
+        return cls(fine, at, reach)
 
     def along(self, name: str) -> Callable[[float], FloatArray]:
         """Return what renders the look a step of one parameter away."""
@@ -202,33 +207,46 @@ class _Look:
     def unlit(self, at: Setting | None = None) -> FloatArray:
         """Return the region in even light of gain 1, (rows, columns)."""
         at = at or self.at
-        same = (at.dz_um, at.zoom) == (self.at.dz_um, self.at.zoom)
-        still, under = self.backdrop if same else _still(self.case, at)
+        case, focus_um = self.case, self.case.focus_um + at.dz_um
+        zoom = at.zoom / self.at.zoom
+        shown, moved = self._standing(case.static, focus_um, zoom), ()
+        moved = moved_layers(case, at.dx_um, at.dy_um, at.dtheta_rad)
+        if shown is not None and at.dtheta_rad == self.at.dtheta_rad:
+            held = moved_layers(case, self.at.dx_um, self.at.dy_um, at.dtheta_rad)
+            by_um = (at.dx_um - self.at.dx_um, at.dy_um - self.at.dy_um)
+            own = self._standing(held, focus_um, zoom, by_um)
+            shown, moved = shown.with_(own), ()
+        shown = shown or Backdrop()
+        m = case.microscope
         return picture(
-            self.case,
-            moved_layers(self.case, at.dx_um, at.dy_um, at.dtheta_rad),
-            _scope(self.case, at),
-            focus_um=self.case.focus_um + at.dz_um,
-            model=self.case.model,
+            case,
+            moved,
+            m if zoom == 1 else replace(m, magnification=m.magnification * zoom),
+            focus_um=focus_um,
+            model=case.model,
             light=Illumination(),
-            backdrop=still,
-            under=under,
+            backdrop=shown.layers,
+            under=shown.under,
         )
+
+    def _standing(
+        self,
+        layers: tuple[Layer, ...],
+        focus_um: float,
+        zoom: float,
+        shift_um: tuple[float, float] = (0.0, 0.0),
+    ) -> Backdrop | None:
+        """Return layers as one image has them, None where images do not share them."""
+        ready = standing(self.case, layers, self.reach, self.case.model)
+        if ready is None:
+            return None
+        return ready.at(focus_um=focus_um, zoom=zoom, shift_um=shift_um)
 
 
 def _scope(case: LookCase, at: Setting) -> Microscope:
     """Return the case's microscope at the setting's zoom."""
     magnification = case.microscope.magnification * at.zoom
     return replace(case.microscope, magnification=magnification)
-
-
-def _still(
-    case: LookCase, at: Setting
-) -> tuple[tuple[Covered, ...], tuple[Light, ...] | None]:
-    """Return what stands still, blurred, and the light it leaves."""
-    scope, focus_um = _scope(case, at), case.focus_um + at.dz_um
-    layers = still_layers(case, scope, focus_um=focus_um, model=case.model)
-    return layers, still_lights(case, scope, focus_um=focus_um)
 
 
 def _light(case: LookCase, at: Setting) -> FloatArray:
@@ -260,7 +278,7 @@ def _difference(
 ) -> tuple[FloatArray, FloatArray]:
     """Return a slope at 0, and what it may err by."""
     near, middle, far = (
-        (image(h) - image(-h)) / (2 * h) for h in (step, 2 * step, 4 * step)
+        (image(h) - image(-h)) / (2 * h) for h in (step, 2 * step, _FARTHEST * step)
     )
     slope = (4 * near - middle) / 3
     return slope, np.abs(slope - (4 * middle - far) / 3)
