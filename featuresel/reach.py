@@ -33,8 +33,16 @@ STRIDE = 4  # steps taken at once; shorter gaps of failures may be passed over
 GOLDEN_RAD = math.pi * (3 - math.sqrt(5))  # turns that never repeat
 
 
+class Passes(Protocol):
+    """Whether one draw alone is well: a drift is borne only where all are."""
+
+    def __call__(self, outcome: Outcome, /) -> bool:
+        """Return whether the draw may be part of a drift that is borne; picklable."""
+        ...
+
+
 class Holds(Protocol):
-    """Whether a drift is still borne, from what its draws measured."""
+    """Whether a drift is still borne, from what its draws measured together."""
 
     def __call__(self, drift: float, found: Sequence[Outcome], /) -> bool:
         """Return whether all is well at `drift`; picklable."""
@@ -85,18 +93,24 @@ class Search:
         if len(self.prepared.chains) != 1:
             raise ValueError(f"one chain is asked, got {self.prepared.chains}")
 
-    def reach(self, direction: Direction, holds: Holds) -> float:
-        """Return the last drift in one direction at which `holds`, 0 if none does.
+    def reach(
+        self, direction: Direction, passes: Passes, holds: Holds | None = None
+    ) -> float:
+        """Return the last drift in one direction that is borne, 0 if none is.
 
         As `reached`, without the picture.
         """
-        return self.reached(direction, holds).drift
+        return self.reached(direction, passes, holds).drift
 
-    def reached(self, direction: Direction, holds: Holds) -> Reached:
-        """Return the last drift in one direction at which `holds`, with a picture.
+    def reached(
+        self, direction: Direction, passes: Passes, holds: Holds | None = None
+    ) -> Reached:
+        """Return the last drift in one direction that is borne, with a picture.
 
         The target lies at as many random places of its pose spread as there are
-        draws, the same at all drifts. Which drifts are tried says `last_held`.
+        draws, the same at all drifts. A drift is borne where every draw passes and all
+        of them together hold; after one that does not pass no other is made. Which
+        drifts are tried says `last_held`.
         """
         shown: dict[int, BytesArray] = {}
         drifts = direction.drifts
@@ -108,7 +122,9 @@ class Search:
             for trial, picture in zip(tried, pictures(tried), strict=True):
                 shown.setdefault(step, _eight_bit(picture))
                 found.append(self._outcome(trial, picture))
-            return holds(drifts[step], found)
+                if not passes(found[-1]):
+                    return False
+            return holds is None or holds(drifts[step], found)
 
         last = last_held(len(drifts), held)
         return Reached(

@@ -209,14 +209,12 @@ class _Look:
         at = at or self.at
         case, focus_um = self.case, self.case.focus_um + at.dz_um
         zoom = at.zoom / self.at.zoom
-        shown, moved = self._standing(case.static, focus_um, zoom), ()
         moved = moved_layers(case, at.dx_um, at.dy_um, at.dtheta_rad)
-        if shown is not None and at.dtheta_rad == self.at.dtheta_rad:
+        shown = self._standing(case.static, focus_um, zoom)
+        if case.shares_still_layers and at.dtheta_rad == self.at.dtheta_rad:
             held = moved_layers(case, self.at.dx_um, self.at.dy_um, at.dtheta_rad)
             by_um = (at.dx_um - self.at.dx_um, at.dy_um - self.at.dy_um)
-            own = self._standing(held, focus_um, zoom, by_um)
-            shown, moved = shown.with_(own), ()
-        shown = shown or Backdrop()
+            shown, moved = shown.with_(self._standing(held, focus_um, zoom, by_um)), ()
         m = case.microscope
         return picture(
             case,
@@ -235,11 +233,11 @@ class _Look:
         focus_um: float,
         zoom: float,
         shift_um: tuple[float, float] = (0.0, 0.0),
-    ) -> Backdrop | None:
-        """Return layers as one image has them, None where images do not share them."""
+    ) -> Backdrop:
+        """Return layers as one image has them; none where images do not share them."""
         ready = standing(self.case, layers, self.reach, self.case.model)
         if ready is None:
-            return None
+            return Backdrop()
         return ready.at(focus_um=focus_um, zoom=zoom, shift_um=shift_um)
 
 

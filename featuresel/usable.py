@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import partial
 
@@ -56,7 +55,7 @@ def usable_range(
         draws=draws,
         curve=curve,
     )
-    reach = partial(search.reached, holds=partial(_meets, case))
+    reach = partial(search.reached, passes=partial(_meets, case))
     ends = list(map(reach, [NEARER, FARTHER, SMALLER, LARGER]))
     nearer, farther, smaller, larger = (end.drift for end in ends)
     return UsableRange(
@@ -72,14 +71,10 @@ def alone(prepared: Prepared, chain: Chain) -> Prepared:
     return Prepared(chains=(chain,), artifacts=artifacts)
 
 
-def _meets(case: LookCase, _: float, found: Sequence[Outcome]) -> bool:
-    """Return whether every draw was measured within every tolerance."""
+def _meets(case: LookCase, outcome: Outcome) -> bool:
+    """Return whether a draw was measured within every tolerance."""
     limit = case.tolerance_theta_rad
-    return all(
-        outcome.distance_um <= case.tolerance_um
-        and (
-            limit is None
-            or (outcome.theta_rad is not None and abs(outcome.theta_rad) <= limit)
-        )
-        for outcome in found
+    return outcome.distance_um <= case.tolerance_um and (
+        limit is None
+        or (outcome.theta_rad is not None and abs(outcome.theta_rad) <= limit)
     )

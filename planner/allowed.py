@@ -7,7 +7,7 @@ from functools import partial
 
 from featuresel.reach import Direction, Search, Setting
 from featuresel.usable import alone
-from planner.checks.borne import Borne
+from planner.checks.borne import Borne, is_placed
 from planner.checks.insertion import Insertion
 from planner.compiled import CompiledLook
 from planner.contests import Effects
@@ -127,4 +127,5 @@ def _drifts(
 
 
 def _reach(search: Search, asked: tuple[Direction, Borne]) -> float:
-    return search.reach(*asked)
+    direction, borne = asked
+    return search.reach(direction, is_placed, borne)

@@ -20,8 +20,7 @@ class Borne:
 
     What the draws are off by on average is an offset that nobody corrects, in the worst
     direction; what they scatter by counts as the look's error where it is larger than
-    what the trials found. An answer that is none ends it: the look would be repeated
-    for ever.
+    what the trials found. All draws must be `is_placed`.
     """
 
     job: Insertion
@@ -33,11 +32,8 @@ class Borne:
 
     def __call__(self, drift: float, found: Sequence[Outcome], /) -> bool:
         """Return whether the chance is kept at `drift`."""
-        places = [outcome.target_um for outcome in found]
-        known = [place for place in places if place is not None]
-        if len(known) < len(places):
-            return False
-        errors = np.array(known) - np.array(self.bias_um)
+        places = np.array([outcome.target_um for outcome in found], dtype=np.float64)
+        errors = places - np.array(self.bias_um)
         offset_um = math.hypot(*errors.mean(axis=0))
         job = self._at(drift, _scatter_um(errors))
         return 1 - job.missed_with(offset_um) >= self.goal
@@ -50,6 +46,14 @@ class Borne:
             return job
         grown_um = sizes[FOCUS_TERM] + self.lateral_um * abs(drift)
         return job.resized(FOCUS_TERM, grown_um)
+
+
+def is_placed(outcome: Outcome) -> bool:
+    """Return whether a draw gave a place; a look that gives none is repeated for ever.
+
+    What such a drift does to the insertion need not be asked.
+    """
+    return outcome.target_um is not None
 
 
 def _scatter_um(errors_um: np.ndarray) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import pytest
@@ -11,8 +11,15 @@ from hypothesis import strategies as st
 
 from featuresel import reach
 from featuresel.case import LookCase
-from featuresel.reach import FOCUS_UM, STRIDE, ZOOM, last_held
-from featuresel.trials import prepare
+from featuresel.reach import (
+    FOCUS_UM,
+    STRIDE,
+    ZOOM,
+    Direction,
+    Search,
+    last_held,
+)
+from featuresel.trials import Outcome, prepare
 from featuresel.usable import usable_range
 
 Look = Callable[[str], LookCase]
@@ -73,3 +80,23 @@ def test_ranges_of_looks_are_those_found_by_trying_all(
         float(np.diff(p.astype(float)).std()) for p in quick.pictures if p is not None
     ]
     assert max(steps[:2]) < min(steps[2:])
+
+
+def test_no_draw_is_made_after_one_that_does_not_pass(look: Look) -> None:
+    case, ready = look("post"), prepare(look("post"), [("circle_caliper",)])
+    search = Search(case=case, prepared=ready, root_seed=3, draws=3)
+    farther, made, together = Direction("zoom", 1), [0], [0]
+
+    def whole(drift: float, found: Sequence[Outcome]) -> bool:
+        together[0] += 1
+        return len(found) == 3 and drift <= ZOOM[2]
+
+    def near(outcome: Outcome) -> bool:
+        made[0] += 1
+        return outcome.trial == 0  # the second draw of every drift is refused
+
+    assert search.reached(farther, lambda _: True, whole).drift == ZOOM[2]
+    asked, together[0] = together[0], 0
+    assert search.reached(farther, near, whole).drift == 0
+    assert (made[0], together[0]) == (2 * 3, 0)  # of the fourth, second and first step
+    assert asked > 3
