@@ -33,6 +33,7 @@ _STEP_Z = 0.03  # of n wavelength / A**2, the depth of field
 _LARGEST_TURN = 0.02  # rad, where a target is smaller than its blur
 _LARGEST_ZOOM = 0.01
 _FARTHEST = 4  # steps from the middle of a difference
+_MORE = 1 + 1e-6  # times that, for what rounding adds to a displacement
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -185,7 +186,7 @@ class _Look:
         )
         fine = replace(case, sampling=sampling, microscope=_scope(case, at))
         focus_um = case.focus_um + at.dz_um
-        far = {name: _FARTHEST * steps.get(name, 0.0) for name in POSE}
+        far = {name: _FARTHEST * _MORE * steps.get(name, 0.0) for name in POSE}
         ratio = far["zoom"] / at.zoom
         reach = Range(
             focus_um=(focus_um - far["z"], focus_um + far["z"]),

@@ -32,6 +32,7 @@ from featuresel.routines.ambiguity import (
     marks,
     other_turns,
 )
+from featuresel.routines.appearance import Pose
 from featuresel.routines.comparison import Job, View
 from featuresel.routines.picture import refused
 from featuresel.routines.pose_fit import PoseFit, fit_pose
@@ -41,7 +42,7 @@ from featuresel.routines.pose_start import start_pose
 IntArray = npt.NDArray[np.intp]
 
 NAME = "likelihood"
-VERSION = "4"
+VERSION = "5"
 KINDS: tuple[TargetKind, ...] = ("circle", "teeth", "outline", "jaws")
 GIVES: tuple[Known, ...] = ("xy", "theta", "z", "zoom")
 NEEDS: tuple[Known, ...] = ("xy",)
@@ -72,12 +73,15 @@ def measure(
     start = start_pose(job, p, guess)
     if isinstance(start, Failure):
         return start
-    found = fit_pose(job.held, start)
-    marked = artifact.arrays.get("odd", np.zeros(0))
-    if isinstance(found, PoseFit) and len(marked) > 0 and guess.z_um is None:
-        found = _at_mark(job.held, found, marked.astype(np.intp), p["range_rad"])
-    if isinstance(found, PoseFit) and job.front is not None:
-        found = fit_pose(job, found.pose)  # at a wrong turn it would try to mend that
+    marked = artifact.arrays.get("odd", np.zeros(0)).astype(np.intp)
+    if len(marked) == 0 or guess.z_um is not None:
+        found = _freed(job, start)
+    else:
+        found = fit_pose(job.held, start)
+        if isinstance(found, PoseFit):
+            found = _at_mark(job.held, found, marked, p["range_rad"])
+        if isinstance(found, PoseFit) and job.front is not None:
+            found = fit_pose(job, found.pose)  # at a wrong turn it would mend that
     return found if isinstance(found, Failure) else answer(found, p, guess)
 
 
@@ -85,6 +89,19 @@ def cost(artifact: Artifact, _pixels: int) -> float:
     """Return the work of one `measure`, see `featuresel.routines.Routine`."""
     cells = artifact.arrays["planes"].shape[2]
     return 4.0 + 3e-4 * float(cells)
+
+
+def _freed(job: Job, start: Pose) -> PoseFit | Failure:
+    """Return the fit of the pose together with what stands in front, if anything does.
+
+    Held as planned where it is not, that draws the pose's focus and zoom away, and from
+    there the fit of both may not come back. It settles where both together do not.
+    """
+    found = fit_pose(job, start)
+    if isinstance(found, PoseFit) or job.front is None:
+        return found
+    near = fit_pose(job.held, start)
+    return near if isinstance(near, Failure) else fit_pose(job, near.pose)
 
 
 def _at_mark(
