@@ -33,7 +33,7 @@ _STEP_Z = 0.03  # of n wavelength / A**2, the depth of field
 _LARGEST_TURN = 0.02  # rad, where a target is smaller than its blur
 _LARGEST_ZOOM = 0.01
 _FARTHEST = 4  # steps from the middle of a difference
-_MORE = 1 + 1e-6  # times that, for what rounding adds to a displacement
+_MORE = 1 + 1e-6  # times that, for what rounding adds
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -166,14 +166,14 @@ def sensitivities(
 
 @dataclass(frozen=True, slots=True)
 class _Look:
-    """Renders a case in even light, about a setting: what does not turn from spectra.
+    """Renders a case in even light, about a setting; through focus from one spectrum.
 
     `case` is at the setting's zoom; so are the zooms of views.
     """
 
     case: LookCase
     at: Setting
-    reach: Range  # of all images but those of a turned target
+    reach: Range  # of focus and zoom
 
     @classmethod
     def of(cls, case: LookCase, at: Setting, steps: Mapping[str, float]) -> _Look:
@@ -186,12 +186,11 @@ class _Look:
         )
         fine = replace(case, sampling=sampling, microscope=_scope(case, at))
         focus_um = case.focus_um + at.dz_um
-        far = {name: _FARTHEST * _MORE * steps.get(name, 0.0) for name in POSE}
-        ratio = far["zoom"] / at.zoom
+        far_um, ratio = (_FARTHEST * steps.get(name, 0.0) for name in ("z", "zoom"))
+        ratio *= _MORE / at.zoom
         reach = Range(
-            focus_um=(focus_um - far["z"], focus_um + far["z"]),
+            focus_um=(focus_um - _MORE * far_um, focus_um + _MORE * far_um),
             zoom=(1 - ratio, 1 + ratio),
-            shift_um=max(far["x"], far["y"]),
         )
         return cls(fine, at, reach)
 
@@ -212,10 +211,8 @@ class _Look:
         zoom = at.zoom / self.at.zoom
         moved = moved_layers(case, at.dx_um, at.dy_um, at.dtheta_rad)
         shown = self._standing(case.static, focus_um, zoom)
-        if case.shares_still_layers and at.dtheta_rad == self.at.dtheta_rad:
-            held = moved_layers(case, self.at.dx_um, self.at.dy_um, at.dtheta_rad)
-            by_um = (at.dx_um - self.at.dx_um, at.dy_um - self.at.dy_um)
-            shown, moved = shown.with_(self._standing(held, focus_um, zoom, by_um)), ()
+        if case.shares_still_layers and self._is_in_place(at):
+            shown, moved = shown.with_(self._standing(moved, focus_um, zoom)), ()
         m = case.microscope
         return picture(
             case,
@@ -228,18 +225,23 @@ class _Look:
             under=shown.under,
         )
 
+    def _is_in_place(self, at: Setting) -> bool:
+        """Return whether the target stands as it does at the look's own setting.
+
+        What is displaced on its tile is cut off elsewhere: an edge that goes on beyond
+        it would seem to tell where along itself it lies.
+        """
+        mine = self.at
+        return (at.dx_um, at.dy_um, at.dtheta_rad) == (
+            mine.dx_um, mine.dy_um, mine.dtheta_rad,
+        )  # fmt: skip
+
     def _standing(
-        self,
-        layers: tuple[Layer, ...],
-        focus_um: float,
-        zoom: float,
-        shift_um: tuple[float, float] = (0.0, 0.0),
+        self, layers: tuple[Layer, ...], focus_um: float, zoom: float
     ) -> Backdrop:
         """Return layers as one image has them; none where images do not share them."""
         ready = standing(self.case, layers, self.reach, self.case.model)
-        if ready is None:
-            return Backdrop()
-        return ready.at(focus_um=focus_um, zoom=zoom, shift_um=shift_um)
+        return ready.at(focus_um=focus_um, zoom=zoom) if ready else Backdrop()
 
 
 def _scope(case: LookCase, at: Setting) -> Microscope:
