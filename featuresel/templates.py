@@ -9,13 +9,14 @@ import numpy as np
 import numpy.typing as npt
 
 from featuresel.case import LookCase, moved_layers, picture
+from featuresel.standing import Backdrop, standing
 from optics.microscope import Microscope
-from optics.prepared import prepare
-from optics.scene import Illumination, Layer, Scene, Window
+from optics.scene import Illumination, Layer, Window
 from optics.views import Range
 
 FloatArray = npt.NDArray[np.float64]
 
+_NOTHING = Backdrop()
 _POINT = 1e-12  # fill factor of samples that integrate over no area
 
 
@@ -33,9 +34,12 @@ def template(
         raise ValueError(f"over must be odd and positive, got {over}")
     fine = _fine(case, over, half_px)
     moved = moved_layers(fine, 0.0, 0.0, 0.0)
-    if fine.shares_spectra:
-        return _through_focus(fine, moved, dz_um)
-    return np.stack([_alone(fine, moved, dz) for dz in dz_um])
+    heights = [fine.focus_um + dz for dz in dz_um]
+    reach = Range(focus_um=(min(heights), max(heights)))
+    ready = standing(fine, moved, reach, fine.model)
+    if ready is None:
+        return np.stack([_pictured(fine, z, moved) for z in heights])
+    return np.stack([_pictured(fine, z, (), ready.at(focus_um=z)) for z in heights])
 
 
 def _fine(case: LookCase, over: int, half_px: tuple[int, int]) -> LookCase:
@@ -70,29 +74,20 @@ def _window(case: LookCase, over: int, half_px: tuple[int, int]) -> Window:
     )
 
 
-def _alone(fine: LookCase, moved: tuple[Layer, ...], dz_um: float) -> FloatArray:
-    """Return the picture of the target alone at one focus."""
+def _pictured(
+    fine: LookCase,
+    focus_um: float,
+    moved: tuple[Layer, ...],
+    known: Backdrop = _NOTHING,
+) -> FloatArray:
+    """Return the picture of the target alone at one focus, `known` being blurred."""
     return picture(
         fine,
         moved,
         fine.microscope,
-        focus_um=fine.focus_um + dz_um,
+        focus_um=focus_um,
         model=fine.model,
         light=fine.light,
+        backdrop=known.layers,
+        under=known.under,
     )
-
-
-def _through_focus(
-    fine: LookCase, moved: tuple[Layer, ...], dz_um: Sequence[float]
-) -> FloatArray:
-    """Return the pictures of the target alone from spectra computed once."""
-    heights = [fine.focus_um + dz for dz in dz_um]
-    ready = prepare(
-        Scene(layers=moved, background=fine.background),
-        fine.microscope,
-        Range(focus_um=(min(heights), max(heights))),
-        model=fine.model,
-        window=fine.window,
-        sampling=fine.sampling,
-    )
-    return np.stack([ready.image(focus_um=z, light=fine.light) for z in heights])
