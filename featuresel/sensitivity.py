@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from featuresel.case import LookCase, moved_layers, picture
 from featuresel.perturb import Trial
-from featuresel.standing import Backdrop, standing
+from featuresel.standing import Backdrop, Standing, standing
 from optics.laying import light_up
 from optics.microscope import Microscope
 from optics.outline import Outline
@@ -164,7 +164,7 @@ def sensitivities(
     )
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class _Look:
     """Renders a case in even light, about a setting; through focus from one spectrum.
 
@@ -173,7 +173,9 @@ class _Look:
 
     case: LookCase
     at: Setting
-    reach: Range  # of focus and zoom
+    still: Standing | None  # None, both: images do not share layers
+    own: Standing | None  # the target in its place
+    behind: Backdrop  # what stands still, at the setting's focus and zoom
 
     @classmethod
     def of(cls, case: LookCase, at: Setting, steps: Mapping[str, float]) -> _Look:
@@ -192,7 +194,13 @@ class _Look:
             focus_um=(focus_um - _MORE * far_um, focus_um + _MORE * far_um),
             zoom=(1 - ratio, 1 + ratio),
         )
-        return cls(fine, at, reach)
+        moved = moved_layers(fine, at.dx_um, at.dy_um, at.dtheta_rad)
+        still, own = (
+            standing(fine, layers, reach, fine.model, keep=False)
+            for layers in (fine.static, moved)
+        )
+        behind = still.at(focus_um=focus_um) if still else Backdrop()
+        return cls(case=fine, at=at, still=still, own=own, behind=behind)
 
     def along(self, name: str) -> Callable[[float], FloatArray]:
         """Return what renders the look a step of one parameter away."""
@@ -206,42 +214,38 @@ class _Look:
 
     def unlit(self, at: Setting | None = None) -> FloatArray:
         """Return the region in even light of gain 1, (rows, columns)."""
-        at = at or self.at
-        case, focus_um = self.case, self.case.focus_um + at.dz_um
+        at, m = at or self.at, self.case.microscope
         zoom = at.zoom / self.at.zoom
-        moved = moved_layers(case, at.dx_um, at.dy_um, at.dtheta_rad)
-        shown = self._standing(case.static, focus_um, zoom)
-        if case.shares_still_layers and self._is_in_place(at):
-            shown, moved = shown.with_(self._standing(moved, focus_um, zoom)), ()
-        m = case.microscope
+        layers, shown = self._seen(at, zoom)
         return picture(
-            case,
-            moved,
+            self.case,
+            layers,
             m if zoom == 1 else replace(m, magnification=m.magnification * zoom),
-            focus_um=focus_um,
-            model=case.model,
+            focus_um=self.case.focus_um + at.dz_um,
+            model=self.case.model,
             light=Illumination(),
             backdrop=shown.layers,
             under=shown.under,
         )
 
-    def _is_in_place(self, at: Setting) -> bool:
-        """Return whether the target stands as it does at the look's own setting.
+    def _seen(self, at: Setting, zoom: float) -> tuple[tuple[Layer, ...], Backdrop]:
+        """Return the layers to be rendered anew, and those that are ready.
 
-        What is displaced on its tile is cut off elsewhere: an edge that goes on beyond
-        it would seem to tell where along itself it lies.
+        What is displaced on its tile would be cut off elsewhere: an edge that goes on
+        beyond it would seem to tell where along itself it lies.
         """
-        mine = self.at
-        return (at.dx_um, at.dy_um, at.dtheta_rad) == (
-            mine.dx_um, mine.dy_um, mine.dtheta_rad,
-        )  # fmt: skip
-
-    def _standing(
-        self, layers: tuple[Layer, ...], focus_um: float, zoom: float
-    ) -> Backdrop:
-        """Return layers as one image has them; none where images do not share them."""
-        ready = standing(self.case, layers, self.reach, self.case.model)
-        return ready.at(focus_um=focus_um, zoom=zoom) if ready else Backdrop()
+        case, mine = self.case, self.at
+        moved = moved_layers(case, at.dx_um, at.dy_um, at.dtheta_rad)
+        pose = (at.dx_um, at.dy_um, at.dtheta_rad)
+        if self.still is None or self.own is None:
+            return moved, self.behind
+        if pose != (mine.dx_um, mine.dy_um, mine.dtheta_rad):
+            return moved, self.behind  # one parameter is a step off, no other
+        focus_um = case.focus_um + at.dz_um
+        own = self.own.at(focus_um=focus_um, zoom=zoom)
+        if (at.dz_um, zoom) == (mine.dz_um, 1):
+            return (), self.behind.with_(own)
+        return (), self.still.at(focus_um=focus_um, zoom=zoom).with_(own)
 
 
 def _scope(case: LookCase, at: Setting) -> Microscope:

@@ -85,7 +85,12 @@ def usual_range(case: LookCase) -> Range:
 
 
 def standing(
-    case: LookCase, layers: Sequence[Layer], reach: Range, model: str
+    case: LookCase,
+    layers: Sequence[Layer],
+    reach: Range,
+    model: str,
+    *,
+    keep: bool = True,
 ) -> Standing | None:
     """Return layers of a look ready for images of a range.
 
@@ -99,15 +104,17 @@ def standing(
         Focus heights, zooms and displacements that will be asked for.
     model : str
         The defocus law.
+    keep : bool
+        Whether they may be asked for again; those kept last are given again.
 
     Returns
     -------
     Standing or None
-        None where images do not share layers. Those held last are given again.
+        None where images do not share layers.
     """
     if not case.shares_still_layers:
         return None
-    return _ready(
+    return (_kept if keep else _ready)(
         tuple(layers),
         case.microscope,
         case.window,
@@ -152,7 +159,6 @@ def _heights_um(case: LookCase) -> tuple[float, ...]:
     return tuple(sorted(found))
 
 
-@lru_cache(maxsize=_HELD)
 def _ready(
     layers: tuple[Layer, ...],
     microscope: Microscope,
@@ -183,6 +189,9 @@ def _ready(
         sampling=sampling,
     )
     return Standing(prepared=ready, lights=found)
+
+
+_kept = lru_cache(maxsize=_HELD)(_ready)
 
 
 def displaced(layer: Layer, by_um: tuple[float, float]) -> Layer:

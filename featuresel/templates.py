@@ -36,7 +36,7 @@ def template(
     moved = moved_layers(fine, 0.0, 0.0, 0.0)
     heights = [fine.focus_um + dz for dz in dz_um]
     reach = Range(focus_um=(min(heights), max(heights)))
-    ready = standing(fine, moved, reach, fine.model)
+    ready = standing(fine, moved, reach, fine.model, keep=False)
     if ready is None:
         return np.stack([_pictured(fine, z, moved) for z in heights])
     return np.stack([_pictured(fine, z, (), ready.at(focus_um=z)) for z in heights])

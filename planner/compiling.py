@@ -5,16 +5,13 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from planner.caching.memo import Memo
 from planner.caching.store import Store
 from planner.caching.whole import Whole, remember, remembered
 from planner.diagnostics import Report
 from planner.options import Options
-
-if TYPE_CHECKING:
-    from planner.outputs.folder import PlanFolder
+from planner.outputs.folder import PlanFolder
 
 _PASSING = frozenset({"MP227"})  # findings that another try may not have
 
@@ -44,13 +41,12 @@ def compile_file(
     started = time.perf_counter()
     asked = (options.preset, options.max_image_error)
     whole = None if store is None else remembered(store, task, asked)
-    if whole is not None:
+    if whole is not None and isinstance(whole.made, PlanFolder):
         report.found.extend(whole.findings)
         report.files.update(whole.files)
-        folder: PlanFolder = whole.made
-        ready(folder.name)
+        ready(whole.made.name)
         spent = {"total_s": time.perf_counter() - started}
-        return replace(folder, timings=spent)
+        return replace(whole.made, timings=spent)
     # what nothing is computed for need not be loaded: that takes ten times as long
     from planner.compiler import compile_task
     from planner.inputs.read_task import load_task

@@ -20,7 +20,7 @@ class Borne:
 
     What the draws are off by on average is an offset that nobody corrects, in the worst
     direction; what they scatter by counts as the look's error where it is larger than
-    what the trials found. All draws must be `is_placed`.
+    what the trials found. It is asked of draws that are all `is_placed`.
     """
 
     job: Insertion

@@ -56,7 +56,7 @@ def _written(call: argparse.Namespace, report: Report) -> str:
 
         tell(times_summary(files.timings))
     if call.golden is not None:
-        said.append(_golden(call, files.plan(), folder, report))
+        said.append(_golden(call, files, folder, report))
     return "\n".join(said)
 
 
@@ -106,7 +106,9 @@ def _beside(task: str, name: str) -> Path:
     return Path(task).parent / f"{name}.plan"
 
 
-def _golden(call: argparse.Namespace, plan: Plan, folder: Path, report: Report) -> str:
+def _golden(
+    call: argparse.Namespace, made: PlanFolder, folder: Path, report: Report
+) -> str:
     """Return how a new plan compares with the golden one, renewed if asked for."""
     from planner.diffing import diff_with_golden, plan_file, renew_golden
     from planner.outputs.changes import changes_text
@@ -115,7 +117,7 @@ def _golden(call: argparse.Namespace, plan: Plan, folder: Path, report: Report) 
     if call.update:
         renew_golden(folder, golden)
         return f"golden plan: {golden}"
-    changes = diff_with_golden(plan, folder, golden, call.tolerance)
+    changes = diff_with_golden(made.plan(), folder, golden, call.tolerance)
     if changes:
         where = Span(file=str(plan_file(golden)))
         hint = "meant? compile again with --update"

@@ -9,7 +9,7 @@ import stat
 import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
 from planner.outputs.errors import OutputError
@@ -29,6 +29,13 @@ class PlanFolder:
     files: Mapping[str, bytes]  # path in the folder, with "/" -> what it holds
     timings: Mapping[str, float]  # stage -> seconds; never compared
     summary: str
+
+    def __post_init__(self) -> None:
+        if PLAN not in self.files:
+            raise ValueError(f"a plan folder has a {PLAN}, got {sorted(self.files)}")
+        for path in map(PurePosixPath, self.files):
+            if path.is_absolute() or ".." in path.parts:
+                raise ValueError(f"{path} lies outside the folder")
 
     def plan(self) -> Plan:
         """Return the plan in it."""

@@ -161,3 +161,14 @@ def test_a_folder_gives_its_plan(files: PlanFiles) -> None:
     assert dump_plan(made.plan()) == dump_plan(files.plan)
     assert made.name == files.plan.name
     assert files.plan.status in made.summary
+
+
+@pytest.mark.parametrize("path", ["../a.png", "images/../../a.png", "/tmp/a.png"])
+def test_a_folder_holds_nothing_that_lies_elsewhere(
+    files: PlanFiles, path: str
+) -> None:
+    made = plan_folder(files)
+    with pytest.raises(ValueError, match="outside"):
+        replace(made, files={**made.files, path: b""})
+    with pytest.raises(ValueError, match="plan"):
+        replace(made, files={"images/a.png": b""})
