@@ -95,7 +95,8 @@ def _freed(job: Job, start: Pose) -> PoseFit | Failure:
     """Return the fit of the pose together with what stands in front, if anything does.
 
     Held as planned where it is not, that draws the pose's focus and zoom away, and from
-    there the fit of both may not come back. It settles where both together do not.
+    there the fit of both may not come back. It settles where both together do not; one
+    that settles is not doubted here but by `answer`.
     """
     found = fit_pose(job, start)
     if isinstance(found, PoseFit) or job.front is None:
