@@ -5,13 +5,11 @@ from __future__ import annotations
 import json
 import os
 import re
-import shutil
-import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
 from planner.outputs.errors import OutputError
-from planner.outputs.folder import swap
+from planner.outputs.folder import replace_by, replace_bytes
 
 INDEX = "export.json"  # by which a folder is known to be an export
 _STRANGE = re.compile(r"[^A-Za-z0-9_-]")
@@ -47,19 +45,7 @@ def check_free(out: Path, *, folder: bool, overwrite: bool) -> None:
 def write_file(out: Path, data: bytes, *, overwrite: bool) -> None:
     """Write a file; errors as `check_free`, MP702 if it cannot be written."""
     check_free(out, folder=False, overwrite=overwrite)
-    try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(prefix=".export.", dir=out.parent)
-        try:
-            with os.fdopen(handle, "wb") as stream:
-                stream.write(data)
-            Path(name).chmod(0o644)
-            Path(name).replace(out)
-        except BaseException:
-            Path(name).unlink(missing_ok=True)
-            raise
-    except (OSError, ValueError) as error:
-        raise OutputError("MP702", f"{out} cannot be written: {error}") from error
+    replace_bytes(out, data)
 
 
 def write_folder(
@@ -70,21 +56,14 @@ def write_folder(
     An older export is replaced whole.
     """
     check_free(out, folder=True, overwrite=overwrite)
-    try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        fresh = Path(tempfile.mkdtemp(prefix=".export.", dir=out.parent))
-        try:
-            for name, data in files.items():
-                (fresh / name).write_bytes(data)
-            text = json.dumps(index, indent=2, ensure_ascii=False) + "\n"
-            (fresh / INDEX).write_bytes(text.encode("utf-8", "backslashreplace"))
-            fresh.chmod(0o755)
-            swap(fresh, out)
-        except BaseException:
-            shutil.rmtree(fresh, ignore_errors=True)
-            raise
-    except (OSError, ValueError) as error:
-        raise OutputError("MP702", f"{out} cannot be written: {error}") from error
+    text = json.dumps(index, indent=2, ensure_ascii=False) + "\n"
+    held = {**files, INDEX: text.encode("utf-8", "backslashreplace")}
+
+    def fill(fresh: Path) -> None:
+        for name, data in held.items():
+            (fresh / name).write_bytes(data)
+
+    replace_by(out, fill)
 
 
 def file_names(ids: list[str], suffix: str) -> list[str]:

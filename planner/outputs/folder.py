@@ -7,8 +7,9 @@ import os
 import shutil
 import stat
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
@@ -55,17 +56,25 @@ def write_folder(made: PlanFolder, folder: Path) -> None:
         written.
     """
     check_folder(folder)
+    replace_by(folder, partial(_fill, made))
+
+
+def replace_by(folder: Path, fill: Callable[[Path], object]) -> None:
+    """Put a folder in the place of another one, whole or not at all.
+
+    `fill` writes into a fresh folder; MP702 if that or the move fails.
+    """
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
         fresh = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
         try:
-            _fill(made, fresh)
+            fill(fresh)
             fresh.chmod(0o755)
             swap(fresh, folder)
         except BaseException:
             shutil.rmtree(fresh, ignore_errors=True)
             raise
-    except OSError as error:
+    except (OSError, ValueError) as error:
         raise OutputError("MP702", f"{folder} cannot be written: {error}") from error
 
 
@@ -75,16 +84,16 @@ def replace_file(source: Path, file: Path) -> None:
         data = source.read_bytes()
     except OSError as error:
         raise OutputError("MP702", f"{source} cannot be read: {error}") from error
-    _replace(file, data)
+    replace_bytes(file, data)
 
 
 def replace_text(file: Path, text: str) -> None:
     """Write a text file, whole or not at all; MP702 if it cannot be written."""
-    _replace(file, text.encode())
+    replace_bytes(file, text.encode())
 
 
-def _replace(file: Path, data: bytes) -> None:
-    """Put data in the place of a file; nothing is left of what fails."""
+def replace_bytes(file: Path, data: bytes) -> None:
+    """Write a file, whole or not at all; MP702 if it cannot be written."""
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         handle, name = tempfile.mkstemp(prefix=".microplan.", dir=file.parent)
@@ -96,25 +105,14 @@ def _replace(file: Path, data: bytes) -> None:
         except BaseException:
             Path(name).unlink(missing_ok=True)
             raise
-    except OSError as error:
+    except (OSError, ValueError) as error:
         raise OutputError("MP702", f"{file} cannot be written: {error}") from error
 
 
 def replace_folder(source: Path, folder: Path) -> None:
     """Copy a plan folder into place, whole or not at all; MP701, MP702 as above."""
     check_folder(folder)
-    try:
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        fresh = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
-        try:
-            shutil.copytree(source, fresh, dirs_exist_ok=True)
-            fresh.chmod(0o755)
-            swap(fresh, folder)
-        except BaseException:
-            shutil.rmtree(fresh, ignore_errors=True)
-            raise
-    except OSError as error:
-        raise OutputError("MP702", f"{folder} cannot be written: {error}") from error
+    replace_by(folder, partial(shutil.copytree, source, dirs_exist_ok=True))
 
 
 def check_folder(folder: Path) -> None:
