@@ -20,6 +20,11 @@ if TYPE_CHECKING:
 
 PLAN = "plan.json"
 _ALWAYS = ("images", "artifacts")  # folders of every plan, empty or not
+# what lies in a plan folder: beside anything else a plan may have been kept
+_OURS = {
+    PLAN, "world.json", "scenes.json", "inputs.json", "timings.json", "evidence",
+    "report.html", *_ALWAYS,
+}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -116,22 +121,23 @@ def replace_folder(source: Path, folder: Path) -> None:
 
 
 def check_folder(folder: Path) -> None:
-    """Raise OutputError unless `folder` is absent, empty or a plan folder.
+    """Raise OutputError unless `folder` is absent, empty or a plan folder alone.
 
     MP701 if it is something else, MP702 if it cannot be told.
     """
     try:
         if not stat.S_ISDIR(folder.stat().st_mode):
             raise OutputError("MP701", f"{folder} is a file, not a folder")
-        known = not any(folder.iterdir()) or (folder / PLAN).is_file()
+        held = {path.name for path in folder.iterdir()}
     except FileNotFoundError:
         return
     except OSError as error:
         raise OutputError("MP702", f"{folder} cannot be written: {error}") from error
-    if not known:
-        raise OutputError(
-            "MP701", f"{folder} holds other things than a plan; it is left untouched"
-        )
+    if held and not (PLAN in held and held <= _OURS):
+        foreign = sorted(held - _OURS)
+        said = f"{foreign[0]!r} for one" if foreign else f"and no {PLAN}"
+        message = f"{folder} holds other things than a plan, {said}"
+        raise OutputError("MP701", f"{message}; it is left untouched")
 
 
 def _fill(made: PlanFolder, folder: Path) -> None:

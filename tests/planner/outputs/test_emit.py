@@ -84,6 +84,24 @@ def test_a_foreign_folder_is_left_alone(files: PlanFiles, tmp_path: Path) -> Non
     assert content(tmp_path) == {"thesis/chapter.txt": b"years", "file": b"x"}
 
 
+@pytest.mark.parametrize("name", ["NOTES.txt", "task.yaml", "journal.jsonl", "parts"])
+def test_a_plan_among_other_things_is_left_alone(
+    files: PlanFiles, tmp_path: Path, name: str
+) -> None:
+    folder = tmp_path / "x.plan"
+    write_folder(plan_folder(files), folder)
+    (folder / name).write_text("years", encoding="utf-8")
+    (folder / "report.html").write_text("ours", encoding="utf-8")
+    before = content(folder)
+    with pytest.raises(OutputError, match=name) as caught:
+        write_folder(plan_folder(files), folder)
+    assert caught.value.code == "MP701"
+    assert content(folder) == before
+    (folder / name).unlink()
+    write_folder(plan_folder(files), folder)
+    assert not (folder / "report.html").exists()  # it was of the plan before
+
+
 def test_the_command_leaves_a_foreign_folder_alone(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
