@@ -28,6 +28,9 @@ def compile_task(call: argparse.Namespace) -> int:
     from planner.comparing.errors import DiffError
     from planner.outputs.errors import OutputError
 
+    if call.update and call.golden is None:
+        tell("--update renews a golden plan: name it with --golden")
+        return BAD_INPUT
     if call.watch:
         return _watch(call)
     report, said = Report(), ""
@@ -130,7 +133,7 @@ def _watch(call: argparse.Namespace) -> int:
     """Compile whenever a file changes; only Ctrl-C or an unusable call ends it."""
     from planner.outputs.errors import OutputError
 
-    if call.golden is not None or call.update or call.format != "text":
+    if call.golden is not None or call.format != "text":
         tell("--watch goes with neither --golden nor --format")
         return BAD_INPUT
     try:

@@ -46,6 +46,13 @@ def first_lines(capsys: pytest.CaptureFixture[str]) -> tuple[str, str]:
     return heard.out.splitlines()[-1], heard.err
 
 
+def test_nothing_is_renewed_that_is_not_named(
+    compiled: Compile, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert compiled("--update") == 2
+    assert "--golden" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("name", ["golden.json", "golden"])
 def test_a_golden_plan_is_made_compared_and_renewed(
     name: str,

@@ -133,7 +133,7 @@ def test_it_cannot_be_asked_for_what_it_does_not_do(
 ) -> None:
     from planner.cli import main
 
-    for more in (["--golden", "x"], ["--update"], ["--format", "json"]):
+    for more in (["--golden", "x"], ["--format", "json"]):
         assert main(["compile", str(task), "--watch", *more]) == 2
         assert "--watch" in capsys.readouterr().err
     (task.parent / "thesis").mkdir()
