@@ -11,7 +11,7 @@ from planner.caching.store import Store
 from planner.caching.whole import Whole, remember, remembered
 from planner.diagnostics import Report
 from planner.options import Options
-from planner.outputs.folder import PlanFolder
+from planner.outputs.folder import PlanBytes
 
 _PASSING = frozenset({"MP227"})  # findings that another try may not have
 
@@ -22,7 +22,7 @@ def compile_file(
     options: Options,
     store: Store | None,
     ready: Callable[[str], None],
-) -> PlanFolder | None:
+) -> PlanBytes | None:
     """Return the plan folder of a task file, None if the file is at fault.
 
     Parameters
@@ -41,7 +41,7 @@ def compile_file(
     started = time.perf_counter()
     asked = (options.preset, options.max_image_error)
     whole = None if store is None else remembered(store, task, asked)
-    if whole is not None and isinstance(whole.made, PlanFolder):
+    if whole is not None and isinstance(whole.made, PlanBytes):
         report.found.extend(whole.findings)
         report.files.update(whole.files)
         ready(whole.made.name)
@@ -50,7 +50,7 @@ def compile_file(
     # what nothing is computed for need not be loaded: that takes ten times as long
     from planner.compiler import compile_task
     from planner.inputs.read_task import load_task
-    from planner.outputs.emit import plan_folder
+    from planner.outputs.emit import plan_bytes
 
     read = load_task(task, report)
     if read is None:
@@ -59,7 +59,7 @@ def compile_file(
     files = compile_task(read, report, replace(options, memo=Memo(store)))
     if files is None:
         return None
-    made = plan_folder(files)
+    made = plan_bytes(files)
     if store is not None:
         _remember(store, task, asked, report, made)
     return made
@@ -70,7 +70,7 @@ def _remember(
     task: str,
     asked: tuple[str | None, float | None],
     report: Report,
-    made: PlanFolder,
+    made: PlanBytes,
 ) -> None:
     """Keep a compile, unless a second try may find something else."""
     if not _PASSING & {finding.code for finding in report.found}:

@@ -22,7 +22,7 @@ class Whole:
 
     files: Mapping[str, str]  # path -> sha256 of what it held
     findings: tuple[Diagnostic, ...]
-    made: Any  # planner.outputs.folder.PlanFolder
+    made: Any  # planner.outputs.folder.PlanBytes
 
 
 def remembered(store: Store, task: str, options: tuple[Any, ...]) -> Whole | None:

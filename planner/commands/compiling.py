@@ -19,7 +19,7 @@ from schemas.console import say, tell
 
 if TYPE_CHECKING:
     from planner.options import Options
-    from planner.outputs.folder import PlanFolder
+    from planner.outputs.folder import PlanBytes
     from schemas.plan import Plan
 
 
@@ -65,7 +65,7 @@ def _written(call: argparse.Namespace, report: Report) -> str:
 
 def _compiled(
     call: argparse.Namespace, report: Report
-) -> tuple[PlanFolder, Path] | None:
+) -> tuple[PlanBytes, Path] | None:
     """Return what a task compiles to and where it was written, None if at fault."""
     from planner.caching.store import Store, place
     from planner.compiling import compile_file
@@ -110,7 +110,7 @@ def _beside(task: str, name: str) -> Path:
 
 
 def _golden(
-    call: argparse.Namespace, made: PlanFolder, folder: Path, report: Report
+    call: argparse.Namespace, made: PlanBytes, folder: Path, report: Report
 ) -> str:
     """Return how a new plan compares with the golden one, renewed if asked for."""
     from planner.diffing import diff_with_golden, plan_file, renew_golden

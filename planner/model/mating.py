@@ -158,8 +158,8 @@ def fit_words(step: str, found: FitVerdict) -> str:
     words = (
         f"step {step!r}: {found.fit} fit, {found.hole_um:.4g} um over "
         f"{found.shaft_um:.4g} um: clearance {least:.3g}..{most:.3g} um, drawn "
-        f"{drawn:.3g} um; the hole finds a shaft up to {found.capture_um[0]:.3g} um "
-        "off (capture radius)"
+        f"{drawn:.3g} um; the hole finds any shaft up to {found.capture_um[0]:.3g} um "
+        "off (the least capture radius)"
     )
     if found.tilt_limit_rad is None:
         return words + "; nothing is engaged once the moves are done"

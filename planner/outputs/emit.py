@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from planner.outputs.folder import PLAN, PlanFolder, json_bytes
+from planner.outputs.folder import PLAN, PlanBytes, json_bytes
 from planner.outputs.summary import plan_summary
 from planner.pictures import Picture
 from schemas import evidence as shown
@@ -45,7 +45,7 @@ class PlanFiles:
     shots: tuple[Shot, ...] = ()  # what reports show of each look
 
 
-def plan_folder(made: PlanFiles) -> PlanFolder:
+def plan_bytes(made: PlanFiles) -> PlanBytes:
     """Return the plan folder of a compile; the same values give the same bytes.
 
     Raises
@@ -65,7 +65,7 @@ def plan_folder(made: PlanFiles) -> PlanFolder:
         files[path] = json_bytes(to_data(shot.evidence))
         files.update(_pictures(shot.pictures))
     files.update({name: _arrays(held) for name, held in made.arrays.items()})
-    return PlanFolder(
+    return PlanBytes(
         name=made.plan.name,
         files=files,
         timings=made.timings,

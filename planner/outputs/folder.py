@@ -28,7 +28,7 @@ _OURS = {
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PlanFolder:
+class PlanBytes:
     """A plan folder as it will lie on the disc, and what is said of it."""
 
     name: str  # of the task
@@ -51,7 +51,7 @@ class PlanFolder:
         return parse_plan(self.files[PLAN].decode("utf-8"))
 
 
-def write_folder(made: PlanFolder, folder: Path) -> None:
+def write_folder(made: PlanBytes, folder: Path) -> None:
     """Write a plan folder; an older plan in its place is replaced whole.
 
     Raises
@@ -140,7 +140,7 @@ def check_folder(folder: Path) -> None:
         raise OutputError("MP701", f"{message}; it is left untouched")
 
 
-def _fill(made: PlanFolder, folder: Path) -> None:
+def _fill(made: PlanBytes, folder: Path) -> None:
     """Write all files into an empty folder."""
     held = {path.rpartition("/")[0] for path in made.files} - {""}
     for name in sorted({*held, *_ALWAYS}):

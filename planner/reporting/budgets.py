@@ -125,8 +125,14 @@ def _yield_advice(points: list[tuple[float, float]], required: float | None) -> 
     enough = [x for x, p in points if p >= required]
     if not enough:
         return "No size on the curve gives the goal: change something else."
-    low, high = um(min(enough)), um(max(enough))
-    return f"Stay within {low} to {high}, which give the goal."
+    low, high = min(enough), max(enough)
+    if (low, high) == (points[0][0], points[-1][0]):
+        return "Any size on the curve gives the goal."
+    if low == points[0][0]:
+        return f"Stay at or below {um(high)}, which gives the goal."
+    if high == points[-1][0]:
+        return f"Stay at or above {um(low)}, which gives the goal."
+    return f"Stay within {um(low)} to {um(high)}, which give the goal."
 
 
 def _here(step: Step, over: str) -> float | None:
@@ -169,7 +175,10 @@ def _caption(step: Step) -> Caption:
     """Return what stands below the bars."""
     budget = step.budget
     together = total_um(budget)
-    kind = {"insert": "the capture radius", "grasp": "the room beside the part"}
+    kind = {
+        "insert": "the capture radius as drawn",
+        "grasp": "the room beside the part",
+    }
     limit = kind.get(step.verb, "the distance allowed")
     reach = ""
     if budget.limit_um is not None and together > 0:

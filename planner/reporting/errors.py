@@ -95,7 +95,7 @@ def _of_budget(folder: PlanFolder) -> _Spread | None:
         None,
     )
     more = min(abs(left or 0.0), _FAR_UM) ** 2
-    name = "the capture radius" if step.verb == "insert" else "what is allowed"
+    name = "the capture radius as drawn" if step.verb == "insert" else "what is allowed"
     return _Spread(
         look=look, step=step.id, covariance_um2=(xx + more, xy, yy + more),
         room_um=room, room_name=name,

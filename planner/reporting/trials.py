@@ -62,10 +62,9 @@ def robustness(look: Look, evidence: LookEvidence | None) -> Iterator[Element]:
     small, large = look.measure.usable_magnification
     caption = Caption(
         title="Robustness over focus and magnification",
-        shows=f"In each cell how many of its trials {_chain(look)} measured within two "
-        f"tolerances, of how many, and below it the largest error; {len(trials)} "
-        f"trials "
-        "in all, with light, pose and noise disturbed as well.",
+        shows=f"In each cell how many of how many trials {_chain(look)} measured "
+        f"within two tolerances, and below that the largest error; {len(trials)} "
+        "trials in all, with light, pose and noise disturbed as well.",
         judge=f"Good: all of all and errors below the tolerance of {um(tolerance)}; "
         f"bad: "
         "fewer than all, above all where an answer was wrong without a word.",

@@ -14,7 +14,7 @@ from executor.safety import Safety
 from planner.compiler import compile_task
 from planner.diagnostics import Report
 from planner.options import Options
-from planner.outputs.emit import plan_folder
+from planner.outputs.emit import plan_bytes
 from planner.outputs.folder import write_folder
 from planner.outputs.summary import plan_summary
 from schemas.plan import Look, Plan, parse_plan
@@ -40,7 +40,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     report = Report()
     files = compile_task(read(file), report, Options(preset="fast"))
     assert files is not None
-    write_folder(plan_folder(files), where / "plan")
+    write_folder(plan_bytes(files), where / "plan")
     (note,) = (d for d in report.found if d.code == "MP405")
     assert "'find_gear'" in note.message
     assert not [d for d in report.found if d.severity == "infeasible"]

@@ -12,7 +12,7 @@ from planner.cli import main
 from planner.compiler import compile_task
 from planner.diagnostics import Report
 from planner.options import Options
-from planner.outputs.emit import PlanFiles, plan_folder
+from planner.outputs.emit import PlanFiles, plan_bytes
 from planner.outputs.errors import OutputError
 from planner.outputs.folder import write_folder
 from schemas.plan import dump_plan
@@ -43,7 +43,7 @@ def content(folder: Path) -> dict[str, bytes]:
 
 def test_a_folder_holds_what_it_should(files: PlanFiles, tmp_path: Path) -> None:
     folder = tmp_path / "deep" / "x.plan"
-    write_folder(plan_folder(files), folder)
+    write_folder(plan_bytes(files), folder)
     assert sorted(content(folder)) == [
         "artifacts/a.npz", "images/a.png", "inputs.json", "plan.json", "scenes.json",
         "timings.json", "world.json",
@@ -52,16 +52,16 @@ def test_a_folder_holds_what_it_should(files: PlanFiles, tmp_path: Path) -> None
 
 
 def test_the_same_files_give_the_same_bytes(files: PlanFiles, tmp_path: Path) -> None:
-    write_folder(plan_folder(files), tmp_path / "a")
-    write_folder(plan_folder(files), tmp_path / "b")
+    write_folder(plan_bytes(files), tmp_path / "a")
+    write_folder(plan_bytes(files), tmp_path / "b")
     assert content(tmp_path / "a") == content(tmp_path / "b")
 
 
 def test_an_old_plan_is_replaced_whole(files: PlanFiles, tmp_path: Path) -> None:
     folder = tmp_path / "x.plan"
-    write_folder(plan_folder(files), folder)
+    write_folder(plan_bytes(files), folder)
     (folder / "images" / "stale.png").write_bytes(b"old")
-    write_folder(plan_folder(replace(files, images={})), folder)
+    write_folder(plan_bytes(replace(files, images={})), folder)
     assert "images/stale.png" not in content(folder)
     assert "images/a.png" not in content(folder)
     assert list(tmp_path.iterdir()) == [folder]
@@ -69,7 +69,7 @@ def test_an_old_plan_is_replaced_whole(files: PlanFiles, tmp_path: Path) -> None
 
 def test_an_empty_folder_is_taken(files: PlanFiles, tmp_path: Path) -> None:
     (tmp_path / "x.plan").mkdir()
-    write_folder(plan_folder(files), tmp_path / "x.plan")
+    write_folder(plan_bytes(files), tmp_path / "x.plan")
     assert "plan.json" in content(tmp_path / "x.plan")
 
 
@@ -79,7 +79,7 @@ def test_a_foreign_folder_is_left_alone(files: PlanFiles, tmp_path: Path) -> Non
     (tmp_path / "file").write_text("x", encoding="utf-8")
     for name in ("thesis", "file"):
         with pytest.raises(OutputError) as caught:
-            write_folder(plan_folder(files), tmp_path / name)
+            write_folder(plan_bytes(files), tmp_path / name)
         assert caught.value.code == "MP701"
     assert content(tmp_path) == {"thesis/chapter.txt": b"years", "file": b"x"}
 
@@ -89,16 +89,16 @@ def test_a_plan_among_other_things_is_left_alone(
     files: PlanFiles, tmp_path: Path, name: str
 ) -> None:
     folder = tmp_path / "x.plan"
-    write_folder(plan_folder(files), folder)
+    write_folder(plan_bytes(files), folder)
     (folder / name).write_text("years", encoding="utf-8")
     (folder / "report.html").write_text("ours", encoding="utf-8")
     before = content(folder)
     with pytest.raises(OutputError, match=name) as caught:
-        write_folder(plan_folder(files), folder)
+        write_folder(plan_bytes(files), folder)
     assert caught.value.code == "MP701"
     assert content(folder) == before
     (folder / name).unlink()
-    write_folder(plan_folder(files), folder)
+    write_folder(plan_bytes(files), folder)
     assert not (folder / "report.html").exists()  # it was of the plan before
 
 
@@ -113,9 +113,9 @@ def test_the_command_leaves_a_foreign_folder_alone(
 
 def test_a_failed_write_leaves_the_old_plan(files: PlanFiles, tmp_path: Path) -> None:
     folder = tmp_path / "x.plan"
-    write_folder(plan_folder(files), folder)
+    write_folder(plan_bytes(files), folder)
     before = content(folder)
-    made = plan_folder(files)
+    made = plan_bytes(files)
     worse = {**made.files, f"images/{'a' * 300}.png": b"no file has such a name"}
     with pytest.raises(OutputError) as caught:
         write_folder(replace(made, files=worse), folder)
@@ -128,7 +128,7 @@ def test_a_failed_move_into_place_brings_the_old_plan_back(
     files: PlanFiles, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder = tmp_path / "x.plan"
-    write_folder(plan_folder(files), folder)
+    write_folder(plan_bytes(files), folder)
     before = content(folder)
     rename = Path.rename
 
@@ -139,7 +139,7 @@ def test_a_failed_move_into_place_brings_the_old_plan_back(
 
     monkeypatch.setattr(Path, "rename", refuse)
     with pytest.raises(OutputError) as caught:
-        write_folder(plan_folder(files), folder)
+        write_folder(plan_bytes(files), folder)
     assert caught.value.code == "MP702"
     assert content(folder) == before
     assert list(tmp_path.iterdir()) == [folder]
@@ -150,16 +150,16 @@ def test_a_plan_that_may_not_be_a_folder_is_said_so(
 ) -> None:
     (tmp_path / "file").write_text("x", encoding="utf-8")
     with pytest.raises(OutputError) as caught:
-        write_folder(plan_folder(files), tmp_path / "file" / "x.plan")
+        write_folder(plan_bytes(files), tmp_path / "file" / "x.plan")
     assert caught.value.code == "MP702"
 
 
 def test_a_link_to_a_plan_becomes_the_plan(files: PlanFiles, tmp_path: Path) -> None:
     """What it led to is left alone."""
-    write_folder(plan_folder(files), tmp_path / "one.plan")
+    write_folder(plan_bytes(files), tmp_path / "one.plan")
     link = tmp_path / "latest.plan"
     link.symlink_to("one.plan")
-    write_folder(plan_folder(files), link)
+    write_folder(plan_bytes(files), link)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["latest.plan", "one.plan"]
     assert not link.is_symlink()
     assert (tmp_path / "one.plan" / "plan.json").is_file()
@@ -175,7 +175,7 @@ def test_an_impossible_place_is_refused_before_the_work(
 
 
 def test_a_folder_gives_its_plan(files: PlanFiles) -> None:
-    made = plan_folder(files)
+    made = plan_bytes(files)
     assert dump_plan(made.plan()) == dump_plan(files.plan)
     assert made.name == files.plan.name
     assert files.plan.status in made.summary
@@ -185,7 +185,7 @@ def test_a_folder_gives_its_plan(files: PlanFiles) -> None:
 def test_a_folder_holds_nothing_that_lies_elsewhere(
     files: PlanFiles, path: str
 ) -> None:
-    made = plan_folder(files)
+    made = plan_bytes(files)
     with pytest.raises(ValueError, match="outside"):
         replace(made, files={**made.files, path: b""})
     with pytest.raises(ValueError, match="plan"):

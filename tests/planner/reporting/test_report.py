@@ -62,6 +62,7 @@ def test_the_first_page_has_what_is_passed_on(folder: PlanFolder, page: Page) ->
     for digest in (folder.sha256, plan.provenance.task_sha256):
         assert digest in text
     for words in ("Tightest margin", "Yield over", "Depth of field", "Methods",
+                  "Stay at or below", "the capture radius as drawn",
                   f"microplan {plan.provenance.microplan}"):  # fmt: skip
         assert words in text
 
