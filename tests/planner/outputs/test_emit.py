@@ -181,7 +181,7 @@ def test_a_folder_gives_its_plan(files: PlanFiles) -> None:
     assert files.plan.status in made.summary
 
 
-@pytest.mark.parametrize("path", ["../a.png", "images/../../a.png", "/tmp/a.png"])
+@pytest.mark.parametrize("path", ["../a.png", "images/../../a.png", "/a.png"])
 def test_a_folder_holds_nothing_that_lies_elsewhere(
     files: PlanFiles, path: str
 ) -> None:
