@@ -234,18 +234,14 @@ class _Look:
         What is displaced on its tile would be cut off elsewhere: an edge that goes on
         beyond it would seem to tell where along itself it lies.
         """
-        case, mine = self.case, self.at
-        moved = moved_layers(case, at.dx_um, at.dy_um, at.dtheta_rad)
-        pose = (at.dx_um, at.dy_um, at.dtheta_rad)
-        if self.still is None or self.own is None:
-            return moved, self.behind
-        if pose != (mine.dx_um, mine.dy_um, mine.dtheta_rad):
-            return moved, self.behind  # one parameter is a step off, no other
-        focus_um = case.focus_um + at.dz_um
-        own = self.own.at(focus_um=focus_um, zoom=zoom)
-        if (at.dz_um, zoom) == (mine.dz_um, 1):
-            return (), self.behind.with_(own)
-        return (), self.still.at(focus_um=focus_um, zoom=zoom).with_(own)
+        pose, mine = (at.dx_um, at.dy_um, at.dtheta_rad), self.at
+        in_place = pose == (mine.dx_um, mine.dy_um, mine.dtheta_rad)
+        if self.still is None or self.own is None or not in_place:
+            # one parameter alone is a step off: focus and zoom are the setting's
+            return moved_layers(self.case, *pose), self.behind
+        focus_um = self.case.focus_um + at.dz_um
+        behind = self.still.at(focus_um=focus_um, zoom=zoom)
+        return (), behind.with_(self.own.at(focus_um=focus_um, zoom=zoom))
 
 
 def _scope(case: LookCase, at: Setting) -> Microscope:
