@@ -19,11 +19,12 @@ if TYPE_CHECKING:
     from schemas.plan import Plan
 
 PLAN = "plan.json"
+REPORT = "report.html"
 _ALWAYS = ("images", "artifacts")  # folders of every plan, empty or not
 # what lies in a plan folder: beside anything else a plan may have been kept
 _OURS = {
     PLAN, "world.json", "scenes.json", "inputs.json", "timings.json", "evidence",
-    "report.html", *_ALWAYS,
+    REPORT, *_ALWAYS,
 }  # fmt: skip
 
 

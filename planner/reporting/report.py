@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from planner.diffing import plan_file
-from planner.outputs.folder import replace_text
+from planner.outputs.folder import REPORT, replace_text
 from planner.reporting.first_page import contents, first_page
 from planner.reporting.folder import PlanFolder, read_folder
 from planner.reporting.methods import provenance
@@ -15,7 +15,6 @@ from planner.reporting.timeline import timeline
 from schemas.html.elements import el
 from schemas.html.page import document, link
 
-NAME = "report.html"
 _FOOT = (
     "One file, no scripts, nothing fetched. Lengths are of the object; a spread is one "
     "standard deviation per axis."
@@ -63,7 +62,7 @@ def write_report(path: Path, out: Path | None) -> Path:
     path : Path
         The plan folder, or its plan.json.
     out : Path, optional
-        The file; default: `NAME` in the plan folder.
+        The file; default: `REPORT` in the plan folder.
 
     Raises
     ------
@@ -73,6 +72,6 @@ def write_report(path: Path, out: Path | None) -> Path:
         MP702 if the report cannot be written.
     """
     text = plan_report(read_folder(path))
-    file = out or plan_file(path).with_name(NAME)
+    file = out or plan_file(path).with_name(REPORT)
     replace_text(file, text)
     return file
