@@ -26,7 +26,8 @@ from benchmarks.naive import point_spread
 from benchmarks.timing import cpu_s
 from featuresel.case import LookCase, scene
 from featuresel.contest import make_ready
-from featuresel.perturb import Trial, counts, design
+from featuresel.design import Trial, design
+from featuresel.perturb import counts
 from featuresel.trials import Prepared, measure_trial
 from optics.outline import flatten
 from optics.sensor import expose, to_unit

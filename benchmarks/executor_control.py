@@ -28,7 +28,8 @@ from executor.safety import AXES
 from executor.servo import align
 from executor.simulated.cell import build_cell
 from executor.simulated.hub import read_world
-from featuresel.perturb import design, image
+from featuresel.design import design
+from featuresel.perturb import image
 from featuresel.routines import REGISTRY, Artifact
 from schemas.plan import (
     AlignAction,

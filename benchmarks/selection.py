@@ -22,12 +22,13 @@ from benchmarks.selection_problems import draw
 from featuresel.bounds import CONFIDENCE
 from featuresel.calibration import Calibration
 from featuresel.case import LookCase
+from featuresel.design import design
 from featuresel.gates import choose_gate, gated
-from featuresel.perturb import design
+from featuresel.outcomes import Outcome, Outcomes
 from featuresel.race import race
 from featuresel.score import Score, score
 from featuresel.select import select
-from featuresel.trials import Outcome, Prepared, is_wrong, prepare, run
+from featuresel.trials import Prepared, is_wrong, prepare, run
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -69,7 +70,7 @@ def judge(index: int) -> Judged:
     alone = replace(ready, chains=(judged.chain,))
     fresh = run(case, alone, design(case, FRESH, _FRESH_ROOT))
     (truth,) = score(case, alone, fresh)
-    mine = [o for o in outcomes if o.chain == judged.chain]
+    mine = outcomes.by(judged.chain)
     right = [o for o in fresh if o.failure is None and not is_wrong(case, o)]
     return Judged(
         decided=chosen is not None,
@@ -98,7 +99,7 @@ def _broken(said: Score, truth: Score) -> Iterator[str]:
 
 
 def _gate_broken(
-    case: LookCase, alone: Prepared, seen: list[Outcome], fresh: tuple[Outcome, ...]
+    case: LookCase, alone: Prepared, seen: Outcomes, fresh: Outcomes
 ) -> Iterator[str]:
     """Yield "gate" if it lets more wrong answers pass than its bound says."""
     gate = choose_gate(case, seen, silent_limit=SILENT)

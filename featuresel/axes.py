@@ -40,15 +40,20 @@ def generator(root: int, key: str) -> np.random.Generator:
     return np.random.default_rng(np.random.SeedSequence([root, *words(key)]))
 
 
-def interior(group: str, key: str, root: int, count: int) -> FloatArray:
+def interior(
+    group: str, key: str, root: int, count: int, *, first: int = 0
+) -> FloatArray:
     """Return at least `count` points of a group's axes, (N, axes) in 0..1.
 
-    Point k depends on the group, `key`, `root` and k alone.
+    Point k depends on the group, `key`, `root` and k alone; the first one returned is
+    number `first`, a multiple of a power of two that is at least `count`.
     """
-    first, end = GROUPS[group]
+    begin, end = GROUPS[group]
     sobol = qmc.Sobol(end, rng=generator(root, f"{key}/{group}"))
-    points: FloatArray = sobol.random_base2(max(1, (count - 1).bit_length()))
-    return points[:, first:]
+    if first:
+        sobol.fast_forward(first)
+    points: FloatArray = sobol.random(1 << max(1, (count - 1).bit_length()))
+    return points[:, begin:]
 
 
 def corner(turn: int) -> tuple[float, ...]:

@@ -12,10 +12,11 @@ from featuresel.axes import interior
 from featuresel.bias import BiasCurve
 from featuresel.candidates import Chain
 from featuresel.case import LookCase
+from featuresel.design import Trial
 from featuresel.nominal import nominal_render
-from featuresel.perturb import Trial
+from featuresel.outcomes import Outcome
 from featuresel.routines import FloatArray
-from featuresel.trials import Map, Outcome, Prepared, is_wrong, measure_picture
+from featuresel.trials import Map, Prepared, is_wrong, measure_picture
 
 _REACH = 3.0  # sigmas of the focus: trials go no farther
 _HEIGHTS = 9  # within that; the bias between two of them is interpolated

@@ -13,12 +13,13 @@ from featuresel.completeness import seen_share
 from featuresel.constraints import Constraints
 from featuresel.known import Known, Looks
 from featuresel.nominal import nominal_render
+from featuresel.outcomes import Outcomes
 from featuresel.place_limit import limit_um
 from featuresel.race import Race, race, round_ends
 from featuresel.routines import Artifact, Failure, load
 from featuresel.score import Score
 from featuresel.select import Limits, Selection, select
-from featuresel.trials import Map, Outcome, Prepared, prepare
+from featuresel.trials import Map, Prepared, prepare
 
 ROUNDS = (8, 24, 64, 304, 1024)  # trials at the end of each; most chains leave early
 
@@ -28,7 +29,7 @@ class Contest:
     """What the race over one look showed, and who won."""
 
     prepared: Prepared
-    outcomes: tuple[Outcome, ...]
+    outcomes: Outcomes
     scores: tuple[Score, ...]  # of every chain, by the trials that it had
     selection: Selection
     limit_um: float | None  # Cramer-Rao, the worse axis; None: none, or not asked for

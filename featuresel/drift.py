@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from featuresel.case import LookCase, moved_layers
-from featuresel.perturb import Trial, image, still
+from featuresel.design import Trial
+from featuresel.perturb import image, still
 from featuresel.routines import FloatArray
 from featuresel.standing import standing
 from optics.prepared import Prepared, prepare

@@ -10,8 +10,9 @@ import numpy as np
 
 from featuresel.bounds import CONFIDENCE, failure_upper
 from featuresel.case import LookCase
+from featuresel.outcomes import Outcome
 from featuresel.routines import FloatArray
-from featuresel.trials import Outcome, is_wrong
+from featuresel.trials import is_wrong
 
 GATED = "gated"  # the failure of an answer that a gate refuses
 

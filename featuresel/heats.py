@@ -6,9 +6,10 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field, replace
 
 from featuresel.candidates import Chain
-from featuresel.perturb import Trial
+from featuresel.design import Trial
+from featuresel.outcomes import Outcome, Outcomes
 from featuresel.score import Score
-from featuresel.trials import Outcome, Prepared
+from featuresel.trials import Prepared
 
 SHOWN = 24  # trials before a chain waits: what it can do shows in these
 
@@ -27,7 +28,7 @@ class Heats:
     scored: Scored  # with bounds for dropping chains
     judged: Scored  # as the choice is made by in the end
     ahead: Ahead | None  # the chains that the choice hangs on; None: always all
-    outcomes: list[Outcome] = field(default_factory=list)
+    outcomes: Outcomes = field(default_factory=Outcomes.of)
     done: dict[Chain, int] = field(default_factory=dict)  # trials of each chain
     dropped: list[tuple[Chain, str]] = field(default_factory=list)
 
@@ -75,9 +76,8 @@ class Heats:
         """Try chains up to a trial, those together that had as many."""
         for had in sorted({self._had(chain) for chain in chains}):
             group = tuple(chain for chain in chains if self._had(chain) == had)
-            self.outcomes += self.run(
-                replace(self.prepared, chains=group), self.trials[had:end]
-            )
+            racing = replace(self.prepared, chains=group)
+            self.outcomes += Outcomes.of(self.run(racing, self.trials[had:end]))
             self.done.update(dict.fromkeys(group, end))
 
     def _had(self, chain: Chain) -> int:

@@ -4,15 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
 
-from featuresel.candidates import Chain
 from featuresel.case import LookCase
+from featuresel.outcomes import Book
 from featuresel.routines import Artifact, Failure
 from optics.sensor import CountArray
-
-if TYPE_CHECKING:
-    from featuresel.trials import Outcome
 
 _MOST_BYTES = 1 << 26  # of pictures: 64 full frames, and far more regions
 
@@ -26,7 +22,7 @@ class Known:
     """
 
     artifacts: dict[str, Artifact | Failure] = field(default_factory=dict)
-    outcomes: dict[tuple[Chain, int], Outcome] = field(default_factory=dict)
+    outcomes: Book = field(default_factory=Book)
     pictures: dict[int, CountArray] = field(default_factory=dict)
     facts: dict[str, float | None] = field(default_factory=dict)
 

@@ -10,8 +10,8 @@ import numpy as np
 
 from featuresel.bounds import Estimate, estimate
 from featuresel.calibration import Calibration, calibrate
+from featuresel.outcomes import Outcome
 from featuresel.routines import FloatArray
-from featuresel.trials import Outcome
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

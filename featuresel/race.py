@@ -9,11 +9,12 @@ from functools import partial
 from featuresel.candidates import Chain
 from featuresel.case import LookCase
 from featuresel.constraints import Limits
+from featuresel.design import design
 from featuresel.heats import Ahead, Heats
 from featuresel.known import Known
-from featuresel.perturb import design
+from featuresel.outcomes import Outcomes
 from featuresel.score import Score, score
-from featuresel.trials import Curves, Map, Outcome, Prepared, run
+from featuresel.trials import Curves, Map, Prepared, run
 from featuresel.verdicts import Verdicts
 
 ROUNDS = (32, 256, 1024)  # trials at the end of each
@@ -23,7 +24,7 @@ ROUNDS = (32, 256, 1024)  # trials at the end of each
 class Race:
     """What the rounds showed."""
 
-    outcomes: tuple[Outcome, ...]  # round by round, each trial by trial
+    outcomes: Outcomes  # round by round, each trial by trial
     scores: tuple[Score, ...]  # of every chain, by the trials that it had
     trials: Mapping[Chain, int]  # how many that were
     dropped: tuple[tuple[Chain, str], ...]  # why a chain was, in the order it happened
@@ -48,7 +49,7 @@ def race(
     """Return the outcomes of chains that are tried while they may be chosen.
 
     All chains see the same images (common random numbers), those of
-    `featuresel.perturb.design`. After each round a chain is dropped if
+    `featuresel.design.design`. After each round a chain is dropped if
 
     - the upper bound of its success rate is below the limit,
     - the lower bound of its silent failures is above the limit,
@@ -127,7 +128,7 @@ def race(
             break
     found = score(case, prepared, heats.outcomes, peeks=peeks, curves=curves)
     return Race(
-        outcomes=tuple(heats.outcomes),
+        outcomes=heats.outcomes,
         scores=found,
         trials={s.chain: s.trials for s in found},
         dropped=tuple(heats.dropped),

@@ -14,9 +14,10 @@ import numpy.typing as npt
 from featuresel.axes import words
 from featuresel.bias import BiasCurve
 from featuresel.case import LookCase
+from featuresel.design import Trial
 from featuresel.drift import Pictures, one_by_one, posed, through_focus
-from featuresel.perturb import Trial
-from featuresel.trials import Outcome, Prepared, measure_picture
+from featuresel.outcomes import Outcome
+from featuresel.trials import Prepared, measure_picture
 
 BytesArray = npt.NDArray[np.uint8]
 Setting = Literal["focus", "zoom", "light", "gradient", "pose"]

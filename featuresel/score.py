@@ -17,9 +17,10 @@ from featuresel.bounds import success_lower as success_lower
 from featuresel.calibration import Calibration, calibrate
 from featuresel.candidates import Chain
 from featuresel.case import LookCase
+from featuresel.outcomes import Outcome, Outcomes
 from featuresel.place_errors import PlaceErrors, given
 from featuresel.routines import Failure, FloatArray, load
-from featuresel.trials import Outcome, Prepared, is_wrong
+from featuresel.trials import Prepared, is_wrong
 
 _TOGETHER = 4  # sigma and mean of two axes: their bounds hold all at once
 
@@ -58,7 +59,7 @@ class Score:
     spread_x: Calibration | None = None
     spread_y: Calibration | None = None
     spread_theta: Calibration | None = None
-    worst_trial: int | None = None  # of the answers by distance: see `perturb.rebuild`
+    worst_trial: int | None = None  # of the answers by distance: see `design.rebuild`
     median_trial: int | None = None
     first_failing: int | None = None  # aloud or silently
     limit_um: float | None = None  # Cramer-Rao, the larger axis, if it was computed
@@ -150,11 +151,12 @@ def score(
     """
     if peeks < 1:
         raise ValueError(f"peeks must be at least 1, got {peeks}")
+    whole = Outcomes.of(outcomes)
     return tuple(
         score_chain(
             case,
             chain,
-            [o for o in outcomes if o.chain == chain],
+            whole.by(chain),
             chain_cost(case, prepared, chain),
             confidence=1 - (1 - CONFIDENCE) / peeks,
             limit_um=limit_um,
@@ -188,8 +190,8 @@ def score_chain(
     curve: BiasCurve | None = None,
 ) -> Score:
     """Return the score of one chain, or of a set of features, by its own outcomes."""
-    answered = [o for o in outcomes if o.failure is None]
-    right = [o for o in answered if not is_wrong(case, o)]
+    answered = Outcomes.of(outcomes).only(lambda o: o.failure is None)
+    right = answered.only(lambda o: not is_wrong(case, o))
     silent = len(answered) - len(right)
     codes = Counter(o.failure for o in outcomes if o.failure is not None)
     good = {o.trial for o in right}

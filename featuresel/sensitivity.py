@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from featuresel.case import LookCase, moved_layers, picture
-from featuresel.perturb import Trial
+from featuresel.design import Trial
 from featuresel.standing import Backdrop, Standing, standing
 from optics.laying import light_up
 from optics.microscope import Microscope

@@ -9,12 +9,14 @@ from functools import partial
 
 from featuresel.candidates import Chain
 from featuresel.case import LookCase
+from featuresel.design import Trial
 from featuresel.located import Located, located
-from featuresel.perturb import Trial, image
+from featuresel.outcomes import Outcome
+from featuresel.perturb import image
 from featuresel.routines import Failure, FloatArray
 from featuresel.routines.fusion import Believed, Seen, fuse
 from featuresel.score import Score, chain_cost, score_chain
-from featuresel.trials import Map, Outcome, Prepared, follow, outcome_of
+from featuresel.trials import Map, Prepared, follow, outcome_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,7 +57,7 @@ def score_set(
     members : sequence of Member
         At least one; their cases differ from `case` in the target alone.
     trials : sequence of Trial
-        Of `case`, see `featuresel.perturb.design`.
+        Of `case`, see `featuresel.design.design`.
     least : int
         Features that must answer for the set to answer.
     map : callable

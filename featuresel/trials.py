@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from array import array
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -11,10 +12,12 @@ from typing import Protocol, TypeVar
 from featuresel.bias import BiasCurve, unbiased
 from featuresel.candidates import Chain
 from featuresel.case import LookCase
+from featuresel.design import Trial
 from featuresel.known import Known
 from featuresel.located import Located, along, located
 from featuresel.nominal import nominal_render
-from featuresel.perturb import Trial, counts, image
+from featuresel.outcomes import Outcome, Outcomes
+from featuresel.perturb import counts, image
 from featuresel.routines import (
     Artifact,
     Failure,
@@ -27,6 +30,7 @@ from featuresel.routines.chain import Progress, advance
 from optics.sensor import CountArray, to_unit
 
 _CHUNK = 2  # trials handed to one worker at a time: 24 keep 4 workers busy to the end
+_AT_ONCE = 512  # trials made and handed out before their outcomes are waited for
 
 # An answer more than this many tolerances off is wrong. A chain that only just passes
 # (2 sigma + bias = tolerance) comes there by 4 sigma, so what is counted are outliers,
@@ -54,32 +58,6 @@ class Prepared:
 
     chains: tuple[Chain, ...]
     artifacts: Mapping[str, Artifact | Failure]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Outcome:
-    """What one chain said of one trial; errors are measured - true."""
-
-    chain: Chain
-    trial: int
-    failure: str | None  # code; None where it answered
-    world_um: tuple[float, float] | None
-    target_um: tuple[float, float] | None  # the same in the target's true frame
-    theta_rad: float | None  # None: no angle given
-    score: float | None
-    spread_um: float | None  # the chain's own estimate
-    spread_theta_rad: float | None = None
-    # the one direction, in the target's true frame, in which the place is known: the
-    # errors above are the part along it
-    axis_rad: float | None = None
-    depth_um: float | None = None  # how far out of focus the chain says it is
-    z_um: float | None = None  # error of that; one image does not tell the sign
-    zoom: float | None = None  # error of the ratio to nominal
-
-    @property
-    def distance_um(self) -> float:
-        """Return the length of the error, infinite where there is no answer."""
-        return math.inf if self.world_um is None else math.hypot(*self.world_um)
 
 
 def prepare(case: LookCase, chains: Sequence[Chain]) -> Prepared:
@@ -115,7 +93,7 @@ def run(
     map: Map = map,  # noqa: A002 - it is the builtin, or a pool's
     curves: Curves | None = None,
     known: Known | None = None,
-) -> tuple[Outcome, ...]:
+) -> Outcomes:
     """Return what every chain said of every trial, trial by trial.
 
     Parameters
@@ -125,7 +103,7 @@ def run(
     prepared : Prepared
         Its chains and artifacts.
     trials : sequence of Trial
-        From `featuresel.perturb.design`.
+        From `featuresel.design.design`.
     map : callable
         Stands in for the builtin; gets a picklable function and chunks of trials, so
         that a process pool's `map` can do the work. The result does not depend on it.
@@ -138,24 +116,26 @@ def run(
 
     Returns
     -------
-    tuple of Outcome
+    Outcomes
         Each image is made once and every chain measures it.
     """
     if curves:
         known = None
     seen = known or Known()
-    asked = [_asked(prepared, trial, seen) for trial in trials]
-    asked = [each for each in asked if each.chains]
-    chunks = [tuple(asked[i : i + _CHUNK]) for i in range(0, len(asked), _CHUNK)]
     work = partial(_run_chunk, case, prepared, curves or {}, known is not None)
-    for chunk in map(work, chunks):
-        for outcomes, picture in chunk:
-            seen.outcomes.update({(o.chain, o.trial): o for o in outcomes})
-            seen.keep(outcomes[0].trial, picture)
-    return tuple(
-        seen.outcomes[chain, trial.index]
-        for trial in trials
-        for chain in prepared.chains
+    order = array("i")
+    for first in range(0, len(trials), _AT_ONCE):
+        some = [_asked(prepared, t, seen) for t in trials[first : first + _AT_ONCE]]
+        order.extend(each.trial.index for each in some)
+        some = [each for each in some if each.chains]
+        chunks = [tuple(some[i : i + _CHUNK]) for i in range(0, len(some), _CHUNK)]
+        for chunk in map(work, chunks):
+            for outcomes, picture in chunk:
+                for outcome in outcomes:
+                    seen.outcomes.add(outcome)
+                seen.keep(outcomes[0].trial, picture)
+    return seen.outcomes.pick(
+        (chain, index) for index in order for chain in prepared.chains
     )
 
 

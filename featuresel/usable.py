@@ -8,8 +8,9 @@ from functools import partial
 from featuresel.bias import BiasCurve
 from featuresel.candidates import Chain
 from featuresel.case import LookCase
+from featuresel.outcomes import Outcome
 from featuresel.reach import BytesArray, Direction, Search
-from featuresel.trials import Map, Outcome, Prepared
+from featuresel.trials import Map, Prepared
 
 # Focus goes farther and takes longer: those two first.
 NEARER, FARTHER = Direction("focus", -1), Direction("focus", 1)

@@ -10,9 +10,10 @@ from featuresel.bounds import CONFIDENCE, Estimate, failure_upper, success_lower
 from featuresel.candidates import Chain
 from featuresel.case import LookCase
 from featuresel.constraints import Limits
+from featuresel.outcomes import Outcome
 from featuresel.pareto import by_cost
 from featuresel.score import Score, score
-from featuresel.trials import Outcome, Prepared
+from featuresel.trials import Prepared
 from optics.ties import above, at_most
 
 _TESTS = 4  # success, silent failures, place, angle: a chain may fall by any of them

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from featuresel.perturb import design, image, rebuild
+from featuresel.design import design, rebuild
+from featuresel.outcomes import Outcome
+from featuresel.perturb import image
 from featuresel.score import Score
-from featuresel.trials import Outcome, is_wrong
+from featuresel.trials import is_wrong
 from planner.caching.memo import Memo
 from planner.inputs.task import Task
 from planner.measures import Measured
@@ -67,18 +69,18 @@ def _mark(found: Measured) -> FeatureMark:
 
 def _trials(tried: Tried, chosen: Score, seed: int) -> tuple[TrialRecord, ...]:
     """Return what the chosen chain said of every trial that it had."""
-    mine = [o for o in tried.outcomes if o.chain == chosen.chain]
+    mine = tried.outcomes.by(chosen.chain)
     made = design(tried.case, 1 + max(o.trial for o in mine), seed)
     return tuple(
         TrialRecord(
-            trial=outcome.trial,
-            focus_um=made[outcome.trial].dz_um,
-            magnification=made[outcome.trial].magnification,
+            trial=trial.index,
+            focus_um=trial.dz_um,
+            magnification=trial.magnification,
             error_um=_distance_um(outcome),
             failure=outcome.failure or "",
             wrong=is_wrong(tried.case, outcome),
         )
-        for outcome in mine
+        for outcome, trial in ((each, made[each.trial]) for each in mine)
     )
 
 

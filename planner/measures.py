@@ -138,7 +138,7 @@ def _reference(case: LookCase) -> p.Reference:
 
 def _gates(tried: Tried, chosen: Score) -> p.Gates:
     """Return what a measurement must meet: what every good trial met, and a margin."""
-    mine = [o for o in tried.outcomes if o.chain == chosen.chain]
+    mine = tried.outcomes.by(chosen.chain)
     spreads = [
         o.spread_um
         for o in mine
@@ -158,7 +158,7 @@ def _min_score(tried: Tried, chain: Score) -> float:
 
     A gate that lets all pass is lowered by a margin below the good trials instead.
     """
-    mine = [o for o in tried.outcomes if o.chain == chain.chain]
+    mine = tried.outcomes.by(chain.chain)
     scores = [
         o.score for o in mine if o.score is not None and not is_wrong(tried.case, o)
     ]

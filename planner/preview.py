@@ -11,7 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from featuresel.case import LookCase
-from featuresel.perturb import MOST_TRIALS, design, image
+from featuresel.design import MOST_TRIALS, design
+from featuresel.perturb import image
 from optics.fidelity import LADDER, choose
 from optics.microscope import Microscope
 from optics.models import MODELS

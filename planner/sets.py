@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 
 from featuresel.constraints import Constraints, Limits
 from featuresel.contest import is_roomy
+from featuresel.design import design
 from featuresel.feature_set import FeatureSet, choose_set
-from featuresel.perturb import design
 from featuresel.pose_need import Need
 from featuresel.score import Score
 from featuresel.set_trials import Member, score_set

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from featuresel.perturb import design
+from featuresel.design import design
 from featuresel.score import Score
 from featuresel.trials import is_wrong
 from planner.tried import Tried
@@ -36,13 +36,9 @@ def steady_sigma_um(tried: Tried, chosen: Score, root_seed: int) -> float:
         return math.inf
     if case.theta_any or case.spread.pose_sigma_theta_rad > SMALL_RAD:
         return math.inf
-    right = [
-        outcome
-        for outcome in tried.outcomes
-        if outcome.chain == chosen.chain
-        and outcome.world_um is not None
-        and not is_wrong(case, outcome)
-    ]
+    right = tried.outcomes.by(chosen.chain).only(
+        lambda o: o.world_um is not None and not is_wrong(case, o)
+    )
     if len(right) < LEAST:
         return math.inf
     trials = design(case, 1 + max(o.trial for o in right), root_seed)

@@ -10,10 +10,11 @@ import numpy.typing as npt
 
 from featuresel.case import LookCase
 from featuresel.contest import Contest
+from featuresel.outcomes import Outcomes
 from featuresel.routines import Artifact, Failure, load
 from featuresel.score import Score
 from featuresel.select import Selection
-from featuresel.trials import Outcome, Prepared
+from featuresel.trials import Prepared
 from optics.fidelity import Fidelity
 from schemas import plan as p
 
@@ -27,7 +28,7 @@ class Tried:
     case: LookCase
     fidelity: Fidelity
     prepared: Prepared
-    outcomes: tuple[Outcome, ...]
+    outcomes: Outcomes
     scores: tuple[Score, ...]
     selection: Selection
 

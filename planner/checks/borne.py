@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from featuresel.outcomes import Outcome
 from featuresel.reach import Setting
-from featuresel.trials import Outcome
 from planner.checks.budget import FOCUS_TERM
 from planner.checks.insertion import Insertion
 

@@ -15,12 +15,13 @@ from featuresel.candidates import Chain
 from featuresel.case import LookCase
 from featuresel.constraints import Constraints
 from featuresel.contest import compete
+from featuresel.design import Trial, design
 from featuresel.heats import SHOWN, Heats
-from featuresel.perturb import Trial, design
+from featuresel.outcomes import Outcome
 from featuresel.race import race
 from featuresel.score import Score
 from featuresel.select import Selection, select
-from featuresel.trials import Outcome, Prepared, prepare
+from featuresel.trials import Prepared, prepare
 from tests.featuresel.test_select import a_score, with_failures
 
 Look = Callable[[str], LookCase]

@@ -12,8 +12,8 @@ import pytest
 from featuresel.bias import BiasCurve, unbiased
 from featuresel.bias_prediction import default_heights, predict_bias
 from featuresel.case import LookCase
+from featuresel.design import design
 from featuresel.located import Located
-from featuresel.perturb import design
 from featuresel.trials import Prepared, prepare, run
 from optics.outline import Outline, Ring, Segment
 from optics.scene import Layer

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from featuresel.case import LookCase
+from featuresel.design import Trial, design
 from featuresel.drift import one_by_one, posed, through_focus
-from featuresel.perturb import Trial, design, image
+from featuresel.perturb import image
 from optics.sensor import Sensor
 from tests.featuresel.sharing import FINE, SHARED
 
@@ -68,7 +69,7 @@ def test_images_of_a_pose_are_those_rendered_anew(
 
 def test_images_one_by_one_are_those_of_the_trials(look: Look) -> None:
     case = look("between")
-    trials = design(case, 1, 5) * 2
+    trials = [*design(case, 1, 5)] * 2
     for found in one_by_one(case, trials):
         np.testing.assert_array_equal(found, image(case, trials[0]))
 

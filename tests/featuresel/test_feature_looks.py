@@ -11,12 +11,12 @@ import pytest
 from featuresel.candidates import Chain, chains
 from featuresel.case import LookCase
 from featuresel.completeness import seen_share
+from featuresel.design import design
 from featuresel.feature import Feature
 from featuresel.feature_set import choose_set
 from featuresel.features import propose
 from featuresel.located import Located, along, located
 from featuresel.nominal import nominal_render
-from featuresel.perturb import design
 from featuresel.pose_need import Need
 from featuresel.routines import Artifact, Measurement
 from featuresel.routines.chain import measure_chain

@@ -13,8 +13,9 @@ from scipy.stats import beta, binom
 from featuresel.bounds import failure_upper
 from featuresel.case import LookCase
 from featuresel.gates import GATED, Gate, choose_gate, gated
+from featuresel.outcomes import Outcome
 from featuresel.score import score
-from featuresel.trials import Outcome, prepare
+from featuresel.trials import prepare
 
 Look = Callable[[str], LookCase]
 CHAIN = ("circle_caliper",)

@@ -9,8 +9,8 @@ import numpy as np
 
 from featuresel.candidates import Chain
 from featuresel.case import LookCase
+from featuresel.design import design
 from featuresel.known import Known, Looks
-from featuresel.perturb import design
 from featuresel.trials import prepare, run
 
 Look = Callable[[str], LookCase]

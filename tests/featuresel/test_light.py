@@ -8,8 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from featuresel.case import LookCase, scene, still_layers
+from featuresel.design import design
 from featuresel.nominal import nominal_render
-from featuresel.perturb import design, image
+from featuresel.perturb import image
 from optics.lens import LensErrors
 from optics.occlusion import occluded
 from optics.shading import shaded

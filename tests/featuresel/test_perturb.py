@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 
 from featuresel.case import LookCase, Turning, scene
+from featuresel.design import Trial, design, rebuild
 from featuresel.disturb import noisier, shifted, turned
 from featuresel.nominal import nominal_render
-from featuresel.perturb import Trial, design, image, rebuild, still
+from featuresel.perturb import image, still
 from optics.lens import MAX_DISTORTION, LensErrors
 from optics.render import render
 from optics.scene import Illumination
@@ -27,7 +28,20 @@ def test_more_trials_change_none(look: Look) -> None:
     case = look("post")
     many = design(case, 200, 7)
     for count in (1, 2, 5, 33, 64):
-        assert design(case, count, 7) == many[:count]
+        assert list(design(case, count, 7)) == list(many[:count])
+
+
+def test_a_design_is_cut_like_a_tuple(look: Look) -> None:
+    """Across the blocks in which its points are drawn, too."""
+    some = design(look("post"), 1500, 7)
+    whole = tuple(some)
+    assert [t.index for t in whole] == list(range(1500))
+    assert (some[1367], some[-1]) == (whole[1367], whole[-1])
+    assert tuple(some[1300:1450:7]) == whole[1300:1450:7]
+    assert tuple(some[1499:1200:-60][1:3]) == whole[1499:1200:-60][1:3]
+    assert list(some[3:3]) == []
+    with pytest.raises(IndexError):
+        some[1500]
 
 
 def test_other_keys_and_roots_give_other_trials(look: Look) -> None:
@@ -181,7 +195,7 @@ def test_further_axes_move_no_other(look: Look) -> None:
     rest = {"occluder_um": (0.0, 0.0), "lens": None, "noise": 1.0}
     calm = design(case, 40, 7)
     freed = design(wider(case), 40, 7)
-    assert tuple(replace(trial, **rest) for trial in freed) == calm  # type: ignore[arg-type]
+    assert [replace(t, **rest) for t in freed] == list(calm)  # type: ignore[arg-type]
     assert all(a.lens and a.occluder_um != (0.0, 0.0) for a in freed)
     alone = replace(case, spread=replace(case.spread, occluder_sigma_um=3.0))
     for a, b in zip(design(alone, 40, 7), freed, strict=True):
@@ -252,7 +266,7 @@ def test_what_lies_at_any_angle_turns_in_the_trials(look: Look) -> None:
     spread = replace(case.spread, turning=(gear, known))
     loose = replace(case, spread=spread)
     trials = design(loose, 256, 7)
-    assert tuple(replace(t, turns_rad=()) for t in trials) == design(case, 256, 7)
+    assert [replace(t, turns_rad=()) for t in trials] == list(design(case, 256, 7))
     anywhere, near = np.array([t.turns_rad for t in trials]).T
     # a uniform angle has the mean cosine 0, a normal one cut at 3 sigma .987 sigma
     assert abs(np.exp(1j * anywhere).mean()) < 4 / math.sqrt(256)

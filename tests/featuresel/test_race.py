@@ -11,7 +11,7 @@ from scipy.stats import binom
 
 from featuresel.bounds import CONFIDENCE, estimate, failure_upper, success_lower
 from featuresel.case import LookCase
-from featuresel.perturb import design
+from featuresel.design import design
 from featuresel.race import ROUNDS, Race, race
 from featuresel.score import score
 from featuresel.select import Limits, select

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 from featuresel.candidates import Chain, chains
+from featuresel.design import design
 from featuresel.nominal import nominal_render
-from featuresel.perturb import design
 from featuresel.routines import (
     REGISTRY,
     Artifact,

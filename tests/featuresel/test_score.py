@@ -12,8 +12,9 @@ import pytest
 
 from featuresel.bias import BiasCurve
 from featuresel.case import LookCase
+from featuresel.outcomes import Outcome
 from featuresel.score import chain_cost, score
-from featuresel.trials import Outcome, Prepared, prepare
+from featuresel.trials import Prepared, prepare
 
 Look = Callable[[str], LookCase]
 CHAIN = ("otsu", "circle_caliper")

@@ -9,7 +9,7 @@ import numpy.typing as npt
 import pytest
 
 from featuresel.case import LookCase, moved_layers, picture, still_layers
-from featuresel.perturb import design
+from featuresel.design import design
 from featuresel.sensitivity import LIGHT, POSE, Sensitivities, Setting, sensitivities
 from optics.lens import LensErrors
 from optics.scene import Illumination, Window

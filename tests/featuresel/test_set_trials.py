@@ -11,9 +11,9 @@ import pytest
 from scipy.stats import f as fisher_f
 
 from featuresel.case import LookCase
+from featuresel.design import design
 from featuresel.feature_set import choose_set
 from featuresel.features import propose
-from featuresel.perturb import design
 from featuresel.pose_need import Need
 from featuresel.routines import Failure
 from featuresel.score import Score, score

@@ -11,10 +11,11 @@ import numpy.typing as npt
 import pytest
 
 from featuresel.case import LookCase, Turning
+from featuresel.design import design
 from featuresel.disturb import shifted, turned
 from featuresel.located import Located, located
 from featuresel.nominal import nominal_render, swayed
-from featuresel.perturb import design, image
+from featuresel.perturb import image
 from featuresel.place_limit import place_limits_um
 from featuresel.routines import Artifact, Guess, Measurement, likelihood
 from featuresel.routines.comparison import Job, View

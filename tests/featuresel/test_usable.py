@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from featuresel import reach
 from featuresel.case import LookCase
+from featuresel.outcomes import Outcome
 from featuresel.reach import (
     FOCUS_UM,
     STRIDE,
@@ -19,7 +20,7 @@ from featuresel.reach import (
     Search,
     last_held,
 )
-from featuresel.trials import Outcome, prepare
+from featuresel.trials import prepare
 from featuresel.usable import usable_range
 
 Look = Callable[[str], LookCase]

@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from featuresel import routines
-from featuresel.perturb import design
+from featuresel.design import design
 from featuresel.score import score
 from featuresel.select import select
 from featuresel.trials import prepare, run

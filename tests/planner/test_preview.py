@@ -14,7 +14,8 @@ import numpy.typing as npt
 import pytest
 
 from featuresel.case import LookCase
-from featuresel.perturb import Trial, image
+from featuresel.design import Trial
+from featuresel.perturb import image
 from optics.models import MODELS
 from optics.sampling import BAND_ERROR
 from planner.arguments import LAWS

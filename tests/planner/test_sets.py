@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from featuresel.case import LookCase
+from featuresel.design import design
 from featuresel.nominal import nominal_render
-from featuresel.perturb import design
 from planner.cases import MOST_TOGETHER, build_case, feature_case
 from planner.diagnostics import Report
 from planner.inputs.task import Task

@@ -8,9 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from featuresel.perturb import design
+from featuresel.design import design
+from featuresel.outcomes import Outcome, Outcomes
 from featuresel.score import Score, score_chain
-from featuresel.trials import Outcome, Prepared
+from featuresel.trials import Prepared
 from planner.cases import build_case
 from planner.diagnostics import Report
 from planner.model.requests import requests
@@ -35,8 +36,8 @@ def tried() -> Tried:
     )
     nothing = Prepared(chains=(CHAIN,), artifacts={})
     return Tried(
-        case=case, fidelity=fidelity, prepared=nothing, outcomes=(), scores=(),
-        selection=None,  # type: ignore[arg-type]  # nothing was selected
+        case=case, fidelity=fidelity, prepared=nothing, outcomes=Outcomes.of(),
+        scores=(), selection=None,  # type: ignore[arg-type]  # nothing was selected
     )  # fmt: skip
 
 
@@ -58,7 +59,7 @@ def answered(tried: Tried, noise_um: np.ndarray, scale: float = 1.0) -> Tried:
                 spread_um=0.01,
             )
         )
-    return replace(tried, outcomes=tuple(outcomes))
+    return replace(tried, outcomes=Outcomes.of(outcomes))
 
 
 def scored(tried: Tried) -> Score:

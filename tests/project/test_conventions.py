@@ -16,7 +16,7 @@ import executor.beliefs
 import planner.model.assembly
 from executor.drivers import AxisReading
 from executor.simulated.cell import Cell, build_cell
-from featuresel.perturb import words
+from featuresel.axes import words
 from featuresel.routines.frame import RegionFrame
 from optics.jacobian import to_px
 from optics.render import render

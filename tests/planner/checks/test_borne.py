@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.stats import ncx2
 
-from featuresel.trials import Outcome
+from featuresel.outcomes import Outcome
 from planner.checks.borne import Borne, is_placed
 from planner.checks.budget import FOCUS_TERM
 from planner.checks.fit import Fit, Residual
