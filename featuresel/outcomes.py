@@ -107,11 +107,15 @@ class Outcomes(Sequence[Outcome]):
         """Return these outcomes, and the other ones after them."""
         chains = tuple(dict.fromkeys(self.chains + other.chains))
         codes = tuple(dict.fromkeys(self.codes + other.codes))
-        both = [_numbered(each, chains, codes) for each in (self, other)]
+        both = [_numbered(each, chains, codes) for each in (self, other) if len(each)]
+        if len(both) < 2:
+            return other if len(other) else self
         return Outcomes(chains=chains, codes=codes, rows=np.concatenate(both))
 
     def by(self, chain: Chain) -> Outcomes:
         """Return those of one chain."""
+        if self.chains == (chain,):
+            return self
         number = self.chains.index(chain) if chain in self.chains else -1
         return replace(self, rows=self.rows[self.rows[:, 0] == number])
 
@@ -140,6 +144,8 @@ def _numbered(
     outcomes: Outcomes, chains: tuple[Chain, ...], codes: tuple[str, ...]
 ) -> FloatArray:
     """Return rows by the numbers that chains and codes have elsewhere."""
+    if (outcomes.chains, outcomes.codes) == (chains, codes):
+        return outcomes.rows
     rows = outcomes.rows.copy()
     names = (outcomes.chains, chains), (outcomes.codes, codes)
     for column, (here, there) in enumerate(names):

@@ -190,12 +190,13 @@ def score_chain(
     curve: BiasCurve | None = None,
 ) -> Score:
     """Return the score of one chain, or of a set of features, by its own outcomes."""
-    answered = Outcomes.of(outcomes).only(lambda o: o.failure is None)
-    right = answered.only(lambda o: not is_wrong(case, o))
-    silent = len(answered) - len(right)
     codes = Counter(o.failure for o in outcomes if o.failure is not None)
+    far = sorted((o.distance_um, o.trial) for o in outcomes if o.failure is None)
+    right = Outcomes.of(outcomes).only(
+        lambda o: o.failure is None and not is_wrong(case, o)
+    )
+    silent = len(far) - len(right)
     good = {o.trial for o in right}
-    far = sorted((o.distance_um, o.trial) for o in answered)
     parts = PlaceErrors.of(right, 1 - (1 - confidence) / _TOGETHER)
     theta = estimate(_turns(right), confidence)
     return Score(
