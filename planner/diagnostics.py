@@ -107,14 +107,14 @@ TITLES: Mapping[str, str] = {
     "MP722": "exported plan is infeasible",
 }
 
-# infeasible: understood, but the answer is no (exit status 1)
 MOST_ALIKE = 100  # findings of one code that are listed; the rest is counted
 MOST_WORDS = (
     1000  # characters of a message or hint: names in files may be of any length
 )
 EXCERPT = 120  # characters of a source line that are shown around the caret
 
-Severity = Literal["error", "infeasible", "warning", "note"]
+# infeasible, different: understood, but the answer is no (exit status 1)
+Severity = Literal["error", "infeasible", "different", "warning", "note"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -155,6 +155,10 @@ class Report:
         """Add a reason why the task, though understood, cannot be done (status 1)."""
         self._add("infeasible", code, where, message, hint)
 
+    def differ(self, code: str, where: Span, message: str, hint: str = "") -> None:
+        """Add in what a plan is not what was expected of it (status 1)."""
+        self._add("different", code, where, message, hint)
+
     def warning(self, code: str, where: Span, message: str, hint: str = "") -> None:
         """Add something that the user should look at."""
         self._add("warning", code, where, message, hint)
@@ -180,6 +184,11 @@ class Report:
     def failed(self) -> bool:
         """Return whether any error was found."""
         return any(d.severity == "error" for d in self.found)
+
+    @property
+    def refused(self) -> bool:
+        """Return whether the answer to anything is no."""
+        return any(d.severity in ("infeasible", "different") for d in self.found)
 
     def _add(
         self, severity: Severity, code: str, where: Span, message: str, hint: str

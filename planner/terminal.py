@@ -11,11 +11,12 @@ _RESET = "\x1b[0m"
 _COLOURS = {
     "error": "\x1b[1;31m",
     "infeasible": "\x1b[1;31m",
+    "different": "\x1b[1;31m",
     "warning": "\x1b[1;33m",
     "note": "\x1b[1;36m",
 }
 _CARET = "\x1b[1;36m"
-_HEADLINE = re.compile(r"^(error|infeasible|warning|note)(\[MP\d{3}\])", re.MULTILINE)
+_HEADLINE = re.compile(rf"^({'|'.join(_COLOURS)})(\[MP\d{{3}}\])", re.MULTILINE)
 _POINTER = re.compile(r"^( +\| +)(\^+)", re.MULTILINE)
 
 

@@ -29,8 +29,7 @@ def answer(call: argparse.Namespace, report: Report, result: str) -> int:
     say(out)
     if report.failed:
         return BAD_INPUT
-    refused = any(d.severity == "infeasible" for d in report.found)
-    return NO if refused else DONE
+    return NO if report.refused else DONE
 
 
 def refuse(call: argparse.Namespace, report: Report, error: Coded) -> int:

@@ -125,7 +125,7 @@ def _golden(
         where = Span(file=str(plan_file(golden)))
         hint = "meant? compile again with --update"
         message = f"{len(changes)} differences from the golden plan"
-        report.refuse("MP710", where, message, hint)
+        report.differ("MP710", where, message, hint)
     return changes_text(changes)
 
 

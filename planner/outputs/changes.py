@@ -56,7 +56,7 @@ def changes_json(changes: Sequence[Change], old: str, new: str) -> str:
 def findings_of(
     changes: Sequence[Change], failing: Sequence[Change], file: str
 ) -> list[Diagnostic]:
-    """Return one finding a change, placed in the new plan; what fails is infeasible."""
+    """Return one finding a change, placed in the new plan; what fails is different."""
     fails = {change.path for change in failing}
     return [
         Diagnostic(
@@ -72,7 +72,7 @@ def findings_of(
 
 def _severity(change: Change, *, failing: bool) -> Severity:
     if failing:
-        return "infeasible"
+        return "different"
     return "warning" if change.trend == "worse" else "note"
 
 

@@ -22,10 +22,12 @@ from planner.diagnostics import TITLES, Diagnostic, Severity, Span, render_text
 
 FORMATS = ("text", "json", "github", "sarif")
 _GITHUB: Mapping[Severity, str] = {
-    "error": "error", "infeasible": "error", "warning": "warning", "note": "notice",
+    "error": "error", "infeasible": "error", "different": "error",
+    "warning": "warning", "note": "notice",
 }  # fmt: skip
 _SARIF: Mapping[Severity, str] = {
-    "error": "error", "infeasible": "error", "warning": "warning", "note": "note",
+    "error": "error", "infeasible": "error", "different": "error",
+    "warning": "warning", "note": "note",
 }  # fmt: skip
 _SARIF_SCHEMA = "https://json.schemastore.org/sarif-2.1.0.json"
 

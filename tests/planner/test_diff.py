@@ -99,6 +99,9 @@ def test_findings_tell_what_fails_and_what_got_worse(
         results = json.loads(said)["runs"][0]["results"]
         assert [r["level"] for r in results] == ["error", "warning"]
         assert {r["ruleId"] for r in results} == {"MP710"}
+        assert [r["properties"]["severity"] for r in results] == [
+            "different", "warning",
+        ]  # fmt: skip
     else:
         assert [line.split(" ")[0] for line in said.splitlines()[:2]] == [
             "::error", "::warning",

@@ -9,6 +9,7 @@ import subprocess
 import sys
 from collections.abc import Mapping
 from pathlib import Path
+from typing import get_args
 
 import pytest
 
@@ -52,7 +53,7 @@ def test_who_gets_colour(
     assert in_colour(Screen(terminal=terminal), environment) == colour
 
 
-@pytest.mark.parametrize("severity", ["error", "infeasible", "warning", "note"])
+@pytest.mark.parametrize("severity", get_args(Severity))
 def test_colours_are_all_that_is_added(severity: Severity) -> None:
     where = Span(file="t.yaml", line=3, column=5, length=4, text="  x: what | ^^^")
     finding = Diagnostic(

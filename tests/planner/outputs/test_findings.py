@@ -50,6 +50,7 @@ def test_json_says_what_text_says() -> None:
     [
         ("error", "error"),
         ("infeasible", "error"),
+        ("different", "error"),
         ("warning", "warning"),
         ("note", "notice"),
     ],
