@@ -10,6 +10,7 @@ from typing import Any
 from executor.run_summaries import Run
 from executor.scatter import LEVEL, Mean, mean, share, spread
 from executor.tails import binomial_at_most, student_above, student_quantile
+from schemas.html.figures import chance as as_chance
 from schemas.plan import Control, Plan, Step
 
 STOPPED = "MP860"  # the operator's word says nothing of the plan
@@ -175,7 +176,7 @@ def _success(plan: Plan, done: int, counted: int) -> Check:
     return Check(
         step="",
         name="success",
-        predicted=f"{plan.success_probability:.4f}",
+        predicted=as_chance(plan.success_probability),
         found=f"{done} of {counted}, {one.low:.3f}..{one.high:.3f}",
         chance=one.chance,
     )

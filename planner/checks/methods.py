@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from optics.ties import least
+from schemas.html.figures import chance
 from schemas.verdicts import MethodChoice, MethodOption
 
 # Chances that differ by less are equal: the quicker way is taken.
@@ -69,6 +70,6 @@ def _quickest(options: Sequence[MethodOption]) -> MethodOption:
 def _words(options: Sequence[MethodOption]) -> str:
     """Return every option with its chance and time."""
     return ", ".join(
-        f"{o.method} P {o.success_probability:.4f} in {o.expected_s:.2g} s"
+        f"{o.method} P {chance(o.success_probability)} in {o.expected_s:.2g} s"
         for o in options
     )

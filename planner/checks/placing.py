@@ -12,6 +12,7 @@ from planner.checks.insert_budget import OFFSET_TERM, Left, advice_of
 from planner.checks.insertion import SIZE, Insertion
 from planner.checks.offenders import YIELD_POINTS, changes, offenders, sizes_of
 from planner.checks.turning import Turning
+from schemas.html.figures import chance
 from schemas.plan import Budget, BudgetRow
 from schemas.verdicts import BudgetAnalysis, PlacingVerdict, YieldCurve, YieldPoint
 
@@ -132,7 +133,7 @@ def placing_words(step: str, found: PlacingVerdict) -> str:
     """Return a placement in words, every number with its unit."""
     words = (
         f"step {step!r}: {found.target} lies within {found.within_um:g} um of "
-        f"{found.on} with P {found.place_probability:.4f}; half of all within "
+        f"{found.on} with P {chance(found.place_probability)}; half of all within "
         f"{found.half_um:.3g} um, 95 % within {found.most_um:.3g} um"
     )
     turn = math.degrees(found.turn_sigma_rad)
@@ -140,7 +141,7 @@ def placing_words(step: str, found: PlacingVerdict) -> str:
     words += f"{found.far_um:.3g} um off, by {found.far_sigma_um:.2g} um"
     if found.within_rad is not None:
         limit = math.degrees(found.within_rad)
-        words += f", within {limit:g} deg with P {found.turn_probability:.4f}"
+        words += f", within {limit:g} deg with P {chance(found.turn_probability)}"
     words += f"; it sticks to a finger with {found.stick_probability:g}"
     return f"{words}; {found.verified_by!r} looks"
 

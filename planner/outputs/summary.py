@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from schemas.html.figures import chance
 from schemas.plan import Look, Measure, Plan, Step
 
 CONTRAST = "unit contrast"  # that of `optics.ledger`, without loading scipy for it
@@ -22,14 +23,25 @@ def plan_summary(plan: Plan) -> str:
     return "\n".join([*lines, *rest])
 
 
+def success(plan: Plan) -> str:
+    """Return the chance of success, as terminals and pages show it."""
+    known = _ends_before(plan) is None
+    return chance(plan.success_probability) if known else "not worked out"
+
+
+def _ends_before(plan: Plan) -> str | None:
+    """Return the step that a plan ends before, None if it has them all."""
+    known = {step.id for step in plan.steps}
+    return next((r.step for r in plan.reasons if r.step and r.step not in known), None)
+
+
 def _chance(plan: Plan) -> str:
     """Return the chance of success, or where the plan ends before it is known."""
-    known = {step.id for step in plan.steps}
-    ends = next((r.step for r in plan.reasons if r.step and r.step not in known), None)
+    ends = _ends_before(plan)
     if ends is not None:
         return f"ends before {ends!r}, so that P(success) is not worked out"
     goal = "" if plan.success_goal is None else f", goal {plan.success_goal:g}"
-    return f"P(success) {plan.success_probability:.4f}{goal} (simulated)"
+    return f"P(success) {success(plan)}{goal} (simulated)"
 
 
 def _left_out(plan: Plan) -> list[str]:
@@ -98,7 +110,7 @@ def _step_line(step: Step) -> str:
             f"{step.control.expected_cycles:.1f} looks"
         )
     if step.budget.success_probability < 1 and step.budget.rows:
-        parts.append(f"P {step.budget.success_probability:.4f}")
+        parts.append(f"P {chance(step.budget.success_probability)}")
     return "; ".join(parts)
 
 

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 from schemas.codec import to_data
+from schemas.html.figures import chance
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,8 +86,8 @@ def points_table(found: TaskTradeoff, spent: Sequence[Spent]) -> str:
                 str(point.frames),
                 "-" if point.zoom is None else f"{point.zoom:.4g}",
                 _number(point.error_um, ".3f"),
-                _number(point.success_probability, ".4f"),
-                _number(point.success_lower, ".4f"),
+                _chance(point.success_probability),
+                _chance(point.success_lower),
                 _number(point.run_s, ".3g"),
                 f"{took.cpu_s:.3g}",
                 _choices(point),
@@ -115,6 +116,10 @@ def _choices(point: Point) -> str:
 
 def _number(value: float | None, form: str) -> str:
     return "-" if value is None else format(value, form)
+
+
+def _chance(value: float | None) -> str:
+    return "-" if value is None else chance(value)
 
 
 def _cell(value: object) -> object:

@@ -58,12 +58,15 @@ def signed(value: float) -> str:
 
 
 def chance(value: float | None) -> str:
-    """Return a probability; what is almost 1 is not written as 1."""
+    """Return a probability; what four digits would make 1 is never written as 1.
+
+    A plan keeps six digits, so that its own 1 may stand for a little less.
+    """
     if value is None:
         return "\u2013"
     if value == 0:
         return "0"
-    if 0.99995 < value < 1:
+    if value > 0.99995:
         return "> 0.9999"
     if value < 0.00005:
         return "< 0.0001"

@@ -28,6 +28,16 @@ def test_what_pictures_may_err_by_names_the_look(golden: Plan) -> None:
     assert f"note: {looks} looks may err by more" in _note(golden)
 
 
+@pytest.mark.parametrize(
+    ("chance", "told"),
+    [(0.99996, "> 0.9999"), (1.0, "> 0.9999"), (0.99994, "0.9999"), (0.5, "0.5000")],
+)
+def test_no_chance_is_told_as_certain(golden: Plan, chance: float, told: str) -> None:
+    said = plan_summary(replace(golden, success_probability=chance))
+    assert f"feasible, P(success) {told}, goal 0.95 (simulated)" in said
+    assert "focus -16..+16 um; P > 0.9999\n" in said  # see_fingers: .999999
+
+
 def test_a_lone_part_is_told_of_the_ground_that_it_shades(golden: Plan) -> None:
     said = _note(replace(golden, steps=golden.steps[:1]))
     assert "note: 1 look may err by more" in said
