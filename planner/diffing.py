@@ -37,6 +37,8 @@ class Difference:
     changes: tuple[Change, ...]
     failing: tuple[Change, ...]
     notes: tuple[str, ...] = ()  # on what could not be compared
+    old: Plan
+    new: Plan
 
 
 def diff(call: DiffCall) -> Difference:
@@ -57,12 +59,14 @@ def diff(call: DiffCall) -> Difference:
         (path, newer_note(plan)) for path, plan in ((call.old, old), (call.new, new))
     )
     notes = tuple(f"{path}: {note}" for path, note in told if note)
-    return Difference(changes=tuple(changes), failing=failing, notes=notes)
+    return Difference(
+        changes=tuple(changes), failing=failing, notes=notes, old=old, new=new
+    )
 
 
 def diff_with_golden(
     plan: Plan, folder: Path, golden: Path, rules: Sequence[Rule] = ()
-) -> tuple[Change, ...]:
+) -> Difference:
     """Return in what a plan just compiled differs from a golden one.
 
     Pictures are compared if the golden plan's folder has any: a plan.json may be kept
@@ -75,10 +79,15 @@ def diff_with_golden(
     """
     old = read_plan(golden)
     changes = [*compare_plans(old, plan, rules)]
-    kept = plan_file(golden).parent
-    if (kept / "images").is_dir():
-        changes += compare_pictures(old, kept, plan, folder)
-    return tuple(changes)
+    if has_pictures(golden):
+        changes += compare_pictures(old, plan_file(golden).parent, plan, folder)
+    found = tuple(changes)
+    return Difference(changes=found, failing=found, old=old, new=plan)
+
+
+def has_pictures(golden: Path) -> bool:
+    """Return whether pictures were kept with a golden plan."""
+    return (plan_file(golden).parent / "images").is_dir()
 
 
 def renew_golden(folder: Path, golden: Path) -> None:

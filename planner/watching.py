@@ -15,7 +15,8 @@ from planner.comparing.compare import compare_plans
 from planner.comparing.errors import DiffError
 from planner.diagnostics import Report
 from planner.diffing import read_plan
-from planner.outputs.changes import changes_text
+from planner.outputs.changes import headline
+from planner.outputs.summary import success
 from schemas.plan import Plan
 
 POLL_S = 0.25  # between two looks at the files: soon enough for a person, and no load
@@ -154,11 +155,11 @@ def _outcome(found: Round) -> str:
         errors = f"{count} error" + ("" if count == 1 else "s")
         kept = "" if before is None else ", the last good plan is kept"
         return errors + kept
-    chance = f"{plan.status}, P(success) {plan.success_probability:.4g}"
+    chance = f"{plan.status}, P(success) {success(plan)}"
     if before is None:
         return chance
     changes = tuple(compare_plans(before, plan))
-    return f"{chance}, {changes_text(changes).splitlines()[0]}"
+    return f"{chance}, {headline(changes)}"
 
 
 def _short(path: str, folder: Path) -> str:

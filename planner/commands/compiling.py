@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import shlex
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -34,32 +36,35 @@ def compile_task(call: argparse.Namespace) -> int:
     if call.watch:
         return _watch(call)
     report, said = Report(), ""
+    timings: Mapping[str, float] = {}
     try:
-        said = _written(call, report)
+        made = _compiled(call, report)
+        if made is not None:
+            timings = made[0].timings
+            said = _written(call, *made, report)
     except OutputError as error:
         return refuse(call, report, error)
     except DiffError as error:
         report.error(error.code, Span(file=error.file), str(error))
-    return answer(call, report, said)
+    status = answer(call, report, said)
+    if call.timings and timings:
+        from planner.outputs.summary import times_summary
+
+        tell(times_summary(timings))  # last: notes would push them out of sight
+    return status
 
 
-def _written(call: argparse.Namespace, report: Report) -> str:
-    """Return what to say of the plan that was written, "" if the task is at fault."""
-    made = _compiled(call, report)
-    if made is None:
-        return ""
-    files, folder = made
-    said = [files.summary, f"plan folder: {folder}"]
+def _written(
+    call: argparse.Namespace, made: PlanBytes, folder: Path, report: Report
+) -> str:
+    """Return what to say of the plan that was written."""
+    said = [made.summary, f"plan folder: {folder}"]
     if call.report:
         from planner.reporting.report import write_report
 
         said.append(f"report: {write_report(folder, None)}")
-    if call.timings:
-        from planner.outputs.summary import times_summary
-
-        tell(times_summary(files.timings))
     if call.golden is not None:
-        said.append(_golden(call, files, folder, report))
+        said.append(_golden(call, made, folder, report))
     return "\n".join(said)
 
 
@@ -120,13 +125,24 @@ def _golden(
     if call.update:
         renew_golden(folder, golden)
         return f"golden plan: {golden}"
-    changes = diff_with_golden(made.plan(), folder, golden, call.tolerance)
-    if changes:
+    found = diff_with_golden(made.plan(), folder, golden, call.tolerance)
+    if found.changes:
         where = Span(file=str(plan_file(golden)))
         hint = "meant? compile again with --update"
-        message = f"{len(changes)} differences from the golden plan"
+        message = f"{len(found.changes)} differences from the golden plan"
         report.differ("MP710", where, message, hint)
-    return changes_text(changes)
+    more = _asking_for_all(call, folder)
+    return changes_text(found.changes, found.old, found.new, more=more)
+
+
+def _asking_for_all(call: argparse.Namespace, folder: Path) -> str:
+    """Return what shows every difference from the golden plan."""
+    from planner.diffing import has_pictures
+
+    words = ["microplan", "diff", str(call.golden), str(folder), "--all"]
+    words += [] if has_pictures(call.golden) else ["--no-images"]
+    stated = ", with the same --tolerance" if call.tolerance else ""
+    return f"{shlex.join(words)} shows them{stated}"
 
 
 def _watch(call: argparse.Namespace) -> int:

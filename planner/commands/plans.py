@@ -18,7 +18,7 @@ def diff(call: argparse.Namespace) -> int:
     """Compare two plans: 0 for the same, 1 for different."""
     from planner.comparing.errors import DiffError
     from planner.diffing import diff as compared
-    from planner.outputs.changes import findings_of
+    from planner.outputs.changes import findings_of, headline, verdicts_text
 
     try:
         found = compared(_diff_call(call))
@@ -32,7 +32,8 @@ def diff(call: argparse.Namespace) -> int:
         say(_differences(call, found))
         return NO if found.failing else DONE
     report = Report(found=findings_of(found.changes, found.failing, str(call.new)))
-    return answer(call, report, f"{len(found.changes)} differences")
+    said = f"{headline(found.changes)}\n{verdicts_text(found.old, found.new)}"
+    return answer(call, report, said)
 
 
 def _diff_call(call: argparse.Namespace) -> DiffCall:
@@ -53,8 +54,9 @@ def _differences(call: argparse.Namespace, found: Difference) -> str:
     from planner.outputs.changes import changes_json, changes_text
 
     if call.format == "json":
-        return changes_json(found.changes, str(call.old), str(call.new))
-    return changes_text(found.changes, tell_all=call.all)
+        ends = (str(call.old), found.old), (str(call.new), found.new)
+        return changes_json(found.changes, *ends)
+    return changes_text(found.changes, found.old, found.new, tell_all=call.all)
 
 
 def export(call: argparse.Namespace) -> int:

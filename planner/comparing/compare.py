@@ -4,18 +4,28 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
-from planner.comparing.changes import Change, Kind, Name, keys_of
+from planner.comparing.changes import Change, Kind, Name, is_number, keys_of
 from planner.comparing.identity import ORDERED, WHOLE, named
 from planner.comparing.kinds import kind_of, trend_of
 from planner.comparing.tolerances import Rule, rule_for
+from planner.comparing.units import stated_unit, unit_of
 from schemas.codec import to_data
 from schemas.plan import Plan
 
 Path = tuple[str, ...]
 _BY_NAME = frozenset({"drawings_sha256", "travel", "repeatability_um"})
 _LONG = 100  # characters of a value that are shown
+_DIGEST = 12  # digits of a hash that are
+# hashes of what a plan was made from: what another one means
+_ANOTHER: Mapping[str, str] = {
+    "provenance/task_sha256": "the task says something else",
+    "provenance/workcell_sha256": "the workcell says something else",
+    "provenance/drawings_sha256/:": "another drawing, or the task says something else "
+    "of the part",
+}
 
 
 def compare_plans(
@@ -43,9 +53,13 @@ def compare_plans(
 
 
 def _differences(
-    old: Any, new: Any, path: Path, rules: Sequence[Rule]
+    old: Any,
+    new: Any,
+    path: Path,
+    rules: Sequence[Rule],
+    units: tuple[str, str] = ("", ""),
 ) -> Iterator[Change]:
-    """Yield the differences below `path`."""
+    """Yield the differences below `path`; `units` of numbers whose keys tell none."""
     if rule_for(path, rules).ignored:
         return
     if isinstance(old, Mapping) and isinstance(new, Mapping):
@@ -53,7 +67,7 @@ def _differences(
     elif isinstance(old, list) and isinstance(new, list):
         yield from _lists(old, new, path, rules)
     elif not rule_for(path, rules).same(old, new):
-        yield _changed(path, old, new)
+        yield _changed(path, old, new, units)
 
 
 def _mappings(
@@ -62,9 +76,10 @@ def _mappings(
     """Yield the differences of two mappings, key by key."""
     if keys_of(path[-1:]) in _BY_NAME:
         old, new = _by_name(old), _by_name(new)
+    units = stated_unit(old), stated_unit(new)
     for key in [*old, *(key for key in new if key not in old)]:
         if key in old and key in new:
-            yield from _differences(old[key], new[key], (*path, key), rules)
+            yield from _differences(old[key], new[key], (*path, key), rules, units)
         elif not rule_for((*path, key), rules).ignored:
             yield _one_sided((*path, key), old.get(key), new.get(key), added=key in new)
 
@@ -114,15 +129,22 @@ def _positions(
         yield from _differences(before, after, (*path, str(index)), rules)
 
 
-def _changed(path: Path, old: Any, new: Any) -> Change:
+def _changed(
+    path: Path, old: Any, new: Any, units: tuple[str, str] = ("", "")
+) -> Change:
     """Return the change of one value."""
-    says = f"{_shown(old)} became {_shown(new)}"
-    if _is_number(old) and _is_number(new) and old * new > 0:
-        says += f" ({100 * (new - old) / abs(old):+.3g} %)"
-    return Change(
-        path=path, kind=kind_of(path), old=old, new=new, says=says,
-        trend=trend_of(path, old, new),
+    before, after = (unit_of(path) or unit for unit in units)
+    found = Change(
+        path=path, kind=kind_of(path), old=old, new=new,
+        says=f"{_measured(old, before)} became {_measured(new, after)}",
+        trend=trend_of(path, old, new), unit=after if _has_unit(old, new) else "",
     )  # fmt: skip
+    another = _ANOTHER.get(keys_of(path))
+    if another is not None:
+        ends = f"{str(old)[:_DIGEST]}... became {str(new)[:_DIGEST]}..."
+        return replace(found, says=f"{another} ({ends})")
+    share = f" ({found.share})" if found.share else ""
+    return replace(found, says=found.says + share)
 
 
 def _one_sided(path: Path, old: Any, new: Any, *, added: bool) -> Change:
@@ -130,8 +152,9 @@ def _one_sided(path: Path, old: Any, new: Any, *, added: bool) -> Change:
     what = new if added else old
     says = "added" if added else "removed"
     if not isinstance(what, (Mapping, list)):
-        says += f": {_shown(what)}"
-    return Change(path=path, kind=_kind(path), old=old, new=new, says=says)
+        says += f": {_measured(what, unit_of(path))}"
+    unit = unit_of(path) if is_number(what) else ""
+    return Change(path=path, kind=_kind(path), old=old, new=new, says=says, unit=unit)
 
 
 def _kind(path: Path) -> Kind:
@@ -161,10 +184,12 @@ def _moved(
             rule.absolute, rule.relative * math.hypot(*ends[0])
         ):
             continue
-        says = f"moved {far_um:.4g} um, from {_shown(ends[0])} to {_shown(ends[1])}"
+        says = f"moved {far_um:.4g} um, from {_shown(ends[0])} to {_shown(ends[1])} um"
         if sigmas.get(name):
             says += f": {far_um / sigmas[name]:.3g} sigma of the look at it"
-        yield Change(path=path, kind="feature", old=ends[0], new=ends[1], says=says)
+        yield Change(
+            path=path, kind="feature", old=ends[0], new=ends[1], says=says, unit="um"
+        )
 
 
 def _sigmas(plan: Mapping[str, Any]) -> dict[str, float]:
@@ -181,8 +206,17 @@ def _sigmas(plan: Mapping[str, Any]) -> dict[str, float]:
     return found
 
 
-def _is_number(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool)
+def _has_unit(*values: Any) -> bool:
+    """Return whether any of these is a number, or a list of numbers."""
+    return any(
+        is_number(value) or (isinstance(value, list) and all(map(is_number, value)))
+        for value in values
+    )
+
+
+def _measured(value: Any, unit: str) -> str:
+    """Return a value in words, numbers with their unit."""
+    return f"{_shown(value)} {unit}".rstrip() if _has_unit(value) else _shown(value)
 
 
 def _shown(value: Any) -> str:

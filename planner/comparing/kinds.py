@@ -27,6 +27,7 @@ _KINDS: tuple[tuple[str, Kind], ...] = (
     ("*/control/method", "choice"),
     ("*/control/choice*", "choice"),
     ("*/control/gain*", "choice"),
+    ("*/control/tolerance_*", "choice"),
     ("*/together*", "choice"),
     ("*/coarse*", "choice"),
     ("*/effects*", "effects"),

@@ -16,9 +16,9 @@ from fnmatch import fnmatchcase
 from functools import lru_cache
 from typing import Any
 
-from planner.comparing.changes import keys_of
+from planner.comparing.changes import is_number, keys_of
 
-_NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?%?")
+_NUMBER = re.compile(r"(?:[<>] )?[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?%?")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,15 +45,11 @@ class Rule:
         """Return whether two plain values agree."""
         if self.ignored:
             return True
-        if _is_number(old) and _is_number(new):
+        if is_number(old) and is_number(new):
             return math.isclose(old, new, rel_tol=self.relative, abs_tol=self.absolute)
         if self.words and isinstance(old, str) and isinstance(new, str):
             return _NUMBER.sub("#", old) == _NUMBER.sub("#", new)
         return type(old) is type(new) and bool(old == new)
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool)
 
 
 # Numbers are written with 6 digits; sums in another order may turn the last ones.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import json
 import os
 import pty
@@ -41,9 +43,9 @@ def compiled(task: Path, tmp_path: Path) -> Compile:
     return run
 
 
-def first_lines(capsys: pytest.CaptureFixture[str]) -> tuple[str, str]:
-    heard = capsys.readouterr()
-    return heard.out.splitlines()[-1], heard.err
+def last_line(text: str) -> str:
+    """Return the last line of a text."""
+    return text.splitlines()[-1]
 
 
 def test_nothing_is_renewed_that_is_not_named(
@@ -67,11 +69,14 @@ def test_a_golden_plan_is_made_compared_and_renewed(
     assert json.loads(plan.read_text(encoding="utf-8"))["name"] == "gear-on-shaft"
     capsys.readouterr()
     assert compiled("--golden", str(golden)) == 0
-    assert first_lines(capsys)[0] == "the plans mean the same"
+    heard = capsys.readouterr()
+    assert "\nthe plans mean the same\n" in heard.out
+    assert last_line(heard.out) == "P(success) > 0.9999 in both, feasible in both"
     change(task, "gear, opening_um: 130}", "gear, opening_um: 125}")
     assert compiled("--golden", str(golden)) == 1
     heard = capsys.readouterr()
-    assert "release/action/opening_um: 130 became 125 (-3.85 %)" in heard.out
+    assert "release/action/opening_um: 130 um became 125 um (-3.85 %)" in heard.out
+    assert last_line(heard.out) == "P(success) > 0.9999 in both, feasible in both"
     assert "different[MP710]" in heard.err
     assert "--update" in heard.err
     assert compiled("--golden", str(golden), "--update") == 0
@@ -131,9 +136,20 @@ def test_timings_are_told_if_asked_for(
     lines = capsys.readouterr().err.splitlines()
     told = [line for line in lines if re.fullmatch(r" *\d+\.\d{3} s .*", line)]
     assert {line.split()[-1] for line in told} == {"grasp", "release", "all"}
+    assert lines[-3:] == told  # below the notes, of which a look may have many
+    assert any(line.startswith("note[") for line in lines[:-3])
     seconds = [float(line.split()[0]) for line in told]
     assert seconds[0] >= seconds[1]
     assert sum(seconds[:2]) <= seconds[2] + 2e-3  # rounded to milliseconds
+
+
+def test_timings_stand_below_everything(compiled: Compile) -> None:
+    shown = io.StringIO()
+    with contextlib.redirect_stdout(shown), contextlib.redirect_stderr(shown):
+        assert (
+            compiled() == compiled("--timings") == 0
+        )  # the second time from the cache
+    assert shown.getvalue().splitlines()[-1].endswith(" in all")
 
 
 def test_progress_is_told_to_a_terminal_alone(task: Path, tmp_path: Path) -> None:

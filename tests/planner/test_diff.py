@@ -8,7 +8,10 @@ from pathlib import Path
 import pytest
 
 from planner.cli import main
+from planner.comparing.changes import KINDS
 from tests.planner.comparing.test_compare import TEXT, Data, look
+
+BOTH = "P(success) 0.9936 in both, feasible in both"
 
 
 @pytest.fixture
@@ -29,7 +32,7 @@ def test_the_same_plan_is_the_same(
 ) -> None:
     old, _ = plans
     assert main(["diff", old, f"{old}/plan.json"]) == 0
-    assert capsys.readouterr().out == "the plans mean the same\n"
+    assert capsys.readouterr().out == f"the plans mean the same\n{BOTH}\n"
 
 
 def test_differences_are_listed_by_kind(
@@ -40,11 +43,12 @@ def test_differences_are_listed_by_kind(
     assert lines[0] == "2 differences: 1 choice, 1 prediction"
     assert lines[2:4] == [
         "choice",
-        "  find_gear/looks/find_gear/view/magnification: 6.9 became 9 (+30.4 %)",
+        "  find_gear/looks/find_gear/view/magnification: 6.9 x became 9 x (+30.4 %)",
     ]
     assert lines[5] == "prediction"
     assert lines[6].startswith("  find_gear/looks/find_gear/measure/sigma_xy_um: 0.3")
     assert lines[6].endswith(", worse")
+    assert lines[7:] == ["", BOTH]
 
 
 @pytest.mark.parametrize(
@@ -63,6 +67,63 @@ def test_what_fails_is_the_users_to_say(
     assert main(["diff", *plans, *words]) == status
 
 
+@pytest.fixture
+def stricter(tmp_path: Path) -> tuple[str, str]:
+    """Return a plan, and one of a task that asks for better images and less success."""
+    data: Data = json.loads(TEXT)
+    for name in ("old", "new"):
+        file = tmp_path / f"{name}.json"
+        file.write_text(json.dumps(data), encoding="utf-8")
+        data["provenance"] |= {"max_image_error": 0.001, "task_sha256": "0" * 64}
+        data |= {"status": "infeasible", "success_probability": 0.7}
+        look(data, "find_gear")["measure"]["sigma_xy_um"] = 0.5
+        for step in data["steps"]:
+            for row in (r for found in step["looks"] for r in found["effects"]):
+                row["limit"] = 0.001 if row["limit"] == 0.002 else row["limit"]
+    return str(tmp_path / "old.json"), str(tmp_path / "new.json")
+
+
+def test_causes_stand_before_what_follows_and_alike_stands_together(
+    stricter: tuple[str, str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    count = TEXT.count('"limit": 0.002')
+    assert count > 12
+    assert main(["diff", *stricter]) == 1
+    lines = capsys.readouterr().out.splitlines()
+    heads = ["inputs", "feasibility", "prediction", "effects"]
+    assert [line for line in lines if line in KINDS] == heads
+    assert lines[3].startswith("  provenance/task_sha256: the task says something else")
+    assert lines[4] == (
+        "  provenance/max_image_error: 0.002 unit contrast became 0.001 unit contrast "
+        "(-50 %)"
+    )
+    alike = lines[lines.index("effects") + 1 :]
+    assert alike[0] == (
+        f"  limit, {count} times: 0.002 unit contrast became 0.001 unit contrast "
+        "(-50 %)"
+    )
+    assert alike[1].startswith("    find_gear/looks/find_gear/effects/")
+    assert alike[3:] == [
+        "", f"{count - 2} not listed; --all shows them",
+        "P(success) 0.9936 before, 0.7000 now, feasible before, infeasible now",
+    ]  # fmt: skip
+    assert main(["diff", *stricter, "--all"]) == 1
+    lines = capsys.readouterr().out.splitlines()
+    assert sum(line.endswith("/limit") for line in lines) == count
+    assert not [line for line in lines if "not listed" in line]
+
+
+def test_json_tells_causes_first_too(
+    stricter: tuple[str, str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["diff", *stricter, "--format", "json"]) == 1
+    told = json.loads(capsys.readouterr().out)["changes"]
+    ranks = [KINDS.index(change["kind"]) for change in told]
+    assert ranks == sorted(ranks)
+    limits = [c for c in told if c["where"].endswith("/limit")]
+    assert {c["unit"] for c in limits} == {"unit contrast"}
+
+
 def test_json_holds_every_change(
     plans: tuple[str, str], capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -71,6 +132,9 @@ def test_json_holds_every_change(
     assert said["same"] is False
     first = said["changes"][0]
     assert (first["kind"], first["old"], first["new"]) == ("choice", 6.9, 9.0)
+    assert [change["unit"] for change in said["changes"]] == ["x", "um"]
+    assert said["verdicts"]["old"] == said["verdicts"]["new"]
+    assert said["verdicts"]["new"]["status"] == "feasible"
 
 
 def test_a_name_begins_no_line(
@@ -86,7 +150,7 @@ def test_a_name_begins_no_line(
     lines = capsys.readouterr().out.splitlines()
     assert lines[2] == "steps"
     assert lines[3].endswith("became a\\u000a::error::b\\u000d\\u2028c")
-    assert len(lines) == 4
+    assert lines[4:] == ["", BOTH]
 
 
 @pytest.mark.parametrize("form", ["github", "sarif"])

@@ -8,9 +8,10 @@ from typing import Any
 
 import pytest
 
-from planner.comparing.changes import ABOUT, KINDS, Change
+from planner.comparing.changes import ABOUT, KINDS, Change, is_number
 from planner.comparing.compare import compare_plans
 from planner.comparing.tolerances import parse_rule
+from planner.comparing.units import unit_of
 from schemas.plan import Plan, parse_plan
 from tests.planner.examples import ROOT
 
@@ -155,6 +156,8 @@ EDITS: tuple[Edit, ...] = (
     ("effects",
      lambda d: look(d, "find_gear")["effects"][0].update(level="geometric"),
      "steps/find_gear/looks/find_gear/effects/defocus law/level", ""),
+    ("choice", lambda d: step(d, "bring_between")["control"].update(tolerance_xy_um=2),
+     "steps/bring_between/control/tolerance_xy_um", ""),
     ("motion", lambda d: step(d, "lift")["moves"][0].update(z_um=-250.0),
      "steps/lift/moves/0/z_um", ""),
     ("motion", lambda d: d["beliefs"][0].update(sigma_xy_um=20.0),
@@ -169,6 +172,51 @@ def test_a_change_is_told_where_it_is_and_what_it_is_about(
     (found,) = changes(edit)
     assert (found.kind, found.where, found.trend) == (kind, where, trend)
     assert told(edit, f"{where}=ignore") == []
+
+
+UNITS: tuple[tuple[Callable[[Data], object], str], ...] = (
+    (lambda d: d["requirements"]["travel"]["stage.theta_rad"].__setitem__(1, 0.5),
+     "0 rad became 0.5 rad"),
+    (lambda d: d["requirements"]["repeatability_um"].update(stage=2.0),
+     "1 um became 2 um (+100 %)"),
+    (lambda d: look(d, "find_gear")["view"].update(um_per_px=2.17392),
+     "1.08696 um/px became 2.17392 um/px (+100 %)"),
+    (lambda d: step(d, "insert")["fit"]["clearance_um"].__setitem__(0, -1.0),
+     "4.6 um became -1 um"),
+    (lambda d: look(d, "find_gear")["evidence"]["chosen"].update(trials=48),
+     "24 became 48 (+100 %)"),
+    (lambda d: step(d, "grasp")["grasp"]["force_un"].__setitem__(0, 25.6698),
+     "12.8349 uN became 25.6698 uN (+100 %)"),
+    (lambda d: d["provenance"].update(max_image_error=0.004),
+     "0.002 unit contrast became 0.004 unit contrast (+100 %)"),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(("edit", "says"), UNITS)
+def test_a_number_is_told_with_its_unit(
+    edit: Callable[[Data], object], says: str
+) -> None:
+    (found,) = changes(edit)
+    assert found.says == says
+    assert found.unit in says
+    assert bool(found.unit) == (" became 48" not in says)
+
+
+def test_every_length_angle_time_and_force_of_a_plan_has_a_unit() -> None:
+    """Only what has no dimension may be told without one."""
+    bare: set[str] = set()
+
+    def visit(data: Any, path: tuple[str, ...]) -> None:
+        items = data.items() if isinstance(data, dict) else enumerate(data)
+        for key, value in items:
+            if isinstance(value, dict | list):
+                visit(value, (*path, str(key)))
+            elif is_number(value) and not unit_of((*path, str(key))):
+                bare.add("/".join([p for p in (*path, str(key)) if not p.isdigit()]))
+
+    visit(json.loads(TEXT), ())
+    units = ("um", "rad", "_px", "_s", "_un", "_deg", "_nm", "_mm", "_e")
+    assert [name for name in sorted(bare) if name.endswith(units)] == []
 
 
 def test_a_mean_is_compared_within_what_trials_repeat_to() -> None:

@@ -56,6 +56,12 @@ def test_what_is_no_rule_is_refused(text: str) -> None:
         parse_rule(text)
 
 
+def test_a_chance_near_one_is_a_number_of_a_sentence() -> None:
+    words = Rule(pattern="reason", words=True)
+    assert words.same("servo P > 0.9999 in 0.5 s", "servo P 0.9936 in 0.4 s")
+    assert not words.same("servo P > 0.9999", "look P > 0.9999")
+
+
 @given(PLAIN, PLAIN, st.floats(0, 1), st.floats(0, 10))
 def test_comparison_is_symmetric_and_reflexive(
     old: Any, new: Any, relative: float, absolute: float
