@@ -12,7 +12,12 @@ from planner.comparing.compare import compare_plans
 from planner.comparing.errors import DiffError
 from planner.comparing.pictures import compare_pictures
 from planner.comparing.tolerances import Rule
-from planner.outputs.folder import replace_file, replace_folder
+from planner.outputs.folder import (
+    check_file,
+    check_folder,
+    replace_file,
+    replace_folder,
+)
 from schemas.codec import CodecError
 from schemas.plan import Plan, newer_note, parse_plan
 
@@ -98,10 +103,22 @@ def renew_golden(folder: Path, golden: Path) -> None:
     OutputError
         MP701 if what is there is no plan, MP702 if it cannot be written.
     """
+    check_golden(golden)
     if golden.suffix == ".json":
         replace_file(folder / "plan.json", golden)
     else:
         replace_folder(folder, golden)
+
+
+def check_golden(golden: Path) -> None:
+    """Raise OutputError if a plan may not be put there: MP701 if it is something else.
+
+    MP702 if that cannot be told.
+    """
+    if golden.suffix == ".json":
+        check_file(golden)
+    else:
+        check_folder(golden)
 
 
 def plan_file(path: Path) -> Path:

@@ -45,7 +45,7 @@ def migrate(call: MigrateCall, report: Report) -> Told | None:
     said = "\n".join(found.says) or f"{call.file} is of the newest version already"
     if call.out is not None:
         if os.path.lexists(call.out):
-            raise OutputError("MP703", f"{call.out} is there already")
+            raise OutputError("MP703", f"{call.out} is there already", call.out)
         replace_text(call.out, found.text)
     elif call.in_place:
         if found.says:

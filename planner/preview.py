@@ -43,9 +43,10 @@ DEFAULT_MODEL = (
 class RenderError(Exception):
     """The call cannot be met; `code` is MP4xx or MP7xx."""
 
-    def __init__(self, code: str, message: str) -> None:
+    def __init__(self, code: str, message: str, file: Path | None = None) -> None:
         super().__init__(message)
         self.code = code
+        self.file = "" if file is None else str(file)  # "": of the call itself
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,7 +73,8 @@ def render_step(task: Task, call: RenderCall, report: Report) -> str:
         written.
     """
     if call.out.suffix not in (".png", ".npy"):
-        raise RenderError("MP702", f"{call.out}: only .png and .npy can be written")
+        message = f"{call.out}: only .png and .npy can be written"
+        raise RenderError("MP702", message, call.out)
     if call.model is not None and call.model not in MODELS:
         known = ", ".join(sorted(MODELS))
         raise RenderError("MP404", f"no defocus law {call.model!r}; known: {known}")
@@ -245,4 +247,5 @@ def _write(path: Path, shown: FloatArray) -> None:
             raise OSError("the image could not be encoded")
         path.write_bytes(data.tobytes())
     except OSError as error:
-        raise RenderError("MP702", f"{path} cannot be written: {error}") from error
+        why = f"{path} cannot be written: {error.strerror or error}"
+        raise RenderError("MP702", why, path) from error

@@ -18,7 +18,7 @@ from planner.compiler import compile_task
 from planner.diagnostics import Report
 from planner.inputs.task import Task
 from planner.options import Options
-from planner.outputs.errors import OutputError
+from planner.outputs.errors import not_written
 from planner.outputs.plots import task_png
 from planner.outputs.task_tradeoff import (
     Point,
@@ -55,6 +55,7 @@ class VaryError(ValueError):
     """A value that cannot be; carries the code of its finding."""
 
     code = "MP404"
+    file = ""  # of the call itself
 
 
 def write_task_tradeoff(task: Task, call: TaskCall, tell: Callable[[str], None]) -> str:
@@ -258,4 +259,4 @@ def _write(folder: Path, files: dict[str, bytes]) -> None:
         for name, content in files.items():
             (folder / name).write_bytes(content)
     except OSError as error:
-        raise OutputError("MP702", f"{folder} cannot be written: {error}") from error
+        raise not_written(folder, error) from error

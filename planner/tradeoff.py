@@ -27,7 +27,7 @@ from planner.model.sightings import needed_shape, spot_of
 from planner.model.steps import unfold
 from planner.model.views import ViewPlan
 from planner.model.zooms import microscope_at
-from planner.outputs.errors import OutputError
+from planner.outputs.errors import not_written
 from planner.outputs.plots import Strip, round_down, strip_png, tradeoff_png
 from planner.outputs.tradeoff import (
     StepTradeoff,
@@ -250,4 +250,4 @@ def _write(folder: Path, files: dict[str, bytes]) -> None:
         for name, content in files.items():
             (folder / name).write_bytes(content)
     except OSError as error:
-        raise OutputError("MP702", f"{folder} cannot be written: {error}") from error
+        raise not_written(folder, error) from error

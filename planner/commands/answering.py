@@ -15,9 +15,10 @@ DONE, NO, BAD_INPUT = 0, 1, 2
 
 
 class Coded(Protocol):
-    """An exception with the code of its finding."""
+    """An exception with the code of its finding, and the file that it is about."""
 
     code: str
+    file: str  # "": what cannot be done is said of the task
 
 
 def answer(call: argparse.Namespace, report: Report, result: str) -> int:
@@ -34,7 +35,7 @@ def answer(call: argparse.Namespace, report: Report, result: str) -> int:
 
 def refuse(call: argparse.Namespace, report: Report, error: Coded) -> int:
     """Tell what could not be done with the call itself, beside the findings."""
-    report.error(error.code, Span(file=call.task), str(error))
+    report.error(error.code, Span(file=error.file or call.task), str(error))
     return answer(call, report, "")
 
 

@@ -78,10 +78,11 @@ def _compiled(
 
     def ready(name: str) -> None:
         check_folder(call.out or _beside(call.task, name))
-        if call.golden is not None and not call.update:
-            from planner.diffing import read_plan
+        if call.golden is not None:
+            from planner.diffing import check_golden, read_plan
 
-            read_plan(call.golden)  # what cannot be compared need not be compiled
+            # what can be neither compared nor replaced need not be compiled for
+            (check_golden if call.update else read_plan)(call.golden)
 
     store = None if call.no_cache else Store(call.cache or place())
     files = compile_file(call.task, report, _options(call), store, ready)

@@ -71,7 +71,7 @@ def export(call: argparse.Namespace) -> int:
     except ExportError as error:
         report.error(error.code, Span(file=error.file), str(error), error.hint)
     except OutputError as error:
-        report.error(error.code, Span(file=str(call.out)), str(error))
+        report.error(error.code, Span(file=error.file), str(error))
     return answer(call, report, said)
 
 
@@ -99,5 +99,5 @@ def report_plan(call: argparse.Namespace) -> int:
     try:
         said = f"report: {write_report(call.plan, call.out)}"
     except (DiffError, OutputError) as error:
-        report.error(error.code, Span(file=str(call.plan)), str(error))
+        report.error(error.code, Span(file=error.file), str(error))
     return answer(call, report, said)

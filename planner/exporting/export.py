@@ -70,7 +70,9 @@ def _check_place(call: ExportCall) -> None:
     """Raise OutputError before the work if its result could not be put anywhere."""
     if call.to in _FILES and call.out.suffix.lower() not in _FILES[call.to]:
         raise OutputError(
-            "MP702", f"{call.out}: {call.to} is written to {', '.join(_FILES[call.to])}"
+            "MP702",
+            f"{call.out}: {call.to} is written to {', '.join(_FILES[call.to])}",
+            call.out,
         )
     check_free(call.out, folder=call.to in _FOLDERS, overwrite=call.overwrite)
 

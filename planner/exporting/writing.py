@@ -29,17 +29,20 @@ def check_free(out: Path, *, folder: bool, overwrite: bool) -> None:
         return
     if out.is_dir() != folder:
         kind = "a folder" if out.is_dir() else "no folder"
-        raise OutputError("MP702", f"{out} is {kind}")
+        raise OutputError("MP702", f"{out} is {kind}", out)
     if folder and not any(out.iterdir()):
         return
     if folder and not (out / INDEX).is_file():
         raise OutputError(
-            "MP703", f"{out} holds other things than an export; it is left untouched"
+            "MP703",
+            f"{out} holds other things than an export; it is left untouched",
+            out,
         )
     if not folder and not out.is_file():
-        raise OutputError("MP702", f"{out} is no regular file")
+        raise OutputError("MP702", f"{out} is no regular file", out)
     if not overwrite:
-        raise OutputError("MP703", f"{out} is there already; --overwrite replaces it")
+        message = f"{out} is there already; --overwrite replaces it"
+        raise OutputError("MP703", message, out)
 
 
 def write_file(out: Path, data: bytes, *, overwrite: bool) -> None:

@@ -15,7 +15,7 @@ from xml.sax.saxutils import escape
 from optics.outline import Arc, Edge, Outline, Point, Ring
 from planner.inputs.features import dominant_circle
 from planner.inputs.task import Part
-from planner.outputs.errors import OutputError
+from planner.outputs.errors import not_written
 
 _SVG = "http://www.w3.org/2000/svg"
 SIDE_PX = 720.0  # of the longer side of the drawing
@@ -43,7 +43,7 @@ def write_drawings(parts: Mapping[str, Part], folder: Path) -> str:
         for name, part in parts.items():
             (folder / f"{name}.svg").write_text(svg(part), encoding="utf-8")
     except OSError as error:
-        raise OutputError("MP702", f"{folder} cannot be written: {error}") from error
+        raise not_written(folder, error) from error
     return f"drawings: {', '.join(str(folder / f'{n}.svg') for n in sorted(parts))}"
 
 

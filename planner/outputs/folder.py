@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import stat
 import tempfile
@@ -13,7 +14,7 @@ from functools import partial
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
-from planner.outputs.errors import OutputError
+from planner.outputs.errors import OutputError, not_written
 
 if TYPE_CHECKING:
     from schemas.plan import Plan
@@ -26,6 +27,13 @@ _OURS = {
     PLAN, "world.json", "scenes.json", "inputs.json", "timings.json", "evidence",
     REPORT, *_ALWAYS,
 }  # fmt: skip
+# How every plan begins, since 1.0: other programs write a plan.json too, also with a
+# "format_version". Its types are not loaded for that: an unchanged task needs none.
+_HEAD = re.compile(
+    rb'\{\s*"format_version"\s*:\s*"\d+\.\d+"\s*,\s*"name"\s*:\s*"[^"]*"\s*,'
+    rb'\s*"status"\s*:\s*"(in)?feasible"\s*,\s*"reasons"\s*:'
+)
+_HEAD_BYTES = 1 << 12  # a name has 64 letters
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,7 +89,7 @@ def replace_by(folder: Path, fill: Callable[[Path], object]) -> None:
             shutil.rmtree(fresh, ignore_errors=True)
             raise
     except (OSError, ValueError) as error:
-        raise OutputError("MP702", f"{folder} cannot be written: {error}") from error
+        raise not_written(folder, error) from error
 
 
 def replace_file(source: Path, file: Path) -> None:
@@ -89,7 +97,8 @@ def replace_file(source: Path, file: Path) -> None:
     try:
         data = source.read_bytes()
     except OSError as error:
-        raise OutputError("MP702", f"{source} cannot be read: {error}") from error
+        why = f"{source} cannot be read: {error.strerror or error}"
+        raise OutputError("MP702", why, source) from error
     replace_bytes(file, data)
 
 
@@ -112,7 +121,7 @@ def replace_bytes(file: Path, data: bytes) -> None:
             Path(name).unlink(missing_ok=True)
             raise
     except (OSError, ValueError) as error:
-        raise OutputError("MP702", f"{file} cannot be written: {error}") from error
+        raise not_written(file, error) from error
 
 
 def replace_folder(source: Path, folder: Path) -> None:
@@ -124,21 +133,43 @@ def replace_folder(source: Path, folder: Path) -> None:
 def check_folder(folder: Path) -> None:
     """Raise OutputError unless `folder` is absent, empty or a plan folder alone.
 
-    MP701 if it is something else, MP702 if it cannot be told.
+    MP701 if it is something else, as one whose plan.json is another program's; MP702 if
+    it cannot be told.
     """
     try:
         if not stat.S_ISDIR(folder.stat().st_mode):
-            raise OutputError("MP701", f"{folder} is a file, not a folder")
+            raise OutputError("MP701", f"{folder} is a file, not a folder", folder)
         held = {path.name for path in folder.iterdir()}
     except FileNotFoundError:
         return
     except OSError as error:
-        raise OutputError("MP702", f"{folder} cannot be written: {error}") from error
+        raise not_written(folder, error) from error
     if held and not (PLAN in held and held <= _OURS):
         foreign = sorted(held - _OURS)
         said = f"{foreign[0]!r} for one" if foreign else f"and no {PLAN}"
         message = f"{folder} holds other things than a plan, {said}"
-        raise OutputError("MP701", f"{message}; it is left untouched")
+        raise OutputError("MP701", f"{message}; it is left untouched", folder)
+    if held:
+        check_file(folder / PLAN)
+
+
+def check_file(file: Path) -> None:
+    """Raise OutputError unless `file` is absent or a plan; codes as `check_folder`."""
+    try:
+        ours = stat.S_ISREG(file.stat().st_mode) and _HEAD.match(_begin(file))
+    except FileNotFoundError:
+        return
+    except OSError as error:
+        raise not_written(file, error) from error
+    if not ours:
+        message = f"{file} is no plan of microplan; it is left untouched"
+        raise OutputError("MP701", message, file)
+
+
+def _begin(file: Path) -> bytes:
+    """Return the first bytes of a file."""
+    with file.open("rb") as stream:
+        return stream.read(_HEAD_BYTES).lstrip()
 
 
 def _fill(made: PlanBytes, folder: Path) -> None:

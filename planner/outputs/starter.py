@@ -6,7 +6,7 @@ import json
 from collections.abc import Iterator
 from pathlib import Path
 
-from planner.outputs.errors import OutputError
+from planner.outputs.errors import OutputError, not_written
 from planner.outputs.shipped import starter
 from schemas import load
 
@@ -31,13 +31,14 @@ def write_starter(folder: Path) -> str:
     try:
         there = [name for name in files if (folder / name).exists()]
         if there:
-            raise OutputError("MP703", f"{folder} already has {', '.join(there)}")
+            message = f"{folder} already has {', '.join(there)}"
+            raise OutputError("MP703", message, folder)
         for name, content in files.items():
             file = folder / name
             file.parent.mkdir(parents=True, exist_ok=True)
             file.write_bytes(content)
     except OSError as error:
-        raise OutputError("MP702", f"cannot write {folder}: {error.strerror}") from None
+        raise not_written(folder, error) from None
     task = folder / "task.yaml"
     return (
         f"{task} and {len(files) - 1} files beside it; next:\n  microplan check {task}"

@@ -8,6 +8,7 @@ import json
 import os
 import pty
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -114,6 +115,42 @@ def test_a_folder_with_other_things_is_left_alone(
     assert compiled("--golden", str(other), "--update") == 2
     assert "MP701" in capsys.readouterr().err
     assert [f.name for f in other.iterdir()] == ["a.txt"]
+
+
+def test_a_golden_file_of_another_kind_is_left_alone(
+    task: Path, tmp_path: Path, compiled: Compile, capsys: pytest.CaptureFixture[str]
+) -> None:
+    other = tmp_path / "package.json"
+    other.write_text('{"name": "mine"}', encoding="utf-8")
+    assert compiled("--golden", str(other), "--update") == 2
+    said = capsys.readouterr().err
+    assert "error[MP701]" in said
+    assert f"--> {other}" in said
+    assert other.read_text(encoding="utf-8") == '{"name": "mine"}'
+    assert not (tmp_path / "new").exists()  # told before the work
+
+
+def test_what_is_not_listed_is_shown_by_the_command_named(
+    tmp_path: Path, compiled: Compile, capsys: pytest.CaptureFixture[str]
+) -> None:
+    golden = tmp_path / "kept plans" / "golden.json"
+    assert compiled("--golden", str(golden), "--update") == 0
+    data = json.loads(golden.read_text(encoding="utf-8"))
+    travel = data["requirements"]["travel"]
+    for axis, ends in travel.items():
+        travel[axis] = [2 * (end or 100) for end in ends]
+    golden.write_text(json.dumps(data), encoding="utf-8")
+    capsys.readouterr()
+    assert compiled("--golden", str(golden)) == 1
+    *_, said, verdict = capsys.readouterr().out.splitlines()
+    count, command = said.split(" not listed; microplan ")
+    assert int(count) > 0
+    assert command.endswith(" shows them")
+    assert main(shlex.split(command.removesuffix(" shows them"))) == 1
+    shown = capsys.readouterr().out
+    assert "not listed" not in shown
+    assert last_line(shown) == verdict
+    assert all(f"requirements/travel/{axis}/0" in shown for axis in travel)
 
 
 def test_nothing_is_left_beside_a_golden_plan(

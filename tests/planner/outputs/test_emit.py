@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -102,12 +104,58 @@ def test_a_plan_among_other_things_is_left_alone(
     assert not (folder / "report.html").exists()  # it was of the plan before
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "", "{}", "[1]", "not json", '{"format_version": "2.0"}',
+        # of a program that plans something else
+        '{"format_version":"1.2","terraform_version":"1.9.0","planned_values":{}}',
+        '{"format_version": "1.0", "name": "n", "status": "done", "reasons": []}',
+    ],
+)  # fmt: skip
+def test_a_plan_of_another_program_is_left_alone(
+    files: PlanFiles, tmp_path: Path, text: str
+) -> None:
+    folder = tmp_path / "x.plan"
+    folder.mkdir()
+    (folder / "plan.json").write_text(text, encoding="utf-8")
+    with pytest.raises(OutputError, match="no plan of microplan") as caught:
+        write_folder(plan_bytes(files), folder)
+    assert caught.value.code == "MP701"
+    assert content(folder) == {"plan.json": text.encode()}
+
+
+def test_a_plan_that_is_no_file_is_left_alone(files: PlanFiles, tmp_path: Path) -> None:
+    """A pipe would be waited for."""
+    for name, make in (("pipe", os.mkfifo), ("folder", os.mkdir)):
+        (tmp_path / name).mkdir()
+        make(tmp_path / name / "plan.json")
+        with pytest.raises(OutputError) as caught:
+            write_folder(plan_bytes(files), tmp_path / name)
+        assert caught.value.code == "MP701"
+
+
+@pytest.mark.parametrize("indent", [None, 0, 2, 4])
+def test_a_plan_written_in_another_way_is_a_plan(
+    files: PlanFiles, tmp_path: Path, indent: int | None
+) -> None:
+    folder = tmp_path / "x.plan"
+    write_folder(plan_bytes(files), folder)
+    file = folder / "plan.json"
+    data = json.loads(file.read_text(encoding="utf-8"))
+    file.write_text(json.dumps(data, indent=indent), encoding="utf-8")
+    write_folder(plan_bytes(files), folder)
+    assert file.read_bytes() == plan_bytes(files).files["plan.json"]
+
+
 def test_the_command_leaves_a_foreign_folder_alone(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     task = copy_example(tmp_path / "task")
     assert main(["compile", str(task), "-o", str(task.parent)]) == 2
-    assert "error[MP701]" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert "error[MP701]" in said
+    assert f"--> {task.parent}\n" in said  # what is at fault is not the task
     assert not (task.parent / "plan.json").exists()
 
 
@@ -120,6 +168,9 @@ def test_a_failed_write_leaves_the_old_plan(files: PlanFiles, tmp_path: Path) ->
     with pytest.raises(OutputError) as caught:
         write_folder(replace(made, files=worse), folder)
     assert caught.value.code == "MP702"
+    # the folder that it is filled in before it is moved into place is not the user's
+    assert str(caught.value) == f"{folder} cannot be written: File name too long"
+    assert caught.value.file == str(folder)
     assert content(folder) == before
     assert list(tmp_path.iterdir()) == [folder]
 
@@ -171,7 +222,9 @@ def test_an_impossible_place_is_refused_before_the_work(
     task = copy_example(tmp_path / "task")
     for out in (tmp_path / ("n" * 300), task / "x.plan"):
         assert main(["compile", str(task), "-o", str(out)]) == 2
-        assert "error[MP702]" in capsys.readouterr().err
+        said = capsys.readouterr().err
+        assert "error[MP702]" in said
+        assert said.endswith(f"--> {out}\n")
 
 
 def test_a_folder_gives_its_plan(files: PlanFiles) -> None:
