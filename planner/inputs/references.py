@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import re
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
+import schemas
 from planner.diagnostics import Report, Span
 from planner.inputs.schema import Checked, did_you_mean
 from planner.inputs.source import Key
@@ -30,6 +33,16 @@ class Names:
 
     kinds: Mapping[str, str]  # "gear.bore" -> "feature"
     whole: bool  # False if the workcell could not be read, so that tools are unknown
+    refused: frozenset[str]  # names that are none, or stand for two things
+
+    def like(self, name: str, known: Iterable[str], own: str = "") -> str:
+        """Return the hint for a name that is lost among known ones of its kind.
+
+        One that was refused itself is no way out. Names are told without the prefix
+        `own`.
+        """
+        near = sorted(k.removeprefix(own) for k in set(known) - self.refused)
+        return did_you_mean(name, near) or f"known: {', '.join(near) or 'none'}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,9 +57,8 @@ class _Lost:
 
 def check_references(task: Checked, cell: Checked | None, report: Report) -> None:
     """Report names that lead nowhere, to the wrong kind, or are given twice."""
-    names = _names(task, cell)
+    names = _names(task, cell, _clashes(task, cell, report))
     lost: list[_Lost] = []
-    _check_clashes(task, cell, report)
     for where, kinds in _uses(task):
         if task.good(*where):
             _check_use(task, names, where, kinds, report, lost)
@@ -55,17 +67,37 @@ def check_references(task: Checked, cell: Checked | None, report: Report) -> Non
     _check_ids(task, report)
 
 
-def _names(task: Checked, cell: Checked | None) -> Names:
+def _names(task: Checked, cell: Checked | None, clashes: Iterable[str]) -> Names:
     kinds: dict[str, str] = {}
+    refused = set(clashes)
     for part, raw in task.source.mapping("parts").items():
         kinds[part] = "part"
         kinds[f"{part}.outline"] = "feature"
         kinds.update({f"{part}.{n}": "feature" for n in _mapping(raw, "features")})
         kinds.update({f"{part}.{n}": "post" for n in _mapping(raw, "posts")})
+        inner = [*_mapping(raw, "features"), *_mapping(raw, "posts")]
+        refused |= {f"{part}.{n}" for n in inner if not _is_name(n)}
+        if part in refused or not _is_name(part):
+            refused |= {part, f"{part}.outline", *(f"{part}.{n}" for n in inner)}
     for tool in cell.source.mapping("tools") if cell else ():
         kinds[tool] = "tool"
         kinds[f"{tool}.grip"] = "grip"
-    return Names(kinds, whole=cell is not None)
+        if not _is_name(tool):
+            refused |= {tool, f"{tool}.grip"}
+    return Names(kinds, whole=cell is not None, refused=frozenset(refused))
+
+
+def _is_name(text: str) -> bool:
+    """Return whether the schema takes a text for a name."""
+    rule = _name_rule()
+    fits = re.search(rule["pattern"], text) is not None
+    return fits and len(text) <= rule["maxLength"]
+
+
+@cache
+def _name_rule() -> dict[str, Any]:
+    rule: dict[str, Any] = schemas.load("task")["$defs"]["name"]
+    return rule
 
 
 def _mapping(data: Any, key: str) -> Mapping[str, Any]:
@@ -74,18 +106,22 @@ def _mapping(data: Any, key: str) -> Mapping[str, Any]:
     return found if isinstance(found, dict) else {}
 
 
-def _check_clashes(task: Checked, cell: Checked | None, report: Report) -> None:
-    """Report a name that stands for two things."""
+def _clashes(task: Checked, cell: Checked | None, report: Report) -> set[str]:
+    """Report names that stand for two things, and return them."""
+    found: set[str] = set()
     tools = cell.source.mapping("tools") if cell else {}
     for part, raw in task.source.mapping("parts").items():
         if part in tools or part in ("stage", "robot"):
             what = "a tool" if part in tools else "an axis group"
             at = task.source.key("parts", part)
             report.error("MP117", at, f"'{part}' is also the name of {what}")
+            found.add(part)
         for name in _mapping(raw, "posts"):
             if name in _mapping(raw, "features"):
                 at = task.source.key("parts", part, "posts", name)
                 report.error("MP117", at, f"'{name}' is also a feature of {part}")
+                found.add(f"{part}.{name}")
+    return found
 
 
 def _uses(task: Checked) -> Iterator[tuple[tuple[Key, ...], str]]:
@@ -115,28 +151,25 @@ def _check_use(
     """Report a name that leads to the wrong kind of thing; note one that is lost."""
     name = task.source.get(*where)
     at = task.source.value(*where)
-    full = name
+    own = ""
     if kinds == "own feature":
-        full, kinds = f"{where[1]}.{name}", "feature"
-        near = [
-            k.partition(".")[2] for k in names.kinds if k.startswith(f"{where[1]}.")
-        ]
+        own, kinds = f"{where[1]}.", "feature"
+        near = [known for known in names.kinds if known.startswith(own)]
     else:
         near = [known for known, kind in names.kinds.items() if kind in kinds.split()]
+    full = f"{own}{name}"
     kind = names.kinds.get(full)
     if kind in kinds.split():
         return
     if kind is None and not names.whole and kinds != "feature":
         return  # it may be a tool of the workcell that could not be read
-    known = ", ".join(sorted(near)) or "none"
-    hint = did_you_mean(name, near) or f"known: {known}"
     if kind is None:
-        message = f"nothing is called '{name}'"
+        message, hint = f"nothing is called '{name}'", names.like(name, near, own)
         lost.append(_Lost(name=full, at=at, message=message, hint=hint))
     else:
         wanted = " or ".join(kinds.split())
         message = f"'{name}' is a {kind}, a {wanted} is needed here"
-        report.error("MP112", at, message, f"known: {known}")
+        report.error("MP112", at, message, names.like("", near, own))
 
 
 def _check_starts(
@@ -151,7 +184,7 @@ def _check_starts(
         wanted = "part" if raw["on"] == "stage" else "tool"
         if kind is None and (wanted == "part" or names.whole):
             near = [known for known, k in names.kinds.items() if k == wanted]
-            hint = did_you_mean(name, near) or f"known: {', '.join(sorted(near))}"
+            hint = names.like(name, near)
             message = f"no {wanted} is called '{name}'"
             lost.append(_Lost(name=name, at=at, message=message, hint=hint))
         elif kind not in (None, wanted):

@@ -19,6 +19,7 @@ from yaml import events
 
 from planner.diagnostics import Report, Span
 from planner.inputs.files import read_bytes
+from planner.inputs.yaml_faults import fault_of
 
 Key = str | int
 Where = tuple[Key, ...]  # keys and indices from the root to a node
@@ -121,10 +122,10 @@ def parse(text: str, path: Path, file: str, report: Report) -> Source | None:
         report.error(*refused.finding)
         return None
     except yaml.MarkedYAMLError as error:
-        mark = error.problem_mark or error.context_mark
+        fault = fault_of(error, builder.lines)
+        mark = fault.mark
         where = builder.at(mark, mark) if mark else Span(file=file)
-        what = " ".join(filter(None, (error.context, error.problem)))
-        report.error("MP003", where, f"not valid YAML: {what}")
+        report.error("MP003", where, f"not valid YAML: {fault.message}", fault.hint)
         return None
     except yaml.reader.ReaderError as error:
         line = text.count("\n", 0, error.position) + 1

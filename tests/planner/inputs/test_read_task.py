@@ -180,6 +180,40 @@ def test_a_verification_needs_a_seat(
     ]
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "code"),
+    [
+        ("  gear:\n", '  "<gear>":\n', "MP107"),  # no name
+        ("  gear:\n", f"  gear{'r' * 61}:\n", "MP107"),  # one letter too long
+        ("      bore: ", '      "b ore": ', "MP107"),
+        ("  gear:\n", "  robot:\n", "MP117"),  # an axis group's
+    ],
+)
+def test_a_name_that_was_refused_is_not_suggested(
+    folder: Path, old: str, new: str, code: str
+) -> None:
+    edit(folder, "task.yaml", old, new)
+    edit(folder, "task.yaml", "hole: gear.bore", "hole: geer.bore")
+    report = Report()
+    assert load_task(folder / "task.yaml", report) is None
+    name = new.strip(' ":\n')
+    assert code in {f.code for f in report.found if name in f.message}
+    hints = [f.hint for f in report.found if f.code == "MP110"]
+    assert hints
+    assert not [hint for hint in hints if name in hint]
+
+
+def test_a_reference_says_what_a_name_may_hold(folder: Path) -> None:
+    edit(folder, "task.yaml", "hole: gear.bore", 'hole: "<gear>.bore"')
+    report = Report()
+    assert load_task(folder / "task.yaml", report) is None
+    (found,) = report.found
+    assert (found.code, found.where.line) == ("MP107", 34)
+    assert "cannot be '<gear>.bore'" in found.message
+    assert "part.feature" in found.hint
+    assert "letters, digits, _ and -" in found.hint
+
+
 def test_a_renamed_part_is_one_finding_that_names_every_use(folder: Path) -> None:
     edit(folder, "task.yaml", "  gear:\n", "  wheel:\n")
     edit(folder, "task.yaml", "onto: shaft_plate.post", "onto: shaft_plate.pots")

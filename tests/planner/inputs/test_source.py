@@ -54,6 +54,54 @@ def test_plain_scalars_follow_yaml_1_2(text: str, value: object) -> None:
     assert type(source.data["a"]) is type(value)
 
 
+# what is no YAML: where, what is said, how it is mended
+NO_YAML = (
+    ("a: 1\ngoal\nb: 2\n", 2, 1, "'goal' has no colon", "write 'goal: ...'"),
+    ("a: 1\nb:2\nc: 3\n", 2, 1, "'b:2' has no space after", "write 'b: 2'"),
+    ("a:1\nb: 2\n", 2, 2, "the line above, 'a:1'", "write 'key: value'"),
+    ('a: 1\nb: "x\nc: 2\n', 2, 4, 'the quote " that begins here', 'with "'),
+    ("a: 'x\nb: 2\n", 1, 4, "the quote ' that begins here", "with '"),
+    ("a:\n\tb: 1\n", 2, 1, "a tab", "use spaces"),
+    ("a:\n  b: 1\n\tc: 2\n", 3, 1, "a tab", "use spaces"),
+    ("a: b: c\n", 1, 5, "a second ': '", "quote text"),
+    ("a: 1\n  b: 2\n", 2, 4, "has a value already", "indent"),
+    ("a: @x\n", 1, 4, "cannot begin with '@'", "quotes"),
+    ("a: *\n", 1, 4, "cannot begin with '*'", "quotes"),
+    ('a: "parts\\gear.dxf"\n', 1, 11, "'\\g' means nothing", "single quotes"),
+    ('a: "\\xzz"\n', 1, 7, "a broken \\ sequence", "single quotes"),
+    ("a: - b\n", 1, 4, "a list entry '- '", "[a, b]"),
+    ("a:\n    b: 1\n  c: 2\n", 3, 3, "a key indented by 2", "alike"),
+    ("a:\n  b: 2\n  - 1\n", 3, 3, "a list entry among keys", "a key of its own"),
+    ("a:\n  - 1\n  b: 2\n", 3, 3, "a key among list entries", "a key of its own"),
+    ("a: {b: 1\n", 1, 4, "the bracket { that opens here", "close it with }"),
+    ("a: [1, 2\n", 1, 4, "the bracket [ that opens here", "close it with ]"),
+    ("a: {b: 1\nc: 2\n", 2, 2, "in the { of line 1", "close it with }"),
+    ("a: {b: 1 c: 2}\n", 1, 11, "',' or '}' must come before this key", "comma"),
+    ("a: [1, 2}\n", 1, 9, "must come before '}', in the [ of", "close it with ]"),
+    ("a: {b: 1}}\n", 1, 10, "'}' closes nothing", "remove it"),
+    ("a: {b: 1} x\n", 1, 11, "'x' stands behind a value", "remove it"),
+    ('a: "<gear>".bore\n', 1, 12, "'.bore' goes on behind the closing", "a part.feat"),
+    ('a: {b: "<gear>".bore, c: 1}\n', 1, 16, "'.bore' goes on", "quote all of it"),
+    ("a: [,]\n", 1, 5, "',' where a value must stand", "write the value"),
+    # in the parser's own words
+    ("a: |x\n  b\n", 1, 5, "expected chomping or indentation indicators", ""),
+)
+
+
+@pytest.mark.parametrize(("text", "line", "column", "says", "hint"), NO_YAML)
+def test_what_is_no_yaml_is_told_in_plain_words(
+    text: str, line: int, column: int, says: str, hint: str
+) -> None:
+    source, report = read(text)
+    assert source is None
+    (found,) = report.found
+    assert (found.code, found.where.line, found.where.column) == ("MP003", line, column)
+    assert found.message.startswith("not valid YAML: ")
+    assert says in found.message
+    assert hint in found.hint
+    assert bool(found.hint) == bool(hint)
+
+
 @pytest.mark.parametrize("text", [".nan", ".NaN", ".inf", "-.INF", "1e400", "9" * 400])
 def test_numbers_that_are_not_finite_are_refused(text: str) -> None:
     source, report = read(f"a: {text}\nb: 2\n")
