@@ -167,6 +167,16 @@ def _no_value(place: _Place, found: re.Match[str]) -> Fault:
     return Fault(place.here, message, "write the value, or remove the sign")
 
 
+def _open_end(place: _Place, _found: re.Match[str]) -> Fault:
+    return Fault(place.here, "the file ends inside brackets", "close them")
+
+
+def _folded(place: _Place, _found: re.Match[str]) -> Fault:
+    sign = place.rest(place.began)[:1]
+    message = f"'{sign}' begins a text of several lines, and stands alone"
+    return Fault(place.began, message, f"{_QUOTES} if it begins with '{sign}'")
+
+
 _Told = Callable[[_Place, re.Match[str]], Fault]
 # the parser's words, context before problem, and what we say of it
 _RULES: tuple[tuple[str, _Told], ...] = (
@@ -181,4 +191,6 @@ _RULES: tuple[tuple[str, _Told], ...] = (
     (r"a flow (mapping|sequence) expected .* but got '(.+)'", _in_brackets),
     (r"a block (mapping|collection) expected <block end>, but found '(.+)'", _in_block),
     (r"expected the node content, but found '([^<].*)'", _no_value),
+    (r"a flow node expected the node content, but found '<stream end>'", _open_end),
+    (r"scanning a block scalar expected", _folded),
 )

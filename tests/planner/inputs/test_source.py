@@ -83,8 +83,10 @@ NO_YAML = (
     ('a: "<gear>".bore\n', 1, 12, "'.bore' goes on behind the closing", "a part.feat"),
     ('a: {b: "<gear>".bore, c: 1}\n', 1, 16, "'.bore' goes on", "quote all of it"),
     ("a: [,]\n", 1, 5, "',' where a value must stand", "write the value"),
+    ("a: [1,\n", 2, 1, "the file ends inside brackets", "close them"),
+    ("a: >b\n", 1, 4, "'>' begins a text of several lines", "quotes"),
     # in the parser's own words
-    ("a: |x\n  b\n", 1, 5, "expected chomping or indentation indicators", ""),
+    ("a: ? b\n", 1, 4, "mapping keys are not allowed here", ""),
 )
 
 
