@@ -69,9 +69,15 @@ class Change:
 
 
 def causes_first(changes: Iterable[Change]) -> list[Change]:
-    """Return changes by kind, what got worse before the rest of its kind."""
+    """Return changes by kind: causes as the plan has them, of the rest worse first."""
     rank = {kind: index for index, kind in enumerate(KINDS)}
-    return sorted(changes, key=lambda c: (rank[c.kind], c.trend != "worse"))
+    follows = rank["feasibility"]
+
+    def place(change: Change) -> tuple[int, bool]:
+        at = rank[change.kind]
+        return at, at >= follows and change.trend != "worse"
+
+    return sorted(changes, key=place)
 
 
 def is_number(value: object) -> TypeGuard[int | float]:

@@ -25,7 +25,7 @@ def changes_text(
     tell_all: bool = False,
     more: str = MORE,
 ) -> str:
-    """Return the changes by kind: causes first, worse before better, alike together.
+    """Return the changes by kind: causes first, then worse first; alike together.
 
     The last line is the verdict of both plans, also where nothing changed. `more` says
     what shows those that are left out.

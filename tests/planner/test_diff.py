@@ -113,6 +113,33 @@ def test_causes_stand_before_what_follows_and_alike_stands_together(
     assert not [line for line in lines if "not listed" in line]
 
 
+def test_a_stated_tolerance_stands_before_what_it_changes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As where a task asks for 2 um instead of 3: more looks, stricter limits."""
+    data: Data = json.loads(TEXT)
+    (tmp_path / "old.json").write_text(TEXT, encoding="utf-8")
+    control = next(s for s in data["steps"] if s["id"] == "bring_between")["control"]
+    control |= {"tolerance_xy_um": 2.0, "expected_cycles": 1.6}
+    control["choice"]["options"][0] |= {"looks": 1.6, "expected_s": 0.35}
+    effects = look(data, "bring_between")["effects"]
+    strict = [row for row in effects if row["limit"] and row["unit"] == "nm"]
+    assert len(strict) > 2
+    for row in strict:
+        row["limit"] = row["limit"] / 1.5
+    (tmp_path / "new.json").write_text(json.dumps(data), encoding="utf-8")
+    words = ["diff", str(tmp_path / "old.json"), str(tmp_path / "new.json")]
+    assert main(words) == 1
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[2:4] == [
+        "choice", "  bring_between/control/tolerance_xy_um: 3 um became 2 um (-33.3 %)",
+    ]  # fmt: skip
+    assert lines.index("prediction") < lines.index("effects")
+    said = f"  limit, {len(strict)} times: 1500 nm became 1000 nm (-33.3 %)"
+    assert lines[lines.index("effects") + 1] == said
+    assert lines[-1] == BOTH
+
+
 def test_json_tells_causes_first_too(
     stricter: tuple[str, str], capsys: pytest.CaptureFixture[str]
 ) -> None:
