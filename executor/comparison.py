@@ -10,7 +10,6 @@ from typing import Any
 from executor.run_summaries import Run
 from executor.scatter import LEVEL, Mean, mean, share, spread
 from executor.tails import binomial_at_most, student_above, student_quantile
-from schemas.html.figures import chance as as_chance
 from schemas.plan import Control, Plan, Step
 
 STOPPED = "MP860"  # the operator's word says nothing of the plan
@@ -172,6 +171,9 @@ def _checks(step: Step, runs: Sequence[Run]) -> list[Check]:
 
 def _success(plan: Plan, done: int, counted: int) -> Check:
     """Test the chance that a run ends well."""
+    # what pages are made of is not loaded where a run begins
+    from schemas.html.figures import chance as as_chance
+
     one = share(done, counted, min(plan.success_probability, 1 - _DIGITS))
     return Check(
         step="",
