@@ -17,6 +17,7 @@ from schemas.html.page import Caption, Column, figure, more, table
 from schemas.plan import Look, Score
 
 _FOCUS_CELLS, _ZOOM_CELLS = 5, 3
+_ROOM = 2.2  # times the largest error, and below the least: names have a place there
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +86,7 @@ def accuracy(look: Look) -> Iterator[Element]:
     tolerance = look.evidence.tolerance_um
     axes = Axes(
         across=around_log([s.cost for s, _ in known]),
-        up=around_log([*(need for _, need in known), tolerance]),
+        up=around_log([*(need for _, need in known), tolerance], room=_ROOM),
         across_label="time, box filters of a 640 \u00d7 480 frame",
         up_label="2 sigma + |bias|, \u00b5m",
     )

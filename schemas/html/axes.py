@@ -56,10 +56,10 @@ def around(values: list[float], *, zero: bool = False) -> Scale:
     return Scale(low=low if zero and low == 0 else low - room, high=high + room)
 
 
-def around_log(values: list[float]) -> Scale:
-    """Return a logarithmic scale that holds all values above 0, with room."""
+def around_log(values: list[float], *, room: float = 1.5) -> Scale:
+    """Return a logarithmic scale that holds all values above 0, `room` times more."""
     known = [min(max(value, 1 / _FAR), _FAR) for value in values if value > 0] or [1.0]
-    return Scale(low=min(known) / 1.5, high=max(known) * 1.5, log=True)
+    return Scale(low=min(known) / room, high=max(known) * room, log=True)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -7,16 +7,20 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from schemas.html.axes import WIDTH, Axes, Scale, bounded
-from schemas.html.elements import Element, el
+from schemas.html.elements import Element, el, visible
 from schemas.html.figures import number
 from schemas.html.page import chart
+from schemas.labels import Box, Name, Segment, placed, shortened, width
 
 _ROW = 31.0  # height of a bar with its label
 _LEFT, _RIGHT = 4.0, 10.0
 _ABOVE, _BELOW = 5.0, 14.0  # of the base of a limit's name, from its line
 _HIGH = 0.85  # of a chart's height: above there is no room for a name
-_LETTER = 6.0  # width of a letter of a name, about
-_SHARES = tuple(k / 64 for k in range(65))  # of a piece of a path, looked at
+_SIZE, _SMALL = 11.0, 10.5  # of letters, as in the style sheet: names, and ticks
+_OVER, _UNDER = 10.5, 3.5  # how far letters reach from their base
+_MARK, _PICK = 4.5, 9.0  # radii that names keep off: a point, and the choice
+_LINE = 16.0  # of a bar's row: its words; the bar is below them
+_GAP = 3.0  # between words and a line that is broken at them
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,8 +69,9 @@ def curve(
     if dots:
         drawn += [el("circle", cx=x, cy=y, r=2.6, class_="dot") for x, y in lines]
     if limit is not None:
-        across = [*lines] if here is None else [*lines, (x, bottom), (x, top)]
-        drawn.append(_limit_name(axes, limit, limit_name, across))
+        paths = list(pairwise([*lines[:1], *lines]))
+        paths += [] if here is None else [((x, bottom), (x, top))]
+        drawn.append(_limit_name(axes, limit, limit_name, paths)[0])
     return chart(title, description, drawn, width=WIDTH, height=axes.height)
 
 
@@ -83,16 +88,25 @@ def scatter(
 ) -> Element:
     """Return points with their front, the choice and a limit upwards."""
     drawn: list[Element] = [*axes.draw()]
-    if limit is not None:
-        drawn += _limit(axes, limit, limit_name)
-    if len(front) > 1:
-        drawn.append(el("polyline", points=_stairs(axes, front), class_="front"))
-    for point in points:
-        drawn.append(_point(axes, point))
+    stairs = _stairs(axes, front) if len(front) > 1 else []
+    lines = list(pairwise(stairs))
+    taken = [_about(axes.x(p.x), axes.y(p.y), _MARK) for p in points]
+    words: list[Element] = []
     if chosen is not None:
         x, y = axes.x(chosen[0]), axes.y(chosen[1])
-        drawn.append(el("circle", cx=x, cy=y, r=8.0, class_="pick"))
-    drawn += _names(axes, points)
+        taken.append(_about(x, y, _PICK))
+        words.append(el("circle", cx=x, cy=y, r=8.0, class_="pick"))
+    if limit is not None:
+        drawn.append(_limit_line(axes, limit))
+        name, box = _limit_name(axes, limit, limit_name, lines, taken)
+        words.append(name)
+        taken.append(box)
+        lines.append(_limit_ends(axes, limit))
+    if stairs:
+        path = " ".join(f"{x:.1f},{y:.1f}" for x, y in stairs)
+        drawn.append(el("polyline", points=path, class_="front"))
+    leaders, names = _names(axes, points, chosen, taken, lines)
+    drawn += [*leaders, *(_point(axes, point) for point in points), *words, *names]
     return chart(title, description, drawn, width=WIDTH, height=axes.height)
 
 
@@ -118,6 +132,8 @@ def bars(
     low = bounded(least)
     scale = Scale(low=low, high=max(high, low + max(1e-9, 1e-9 * abs(low))))
     height = len(rows) * _ROW + 30
+    labels = [_label(row) for row in rows]
+    words = [b for k in range(len(rows)) for b in _words(labels[k], rows[k], k * _ROW)]
 
     def x(value: float) -> float:
         return _LEFT + min(max(scale.share(value), 0.0), 1.0) * (WIDTH - _LEFT - _RIGHT)
@@ -130,25 +146,55 @@ def bars(
         )
     for value in scale.ticks():
         at = x(value)
-        drawn.append(el("line", x1=at, x2=at, y1=0, y2=height - 26, class_="grid"))
+        drawn += _upright(at, height - 26, words, "grid")
         place = "tick mid" if at > 14 else "tick"
         drawn.append(el("text", number(value), x=at, y=height - 14, class_=place))
     if unit:
         drawn.append(el("text", unit, x=_LEFT, y=height - 2, class_="tick"))
     if limit is not None:
         at = x(limit)
-        drawn.append(el("line", x1=at, x2=at, y1=0, y2=height - 26, class_="limit"))
-        words = f"{limit_name} {number(limit)}"
-        drawn.append(el("text", words, x=at + 3, y=height - 2, class_="limit end"))
+        drawn += _upright(at, height - 26, words, "limit")
+        said = f"{limit_name} {number(limit)}"
+        left = _LEFT + (width(unit, _SMALL) + 8 if unit else 0)
+        end = min(max(at + 3, left + width(said, _SIZE)), WIDTH)
+        drawn.append(el("text", said, x=end, y=height - 2, class_="limit end"))
     for k, row in enumerate(rows):
-        drawn += _bar(row, k * _ROW, x)
+        drawn += _bar(labels[k], row, k * _ROW, x)
     return chart(title, description, drawn, width=WIDTH, height=height)
 
 
-def _bar(row: Bar, top: float, x: Callable[[float], float]) -> list[Element]:
+def _label(row: Bar) -> str:
+    """Return a bar's label, cut where its size in words stands."""
+    room = WIDTH - _LEFT - _RIGHT - width(visible(row.said), _SMALL) - 2 * _GAP
+    return shortened(visible(row.label), _SIZE, room)
+
+
+def _words(label: str, row: Bar, top: float) -> tuple[Box, Box]:
+    """Return the places of a bar's label and of its size in words."""
+    right, bottom = WIDTH - _RIGHT, top + _LINE
+    ends = _LEFT + width(label, _SIZE), right - width(visible(row.said), _SMALL)
+    return (
+        Box(left=_LEFT, top=top, right=ends[0], bottom=bottom),
+        Box(left=ends[1], top=top, right=right, bottom=bottom),
+    )
+
+
+def _upright(x: float, bottom: float, words: Sequence[Box], kind: str) -> list[Element]:
+    """Return an upright line, broken where it would run through words."""
+    gaps = [w for w in words if w.left - _GAP < x < w.right + _GAP]
+    ends = [0.0, *(y for w in gaps for y in (w.top, w.bottom)), bottom]
+    pieces = zip(ends[::2], ends[1::2], strict=True)
+    return [el("line", x1=x, x2=x, y1=y0, y2=y1, class_=kind)
+            for y0, y1 in pieces if y1 > y0]  # fmt: skip
+
+
+def _bar(
+    label: str, row: Bar, top: float, x: Callable[[float], float]
+) -> list[Element]:
     """Return one bar with its label above and its size at the right."""
+    whole = None if label == visible(row.label) else el("title", row.label)
     drawn = [
-        el("text", row.label, x=_LEFT, y=top + 12),
+        el("text", label, whole, x=_LEFT, y=top + 12),
         el("text", row.said, x=WIDTH - _RIGHT, y=top + 12, class_="tick end"),
     ]
     at = row.start
@@ -163,47 +209,55 @@ def _bar(row: Bar, top: float, x: Callable[[float], float]) -> list[Element]:
     return drawn
 
 
-def _limit(axes: Axes, limit: float, name: str) -> list[Element]:
-    """Return a limit upwards with its name; below it where there is no room above."""
-    x, y = axes.x(axes.across.low), axes.y(limit)
-    y += _BELOW if axes.up.share(limit) > _HIGH else -_ABOVE
-    return [_limit_line(axes, limit), el("text", name, x=x + 4, y=y, class_="limit")]
+def _limit_ends(axes: Axes, limit: float) -> Segment:
+    """Return where the line of a limit upwards begins and ends."""
+    y = axes.y(limit)
+    return (axes.x(axes.across.low), y), (axes.x(axes.across.high), y)
 
 
 def _limit_line(axes: Axes, limit: float) -> Element:
     """Return the line of a limit upwards."""
-    x0, x1, y = axes.x(axes.across.low), axes.x(axes.across.high), axes.y(limit)
+    (x0, y), (x1, _) = _limit_ends(axes, limit)
     return el("line", x1=x0, x2=x1, y1=y, y2=y, class_="limit")
 
 
 def _limit_name(
-    axes: Axes, limit: float, name: str, path: Sequence[tuple[float, float]]
-) -> Element:
-    """Return a limit's name beside its line, where the path does not cross it."""
-    x0, x1, y = axes.x(axes.across.low), axes.x(axes.across.high), axes.y(limit)
-    wide, share = _LETTER * len(name), axes.up.share(limit)
+    axes: Axes,
+    limit: float,
+    name: str,
+    paths: Sequence[Segment],
+    taken: Sequence[Box] = (),
+) -> tuple[Element, Box]:
+    """Return a limit's name beside its line, and its place: where no path crosses it.
+
+    It covers nothing that is `taken` either, as far as there is such a place.
+    """
+    (x0, y), (x1, _) = _limit_ends(axes, limit)
+    wide, share = width(visible(name), _SIZE), axes.up.share(limit)
     sides = [_BELOW] if share > _HIGH else [-_ABOVE]
     if share <= _HIGH and share > 1 - _HIGH:  # room on both sides of the line
         sides = [-_ABOVE, _BELOW]
-    spots = [(x, y + side) for side in sides for x in (x1 - wide, x0 + 4)]
-    free = (spot for spot in spots if not _crosses(path, spot, wide))
-    left, base = next(free, spots[0])
-    if left > x0 + 4:
-        return el("text", name, x=x1, y=base, class_="limit end")
-    return el("text", name, x=left, y=base, class_="limit")
-
-
-def _crosses(
-    path: Sequence[tuple[float, float]], spot: tuple[float, float], wide: float
-) -> bool:
-    """Return whether a path runs through words that begin at a spot."""
-    left, base = spot
-    return any(
-        left - 3 < x0 + s * (x1 - x0) < left + wide + 3
-        and base - 12 < y0 + s * (y1 - y0) < base + 4
-        for (x0, y0), (x1, y1) in pairwise([*path[:1], *path])
-        for s in _SHARES
+    spots = [
+        Box(left=x, top=y + side - _OVER, right=x + wide, bottom=y + side + _UNDER)
+        for side in sides
+        for x in (x1 - wide, x0 + 4)
+    ]
+    free = (
+        spot
+        for spot in spots
+        if not any(map(spot.grown(_GAP).crossed, paths))
+        and not any(map(spot.meets, taken))
     )
+    box = next(free, spots[0])
+    base = box.bottom - _UNDER
+    if box.left > x0 + 4:
+        return el("text", name, x=x1, y=base, class_="limit end"), box
+    return el("text", name, x=box.left, y=base, class_="limit"), box
+
+
+def _about(x: float, y: float, radius: float) -> Box:
+    """Return the box about a mark."""
+    return Box(left=x, top=y, right=x, bottom=y).grown(radius)
 
 
 def _point(axes: Axes, point: Point) -> Element:
@@ -215,40 +269,53 @@ def _point(axes: Axes, point: Point) -> Element:
     return el("circle", el("title", point.label), cx=x, cy=y, r=3.8, class_=point.kind)
 
 
-def _stairs(axes: Axes, front: Sequence[tuple[float, float]]) -> str:
+def _stairs(
+    axes: Axes, front: Sequence[tuple[float, float]]
+) -> list[tuple[float, float]]:
     """Return the front as stairs: what nothing cheaper is as accurate as."""
     ordered = sorted(front)
-    found = [f"{axes.x(ordered[0][0]):.1f},{axes.y(ordered[0][1]):.1f}"]
+    found = [(axes.x(ordered[0][0]), axes.y(ordered[0][1]))]
     for (_, before), (x, y) in pairwise(ordered):
-        found.append(f"{axes.x(x):.1f},{axes.y(before):.1f}")
-        found.append(f"{axes.x(x):.1f},{axes.y(y):.1f}")
-    return " ".join(found)
+        found += [(axes.x(x), axes.y(before)), (axes.x(x), axes.y(y))]
+    return found
 
 
-def _names(axes: Axes, points: Sequence[Point]) -> list[Element]:
-    """Return names near points, each where no other and no point stands."""
-    spots = [(axes.x(p.x) - 5, axes.y(p.y), 10.0) for p in points]
-    drawn = []
-    for point in (p for p in points if p.named):
-        x, y = axes.x(point.x), axes.y(point.y)
-        wide = 5.7 * len(point.named)
-        left = min(max(x - wide / 2, 50.0), WIDTH - wide)
-        shifts = sorted((k * 6.0 for k in range(-24, 25)), key=lambda s: (abs(s), s))
-        free = [
-            spot
-            for shift in shifts
-            if axes.y(axes.up.high) < y + shift < axes.y(axes.up.low)
-            and not any(_meet(spot := (left, y + shift, wide), s) for s in spots)
-        ]
-        if free:
-            spots.append(free[0])
-            place = {"x": free[0][0], "y": free[0][1] + 4}
-            drawn.append(el("text", point.named, **place))
-    return drawn
-
-
-def _meet(one: tuple[float, float, float], two: tuple[float, float, float]) -> bool:
-    """Return whether two things on lines of text overlap: left, middle, width."""
-    apart = abs(one[1] - two[1]) >= 12
-    beside = one[0] + one[2] < two[0] or two[0] + two[2] < one[0]
-    return not (apart or beside)
+def _names(
+    axes: Axes,
+    points: Sequence[Point],
+    chosen: tuple[float, float] | None,
+    taken: Sequence[Box],
+    lines: Sequence[Segment],
+) -> tuple[list[Element], list[Element]]:
+    """Return lines from points to names that stand off them, and the names."""
+    field = Box(
+        left=axes.x(axes.across.low) + 2,
+        top=axes.y(axes.up.high),
+        right=WIDTH,
+        bottom=axes.y(axes.up.low),
+    )
+    named = [point for point in points if point.named]
+    found = placed(
+        [
+            Name(
+                at=(axes.x(p.x), axes.y(p.y)),
+                width=width(visible(p.named), _SIZE),
+                mark=_PICK if (p.x, p.y) == chosen else _MARK,
+            )
+            for p in named
+        ],
+        height=_OVER + _UNDER,
+        field=field,
+        taken=taken,
+        lines=lines,
+    )
+    leaders, names = list[Element](), list[Element]()
+    for point, place in zip(named, found, strict=True):
+        if place is None:
+            continue
+        if place.leader is not None:
+            (x1, y1), (x2, y2) = place.leader
+            leaders.append(el("line", x1=x1, y1=y1, x2=x2, y2=y2, class_="leader"))
+        x, y = place.box.left, place.box.bottom - _UNDER
+        names.append(el("text", point.named, x=x, y=y, class_="name"))
+    return leaders, names

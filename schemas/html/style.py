@@ -103,6 +103,7 @@ svg.chart text.limit{fill:var(--bad);stroke:var(--paper);stroke-width:3px;
 stroke-dasharray:none}
 svg .curve{fill:none;stroke:var(--data);stroke-width:2}
 svg .front{fill:none;stroke:var(--soft);stroke-width:1.2}
+svg .leader{stroke:var(--soft);stroke-width:.8}
 svg .band{fill:var(--data);opacity:.16}
 svg .dot{fill:var(--data)}
 svg .ring{fill:var(--paper);stroke:var(--data);stroke-width:1.6}

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import html
 import math
 import re
 from html.parser import HTMLParser
+from itertools import combinations
 
 import pytest
 from hypothesis import given
@@ -15,6 +17,7 @@ from schemas.html.charts import Bar, Point, bars, curve, scatter
 from schemas.html.elements import el, slug, write
 from schemas.html.figures import chance, number, um
 from schemas.html.page import document, png_size, png_uri
+from schemas.labels import Box, width
 
 # what markup, addresses and terminals obey, and what they do not
 LETTERS = "<>&\"'/;:=#(){}ab \u00e9\u202e\x00\ud800\n"
@@ -193,3 +196,59 @@ def test_no_curve_crosses_the_name_of_its_limit(
     )
     assert (words[2] == "limit") == left
     assert (float(words[1]) > axes.y(1.0)) == below
+
+
+def _boxes(drawn: str) -> list[Box]:
+    """Return the places of a chart's words."""
+    found = []
+    for x, y, kind, said in re.findall(
+        r'<text x="([\d.-]+)" y="([\d.-]+)" class="([^"]*)">([^<]*)', drawn
+    ):
+        wide = width(html.unescape(said), 10.5 if "tick" in kind else 11.0)
+        left = float(x) - (wide if "end" in kind else wide / 2 if "mid" in kind else 0)
+        base = float(y)
+        found.append(Box(left=left, top=base - 8, right=left + wide, bottom=base + 2))
+    return found
+
+
+def test_names_of_crowded_points_are_apart_and_in_the_picture() -> None:
+    axes = Axes(
+        across=Scale(low=1.0, high=200.0, log=True),
+        up=Scale(low=0.1, high=10.0, log=True),
+        across_label="time",
+        up_label="error",
+    )
+    names = ("otsu", "otsu > tooth_notch", "otsu > circle_caliper", "contour_match")
+    points = [
+        Point(x=20.0 + k, y=1.0, label=name, named=name) for k, name in enumerate(names)
+    ]
+    points.append(Point(x=190.0, y=1.0, label="far", named="otsu > tooth_notch > ecc"))
+    drawn = write(
+        scatter("s", "s", axes, points, front=[(p.x, p.y) for p in points],
+                chosen=(20.0, 1.0), limit=1.5, limit_name="tolerance 3 um")
+    )  # fmt: skip
+    boxes = _boxes(drawn)
+    assert len(re.findall('class="name"', drawn)) == 5
+    assert not any(a.meets(b) for a, b in combinations(boxes, 2))
+    assert all(box.left >= 0 and box.right <= 360 for box in boxes)
+
+
+@given(
+    said=st.text("abcmW 0123.", min_size=1, max_size=12),
+    label=st.text("abcmW_>", min_size=1, max_size=60),
+    limit=st.floats(0.02, 2.0),
+)
+def test_no_line_of_bars_runs_through_words(
+    said: str, label: str, limit: float
+) -> None:
+    rows = [Bar(label=label, pieces=((1.0, ""),), said=said)] * 3
+    drawn = write(bars("b", "b", rows, limit=limit, limit_name="limit", unit="um"))
+    words = [b.grown(1.0) for b in _boxes(drawn.replace(' class="tick"', ""))]
+    lines = re.findall(
+        r'<line x1="([\d.]+)" x2="[\d.]+" y1="([\d.]+)" y2="([\d.]+)"', drawn
+    )
+    assert lines
+    above = [box for box in words if box.bottom < 3 * 31]  # of the ticks
+    for x, top, bottom in lines:
+        line = ((float(x), float(top)), (float(x), float(bottom)))
+        assert not any(box.crossed(line) for box in above)
