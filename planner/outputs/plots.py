@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -12,10 +13,13 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.patheffects import withStroke
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from matplotlib.transforms import IdentityTransform
 
 from planner.outputs.task_tradeoff import Spent, TaskTradeoff
 from planner.outputs.tradeoff import Measured, StepTradeoff
+from schemas.labels import Box, Name, placed
 
 FloatArray = npt.NDArray[np.float64]
 Point = tuple[float, float]  # time, ms, and error
@@ -37,7 +41,9 @@ _AXIS_MARKS = {
     "frames": ("#009E73", "D"),
     "zoom": ("#CC79A7", "v"),
 }
+_MARK_PT = 4.5  # radius of a point's mark, with its rim
 _RARE = 1e-4  # chances of failure below are drawn here: no trials tell them
+_HALO = withStroke(linewidth=2.5, foreground="white")  # of words that lines cross
 _LEAST = 1e-9  # errors below are drawn here
 _MANY = 300.0  # from end to end of an axis: powers of ten are ticks enough
 
@@ -110,7 +116,8 @@ def task_png(found: TaskTradeoff, spent: Sequence[Spent]) -> bytes:
         for point, took in zip(found.points, spent, strict=True)
         if point.error_um is not None
     ]
-    for k, (point, took) in enumerate(pairs):
+    risks = list[tuple[float, float, float]]()
+    for point, took in pairs:
         color, shape = _AXIS_MARKS[point.varied.partition(" ")[0]]
         error = point.error_um or 0.0
         left.plot(took.cpu_s, error, shape, color=color, markersize=8)
@@ -120,14 +127,7 @@ def task_png(found: TaskTradeoff, spent: Sequence[Spent]) -> bytes:
         ]
         right.plot([took.cpu_s] * 2, misses, "-", color=color, linewidth=1.2)
         right.plot(took.cpu_s, misses[0], shape, color=color, markersize=8)
-        for axes, value in ((left, error), (right, misses[0])):
-            axes.annotate(
-                point.varied,
-                (took.cpu_s, value),
-                xytext=(7, 5 if k % 2 else -11),
-                textcoords="offset points",
-                fontsize=8,
-            )
+        risks.append((took.cpu_s, misses[0], misses[1]))
     front = [(t.cpu_s, p.error_um or 0.0) for p, t in pairs if t.on_front]
     _front_line(left, front)
     left.set_title("one sigma per axis where the last part goes", fontsize=11)
@@ -141,7 +141,66 @@ def task_png(found: TaskTradeoff, spent: Sequence[Spent]) -> bytes:
         axes.grid(visible=True, which="major", alpha=0.35)
         _ticks(axes)
     figure.suptitle(f"{found.task}: what accuracy costs")
+    figure.draw_without_rendering()  # from here on places are known
+    varied = [point.varied for point, _ in pairs]
+    errors = [(took.cpu_s, point.error_um or 0.0) for point, took in pairs]
+    _names(left, varied, errors, _stairs(front))
+    bars = [((x, low), (x, high)) for x, low, high in risks]
+    _names(right, varied, [(x, low) for x, low, _ in risks], bars)
     return _png(figure)
+
+
+def _names(
+    axes: Axes,
+    names: Sequence[str],
+    points: Sequence[Point],
+    lines: Sequence[tuple[Point, Point]],
+) -> None:
+    """Write names near their points, none over another or over a mark."""
+    shown = axes.transData
+
+    def at(point: Point) -> Point:  # pixels, downwards
+        x, y = shown.transform(point)
+        return float(x), -float(y)
+
+    frame, mark = axes.get_window_extent(), _MARK_PT * DPI / 72
+    texts = [
+        axes.annotate(name, (0, 0), xycoords="figure pixels", va="bottom", fontsize=8)
+        for name in names
+    ]
+    sizes = [text.get_window_extent() for text in texts]
+    spots = [at(point) for point in points]
+    found = placed(
+        [
+            Name(at=spot, width=size.width, mark=mark)
+            for spot, size in zip(spots, sizes, strict=True)
+        ],
+        height=max((size.height for size in sizes), default=0.0),
+        field=Box(left=frame.x0, top=-frame.y1, right=frame.x1, bottom=-frame.y0),
+        taken=[Box(left=x, top=y, right=x, bottom=y).grown(mark) for x, y in spots],
+        lines=[(at(start), at(end)) for start, end in lines],
+    )
+    for text, spot, place in zip(texts, spots, found, strict=True):
+        box = None if place is None else place.box
+        text.set_position(
+            (spot[0] + mark, -spot[1]) if box is None else (box.left, -box.bottom)
+        )
+        text.set_in_layout(False)
+        text.set_path_effects([_HALO])
+        if place is not None and place.leader is not None:
+            (x0, y0), (x1, y1) = place.leader
+            line = Line2D([x0, x1], [-y0, -y1], color="0.4", linewidth=0.8, zorder=1)
+            line.set_transform(IdentityTransform())
+            axes.add_artist(line)
+
+
+def _stairs(points: Sequence[Point]) -> list[tuple[Point, Point]]:
+    """Return the lines of a front: on at the same error, then down."""
+    return [
+        line
+        for (x0, y0), (x1, y1) in pairwise(sorted(points))
+        for line in (((x0, y0), (x1, y0)), ((x1, y0), (x1, y1)))
+    ]
 
 
 def _law_panel(axes: Axes, step: StepTradeoff) -> None:
@@ -158,6 +217,7 @@ def _law_panel(axes: Axes, step: StepTradeoff) -> None:
         xytext=(5, 4),
         textcoords="offset points",
         color=_LIMIT,
+        path_effects=[_HALO],
     )
     choice = step.choice
     if choice.law_max_error is not None:
@@ -214,6 +274,7 @@ def _scatter(
         ha="right",
         color="0.4",
         fontsize=9,
+        path_effects=[withStroke(linewidth=2.5, foreground="0.9")],
     )
     axes.set_ylim(bottom=bottom)
     axes.grid(visible=True, which="major", alpha=0.35)
@@ -268,6 +329,7 @@ def _floor(axes: Axes, floor_ms: float) -> None:
         va="top",
         color="0.4",
         fontsize=9,
+        path_effects=[_HALO],
     )
 
 
@@ -330,7 +392,7 @@ def round_down(value: float) -> float:
 
 
 def _figure(width_in: float, height_in: float) -> Figure:
-    figure = Figure(figsize=(width_in, height_in), layout="constrained")
+    figure = Figure(figsize=(width_in, height_in), dpi=DPI, layout="constrained")
     FigureCanvasAgg(figure)
     return figure
 
