@@ -9,13 +9,13 @@ from schemas.plan import (
     AlignAction,
     GraspAction,
     InsertAction,
-    LocateAction,
     Measure,
     Plan,
     ReleaseAction,
     Step,
     VerifyAction,
 )
+from schemas.times import probes
 
 
 def plan_lines(plan: Plan) -> list[str]:
@@ -32,7 +32,7 @@ def step_lines(plan: Plan, step: Step) -> list[str]:
         f"{look.view.focus_um:g} um: {'; '.join(map(_found_by, look.measures))}"
         for look in step.looks
     ]
-    if _probes(plan, step):
+    if probes(plan, step):
         lines.append(
             "  probe: the axes that carry it move up to 100 um to all sides, and back, "
             "with a look after each move"
@@ -45,18 +45,6 @@ def action_line(step: Step) -> str:
     """Return what a step's action does, "" if it only looks or moves."""
     words = _action(step)
     return f"{words} (cannot be undone)" if step.irreversible else words
-
-
-def _probes(plan: Plan, step: Step) -> bool:
-    """Return whether a step's look is the first that leads to motions at its zoom."""
-    before: set[float] = set()
-    for other in plan.steps:
-        moves = isinstance(other.action, LocateAction | AlignAction)
-        zooms = {look.view.magnification for look in other.looks} if moves else set()
-        if other is step:
-            return bool(zooms) and zooms != before
-        before = zooms or before
-    return False
 
 
 def _action(step: Step) -> str:

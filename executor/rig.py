@@ -49,7 +49,7 @@ class Rig:
     phase: Phase = "approach"  # what moves are for now: it sets their limits
     intents: Intents = field(default_factory=Intents)
     past: Past = field(default_factory=Past)  # empty unless the run is resumed
-    moving_s: Mapping[str, float] = field(default_factory=dict)  # step -> as planned
+    planned_s: Mapping[str, float] = field(default_factory=dict)  # step -> as planned
 
     def enter(self, step: str) -> None:
         """Begin a step; what an earlier executor did of another is no longer asked."""

@@ -232,9 +232,7 @@ def _step_result(
         code=code,
         message=message,
         time_s=time_s,
-        expected_s=rig.moving_s.get(step.id)
-        if control is None
-        else control.approach_s + control.expected_s,
+        expected_s=rig.planned_s.get(step.id),
         cycles=outcome.cycles,
         expected_cycles=None if control is None else control.expected_cycles,
         error_um=outcome.error_um,

@@ -29,7 +29,7 @@ from executor.run import RunResult, run_plan
 from executor.run_folder import EVENTS, RunFolder
 from executor.site import SIMULATED, Site
 from executor.station import Station
-from schemas.times import moving_s
+from schemas.times import planned_s
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -130,7 +130,7 @@ def _rig(job: Job, logs: _Logs, operator: Operator, asking: Asking) -> Rig:
         motion=Motion(operator.pause),
         gate=asking.gate,
         intents=logs.intents,
-        moving_s=moving_s(plan, world_beside(job.call.folder)),
+        planned_s=planned_s(plan, world_beside(job.call.folder)),
     )
 
 

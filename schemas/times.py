@@ -3,14 +3,27 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
-from schemas.plan import AlignAction, AxisMove, InsertAction, Plan, Step
+from schemas.plan import (
+    AlignAction,
+    AxisMove,
+    Control,
+    GraspAction,
+    InsertAction,
+    LocateAction,
+    Plan,
+    ReleaseAction,
+    Step,
+    VerifyAction,
+)
 from schemas.world import World, WorldAxes
 
 _AXES = ("x_um", "y_um", "z_um", "theta_rad")
-_MOVING = ("move", "insert")  # verbs
+JAWS, PROBE, SWEEP = "jaws", "probing moves", "the focus sweep"  # what a time lacks
+LOOKS, MOVES = "its looks", "moves from where no plan knows"
 Readings = Mapping[str, Mapping[str, float | None]]
 
 
@@ -23,7 +36,7 @@ class Span:
     lens_s: float = 0.0
     frames_s: float = 0.0
     servo_s: float = 0.0
-    told: bool = True  # False: something in it has no known time
+    lacks: tuple[str, ...] = ()  # what it does whose time is not known
 
     @property
     def total_s(self) -> float:
@@ -32,48 +45,111 @@ class Span:
 
 
 def spans(plan: Plan, world: World | None) -> list[Span]:
-    """Return what each step takes: its looks by the plan, other moves by the axes."""
+    """Return what each step takes: its looks by the plan, other moves by the axes.
+
+    An alignment takes what its control says, approach and looks, the first among them;
+    a focus sweep a move and a frame a stop, and one more frame at either end, as
+    `executor.focus_sweep` has it.
+    """
     now: dict[str, dict[str, float | None]] = {
         "stage": _reading(plan.stage_start),
         "robot": _reading(plan.robot_start),
     }
+    probing = {step.id for step in plan.steps if probes(plan, step)}
     found = []
     for step in plan.steps:
-        span = Span(step=step.id)
-        for look in step.looks:
-            change = None if look.verdict is None else look.verdict.change
-            for row in () if change is None else change.times:
-                span = _added(span, row.what, row.time_s)
+        span = _looks(step)
+        own = [_move_s(world, now, move) for move in step.moves]
+        acts = [_move_s(world, now, move) for move in _of_action(step)]
         if step.control is not None:
-            span = replace(span, servo_s=span.servo_s + step.control.expected_s)
-        moves = (*(() if step.looks else step.moves), *_of_action(step))
-        times = [_move_s(world, now, move) for move in (*step.moves, *_of_action(step))]
-        used = times[-len(moves) :] if moves else []
-        span = replace(
-            span,
-            axes_s=span.axes_s + sum(t for t in used if t is not None),
-            told=None not in used,
-        )
-        if isinstance(
-            step.action, AlignAction
-        ):  # where it ends is measured, not planned
+            lacks = span.lacks if None in own else ()  # the control counts its looks
+            servo_s = _servo_s(step.control, own, span.total_s)
+            span = replace(span, servo_s=servo_s, lacks=lacks)
+        used = [*(() if step.looks else own), *acts]  # looks have them in their times
+        span = replace(span, axes_s=span.axes_s + sum(t for t in used if t is not None))
+        span = _with_sweep(span, step, world)
+        lacking = {
+            PROBE: step.id in probing,
+            MOVES: None in used,
+            JAWS: isinstance(step.action, GraspAction | ReleaseAction),
+        }
+        things = (name for name, there in lacking.items() if there)
+        found.append(replace(span, lacks=(*span.lacks, *things)))
+        if isinstance(step.action, AlignAction):
+            # where it ends is measured, not planned
             now[step.action.axes].update(x_um=None, y_um=None, theta_rad=None)
-        found.append(span)
     return found
 
 
-def moving_s(plan: Plan, world: World | None) -> dict[str, float]:
-    """Return how long the steps take that do nothing but move, and settle.
-
-    Steps that look, close or open jaws are left out: what they take hangs on what is
-    seen, or is stated nowhere. So are moves from where no plan knows.
-    """
-    only = {step.id for step in plan.steps if step.verb in _MOVING and not step.looks}
+def planned_s(plan: Plan, world: World | None) -> dict[str, float]:
+    """Return how long the steps take of which all is known, seen at the first try."""
     return {
         span.step: span.total_s
         for span in spans(plan, world)
-        if span.step in only and span.told and 0 < span.total_s < math.inf
+        if not span.lacks and 0 < span.total_s < math.inf
     }
+
+
+def probes(plan: Plan, step: Step) -> bool:
+    """Return whether a step's look is the first that leads to motions at its zoom.
+
+    Then the axes that carry its target are moved, to see how they do; how far hangs on
+    where the target is found, so that nobody knows how long that takes.
+    """
+    before: set[float] = set()
+    for other in plan.steps:
+        moves = isinstance(other.action, LocateAction | AlignAction)
+        zooms = {look.view.magnification for look in other.looks} if moves else set()
+        if other is step:
+            return bool(zooms) and zooms != before
+        before = zooms or before
+    return False
+
+
+def _looks(step: Step) -> Span:
+    """Return what a step's looks wait for, each seen at the first try."""
+    span = Span(step=step.id)
+    for look in step.looks:
+        change = None if look.verdict is None else look.verdict.change
+        if change is None:
+            span = replace(span, lacks=(LOOKS,))
+            continue
+        for row in change.times:
+            span = _added(span, row.what, row.time_s)
+    return span
+
+
+def _servo_s(control: Control, own: Sequence[float | None], first_s: float) -> float:
+    """Return what an alignment takes beyond its first look.
+
+    `own` are the times of the step's own moves, `first_s` is what the first look waits
+    for; the control counts that look, and its approach as it is on average.
+    """
+    known = [time_s for time_s in own if time_s is not None]
+    if len(known) < len(own):  # then by the looks that follow
+        return control.expected_s * (1 - 1 / max(control.expected_cycles, 1.0))
+    whole_s = sum(known) + control.approach_s + control.expected_s
+    return max(whole_s - first_s, 0.0)
+
+
+def _with_sweep(span: Span, step: Step, world: World | None) -> Span:
+    """Return a span with a verification's focus sweep, if it has one.
+
+    It comes after the step's looks. Both of its ends are taken twice.
+    """
+    search = step.action.height if isinstance(step.action, VerifyAction) else None
+    if search is None:
+        return span
+    if world is None:
+        return replace(span, lacks=(*span.lacks, SWEEP))
+    stops = [*(look.view.focus_um for look in step.looks[-1:]), *search.focus_um]
+    moves = sum(before != after for before, after in pairwise(stops))
+    frames = len(search.focus_um) + 2
+    return replace(
+        span,
+        lens_s=span.lens_s + moves * world.optics.focus_time_s,
+        frames_s=span.frames_s + frames * world.optics.frame_time_s,
+    )
 
 
 def _added(span: Span, what: str, time_s: float) -> Span:

@@ -104,7 +104,12 @@ def strip_png(strip: Strip) -> bytes:
 
 
 def task_png(found: TaskTradeoff, spent: Sequence[Spent]) -> bytes:
-    """Return error, and chance of failure, over what compiling takes, as PNG.
+    """Return error, and chance of failure, over what compiling takes, as PNG."""
+    return _png(task_figure(found, spent))
+
+
+def task_figure(found: TaskTradeoff, spent: Sequence[Spent]) -> Figure:
+    """Return the picture that `task_png` writes.
 
     Bars reach from the chance as predicted to that with silent failures at their bound.
     Points without a plan that is complete are left out.
@@ -147,7 +152,7 @@ def task_png(found: TaskTradeoff, spent: Sequence[Spent]) -> bytes:
     _names(left, varied, errors, _stairs(front))
     bars = [((x, low), (x, high)) for x, low, high in risks]
     _names(right, varied, [(x, low) for x, low, _ in risks], bars)
-    return _png(figure)
+    return figure
 
 
 def _names(

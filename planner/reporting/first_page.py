@@ -10,11 +10,12 @@ from planner.reporting.folder import PlanFolder
 from planner.reporting.margins import Margin, margins, needed_probability
 from planner.reporting.methods import methods
 from planner.reporting.steps import step_id
+from planner.reporting.timeline import left_out
 from schemas.evidence import LookEvidence
 from schemas.html.axes import Axes, Scale, around
 from schemas.html.charts import Bar, bars, curve
 from schemas.html.elements import Element, Node, el
-from schemas.html.figures import MICRO, chance, number, quantity, signed, span, um
+from schemas.html.figures import MICRO, chance, number, seconds, signed, span, um
 from schemas.html.page import Caption, Column, facts, figure, link, table
 from schemas.plan import Look, Plan, Step
 from schemas.times import spans
@@ -95,12 +96,14 @@ def _facts(folder: PlanFolder) -> list[tuple[str, Node]]:
     plan, looks = folder.plan, folder.looks
     times = spans(plan, folder.world)
     total = sum(span.total_s for span in times)
+    without = left_out(times)
+    small = el("small", f"without {without}") if total and without else None
     zooms = sorted({look.view.magnification for look in looks})
     return [
         ("steps", str(len(plan.steps))),
         ("looks", str(len(looks))),
         ("magnification", ", ".join(f"{number(z)} \u00d7" for z in zooms) or "\u2013"),
-        ("time, all seen at first", quantity(total, "s") if total else "\u2013"),
+        ("time, all seen at first", [seconds(total) if total else "\u2013", small]),
     ]
 
 

@@ -10,7 +10,7 @@ from planner.reporting.margins import need_um
 from planner.reporting.pictures import look_picture, marked, place_id, trial_pictures
 from planner.reporting.trials import accuracy, rejected, robustness
 from schemas.html.elements import Element, Node, el, slug
-from schemas.html.figures import degrees, number, quantity, span, um
+from schemas.html.figures import degrees, number, quantity, seconds, span, um
 from schemas.html.page import Column, facts, link, table
 from schemas.plan import Look, Measure
 from schemas.views import ApertureRow
@@ -66,7 +66,7 @@ def _facts(look: Look) -> Element:
     if depth is not None:
         pairs.append(("depth of field", um(depth.depth_um)))
     if look.verdict is not None and look.verdict.change is not None:
-        pairs.append(("time to look", quantity(look.verdict.change.total_s, "s")))
+        pairs.append(("time to look", seconds(look.verdict.change.total_s)))
     return facts(pairs)
 
 

@@ -251,12 +251,21 @@ def trial_pictures(folder: PlanFolder, look: Look) -> Iterator[Element]:
                 judge="Good: a picture so poor that nobody would trust it; bad: one "
                       "that "
                 "looks like the others.",
-                do=f"microplan render TASK --step {look.id.partition('.')[0]} --trial "
-                f"{index} -o worst.png makes it again at full depth.",
+                do=[_render(look, index), " makes it again at full depth."],
             ),
             el("div", _tile(folder, look, shown, f"worst trial of {look.id}"),
                class_="strip"),
         )  # fmt: skip
+
+
+def _render(look: Look, trial: int) -> list[Node]:
+    """Return the command that makes the image of a trial, no option of it broken."""
+    pieces = ("microplan render TASK", f"--step {look.id.partition('.')[0]}",
+              f"--trial {trial}", "-o worst.png")  # fmt: skip
+    found: list[Node] = []
+    for piece in pieces:
+        found += [" " if found else None, el("code", piece, class_="whole")]
+    return found
 
 
 def _range_advice(look: Look) -> str:

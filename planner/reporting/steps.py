@@ -9,7 +9,7 @@ from planner.reporting.folder import PlanFolder
 from planner.reporting.ledger import ledger
 from planner.reporting.looks import look_section
 from schemas.html.elements import Element, Node, el, slug
-from schemas.html.figures import chance, degrees, number, quantity, um
+from schemas.html.figures import chance, degrees, number, quantity, seconds, um
 from schemas.html.page import Column, facts, more, table
 from schemas.plan import Step
 from schemas.verdicts import (
@@ -67,7 +67,7 @@ def _facts(step: Step) -> list[tuple[str, Node]]:
             ("method", control.method.replace("_", " ")),
             ("aligned within", um(control.tolerance_xy_um)),
             ("looks expected", number(control.expected_cycles, 2)),
-            ("time expected", quantity(control.approach_s + control.expected_s, "s")),
+            ("time expected", seconds(control.approach_s + control.expected_s)),
         ]
         if control.choice is not None:
             found.append(("why this method", el("small", control.choice.reason)))

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from schemas.html.charts import Bar, bars
 from schemas.html.elements import Element, el
-from schemas.html.figures import quantity
+from schemas.html.figures import seconds
 from schemas.html.page import Caption, figure
 from schemas.plan import Plan
 from schemas.times import Span, spans
@@ -25,17 +25,14 @@ def timeline(plan: Plan, world: World | None) -> Iterator[Element]:
         said = _said(span)
         rows.append(Bar(label=span.step, pieces=pieces, said=said, start=at))
         at += span.total_s
-    open_ = [span.step for span in found if not span.told]
     words = "; ".join(f"{row.label} {row.said}" for row in rows)
-    lacking = f"; not all times are known of {', '.join(open_)}" if open_ else ""
-    chart = bars(f"Timeline, {quantity(at, 's')} in all", words, rows, unit="seconds",
+    chart = bars(f"Timeline, {seconds(at)} in all", words, rows, unit="seconds",
                  most=max(at, 1e-6) * 1.02)  # fmt: skip
     caption = Caption(
-        title=f"Timeline: about {quantity(at, 's')}",
+        title=f"Timeline: about {seconds(at)}",
         shows="When each step happens if every look finds its target at the first try: "
         "axes moving and settling, zoom and focus, exposures, and the further looks "
-        "of a "
-        f"servo (jaws, light and height sweeps have no stated time){lacking}.",
+        f"of a servo; light has no stated time{_lacking(found)}.",
         judge="Good: the long bars are those that must be slow, as an insertion; bad: "
         "zoom and focus take most of it.",
         do="To save time, order looks of one magnification and focus behind each "
@@ -53,8 +50,22 @@ def _swatch(kind: str) -> Element:
     return el("svg", box, viewBox="0 0 28 14", aria_hidden="true")
 
 
+def left_out(found: Sequence[Span]) -> str:
+    """Return what the times of steps leave out, and of which steps; "" if nothing."""
+    things = dict.fromkeys(thing for span in found for thing in span.lacks)
+    return "; ".join(
+        f"{thing} of {', '.join(s.step for s in found if thing in s.lacks)}"
+        for thing in things
+    )
+
+
+def _lacking(found: Sequence[Span]) -> str:
+    words = left_out(found)
+    return f", nor is the time known of {words}" if words else ""
+
+
 def _said(span: Span) -> str:
     """Return how long a step takes, as far as it is known."""
-    if span.told:
-        return quantity(span.total_s, "s") if span.total_s else "no time stated"
-    return f"more than {quantity(span.total_s, 's')}" if span.total_s else "not known"
+    if not span.lacks:
+        return seconds(span.total_s)
+    return f"more than {seconds(span.total_s)}" if span.total_s else "no time stated"

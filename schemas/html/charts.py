@@ -131,7 +131,7 @@ def bars(
     )
     low = bounded(least)
     scale = Scale(low=low, high=max(high, low + max(1e-9, 1e-9 * abs(low))))
-    height = len(rows) * _ROW + 30
+    bottom = len(rows) * _ROW + 4
     labels = [_label(row) for row in rows]
     words = [b for k in range(len(rows)) for b in _words(labels[k], rows[k], k * _ROW)]
 
@@ -141,26 +141,24 @@ def bars(
     drawn: list[Element] = []
     if band is not None:
         left, wide = x(band[0]), x(band[1]) - x(band[0])
-        drawn.append(
-            el("rect", x=left, y=0, width=wide, height=height - 26, class_="band")
-        )
+        drawn.append(el("rect", x=left, y=0, width=wide, height=bottom, class_="band"))
     for value in scale.ticks():
         at = x(value)
-        drawn += _upright(at, height - 26, words, "grid")
+        drawn += _upright(at, bottom, words, "grid")
         place = "tick mid" if at > 14 else "tick"
-        drawn.append(el("text", number(value), x=at, y=height - 14, class_=place))
+        drawn.append(el("text", number(value), x=at, y=bottom + 12, class_=place))
     if unit:
-        drawn.append(el("text", unit, x=_LEFT, y=height - 2, class_="tick"))
+        drawn.append(el("text", unit, x=_LEFT, y=bottom + 24, class_="tick"))
     if limit is not None:
         at = x(limit)
-        drawn += _upright(at, height - 26, words, "limit")
+        drawn += _upright(at, bottom, words, "limit")
         said = f"{limit_name} {number(limit)}"
         left = _LEFT + (width(unit, _SMALL) + 8 if unit else 0)
         end = min(max(at + 3, left + width(said, _SIZE)), WIDTH)
-        drawn.append(el("text", said, x=end, y=height - 2, class_="limit end"))
+        drawn.append(el("text", said, x=end, y=bottom + 24, class_="limit end"))
     for k, row in enumerate(rows):
         drawn += _bar(labels[k], row, k * _ROW, x)
-    return chart(title, description, drawn, width=WIDTH, height=height)
+    return chart(title, description, drawn, width=WIDTH, height=bottom + 28)
 
 
 def _label(row: Bar) -> str:

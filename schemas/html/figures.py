@@ -32,6 +32,14 @@ def quantity(value: float | None, unit: str, digits: int = 3) -> str:
     return f"{number(value, digits)}{NARROW}{unit}"
 
 
+def seconds(value: float | None) -> str:
+    """Return a time given in s, to two digits or hundredths; short ones in ms."""
+    if value is not None and 0 < abs(value) < 0.1:
+        return quantity(value * 1000, "ms", 2)
+    digits = 3 if value is not None and abs(value) >= 1 else 2
+    return quantity(value, "s", digits)
+
+
 def um(value: float | None, digits: int = 3) -> str:
     """Return a length given in um; small ones in nm."""
     if value is not None and 0 < abs(value) < 0.1:

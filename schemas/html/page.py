@@ -42,7 +42,7 @@ class Caption:
     title: str
     shows: str
     judge: str  # what good and bad look like
-    do: str  # what to do
+    do: Node  # what to do
 
 
 def figure(caption: Caption, *content: Node, id_: str | None = None) -> Element:

@@ -37,6 +37,7 @@ z-index:9}
 .note{font-size:.9rem}
 .good{color:var(--good)}.fair{color:var(--fair)}.bad{color:var(--bad)}
 .verdict{font-weight:600}
+code.whole{white-space:nowrap}
 code,.hash{font-family:ui-monospace,"SF Mono",Menlo,Consolas,"Liberation Mono",
 "DejaVu Sans Mono",monospace;font-size:.86em}
 .cols{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(100%,19rem),1fr));
@@ -47,7 +48,7 @@ gap:.7rem 1.6rem;margin:.8rem 0 1.2rem}
 .facts dt{color:var(--soft);font-size:.82rem}.facts dd{margin:0;font-weight:600}
 .facts dd small{display:block;color:var(--soft);font-weight:400;font-size:.82rem}
 ul.contents{columns:3 15rem;padding-left:1.1rem;margin:.4rem 0}
-ul.contents li{break-inside:avoid;margin:.1rem 0}
+ul.contents li{break-inside:avoid;padding:.1rem 0}
 footer{margin-top:3rem;padding-bottom:3rem;color:var(--soft);font-size:.85rem}
 """
 _TABLES = """

@@ -6,15 +6,19 @@ import json
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from executor.cli import main
+from executor.plan_file import world_beside
 from executor.run_frames import small
 from executor.run_left import read_left, real
 from executor.run_report import run_report, write_report
+from schemas.plan import VerifyAction, parse_plan
+from schemas.times import spans
 from tests.executor.kept import PLAN, SAID
 from tests.pages import Page, check_page
 
@@ -59,6 +63,13 @@ def test_predicted_stands_beside_actual(example_run: Path, page: Page) -> None:
     # 260 um down at 20 um/s, and the stage settles; what jaws take is stated nowhere
     assert expected["insert"] == pytest.approx(260 / 20 + 0.15)
     assert expected["grasp"] is None
+    assert "not predicted (jaws)" in text
+    # the first look at a zoom probes the axes, nobody knows how far
+    assert expected["find_gear"] is None
+    assert "not predicted (probing moves)" in text
+    known = [s for s in data["steps"] if s["expected_s"] is not None]
+    took, planned = (sum(s[k] for s in known) for k in ("time_s", "expected_s"))
+    assert f"{took:.3g}\u202fs of it predicted as {planned:.3g}\u202fs" in text
     servoed = {row["step"] for row in read_left(example_run).of("error")}
     assert servoed
     for step in servoed:
@@ -66,6 +77,24 @@ def test_predicted_stands_beside_actual(example_run: Path, page: Page) -> None:
     assert "Focus sweep of check_seated" in text
     frames = [img["alt"] for img in page.of("img")]
     assert "Frame of find_gear, first frame" in frames
+
+
+def test_a_sweep_takes_what_is_predicted(example_run: Path) -> None:
+    folder, left = example_run.with_name(PLAN), read_left(example_run)
+    plan = parse_plan((folder / "plan.json").read_text(encoding="utf-8"))
+    (step,) = (s for s in plan.steps if isinstance(s.action, VerifyAction))
+    assert isinstance(step.action, VerifyAction)
+    assert step.action.height is not None
+    stops = step.action.height.focus_um
+    (ends,) = left.of("focus_curve", step.id)
+    begins = next(row["t_s"] for row in left.of("focus", step.id)
+                  if row["focus_um"] == stops[0])  # fmt: skip
+    bare = replace(step, looks=tuple(replace(k, verdict=None) for k in step.looks))
+    world = world_beside(folder)
+    (span,) = spans(replace(plan, steps=(bare,)), world)  # of looks no time is known
+    late = ends["t_s"] - begins - span.total_s
+    # a move is seen to have ended up to .02 s later, when it is asked for next
+    assert 0 <= late <= len(stops) * 0.02 + 1e-6
 
 
 def test_a_failed_run_tells_where(copy: Path) -> None:

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from schemas.html.axes import Axes, Scale, around, around_log
 from schemas.html.charts import Bar, Point, bars, curve, scatter
 from schemas.html.elements import el, slug, write
-from schemas.html.figures import chance, number, um
+from schemas.html.figures import chance, number, seconds, um
 from schemas.html.page import document, png_size, png_uri
 from schemas.labels import Box, width
 
@@ -116,6 +116,15 @@ def test_a_number_is_told_to_half_a_percent(value: float) -> None:
 def test_small_lengths_are_told_in_nm() -> None:
     assert um(0.0342) == "34\u202fnm"
     assert um(2.9) == "2.9\u202f\u00b5m"
+
+
+@pytest.mark.parametrize(
+    ("value", "said"),
+    [(1 / 30, "33\u202fms"), (0.9446, "0.94\u202fs"), (13.15, "13.2\u202fs"),
+     (0.0, "0\u202fs"), (1.933, "1.93\u202fs"), (None, "\u2013")],
+)  # fmt: skip
+def test_short_times_are_told_in_ms(value: float | None, said: str) -> None:
+    assert seconds(value) == said
 
 
 def test_almost_certain_is_not_certain() -> None:

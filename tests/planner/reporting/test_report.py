@@ -20,8 +20,8 @@ from planner.reporting.pictures import place_id
 from planner.reporting.report import plan_report, write_report
 from planner.reporting.trials import accuracy
 from schemas.html.elements import write
-from schemas.plan import Plan, Reason, Step, dump_plan
-from schemas.times import moving_s, spans
+from schemas.plan import Plan, Reason, Step, VerifyAction, dump_plan
+from schemas.times import planned_s, spans
 from schemas.verdicts import Change
 from tests.names import renamed
 from tests.pages import Page, check_page
@@ -329,20 +329,55 @@ def test_the_timeline_agrees_with_what_the_looks_wait_for(folder: PlanFolder) ->
             look.verdict.change.total_s for look in step.looks
             if look.verdict is not None and look.verdict.change is not None
         )  # fmt: skip
-        servo = 0.0 if step.control is None else step.control.expected_s
-        if step.looks:
-            assert found[step.id].total_s == pytest.approx(waits + servo, abs=1e-5)
+        if step.looks and step.verb == "locate":
+            assert found[step.id].total_s == pytest.approx(waits, abs=1e-5)
     # 260 um at 20 um/s, and the stage settles
     assert folder.world is not None
     expected = 260 / 20 + folder.world.stage.settle_s
     assert found["insert"].total_s == pytest.approx(expected)
-    moving = moving_s(folder.plan, folder.world)
-    assert moving["insert"] == pytest.approx(expected)
-    assert set(moving) == {"lift", "insert", "retract"}
-    assert moving_s(folder.plan, None) == {}  # nobody knows how fast the axes are
+    planned = planned_s(folder.plan, folder.world)
+    assert planned["insert"] == pytest.approx(expected)
     stage = replace(folder.world.stage, speed_z_um_per_s=0.0)
     stuck = replace(folder.world, stage=stage)  # a damaged world: nothing is told
-    assert "lift" not in moving_s(folder.plan, stuck)
+    assert "lift" not in planned_s(folder.plan, stuck)
+
+
+def test_an_alignment_counts_its_first_look_once(folder: PlanFolder) -> None:
+    found = {span.step: span for span in spans(folder.plan, folder.world)}
+    step = next(s for s in folder.plan.steps if s.id == "over_shaft")
+    assert step.control is not None
+    looks = step.control.expected_cycles
+    # 215 um at 1000 um/s; each look, the first too, after .15 s of settling, and by the
+    # second frame of 30 per s, as the one under way when the stage stands is no good
+    whole = 215 / 1000 + looks * (0.15 + 2 / 30)
+    assert found["over_shaft"].total_s == pytest.approx(whole, abs=1e-4)
+    assert planned_s(folder.plan, folder.world)["over_shaft"] == pytest.approx(
+        whole, abs=1e-4
+    )
+
+
+def test_a_verification_takes_its_sweep_too(folder: PlanFolder) -> None:
+    found = planned_s(folder.plan, folder.world)
+    (step,) = (s for s in folder.plan.steps if isinstance(s.action, VerifyAction))
+    assert isinstance(step.action, VerifyAction)
+    assert step.action.height is not None
+    stops = len(step.action.height.focus_um)
+    # .4 s for the focus and 1/30 s for the frame, of two looks and of every stop; the
+    # sweep takes a second frame at either end
+    whole = (2 + stops) * (0.4 + 1 / 30) + 2 / 30
+    assert found[step.id] == pytest.approx(whole, abs=1e-4)
+
+
+def test_what_no_time_is_known_of_is_named(folder: PlanFolder, page: Page) -> None:
+    plan, every = folder.plan, {step.id for step in folder.plan.steps}
+    unknown = {"find_gear", "grasp", "release"}
+    assert set(planned_s(plan, folder.world)) == every - unknown
+    told = "without probing moves of find_gear; jaws of grasp, release"
+    assert told in " ".join(page.text)
+    # without a world nobody knows how fast axes and focus are
+    assert set(planned_s(plan, None)) == every - unknown - {
+        "lift", "insert", "retract", "check_seated",
+    }  # fmt: skip
 
 
 def test_the_ellipse_holds_its_share_of_errors() -> None:
