@@ -9,6 +9,7 @@ import math
 import unicodedata
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import islice, permutations
 
 Spot = tuple[float, float]
 Segment = tuple[Spot, Spot]
@@ -27,15 +28,17 @@ _WIDTHS = {
 }
 _ELSE, _WIDEST = 0.64, 1.0
 _NEAR = 2.0  # between a mark and its name
-_STEP = 6.0  # from a place that is tried to the next one farther off
+_STEP, _STEPS = 6.0, 24  # from a place that is tried to the next one farther off
 _JOINED = 6.0  # farther from its mark than that, a name is joined to it by a line
 _APART = 2.0  # between names
 _UNCLEAR = 6.0  # less than that farther from another named mark: whose name is it?
 _CROSSED = 12.0  # a line through a name is as bad as being so much farther off
 _TURNS = 16  # directions that are tried, to the right first
-_MOST_ORDERS = 12  # in which names are placed
+_MOST_FIRST, _MOST_ORDERS = 12, 60  # orders in which names are placed
+_FEW = 8  # names, of which more orders are tried: there the time is none
 _NONE = 1e6  # how bad it is to have no place
-_SLANT = 0.3  # of a direction: steeper ones put a name above or below, in its middle
+_SLANT = 0.3  # of a direction: steeper ones put a name above or below its mark
+_SLIDES = (0.0, 0.5, -0.5, 0.9, -0.9)  # and there so much of its half to a side
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -157,107 +160,108 @@ def placed(
     list of Placed or None
         In the order of `names`; None where there is no room at all.
     """
-    best: list[_Found] = []
-    for first in range(min(len(names), _MOST_ORDERS)):
-        order = [first, *(k for k in range(len(names)) if k != first)]
-        found = _in_order([names[k] for k in order], height, field, taken, lines)
-        if not best or _total(found) < _total(best):
-            best = [found[order.index(k)] for k in range(len(names))]
-    return [place for place, _ in best]
+    options = [
+        _options(name, height, field, taken, lines, [n for n in names if n is not name])
+        for name in names
+    ]
+    best: list[Placed | None] = []
+    least, hopeless = math.inf, sum(not own for own in options)
+    for k, order in enumerate(_orders(len(names))):
+        if k >= min(len(names), _MOST_FIRST) and least < (hopeless + 1) * _NONE:
+            break
+        found, cost = _in_order([options[n] for n in order])
+        if cost < least:
+            best, least = [found[order.index(n)] for n in range(len(names))], cost
+    return best
 
 
-_Found = tuple[Placed | None, float]  # and how bad it is
+def _orders(count: int) -> Iterator[tuple[int, ...]]:
+    """Yield each first, the others as they are; then others, in case one has no place.
+
+    The same orders always.
+    """
+    plain = range(count)
+    for first in plain[:_MOST_FIRST]:
+        yield first, *(k for k in plain if k != first)
+    if count <= _FEW:
+        yield from islice(permutations(plain), _MOST_ORDERS)
 
 
-def _total(found: Sequence[_Found]) -> float:
-    return sum(cost for _, cost in found)
+_Option = tuple[float, Placed]  # how bad a place is
 
 
 def _in_order(
-    names: Sequence[Name],
+    options: Sequence[Sequence[_Option]],
+) -> tuple[list[Placed | None], float]:
+    """Return the best place of each name that those before it leave, and the sum."""
+    words, leaders, total = list[Box](), list[Segment](), 0.0
+    found = list[Placed | None]()
+    for own in options:
+        cost, place = next(
+            (option for option in own if _free(option[1], words, leaders)),
+            (_NONE, None),
+        )
+        total += cost
+        found.append(place)
+        if place is not None:
+            words.append(place.box.grown(_APART))
+            leaders += [] if place.leader is None else [place.leader]
+    return found, total
+
+
+def _free(place: Placed, words: Sequence[Box], leaders: Sequence[Segment]) -> bool:
+    """Return whether neither a name nor its leader meets those that stand there."""
+    leader = place.leader
+    return not (
+        any(map(place.box.meets, words))
+        or any(map(place.box.crossed, leaders))
+        or (leader is not None and any(word.crossed(leader) for word in words))
+    )
+
+
+def _options(
+    name: Name,
     height: float,
     field: Box,
     marks: Sequence[Box],
     lines: Sequence[Segment],
-) -> list[_Found]:
-    """Return the places of names, each the best that those before it leave."""
-    words, leaders, found = list[Box](), list[Segment](), list[_Found]()
-    for name in names:
-        others = [other for other in names if other is not name]
-        free = _Free(field=field, marks=marks, words=words, leaders=leaders,
-                     lines=lines, others=others)  # fmt: skip
-        place, cost = _nearest(name, height, free)
-        found.append((place, cost))
-        if place is not None:
-            words.append(place.box.grown(_APART))
-            leaders += [] if place.leader is None else [place.leader]
-    return found
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Free:
-    """What a name must and should keep off."""
-
-    field: Box
-    marks: Sequence[Box]
-    words: Sequence[Box]
-    leaders: Sequence[Segment]
-    lines: Sequence[Segment]
-    others: Sequence[Name]
-
-    def bears(self, name: Name, box: Box, leader: Segment | None) -> bool:
-        """Return whether a name covers nothing there, and its leader no words."""
-        taken = (*self.marks, *self.words)
-        if any(map(box.meets, taken)) or any(map(box.crossed, self.leaders)):
-            return False
-        if leader is None:
-            return True
-        (x, y), at = name.at, name.mark + 1e-9
-        near = Box(left=x - at, top=y - at, right=x + at, bottom=y + at)
-        far = (*(mark for mark in self.marks if not mark.meets(near)), *self.words)
-        return not any(box.crossed(leader) for box in far)
-
-    def unclear(self, name: Name, box: Box) -> bool:
-        """Return whether it might be taken for the name of another mark."""
-        return any(
-            _gap(other, box) < _gap(name, box) + _UNCLEAR for other in self.others
-        )
-
-
-def _nearest(name: Name, height: float, free: _Free) -> _Found:
-    """Return the best place of one name: near, with as few lines through it as can be.
-
-    Places are tried from near to far, and no farther than could still be better.
-    """
-    best, least = None, _NONE
-    for gap, box in _tried(name, height, free.field):
-        if gap >= least:
-            break
-        unclear = free.unclear(name, box)
-        leader = _leader(name, box) if gap > _JOINED or unclear else None
-        if not free.bears(name, box, leader):
+    others: Sequence[Name],
+) -> list[_Option]:
+    """Return the places of a name that cover no mark, the best first."""
+    (x, y), at = name.at, name.mark + 1e-9
+    near = Box(left=x - at, top=y - at, right=x + at, bottom=y + at)
+    far = [mark for mark in marks if not mark.meets(near)]
+    found = list[_Option]()
+    for gap, box in _tried(name, height, field):
+        if any(map(box.meets, marks)):
             continue
-        cost = gap + _CROSSED * sum(map(box.crossed, free.lines))
+        own = _gap(name, box) + _UNCLEAR
+        unclear = any(_gap(other, box) < own for other in others)
+        leader = _leader(name, box) if gap > _JOINED or unclear else None
+        if leader is not None and any(mark.crossed(leader) for mark in far):
+            continue
+        cost = gap + _CROSSED * sum(map(box.crossed, lines))
         cost += _UNCLEAR if unclear else 0.0
-        if cost < least:
-            best, least = Placed(box=box, leader=leader), cost
-    return best, least
+        found.append((cost, Placed(box=box, leader=leader)))
+    return sorted(found, key=lambda option: option[0])
 
 
 def _tried(name: Name, height: float, field: Box) -> Iterator[tuple[float, Box]]:
     """Yield gaps and boxes in the field about a mark, from near to far."""
     (x, y), wide, tall = name.at, name.width, height
-    across = field.right - field.left + field.bottom - field.top
-    for k in range(math.ceil(across / _STEP)):
+    if wide > field.right - field.left or tall > field.bottom - field.top:
+        return
+    for k in range(_STEPS):
         gap = _NEAR + k * _STEP
         for turn in range(_TURNS):
             angle = _angle(turn)
             c, s = math.cos(angle), math.sin(angle)
-            left = x + c * (name.mark + gap) + (_side(c) - 1) * wide / 2
             top = y + s * (name.mark + gap) + (_side(s) - 1) * tall / 2
-            box = Box(left=left, top=top, right=left + wide, bottom=top + tall)
-            if field.holds(box):
-                yield gap, box
+            for side in (_side(c),) if _side(c) else _SLIDES:
+                left = x + c * (name.mark + gap) + (side - 1) * wide / 2
+                box = Box(left=left, top=top, right=left + wide, bottom=top + tall)
+                if field.holds(box):
+                    yield gap, box
 
 
 def _angle(turn: int) -> float:
