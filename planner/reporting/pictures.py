@@ -264,7 +264,8 @@ def _render(look: Look, trial: int) -> list[Node]:
               f"--trial {trial}", "-o worst.png")  # fmt: skip
     found: list[Node] = []
     for piece in pieces:
-        found += [" " if found else None, el("code", piece, class_="whole")]
+        kind = None if piece.startswith("--step") else "whole"  # names may be long
+        found += [" " if found else None, el("code", piece, class_=kind)]
     return found
 
 
