@@ -32,6 +32,7 @@ from planner.outputs.task_tradeoff import (
 from planner.task_axes import Way, ways
 from planner.vary import Vary
 from schemas.plan import Plan, Step
+from schemas.times import spans
 
 FORMAT_VERSION = "1.0"
 NOTE = (
@@ -199,10 +200,7 @@ def success_lower(plan: Plan) -> float:
 
 def run_s(plan: Plan) -> float:
     """Return what looks and alignments take, s: zoom, focus, frames, corrections."""
-    looks = [look.verdict for step in plan.steps for look in step.looks]
-    waits = [v.change.total_s for v in looks if v is not None and v.change is not None]
-    controls = [step.control for step in plan.steps if step.control is not None]
-    return sum(waits) + sum(c.expected_s + (c.approach_s or 0.0) for c in controls)
+    return sum(span.total_s for span in spans(plan, None))
 
 
 def choices(first: Plan, plan: Plan) -> tuple[str, ...]:

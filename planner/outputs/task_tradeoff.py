@@ -26,7 +26,7 @@ class Point:
     error_um: float | None  # one sigma per axis where the last part goes; None: no part
     success_probability: float | None  # None: the plan ends before it is known
     success_lower: float | None  # with silent failures at their bound
-    run_s: float | None  # looks and alignments
+    run_s: float | None  # looks and alignments, no moves between
     choices: tuple[str, ...] | None  # that are others than in the first point
     on_front: bool  # no other is both quicker to run and finer
 

@@ -128,7 +128,15 @@ def test_a_plan_is_told_by_its_budget_and_bounds(plan: Plan) -> None:
     assert success_lower(plan) == pytest.approx(
         plan.success_probability * bound ** len(looks)
     )
-    assert 5 < run_s(plan) < 30
+    # an alignment's approach and looks are its control's, the first one among them
+    servos = [step.control for step in plan.steps if step.control is not None]
+    once = [look for step in plan.steps if step.control is None for look in step.looks]
+    changes = [look.verdict.change for look in once if look.verdict is not None]
+    waits = [change.total_s for change in changes if change is not None]
+    assert (len(servos), len(waits)) == (2, len(looks) - 2)
+    servoing = sum(servo.approach_s + servo.expected_s for servo in servos)
+    # the plan keeps six digits of each
+    assert run_s(plan) == pytest.approx(sum(waits) + servoing, abs=1e-4)
 
 
 def test_only_choices_are_compared(plan: Plan) -> None:
