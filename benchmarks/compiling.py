@@ -25,13 +25,17 @@ from benchmarks.figures import Benchmark, Figure, Options
 from benchmarks.rendering import floor_ms
 
 PRESETS = ("fast", "balanced")
-# stage -> where the function that does it is called from; none calls another
+# stage -> where the function that does it is called from; none calls another, but that
+# trial_images is a part of trials
 STAGES: Mapping[str, tuple[str, str]] = {
     "scene": ("planner.contests", "build_case"),  # and how well it has to be rendered
     "prepare": ("featuresel.contest", "prepare"),
     "trials": ("featuresel.contest", "race"),
+    "trial_images": ("featuresel.trials", "counts"),
     "limit": ("featuresel.contest", "limit_um"),
     "usable_range": ("planner.compiled", "usable_range"),
+    "bias": ("planner.compiled", "predict_bias"),
+    "drifts": ("planner.allowed", "_reach"),
     "pictures": ("planner.compiled", "reference_image"),
 }
 RENDERERS = ("shaded", "occluded")  # of `featuresel.case`
@@ -74,7 +78,8 @@ def main(argv: Sequence[str]) -> int:
         _replace("featuresel.case", name, partial(_counted, images))
     cli = importlib.import_module("planner.cli")
     plan = str(Path(folder) / "example.plan")
-    status: int = cli.main(["compile", str(TASK), "-o", plan, "--preset", preset])
+    call = ["compile", str(TASK), "-o", plan, "--preset", preset, "--no-cache"]
+    status: int = cli.main(call)
     found = Spent(
         total_s=time.process_time(),
         stages_s=stages,
