@@ -8,6 +8,7 @@ from pathlib import Path
 
 from executor.completion import SHELLS, Completion
 from executor.simulated.faults import FAULTS
+from schemas.version_option import add_version
 
 MODES = ("run", "check", "dry-run", "replay", "compare", "report")
 
@@ -26,6 +27,7 @@ def build_parser() -> argparse.ArgumentParser:
         description="Run an augmented plan on a station, real or simulated.",
         epilog=EPILOG,
     )
+    add_version(parser)
     parser.add_argument("plan", type=Path, help="plan.json, or the folder it is in")
     _add_station(parser)
     _add_mode(parser)

@@ -325,7 +325,7 @@ def _answer() -> str:
 def _tell(error: ExecutorError, plan_file: Path) -> None:
     """Print a finding."""
     tell(f"error[{error.code}]: {error.message}")
-    tell(f"  --> {plan_file}")
+    tell(f"  --> {error.place or plan_file}")
     tell(f"   = {CODES[error.code][0]}")
     tell(f"   = more: microplan explain {error.code}")
 

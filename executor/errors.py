@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 
 DONE, FAILED, BAD_INPUT, MACHINE, STOPPED, BUG = 0, 1, 2, 3, 4, 70
 
@@ -82,15 +83,25 @@ class ExecutorError(Exception):
         The value, the limit, the unit and the place.
     cause : str
         A routine's own failure code, "" if there is none.
+    place : path, optional
+        The file or folder that is at fault; None: it is told of the plan.
     """
 
-    def __init__(self, code: str, message: str, *, cause: str = "") -> None:
+    def __init__(
+        self,
+        code: str,
+        message: str,
+        *,
+        cause: str = "",
+        place: str | Path | None = None,
+    ) -> None:
         if code not in CODES:
             raise ValueError(f"unknown code {code!r}")
         super().__init__(message)
         self.code = code
         self.message = message
         self.cause = cause
+        self.place = place
 
     def append(self, more: str) -> None:
         """Add to the message what became known later."""
@@ -101,3 +112,8 @@ class ExecutorError(Exception):
     def exit_status(self) -> int:
         """Return the exit status that goes with the code."""
         return CODES[self.code][1]
+
+
+def why(error: Exception) -> str:
+    """Return what an exception says: of the system's, without number and path."""
+    return (error.strerror if isinstance(error, OSError) else "") or str(error)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from pathlib import Path
 
-from executor.errors import ExecutorError
+from executor.errors import ExecutorError, why
 from executor.frames import FOLDER
 from executor.intents import FILE, FileStore, Intents
 from executor.lock import held
@@ -75,7 +75,9 @@ class RunFolder:
             MP804 if that cannot be done.
         """
         if plan_file.resolve().parent == self.path.resolve():
-            raise ExecutorError("MP804", f"the plan itself is in {self.path}")
+            raise ExecutorError(
+                "MP804", f"the plan itself is in {self.path}", place=self.path
+            )
         try:
             for path in self.path.iterdir():
                 if path.is_dir() and not path.is_symlink():
@@ -87,7 +89,9 @@ class RunFolder:
             if station is not None:
                 (self.path / STATION).write_bytes(station)
         except OSError as error:
-            raise ExecutorError("MP804", f"{self.path}: {error}") from error
+            raise ExecutorError(
+                "MP804", f"{self.path}: {why(error)}", place=self.path
+            ) from error
 
     @contextmanager
     def intents(self) -> Iterator[Intents]:
@@ -99,7 +103,8 @@ class RunFolder:
         try:
             store = FileStore(self.path / FILE, size)
         except OSError as error:
-            raise ExecutorError("MP863", f"{self.path / FILE}: {error}") from error
+            file = self.path / FILE
+            raise ExecutorError("MP863", f"{file}: {why(error)}", place=file) from error
         try:
             yield Intents(store, seq=seq, chain=chain)
         finally:
@@ -124,7 +129,7 @@ class RunFolder:
             lines = whole.splitlines()
             return int(json.loads(lines[-1])["seq"]) if lines else 0
         except (OSError, ValueError, KeyError, TypeError) as error:
-            raise ExecutorError("MP867", f"{path}: {error}") from error
+            raise ExecutorError("MP867", f"{path}: {why(error)}", place=path) from error
 
 
 def check_free(path: Path, *, discard: bool) -> None:
@@ -141,19 +146,22 @@ def check_free(path: Path, *, discard: bool) -> None:
     except FileNotFoundError:
         return
     except OSError as error:
-        raise ExecutorError("MP804", f"{path}: {error}") from error
+        raise ExecutorError("MP804", f"{path}: {why(error)}", place=path) from error
     if names - {LOCK} and not names & {EVENTS, FILE}:
-        raise ExecutorError("MP804", f"{path} exists and is no run folder")
+        raise ExecutorError("MP804", f"{path} exists and is no run folder", place=path)
     others = sorted(n for n in names - OURS if not fnmatchcase(n, MORE_CALLS))
     if others:
         raise ExecutorError(
-            "MP804", f"{path} holds {', '.join(others[:3])}, which no run left there"
+            "MP804",
+            f"{path} holds {', '.join(others[:3])}, which no run left there",
+            place=path,
         )
     if not discard and is_open(path):
         raise ExecutorError(
             "MP862",
             f"{path}: go on with it by --resume, throw it away by --discard, or name "
             "another folder by --run-dir",
+            place=path,
         )
 
 
@@ -164,7 +172,7 @@ def new_run(path: Path, *, discard: bool) -> Iterator[RunFolder]:
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise ExecutorError("MP804", f"{path}: {error}") from error
+        raise ExecutorError("MP804", f"{path}: {why(error)}", place=path) from error
     with held(path / LOCK, str(path)):
         check_free(path, discard=discard)
         yield RunFolder(path=path, found=None)
@@ -181,12 +189,12 @@ def old_run(path: Path) -> Iterator[RunFolder]:
         run, or it was done.
     """
     if not is_file(path / FILE):
-        raise ExecutorError("MP868", f"{path} holds no {FILE}")
+        raise ExecutorError("MP868", f"{path} holds no {FILE}", place=path)
     with held(path / LOCK, str(path)):
         found = read_past(path / FILE)
         done = found.past.ended and found.past.code is None
         if done and is_file(path / SUMMARY):  # the last thing that is written
-            raise ExecutorError("MP868", f"the run in {path} was done")
+            raise ExecutorError("MP868", f"the run in {path} was done", place=path)
         yield RunFolder(path=path, found=found)
 
 

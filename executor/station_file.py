@@ -13,7 +13,7 @@ from typing import Any, cast
 
 from executor.answers import CheckedClock
 from executor.calibration import Calibration, ZoomPoint
-from executor.errors import ExecutorError
+from executor.errors import ExecutorError, why
 from executor.loading import ROLES, build, check_role, load, part_of
 from executor.safety import PHASES, Phase, PhaseLimit, Rules, Safety, Settle, Speeds
 from executor.station import Offer, Station
@@ -87,13 +87,13 @@ def _parsed(path: Path) -> tuple[bytes, dict[str, Any]]:
     """Return the file's bytes and its data."""
     try:
         if not stat.S_ISREG(path.stat().st_mode):  # a pipe is read once, and not locked
-            raise ExecutorError("MP812", f"{path}: it is no file")
+            raise ExecutorError("MP812", f"{path}: it is no file", place=path)
         source = path.read_bytes()
         return source, tomllib.loads(source.decode("utf-8").replace("\r\n", "\n"))
     except (OSError, ValueError) as error:  # so are faults of UTF-8, TOML, digits
-        raise ExecutorError("MP812", f"{path}: {error}") from error
+        raise ExecutorError("MP812", f"{path}: {why(error)}", place=path) from error
     except RecursionError as error:
-        raise ExecutorError("MP812", f"{path}: nested too deep") from error
+        raise ExecutorError("MP812", f"{path}: nested too deep", place=path) from error
 
 
 def _check_roles(wanted: Table, roles: tuple[str, ...]) -> None:

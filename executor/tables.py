@@ -29,7 +29,9 @@ class Table:
     def refuse(self, name: str, found: str, allowed: str) -> NoReturn:
         """Raise MP812 about a key of this table."""
         key = f"{self._key}.{name}".strip(".")
-        raise ExecutorError("MP812", f"{self._file}: {key}: {found}; {allowed}")
+        raise ExecutorError(
+            "MP812", f"{self._file}: {key}: {found}; {allowed}", place=self._file
+        )
 
     def has(self, name: str) -> bool:
         """Return whether a key is there; it is then one that may be there."""

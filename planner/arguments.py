@@ -12,6 +12,7 @@ from planner.comparing.tolerances import parse_rule
 from planner.presets import PRESETS
 from planner.vary import AXES, parse_vary
 from schemas import NAMES
+from schemas.version_option import add_version
 
 Run = Callable[[argparse.Namespace], int]
 
@@ -31,6 +32,7 @@ def build_parser(runs: Mapping[str, Run]) -> argparse.ArgumentParser:
         description="Offline compiler for vision-guided microassembly.",
         epilog=EPILOG,
     )
+    add_version(parser)
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     for name, (add, says) in _COMMANDS.items():
         command = commands.add_parser(name, help=says)

@@ -49,8 +49,12 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _status(argv: Sequence[str] | None) -> int:
     """Do what was asked for; return the exit status."""
+    parser = build_parser(_RUNS)
+    if not (sys.argv[1:] if argv is None else argv):
+        tell(parser.format_help().rstrip("\n"))  # what can be asked for
+        return BAD_INPUT
     try:
-        call = build_parser(_RUNS).parse_args(argv)
+        call = parser.parse_args(argv)
     except SystemExit as leaving:  # argparse: 0 after --help, 2 for a wrong call
         return int(leaving.code or 0)
     status: int = call.run(call)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import math
 from dataclasses import dataclass
 from pathlib import Path
@@ -30,6 +31,7 @@ from planner.model.scenes import world_scene
 from planner.model.steps import StepState, unfold
 from planner.model.views import light_level
 from planner.model.zooms import microscope_at
+from planner.outputs.folder import replace_alike
 from planner.pictures import picture
 
 FloatArray = npt.NDArray[np.float64]
@@ -238,14 +240,12 @@ def _noisy(task: Task, shown: FloatArray) -> FloatArray:
 
 def _write(path: Path, shown: FloatArray) -> None:
     """Write 8-bit PNG, or float64 npy in 0..1."""
-    try:
-        if path.suffix == ".npy":
-            np.save(path, shown)
-            return
-        ok, data = cv2.imencode(".png", picture(shown))
-        if not ok:
-            raise OSError("the image could not be encoded")
-        path.write_bytes(data.tobytes())
-    except OSError as error:
-        why = f"{path} cannot be written: {error.strerror or error}"
-        raise RenderError("MP702", why, path) from error
+    if path.suffix == ".npy":
+        stream = io.BytesIO()
+        np.save(stream, shown)
+        replace_alike(path, stream.getvalue(), head=len(np.lib.format.MAGIC_PREFIX))
+        return
+    ok, data = cv2.imencode(".png", picture(shown))
+    if not ok:
+        raise RenderError("MP702", f"{path}: the image could not be encoded", path)
+    replace_alike(path, data.tobytes())

@@ -40,6 +40,7 @@ def check(call: argparse.Namespace) -> int:
 def render(call: argparse.Namespace) -> int:
     """Render one step's image to a file."""
     from planner.inputs.read_task import load_task
+    from planner.outputs.errors import OutputError
     from planner.preview import RenderError, render_step
 
     report = Report()
@@ -48,7 +49,7 @@ def render(call: argparse.Namespace) -> int:
         return answer(call, report, "")
     try:
         said = render_step(task, _render_call(call), report)
-    except RenderError as error:
+    except (RenderError, OutputError) as error:
         return refuse(call, report, error)
     return answer(call, report, said)
 

@@ -37,7 +37,7 @@ def read_bytes(
             data = stream.read(most + 1)
     except (OSError, ValueError) as error:
         why = error.strerror if isinstance(error, OSError) else str(error)
-        report.error("MP001", at, f"cannot read {file}: {why}", _beside(path))
+        report.error("MP001", at, f"cannot read {file}: {why}", _beside(path, at.file))
         return None
     if len(data) > most:
         report.error("MP009", at, f"{file} is larger than {most} bytes")
@@ -46,14 +46,18 @@ def read_bytes(
     return data
 
 
-def _beside(path: Path) -> str:
-    """Return a file of a similar name in the same folder as a hint, "" if none is."""
+def _beside(path: Path, asking: str) -> str:
+    """Return a file of a similar name in the same folder as a hint, "" if none is.
+
+    That in which the name stands is not meant.
+    """
     try:
         names = [entry.name for entry in islice(path.parent.iterdir(), MOST_NAMES)]
     except (OSError, ValueError):
         return ""
-    near = difflib.get_close_matches(path.name, sorted(names), n=1, cutoff=0.6)
-    return f"did you mean '{near[0]}'?" if near and near[0] != path.name else ""
+    others = sorted({*names} - {path.name, Path(asking).name})
+    near = difflib.get_close_matches(path.name, others, n=1, cutoff=0.6)
+    return f"did you mean '{near[0]}'?" if near else ""
 
 
 def named_file(

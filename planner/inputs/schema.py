@@ -99,7 +99,11 @@ def check(source: Source, name: str, version_key: str, report: Report) -> Checke
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """Return "did you mean 'x'?" for the known word nearest to `word`, or ""."""
+    """Return "did you mean 'x'?" for the known word nearest to `word`, or "".
+
+    A letter mu, of either kind, is meant as a u: it stands in units.
+    """
+    word = word.replace("\u00b5", "u").replace("\u03bc", "u")
     near = difflib.get_close_matches(word, sorted(known), n=1, cutoff=0.6)
     return f"did you mean '{near[0]}'?" if near else ""
 

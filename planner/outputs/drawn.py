@@ -16,6 +16,7 @@ from optics.outline import Arc, Edge, Outline, Point, Ring
 from planner.inputs.features import dominant_circle
 from planner.inputs.task import Part
 from planner.outputs.errors import not_written
+from planner.outputs.folder import replace_alike
 
 _SVG = "http://www.w3.org/2000/svg"
 SIDE_PX = 720.0  # of the longer side of the drawing
@@ -36,14 +37,15 @@ def write_drawings(parts: Mapping[str, Part], folder: Path) -> str:
     Raises
     ------
     OutputError
-        MP702 if one cannot be written.
+        MP702 if one cannot be written, MP703 if another file is in its place.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        for name, part in parts.items():
-            (folder / f"{name}.svg").write_text(svg(part), encoding="utf-8")
     except OSError as error:
         raise not_written(folder, error) from error
+    for name, part in parts.items():
+        data = svg(part).encode()
+        replace_alike(folder / f"{name}.svg", data, head=data.index(b"viewBox"))
     return f"drawings: {', '.join(str(folder / f'{n}.svg') for n in sorted(parts))}"
 
 

@@ -22,10 +22,11 @@ if TYPE_CHECKING:
 PLAN = "plan.json"
 REPORT = "report.html"
 _ALWAYS = ("images", "artifacts")  # folders of every plan, empty or not
+_FOLDERS = (*_ALWAYS, "evidence")
 # what lies in a plan folder: beside anything else a plan may have been kept
 _OURS = {
-    PLAN, "world.json", "scenes.json", "inputs.json", "timings.json", "evidence",
-    REPORT, *_ALWAYS,
+    PLAN, "world.json", "scenes.json", "inputs.json", "timings.json", REPORT,
+    *_FOLDERS,
 }  # fmt: skip
 # How every plan begins, since 1.0: other programs write a plan.json too, also with a
 # "format_version". Its types are not loaded for that: an unchanged task needs none.
@@ -107,6 +108,27 @@ def replace_text(file: Path, text: str) -> None:
     replace_bytes(file, text.encode())
 
 
+def replace_alike(file: Path, data: bytes, *, head: int = 16) -> None:
+    """Write a file in the place of none, or of one that begins with the same bytes.
+
+    Raises
+    ------
+    OutputError
+        MP703 if another file is there, MP702 if it cannot be written.
+    """
+    try:
+        with file.open("rb") as stream:
+            begin = stream.read(head)
+    except FileNotFoundError:
+        begin = data[:head]
+    except OSError as error:
+        raise not_written(file, error) from error
+    if begin != data[:head]:
+        message = f"{file} is there already, and nothing that this replaces"
+        raise OutputError("MP703", f"{message}; it is left untouched", file)
+    replace_bytes(file, data)
+
+
 def replace_bytes(file: Path, data: bytes) -> None:
     """Write a file, whole or not at all; MP702 if it cannot be written."""
     try:
@@ -151,6 +173,33 @@ def check_folder(folder: Path) -> None:
         raise OutputError("MP701", f"{message}; it is left untouched", folder)
     if held:
         check_file(folder / PLAN)
+        _check_within(folder)
+
+
+def _check_within(folder: Path) -> None:
+    """Raise OutputError, MP701, if a plan's own folders hold what it does not name.
+
+    A file there has its path in the plan, or begins with the id of a look.
+    """
+    try:
+        plan = (folder / PLAN).read_bytes()
+        for name in _FOLDERS:
+            held = sorted((folder / name).iterdir()) if (folder / name).is_dir() else []
+            for path in held:
+                if path.is_dir() or not _is_named(f"{name}/{path.name}", plan):
+                    message = f"{path} is not of the plan beside it"
+                    raise OutputError(
+                        "MP701", f"{message}; all is left untouched", path
+                    )
+    except OSError as error:
+        raise not_written(folder, error) from error
+
+
+def _is_named(path: str, plan: bytes) -> bool:
+    """Return whether a plan names a file, or the look that the file begins with."""
+    name = path.partition("/")[2]
+    looks = (name[: dot.start()] for dot in re.finditer(r"\.", name))
+    return any(f'"{word}"'.encode() in plan for word in (path, *looks))
 
 
 def check_file(file: Path) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from planner.diffing import plan_file
-from planner.outputs.folder import REPORT, replace_text
+from planner.outputs.folder import REPORT, replace_alike
 from planner.reporting.first_page import contents, first_page
 from planner.reporting.folder import PlanFolder, read_folder
 from planner.reporting.methods import provenance
@@ -69,9 +69,10 @@ def write_report(path: Path, out: Path | None) -> Path:
     DiffError
         MP704 if there is no plan that can be read.
     OutputError
-        MP702 if the report cannot be written.
+        MP702 if the report cannot be written, MP703 if another file is there.
     """
     text = plan_report(read_folder(path))
     file = out or plan_file(path).with_name(REPORT)
-    replace_text(file, text)
+    data = text.encode()
+    replace_alike(file, data, head=data.index(b"<title>"))
     return file

@@ -218,6 +218,21 @@ def test_a_wrong_call_is_two_and_help_is_zero(built: Path) -> None:
     assert main([str(built)]) == 2
     assert main([str(built), "--station", "sim", "--seed", "-1"]) == 2
     assert main(["--help"]) == 0
+    assert main(["--version"]) == 0
+
+
+def test_a_finding_names_the_file_that_is_at_fault(
+    built: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    station = tmp_path / "nope.toml"
+    assert main([str(built), "--station", str(station)]) == 2
+    told = capsys.readouterr().err
+    assert f"error[MP812]: {station}: No such file or directory\n" in told
+    assert f"--> {station}\n" in told
+    (tmp_path / "thesis").mkdir()
+    (tmp_path / "thesis" / "chapter.txt").write_text("years")
+    assert run(built, tmp_path / "thesis") == 2
+    assert f"--> {tmp_path / 'thesis'}\n" in capsys.readouterr().err
 
 
 def test_a_folder_that_is_no_run_folder_is_not_touched(

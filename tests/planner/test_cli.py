@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -15,6 +16,7 @@ from schemas import NAMES, load
 from tests.planner.examples import EXAMPLE, ONE_LOOK, change, copy_example, cut
 
 TASK = str(EXAMPLE / "task.yaml")
+PYPROJECT = Path(__file__).parents[2] / "pyproject.toml"
 
 
 @pytest.mark.parametrize(
@@ -49,6 +51,19 @@ def test_help_ends_with_zero(
 ) -> None:
     assert main(words) == 0
     assert "usage: microplan" in capsys.readouterr().out
+
+
+def test_the_version_is_that_of_the_package(capsys: pytest.CaptureFixture[str]) -> None:
+    pyproject = tomllib.loads(PYPROJECT.read_text(encoding="utf-8"))
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out == f"microplan {pyproject['project']['version']}\n"
+
+
+def test_the_bare_command_names_what_there_is(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main([]) == 2
+    assert "what changed between two plans" in capsys.readouterr().err
 
 
 def test_check_says_what_the_task_is(capsys: pytest.CaptureFixture[str]) -> None:
@@ -110,6 +125,17 @@ def test_a_bug_ends_with_seventy_and_says_so(
 def test_check_draws_the_parts(tmp_path: Path) -> None:
     assert main(["check", TASK, "-o", str(tmp_path)]) == 0
     assert sorted(p.name for p in tmp_path.iterdir()) == ["gear.svg", "shaft_plate.svg"]
+    assert main(["check", TASK, "-o", str(tmp_path)]) == 0  # over older ones
+
+
+def test_check_leaves_another_drawing_alone(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    mine = '<svg xmlns="http://www.w3.org/2000/svg"><title>mine</title></svg>'
+    (tmp_path / "gear.svg").write_text(mine)
+    assert main(["check", TASK, "-o", str(tmp_path)]) == 2
+    assert "error[MP703]" in capsys.readouterr().err
+    assert (tmp_path / "gear.svg").read_text() == mine
 
 
 @pytest.mark.parametrize("form", ["json", "github", "sarif"])

@@ -229,5 +229,22 @@ def test_what_cannot_be_written_is_said(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert render(tmp_path / "a.gif", "--step", "find_gear") == 2
-    assert render(tmp_path / "nowhere" / "a.png", "--step", "find_gear") == 2
+    (tmp_path / "file").write_text("no folder")
+    assert render(tmp_path / "file" / "a.png", "--step", "find_gear") == 2
     assert capsys.readouterr().err.count("error[MP702]") == 2
+
+
+@pytest.mark.parametrize("suffix", ["png", "npy"])
+def test_a_picture_takes_the_place_of_one_of_its_kind_alone(
+    tmp_path: Path, suffix: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / f"seen.{suffix}"
+    words = ("--step", "find_gear", "--model", "geometric")
+    assert render(out, *words) == 0
+    first = out.read_bytes()
+    assert render(out, *words) == 0
+    assert out.read_bytes() == first
+    out.write_text("years")
+    assert render(out, *words) == 2
+    assert "error[MP703]" in capsys.readouterr().err
+    assert out.read_text() == "years"

@@ -11,6 +11,7 @@ import pytest
 from planner.diagnostics import Report, Span
 from planner.inputs.files import named_file, read_bytes
 from planner.inputs.read_task import load_task
+from planner.inputs.schema import did_you_mean
 from tests.planner.examples import EXAMPLE
 
 AT = Span(file="task.yaml", line=3)
@@ -80,3 +81,18 @@ def test_a_task_opens_every_file_once(monkeypatch: pytest.MonkeyPatch) -> None:
     mine = [name for name in opened if not name.endswith(".json")]  # schemas
     assert sorted(mine) == ["gear18.dxf", "shaft_plate.dxf", "task.yaml",
                             "tweezer_fingers.dxf", "workcell.yaml"]  # fmt: skip
+
+
+def test_the_file_that_asks_is_not_meant(tmp_path: Path) -> None:
+    for name in ("t.yaml", "wt.yaml"):
+        (tmp_path / name).write_text("")
+    report = Report()
+    where = Span(file=str(tmp_path / "t.yaml"), line=1, column=1)
+    assert read_bytes(tmp_path / "tt.yaml", "tt.yaml", where, report, most=9) is None
+    (found,) = report.found
+    assert found.hint == "did you mean 'wt.yaml'?"
+
+
+@pytest.mark.parametrize("mu", ["\u00b5", "\u03bc"])
+def test_a_micrometre_is_no_metre(mu: str) -> None:
+    assert did_you_mean(f"{mu}m", ["um", "mm", "m", "inch"]) == "did you mean 'um'?"

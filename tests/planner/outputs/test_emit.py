@@ -30,8 +30,9 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> PlanFiles:
     found = compile_task(read(task), Report(), Options(preset="fast"))
     assert found is not None
     black = np.zeros((4, 6), dtype=np.uint8)
-    arrays = {"artifacts/a.npz": {"b": np.ones(3, np.float32)}}
-    return replace(found, images={"images/a.png": black}, arrays=arrays)
+    # of a look called grasp: what no plan names would be somebody else's
+    arrays = {"artifacts/grasp.ncc.npz": {"b": np.ones(3, np.float32)}}
+    return replace(found, images={"images/grasp.png": black}, arrays=arrays)
 
 
 def content(folder: Path) -> dict[str, bytes]:
@@ -47,8 +48,8 @@ def test_a_folder_holds_what_it_should(files: PlanFiles, tmp_path: Path) -> None
     folder = tmp_path / "deep" / "x.plan"
     write_folder(plan_bytes(files), folder)
     assert sorted(content(folder)) == [
-        "artifacts/a.npz", "images/a.png", "inputs.json", "plan.json", "scenes.json",
-        "timings.json", "world.json",
+        "artifacts/grasp.ncc.npz", "images/grasp.png", "inputs.json", "plan.json",
+        "scenes.json", "timings.json", "world.json",
     ]  # fmt: skip
     assert list(folder.parent.iterdir()) == [folder]  # nothing is left beside it
 
@@ -62,10 +63,9 @@ def test_the_same_files_give_the_same_bytes(files: PlanFiles, tmp_path: Path) ->
 def test_an_old_plan_is_replaced_whole(files: PlanFiles, tmp_path: Path) -> None:
     folder = tmp_path / "x.plan"
     write_folder(plan_bytes(files), folder)
-    (folder / "images" / "stale.png").write_bytes(b"old")
+    assert "images/grasp.png" in content(folder)
     write_folder(plan_bytes(replace(files, images={})), folder)
-    assert "images/stale.png" not in content(folder)
-    assert "images/a.png" not in content(folder)
+    assert "images/grasp.png" not in content(folder)
     assert list(tmp_path.iterdir()) == [folder]
 
 
@@ -102,6 +102,25 @@ def test_a_plan_among_other_things_is_left_alone(
     (folder / name).unlink()
     write_folder(plan_bytes(files), folder)
     assert not (folder / "report.html").exists()  # it was of the plan before
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["images/my.png", "images/grasp", "images/my.grasp.png", "artifacts/notes.txt",
+     "evidence/thesis/1.png", "evidence/grasped.json"],
+)  # fmt: skip
+def test_a_plan_with_other_things_in_its_own_folders_is_left_alone(
+    files: PlanFiles, tmp_path: Path, name: str
+) -> None:
+    folder = tmp_path / "x.plan"
+    write_folder(plan_bytes(files), folder)
+    (folder / name).parent.mkdir(parents=True, exist_ok=True)
+    (folder / name).write_text("years", encoding="utf-8")
+    before = content(folder)
+    with pytest.raises(OutputError, match="not of the plan beside it") as caught:
+        write_folder(plan_bytes(files), folder)
+    assert caught.value.code == "MP701"
+    assert content(folder) == before
 
 
 @pytest.mark.parametrize(
@@ -242,4 +261,4 @@ def test_a_folder_holds_nothing_that_lies_elsewhere(
     with pytest.raises(ValueError, match="outside"):
         replace(made, files={**made.files, path: b""})
     with pytest.raises(ValueError, match="plan"):
-        replace(made, files={"images/a.png": b""})
+        replace(made, files={"images/grasp.png": b""})

@@ -302,6 +302,22 @@ def test_a_report_that_cannot_be_written_is_told(
     assert "error[MP702]" in capsys.readouterr().err
 
 
+def test_a_report_takes_the_place_of_a_report_alone(
+    compiled_example: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    page = tmp_path / "page.html"
+    assert main(["report", str(compiled_example), "-o", str(page)]) == 0
+    first = page.read_bytes()
+    page.write_bytes(first + b"older")
+    assert main(["report", str(compiled_example), "-o", str(page)]) == 0
+    assert page.read_bytes() == first
+    for text in ("microplan: 1\n", "<!doctype html>\n<html><title>mine</title>", ""):
+        page.write_text(text)
+        assert main(["report", str(compiled_example), "-o", str(page)]) == 2
+        assert f"--> {page}" in capsys.readouterr().err
+        assert page.read_text() == text
+
+
 @pytest.mark.parametrize("out", [".", "/", "a folder", "n" * 300])
 def test_a_report_in_an_impossible_place_leaves_nothing(
     compiled_example: Path, tmp_path: Path, out: str,
