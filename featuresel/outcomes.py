@@ -172,19 +172,26 @@ class Book:
 
     def add(self, outcome: Outcome) -> None:
         """Write an outcome down."""
+        row = array("d", self._row(outcome))  # whole: what is no number adds nothing
         places = self._places.setdefault(outcome.chain, array("i"))
         places.extend([-1] * (outcome.trial + 1 - len(places)))
         places[outcome.trial] = len(self._numbers) // _COLUMNS
-        self._numbers.extend(self._row(outcome))
+        self._numbers.extend(row)
 
     def all(self) -> Outcomes:
         """Return all outcomes, in the order in which they were written down."""
         return self._outcomes(slice(None))
 
     def pick(self, keys: Iterable[tuple[Chain, int]]) -> Outcomes:
-        """Return outcomes by chain and trial, all of which must be there."""
-        places = (self._places[chain][trial] for chain, trial in keys)
-        return self._outcomes(np.fromiter(places, dtype=np.intp))
+        """Return outcomes by chain and trial; raise KeyError where there is none."""
+        return self._outcomes(np.fromiter(map(self._place, keys), dtype=np.intp))
+
+    def _place(self, key: tuple[Chain, int]) -> int:
+        """Return the row of an outcome."""
+        if key not in self:
+            raise KeyError(key)
+        chain, trial = key
+        return self._places[chain][trial]
 
     def _outcomes(self, which: slice | npt.NDArray[np.intp]) -> Outcomes:
         rows = np.asarray(self._numbers, dtype=np.float64).reshape(-1, _COLUMNS)

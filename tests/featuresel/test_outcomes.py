@@ -76,6 +76,9 @@ def test_a_book_gives_them_by_chain_and_trial(written: list[Outcome]) -> None:
     assert (("nobody",), 0) not in book
     gaps = set(range(3001)) - {trial for chain, trial in last if chain == ("ncc",)}
     assert not any((("ncc",), trial) in book for trial in gaps)
+    for missing in [(("ncc",), min(gaps)), (("ncc",), 3001), (("nobody",), 0)]:
+        with pytest.raises(KeyError):
+            book.pick([missing])
 
 
 def test_nothing_stays_nothing_and_no_number_becomes_one() -> None:
