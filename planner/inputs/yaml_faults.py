@@ -106,7 +106,7 @@ def _escape(place: _Place, found: re.Match[str]) -> Fault:
 
 
 def _reference(place: _Place, found: re.Match[str]) -> Fault:
-    sign = {"alias": "*", "anchor": "&"}[found[1]]
+    sign = {"alias": "*", "anchor": "&", "directive": "%", "tag": "!"}[found[1]]
     return Fault(place.began, f"text cannot begin with '{sign}'", _QUOTES)
 
 
@@ -162,6 +162,11 @@ def _behind_quote(place: _Place) -> Fault | None:
     return Fault(place.here, message, hint)
 
 
+def _outside(place: _Place, _found: re.Match[str]) -> Fault:
+    message = f"'{place.rest(place.here)}' does not go on with what stands above it"
+    return Fault(place.here, message, "begin all keys of a file in the same column")
+
+
 def _no_value(place: _Place, found: re.Match[str]) -> Fault:
     message = f"'{found[1]}' where a value must stand"
     return Fault(place.here, message, "write the value, or remove the sign")
@@ -184,12 +189,13 @@ _RULES: tuple[tuple[str, _Told], ...] = (
     (r"mapping values are not allowed here", _colon),
     (r"found character '(.+)' that cannot start any token", _odd_start),
     (r"scanning a quoted scalar found unexpected", _open_quote),
-    (r"found unknown escape character '(.)'", _escape),
+    (r"found unknown escape character ['\"](.+)['\"]", _escape),
     (r"expected escape sequence of \d+ hexadecimal numbers()", _escape),
-    (r"scanning an (alias|anchor) expected", _reference),
+    (r"(?:scanning|parsing) an? (alias|anchor|directive|tag) expected", _reference),
     (r"sequence entries are not allowed here", _entry),
     (r"a flow (mapping|sequence) expected .* but got '(.+)'", _in_brackets),
     (r"a block (mapping|collection) expected <block end>, but found '(.+)'", _in_block),
+    (rf"expected '<document start>', but found '(?!{_END})", _outside),
     (r"expected the node content, but found '([^<].*)'", _no_value),
     (r"a flow node expected the node content, but found '<stream end>'", _open_end),
     (r"scanning a block scalar expected", _folded),
