@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from typing import Any
 
@@ -217,6 +218,15 @@ def test_every_length_angle_time_and_force_of_a_plan_has_a_unit() -> None:
     visit(json.loads(TEXT), ())
     units = ("um", "rad", "_px", "_s", "_un", "_deg", "_nm", "_mm", "_e")
     assert [name for name in sorted(bare) if name.endswith(units)] == []
+
+
+def test_units_are_those_of_the_reference() -> None:
+    """Which has them from a table of its own."""
+    text = (ROOT / "docs/reference/plan.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| `(\w+)` \| [^|]*number[^|]* \| ([^|]*) \|", text, re.M)
+    known = {key: unit.replace("^", "") for key, unit in rows if unit not in ("", "1")}
+    assert len(known) > 100
+    assert {key: unit_of((key,)) for key in known} == known
 
 
 def test_a_mean_is_compared_within_what_trials_repeat_to() -> None:
