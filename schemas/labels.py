@@ -14,14 +14,15 @@ from itertools import islice, permutations
 Spot = tuple[float, float]
 Segment = tuple[Spot, Spot]
 
-# widths of letters over their height, of the widest face that pages name (DejaVu Sans)
+# widths of letters over their size, of the widest face that pages name (DejaVu Sans)
 _WIDTHS = {
     letter: share
     for share, letters in (
-        (0.32, " ijl.,:;'|!\u202f"),
-        (0.42, 'frtI-()[]/"'),
-        (0.7, "ABCDGHKNOQRUVXY&"),
-        (0.84, "w<>=+\u00d7\u2212"),
+        (0.32, " ijl.,'\u202f"),
+        (0.42, "frtI-()[]/:;|!"),
+        (0.7, "ABCKRVXYZ"),
+        (0.79, "DGHNOQU&"),
+        (0.84, "w<>=+#^~\u00b1\u00d7\u2212"),
         (1.0, "mMW@%\u2026"),
     )
     for letter in letters
@@ -150,6 +151,8 @@ def placed(
         Each in turn has the first choice; the order that keeps them nearest counts.
     height : float
         Of a name.
+    field : Box
+        What names stand in.
     taken : sequence of Box
         What no name may cover: all marks, of points without a name too, and words.
     lines : sequence of Segment

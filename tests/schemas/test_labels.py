@@ -8,6 +8,8 @@ from itertools import combinations
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from matplotlib.font_manager import findfont
+from matplotlib.ft2font import FT2Font
 
 from schemas.labels import Box, Name, Segment, placed, shortened, width
 
@@ -97,6 +99,15 @@ def test_a_box_is_crossed_where_points_of_the_line_are_in_it(
         assert box.crossed(ends)
     if box.crossed(ends):  # by less than the points of a line are apart, maybe
         assert runs_through(ends, box.grown(2.0))
+
+
+def test_no_letter_is_wider_than_it_is_taken_for() -> None:
+    """By the metrics of the face itself, which matplotlib brings."""
+    face = FT2Font(findfont("DejaVu Sans"))
+    face.set_size(100, 72)  # pixels
+    for letter in [*map(chr, range(32, 127)), *"\u00b0\u00b1\u00b5\u00d7\u2212\u2026"]:
+        own = face.load_char(ord(letter)).linearHoriAdvance / 65536
+        assert own <= width(letter, 100), letter
 
 
 @settings(max_examples=50)
