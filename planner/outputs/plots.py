@@ -161,7 +161,10 @@ def _names(
     points: Sequence[Point],
     lines: Sequence[tuple[Point, Point]],
 ) -> None:
-    """Write names near their points, none over another or over a mark."""
+    """Write names near their points, none over another or over a mark.
+
+    One that has no room stands beside its mark all the same.
+    """
     shown = axes.transData
 
     def at(point: Point) -> Point:  # pixels, downwards
