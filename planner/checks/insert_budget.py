@@ -16,6 +16,7 @@ from planner.checks.offenders import (
     yield_over_tolerance,
 )
 from planner.inputs.task import Task
+from schemas.html.figures import chance
 from schemas.plan import Budget, BudgetRow
 from schemas.verdicts import BudgetAnalysis
 
@@ -91,8 +92,8 @@ def advice_of(found: BudgetAnalysis) -> str:
     if found.offenders:
         worst = found.offenders[0]
         words.append(
-            f"halving '{worst.term}' ({worst.size_um:.3g} um) would give P = "
-            f"{worst.halved_probability:.4g}"
+            f"halving '{worst.term}' ({worst.size_um:.3g} um) would give "
+            f"P {chance(worst.halved_probability)}"
         )
     return "; ".join(words) or "no single change would do"
 

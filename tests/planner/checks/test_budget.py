@@ -17,7 +17,7 @@ from planner.checks.budget import (
     fit_of,
 )
 from planner.checks.fit import Residual, combine, miss_probability
-from planner.checks.insert_budget import Left, insert_budget
+from planner.checks.insert_budget import Left, advice_of, insert_budget
 from planner.checks.insertion import Insertion
 from planner.control import control_of, method_of, tolerance_um
 from planner.diagnostics import Report
@@ -25,6 +25,7 @@ from planner.inputs.task import Task
 from planner.leaving import residual_of
 from planner.model.assembly import Carrier
 from planner.model.steps import StepState, unfold
+from schemas.verdicts import BudgetAnalysis, Offender
 from tests.planner.examples import EXAMPLE, read
 
 
@@ -148,3 +149,14 @@ def test_a_stated_tolerance_is_kept_and_a_hopeless_one_refused(
     assert [(d.code, d.severity) for d in report.found] == [("MP603", "infeasible")]
     expected = 1 / Residual(sigma_um=1.0, within_um=0.5).inside
     assert f"{expected:.0f} moves" in report.found[0].message
+
+
+def test_no_advice_promises_success() -> None:
+    worst = Offender(
+        term="aim", size_um=1.5, slope_per_um=-0.1, halved_probability=0.99999,
+        largest_um=1.0,
+    )  # fmt: skip
+    found = BudgetAnalysis(
+        required_probability=0.95, offenders=(worst,), changes=(), allowed=(), yields=()
+    )
+    assert advice_of(found) == "halving 'aim' (1.5 um) would give P > 0.9999"
