@@ -11,12 +11,12 @@ from executor.journal import ESCAPED
 from executor.run_folder import REPORT
 from executor.run_frames import frame_figures
 from executor.run_left import Left, Row, read_left, real, reals, text
+from executor.run_times import pair, predicted, times
 from schemas.html.axes import Axes, Scale, around
 from schemas.html.charts import Bar, bars, curve
 from schemas.html.elements import Element, Node, el, slug
 from schemas.html.figures import chance, number, seconds, um
 from schemas.html.page import Caption, Column, document, facts, figure, link, table
-from schemas.times import JAWS, PROBE
 
 _FOOT = "One file, no scripts, nothing fetched. SHA-256 of the plan: "
 _SECTIONS = (
@@ -92,7 +92,7 @@ def _first(left: Left) -> Element:
     done = sum(not step.get("code") for step in left.steps)
     pairs: list[tuple[str, Node]] = [
         ("steps done", f"{done} of {len(planned) if isinstance(planned, list) else 0}"),
-        ("time", [seconds(real(data, "time_s")), _predicted(left)]),
+        ("time", [seconds(real(data, "time_s")), predicted(left)]),
         ("P(success) predicted", chance(real(data, "success_probability"))),
         ("station", "simulated cell" if simulated else station),
     ]  # fmt: skip
@@ -103,38 +103,6 @@ def _first(left: Left) -> Element:
         "section", _verdict(left), _truth(truth) if isinstance(truth, dict) else None,
         facts(pairs), id="verdict", class_="first",
     )  # fmt: skip
-
-
-def _predicted(left: Left) -> Element | None:
-    """Return how long what was predicted took, and what was not predicted."""
-    known = [
-        (took, expected)
-        for step in left.steps
-        if (took := real(step, "time_s")) is not None
-        and (expected := real(step, "expected_s")) is not None
-    ]
-    if not known:
-        return None
-    took, expected = (sum(column) for column in zip(*known, strict=True))
-    rest: dict[str, list[str]] = {}
-    for step in left.steps:
-        if real(step, "expected_s") is None:
-            rest.setdefault(_unpredicted(left, step), []).append(str(step["id"]))
-    others = "; ".join(
-        ", ".join(names) + (f" ({why})" if why else "") for why, names in rest.items()
-    )
-    said = f"{seconds(took)} of it predicted as {seconds(expected)}"
-    return el("small", f"{said}; not predicted: {others}" if others else said)
-
-
-def _unpredicted(left: Left, step: Row) -> str:
-    """Return why no plan tells how long a step takes, "" if nobody knows."""
-    if text(step, "verb") in ("grasp", "release"):
-        return JAWS
-    name = str(step["id"])
-    events = (row for row in left.events if row.get("step") == name)
-    probed = any(text(row, "event").startswith("probe") for row in events)
-    return PROBE if probed else ""
 
 
 def _verdict(left: Left) -> Element:
@@ -194,29 +162,11 @@ def _row(left: Left, step: Row, known: Row) -> list[Node]:
     return [
         name,
         [result, f" {text(step, 'message')}" if code else None],
-        _pair(number(real(step, "cycles")), number(real(step, "expected_cycles"))),
-        _pair(um(real(step, "error_um")), um(real(step, "limit_um"))),
-        _pair(um(looked), um(real(step, "expected_sigma_um"))),
-        _times(left, step),
+        pair(number(real(step, "cycles")), number(real(step, "expected_cycles"))),
+        pair(um(real(step, "error_um")), um(real(step, "limit_um"))),
+        pair(um(looked), um(real(step, "expected_sigma_um"))),
+        times(left, step),
     ]  # fmt: skip
-
-
-def _pair(actual: str, predicted: str) -> str:
-    nothing = number(None)
-    if actual == nothing and predicted == nothing:
-        return nothing
-    return f"{actual} / {predicted}"
-
-
-def _times(left: Left, step: Row) -> str:
-    """Return how long a step took and should have, or why nothing says so."""
-    expected = real(step, "expected_s")
-    why = _unpredicted(left, step)
-    said = seconds(expected) if expected is not None else "not predicted"
-    return _pair(
-        seconds(real(step, "time_s")),
-        f"{said} ({why})" if why and expected is None else said,
-    )
 
 
 def _shares(steps: Sequence[Row]) -> Iterator[Element]:

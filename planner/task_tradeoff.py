@@ -19,7 +19,7 @@ from planner.diagnostics import Report
 from planner.inputs.task import Task
 from planner.options import Options
 from planner.outputs.errors import not_written
-from planner.outputs.plots import task_png
+from planner.outputs.task_plots import task_png
 from planner.outputs.task_tradeoff import (
     Point,
     Spent,

@@ -1,11 +1,10 @@
-"""Plots of what `microplan tradeoff` finds; the only module that loads matplotlib."""
+"""Plots of what `microplan tradeoff` finds of images, and what all plots share."""
 
 from __future__ import annotations
 
 import io
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -15,11 +14,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-from matplotlib.transforms import IdentityTransform
 
-from planner.outputs.task_tradeoff import Spent, TaskTradeoff
 from planner.outputs.tradeoff import Measured, StepTradeoff
-from schemas.labels import Box, Name, placed
 
 FloatArray = npt.NDArray[np.float64]
 Point = tuple[float, float]  # time, ms, and error
@@ -34,16 +30,7 @@ _MARKS = {
     "exact": ("#009E73", "o"),
 }
 _FRONT, _LIMIT, _CHOICE = "#000000", "#D55E00", "#CC79A7"
-_AXIS_MARKS = {
-    "as": ("#000000", "o"),
-    "preset": ("#0072B2", "s"),
-    "trials": ("#E69F00", "^"),
-    "frames": ("#009E73", "D"),
-    "zoom": ("#CC79A7", "v"),
-}
-_MARK_PT = 4.5  # radius of a point's mark, with its rim
-_RARE = 1e-4  # chances of failure below are drawn here: no trials tell them
-_HALO = withStroke(linewidth=2.5, foreground="white")  # of words that lines cross
+HALO = withStroke(linewidth=2.5, foreground="white")  # of words that lines cross
 _LEAST = 1e-9  # errors below are drawn here
 _MANY = 300.0  # from end to end of an axis: powers of ten are ticks enough
 
@@ -67,7 +54,7 @@ def tradeoff_png(step: StepTradeoff) -> bytes:
     the right, where layers of different height are in view, all errors together.
     """
     wide = step.has_layers
-    figure = _figure(11.0 if wide else 7.6, 5.2)
+    figure = new_figure(11.0 if wide else 7.6, 5.2)
     axes = figure.subplots(1, 2 if wide else 1, squeeze=False)[0]
     _law_panel(axes[0], step)
     if wide:
@@ -79,7 +66,7 @@ def tradeoff_png(step: StepTradeoff) -> bytes:
     figure.legend(
         handles=_legend(step), loc="outside lower center", ncols=5, frameon=False
     )
-    return _png(figure)
+    return png(figure)
 
 
 def strip_png(strip: Strip) -> bytes:
@@ -87,7 +74,7 @@ def strip_png(strip: Strip) -> bytes:
     rows, columns = len(strip.magnifications), len(strip.focus_um)
     height, width = strip.images[0][0].shape
     side = 2.5  # inches a picture is wide
-    figure = _figure(side * columns + 0.6, side * rows * height / width + 0.9)
+    figure = new_figure(side * columns + 0.6, side * rows * height / width + 0.9)
     grid = figure.subplots(rows, columns, squeeze=False)
     for i, line in enumerate(strip.images):
         for j, image in enumerate(line):
@@ -100,115 +87,7 @@ def strip_png(strip: Strip) -> bytes:
         grid[i][0].set_ylabel(f"{strip.magnifications[i]:.3g} x", fontsize=11)
         _scale_bar(grid[i][-1], strip.um_per_px[i], width, height)
     figure.suptitle(strip.title)
-    return _png(figure)
-
-
-def task_png(found: TaskTradeoff, spent: Sequence[Spent]) -> bytes:
-    """Return error, and chance of failure, over what compiling takes, as PNG."""
-    return _png(task_figure(found, spent))
-
-
-def task_figure(found: TaskTradeoff, spent: Sequence[Spent]) -> Figure:
-    """Return the picture that `task_png` writes.
-
-    Bars reach from the chance as predicted to that with silent failures at their bound.
-    Points without a plan that is complete are left out.
-    """
-    figure = _figure(11.0, 5.0)
-    left, right = figure.subplots(1, 2)
-    pairs = [
-        (point, took)
-        for point, took in zip(found.points, spent, strict=True)
-        if point.error_um is not None
-    ]
-    risks = list[tuple[float, float, float]]()
-    for point, took in pairs:
-        color, shape = _AXIS_MARKS[point.varied.partition(" ")[0]]
-        error = point.error_um or 0.0
-        left.plot(took.cpu_s, error, shape, color=color, markersize=8)
-        misses = [
-            max(1 - (chance or 0.0), _RARE)
-            for chance in (point.success_probability, point.success_lower)
-        ]
-        right.plot([took.cpu_s] * 2, misses, "-", color=color, linewidth=1.2)
-        right.plot(took.cpu_s, misses[0], shape, color=color, markersize=8)
-        risks.append((took.cpu_s, misses[0], misses[1]))
-    front = [(t.cpu_s, p.error_um or 0.0) for p, t in pairs if t.on_front]
-    _front_line(left, front)
-    left.set_title("one sigma per axis where the last part goes", fontsize=11)
-    left.set_ylabel("error [um]")
-    right.set_title("1 - P(success), up to silent failures at their bound", fontsize=11)
-    for axes in (left, right):
-        axes.set_xscale("log")
-        axes.set_yscale("log")
-        axes.set_xlabel("compile time [s of CPU, this machine]")
-        axes.margins(x=0.25, y=0.12)
-        axes.grid(visible=True, which="major", alpha=0.35)
-        _ticks(axes)
-    figure.suptitle(f"{found.task}: what accuracy costs")
-    figure.draw_without_rendering()  # from here on places are known
-    varied = [point.varied for point, _ in pairs]
-    errors = [(took.cpu_s, point.error_um or 0.0) for point, took in pairs]
-    _names(left, varied, errors, _stairs(front))
-    bars = [((x, low), (x, high)) for x, low, high in risks]
-    _names(right, varied, [(x, low) for x, low, _ in risks], bars)
-    return figure
-
-
-def _names(
-    axes: Axes,
-    names: Sequence[str],
-    points: Sequence[Point],
-    lines: Sequence[tuple[Point, Point]],
-) -> None:
-    """Write names near their points, none over another or over a mark.
-
-    One that has no room stands beside its mark all the same.
-    """
-    shown = axes.transData
-
-    def at(point: Point) -> Point:  # pixels, downwards
-        x, y = shown.transform(point)
-        return float(x), -float(y)
-
-    frame, mark = axes.get_window_extent(), _MARK_PT * DPI / 72
-    texts = [
-        axes.annotate(name, (0, 0), xycoords="figure pixels", va="bottom", fontsize=8)
-        for name in names
-    ]
-    sizes = [text.get_window_extent() for text in texts]
-    spots = [at(point) for point in points]
-    found = placed(
-        [
-            Name(at=spot, width=size.width, mark=mark)
-            for spot, size in zip(spots, sizes, strict=True)
-        ],
-        height=max((size.height for size in sizes), default=0.0),
-        field=Box(left=frame.x0, top=-frame.y1, right=frame.x1, bottom=-frame.y0),
-        taken=[Box(left=x, top=y, right=x, bottom=y).grown(mark) for x, y in spots],
-        lines=[(at(start), at(end)) for start, end in lines],
-    )
-    for text, spot, place in zip(texts, spots, found, strict=True):
-        box = None if place is None else place.box
-        text.set_position(
-            (spot[0] + mark, -spot[1]) if box is None else (box.left, -box.bottom)
-        )
-        text.set_in_layout(False)
-        text.set_path_effects([_HALO])
-        if place is not None and place.leader is not None:
-            (x0, y0), (x1, y1) = place.leader
-            line = Line2D([x0, x1], [-y0, -y1], color="0.4", linewidth=0.8, zorder=1)
-            line.set_transform(IdentityTransform())
-            axes.add_artist(line)
-
-
-def _stairs(points: Sequence[Point]) -> list[tuple[Point, Point]]:
-    """Return the lines of a front: on at the same error, then down."""
-    return [
-        line
-        for (x0, y0), (x1, y1) in pairwise(sorted(points))
-        for line in (((x0, y0), (x1, y0)), ((x1, y0), (x1, y1)))
-    ]
+    return png(figure)
 
 
 def _law_panel(axes: Axes, step: StepTradeoff) -> None:
@@ -217,7 +96,7 @@ def _law_panel(axes: Axes, step: StepTradeoff) -> None:
     points = [(w.time_ms, w.law_max_error or 0.0) for w in shown]
     _scatter(axes, shown, points, step.law_oracle_error)
     on_front = [p for p, w in zip(points, shown, strict=True) if w.on_law_front]
-    _front_line(axes, on_front)
+    front_line(axes, on_front)
     axes.axhline(step.limit, color=_LIMIT, linestyle="--", linewidth=1.3)
     axes.annotate(
         f"limit {step.limit:g}",
@@ -225,7 +104,7 @@ def _law_panel(axes: Axes, step: StepTradeoff) -> None:
         xytext=(5, 4),
         textcoords="offset points",
         color=_LIMIT,
-        path_effects=[_HALO],
+        path_effects=[HALO],
     )
     choice = step.choice
     if choice.law_max_error is not None:
@@ -235,7 +114,7 @@ def _law_panel(axes: Axes, step: StepTradeoff) -> None:
     focus = f"{low:g} to {high:g}" if high > low else f"{low:g}"
     axes.set_title(f"law and sampling, focus {focus} um", fontsize=11)
     axes.set_ylabel("largest error [of unit contrast]")
-    _ticks(axes)
+    even_ticks(axes)
 
 
 def _layers_panel(axes: Axes, step: StepTradeoff) -> None:
@@ -243,11 +122,11 @@ def _layers_panel(axes: Axes, step: StepTradeoff) -> None:
     points = [(w.time_ms, w.max_error) for w in step.ways]
     _scatter(axes, step.ways, points, step.oracle_error)
     on_front = [p for p, w in zip(points, step.ways, strict=True) if w.on_front]
-    _front_line(axes, on_front)
+    front_line(axes, on_front)
     _ring(axes, (step.choice.time_ms, step.choice.max_error))
     _floor(axes, step.floor_ms)
     axes.set_title(f"with hidden layers, focus {step.focus_um:g} um", fontsize=11)
-    _ticks(axes)
+    even_ticks(axes)
 
 
 def _scatter(
@@ -289,7 +168,7 @@ def _scatter(
     axes.set_xlabel("time of one image [ms of CPU]")
 
 
-def _ticks(axes: Axes) -> None:
+def even_ticks(axes: Axes) -> None:
     """Write powers of ten, and 2 and 5 times them where there are few."""
     for axis, limits in (
         (axes.xaxis, axes.get_xlim()),
@@ -301,7 +180,7 @@ def _ticks(axes: Axes) -> None:
         axis.set_minor_formatter(NullFormatter())
 
 
-def _front_line(axes: Axes, points: Sequence[Point]) -> None:
+def front_line(axes: Axes, points: Sequence[Point]) -> None:
     """Draw a Pareto front as stairs: what is to be had for a given time."""
     if not points:
         return
@@ -337,7 +216,7 @@ def _floor(axes: Axes, floor_ms: float) -> None:
         va="top",
         color="0.4",
         fontsize=9,
-        path_effects=[_HALO],
+        path_effects=[HALO],
     )
 
 
@@ -399,13 +278,15 @@ def round_down(value: float) -> float:
     return float(max(d * power for d in (1, 2, 5) if d * power <= value * (1 + 1e-12)))
 
 
-def _figure(width_in: float, height_in: float) -> Figure:
+def new_figure(width_in: float, height_in: float) -> Figure:
+    """Return an empty figure of a size, in."""
     figure = Figure(figsize=(width_in, height_in), dpi=DPI, layout="constrained")
     FigureCanvasAgg(figure)
     return figure
 
 
-def _png(figure: Figure) -> bytes:
+def png(figure: Figure) -> bytes:
+    """Return a figure as a PNG file, the same bytes for the same figure."""
     stream = io.BytesIO()
     figure.savefig(stream, format="png", dpi=DPI, metadata={"Software": None})
     return stream.getvalue()

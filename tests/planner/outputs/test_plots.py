@@ -7,7 +7,7 @@ from itertools import combinations
 import numpy as np
 from matplotlib.text import Annotation
 
-from planner.outputs.plots import task_figure
+from planner.outputs.task_plots import task_figure
 from planner.outputs.task_tradeoff import Point, Spent, TaskTradeoff
 
 # what was varied, CPU s, error in um: three of them almost in one place
