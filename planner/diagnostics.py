@@ -107,6 +107,7 @@ TITLES: Mapping[str, str] = {
     "MP722": "exported plan is infeasible",
 }
 
+IN_TURN = frozenset({"MP710"})  # told by what they are about, causes first
 MOST_ALIKE = 100  # findings of one code that are listed; the rest is counted
 MOST_WORDS = (
     1000  # characters of a message or hint: names in files may be of any length
@@ -171,14 +172,17 @@ class Report:
     def in_order(self) -> list[Diagnostic]:
         """Return each finding once, by file, line, column and code.
 
+        Those of IN_TURN stay in the order in which they were found.
         Of a code that a file breaks more than MOST_ALIKE times the first are listed,
         and the next one says how many there are beyond them.
         """
         alike: dict[tuple[Severity, str], list[Diagnostic]] = {}
-        for finding in sorted(dict.fromkeys(self.found), key=_place):
+        found = sorted(dict.fromkeys(self.found), key=_place)
+        for finding in found:
             alike.setdefault((finding.severity, finding.code), []).append(finding)
-        listed = [d for found in alike.values() for d in _first(found)]
-        return sorted(listed, key=_place)
+        turn = {finding: k for k, finding in enumerate(found)}
+        listed = [d for same in alike.values() for d in _first(same)]
+        return sorted(listed, key=lambda d: (_place(d), turn.get(d, len(turn))))
 
     @property
     def failed(self) -> bool:
@@ -256,4 +260,5 @@ def _shortened(text: str) -> str:
 def _place(diagnostic: Diagnostic) -> tuple[str, int, int, str, str]:
     """Return what findings are sorted by."""
     d, where = diagnostic, diagnostic.where
-    return (where.file, where.line, where.column, d.code, d.message)
+    words = "" if d.code in IN_TURN else d.message
+    return (where.file, where.line, where.column, d.code, words)

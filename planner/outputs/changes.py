@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
-from planner.comparing.changes import KINDS, Change, Kind, Name, causes_first
+from planner.comparing.changes import KINDS, Change, Name, causes_first
 from planner.diagnostics import Diagnostic, Severity, Span
 from planner.outputs.summary import success
 from schemas.console import one_line
@@ -15,6 +15,17 @@ from schemas.plan import Plan
 FEW = 12  # lines of a kind that are told, unless all are asked for
 FEW_ALIKE = 2  # places of changes that are alike
 MORE = "--all shows them"
+_THREE, _TWO, _XY = ("least", "as drawn", "most"), ("least", "most"), ("x", "y")
+# what the entries of a list stand for, by its key
+_ENTRIES: Mapping[str, Sequence[str]] = {
+    "clearance_um": _THREE, "capture_um": _THREE,
+    "usable_focus_um": _TWO, "usable_magnification": _TWO, "covered_um": _TWO,
+    "width_range_um": _TWO, "force_un": _TWO, "lift_un": _TWO, "weight_un": _TWO,
+    "pull_un": _TWO, "hold_un": _TWO, "opening_um": _TWO,
+    "bias_um": _XY, "fallback_bias_um": _XY, "offset_um": _XY, "theta_axis_um": _XY,
+    "field_um": ("width", "height"), "covariance_um2": ("xx", "xy", "yy"),
+}  # fmt: skip
+_ELSEWHERE = "worked out for other sizes, so that its points do not compare"
 
 
 def changes_text(
@@ -32,15 +43,21 @@ def changes_text(
     """
     lines, left_out = [headline(changes)], 0
     for kind in KINDS:
-        groups = _groups(changes, kind)
-        if not groups:
+        of_kind = [c for c in changes if c.kind == kind]
+        if not of_kind:
             continue
         lines += ["", kind]
+        sampled = {} if tell_all else _sampled(of_kind)
+        known = {id(c) for found in sampled.values() for c in found}
+        groups = _groups(c for c in of_kind if id(c) not in known)
         for group in groups if tell_all else groups[:FEW]:
             shown = group if tell_all or len(group) == 1 else group[:FEW_ALIKE]
             lines += _lines(group, shown)
             left_out += len(group) - len(shown)
         left_out += 0 if tell_all else sum(map(len, groups[FEW:]))
+        for curve, found in sampled.items():
+            lines.append("  " + one_line(f"{curve}: {_ELSEWHERE}"))
+            left_out += len(found)
     lines += [""] if changes else []
     lines += [f"{left_out} not listed; {more}"] if left_out else []
     return "\n".join([*lines, verdicts_text(old, new)])
@@ -96,17 +113,17 @@ def changes_json(
 def findings_of(
     changes: Sequence[Change], failing: Sequence[Change], file: str
 ) -> list[Diagnostic]:
-    """Return one finding a change, placed in the new plan; what fails is different."""
+    """Return one finding a change, causes first; what fails is different."""
     fails = {change.path for change in failing}
     return [
         Diagnostic(
             code="MP710",
             severity=_severity(change, failing=change.path in fails),
             where=Span(file=file),
-            message=f"{change.kind}: {change.where}: {change.says}",
+            message=f"{change.kind}: {_counted(change.path)}: {_told(change)}",
             hint="",
         )
-        for change in changes
+        for change in causes_first(changes)
     ]
 
 
@@ -120,13 +137,26 @@ def _both(old: str, new: str) -> str:
     return f"{old} in both" if old == new else f"{old} before, {new} now"
 
 
-def _groups(changes: Sequence[Change], kind: Kind) -> list[list[Change]]:
+def _groups(changes: Iterable[Change]) -> list[list[Change]]:
     """Return the changes of a kind, those together that changed by the same."""
     found: dict[tuple[str, ...], list[Change]] = {}
-    for change in causes_first(c for c in changes if c.kind == kind):
+    for change in causes_first(changes):
         alike = (change.trend, _key(change), change.share or change.says)
         found.setdefault(alike, []).append(change)
     return list(found.values())
+
+
+def _sampled(changes: Sequence[Change]) -> dict[str, list[Change]]:
+    """Return changes of curves whose points lie elsewhere: they compare nothing."""
+    found: dict[tuple[str, ...], list[Change]] = {}
+    for change in changes:
+        if "yields" in change.path and change.path[-3:-2] == ("points",):
+            found.setdefault(change.path[:-3], []).append(change)
+    return {
+        "/".join(curve).removeprefix("steps/"): points
+        for curve, points in found.items()
+        if any(point.path[-1] == "value_um" for point in points)
+    }
 
 
 def _key(change: Change) -> str:
@@ -140,7 +170,7 @@ def _lines(group: Sequence[Change], shown: Sequence[Change]) -> Iterator[str]:
     first = group[0]
     trend = f", {first.trend}" if first.trend else ""
     if len(group) == 1:
-        yield "  " + one_line(f"{_where(first)}: {first.says}{trend}")
+        yield "  " + one_line(f"{_where(first)}: {_told(first)}")
         return
     same = all(change.says == first.says for change in group)
     said = first.says if same else f"all {first.share}"
@@ -150,5 +180,22 @@ def _lines(group: Sequence[Change], shown: Sequence[Change]) -> Iterator[str]:
         yield "    " + one_line(told)
 
 
+def _told(change: Change) -> str:
+    """Return what became what, and whether that is better or worse."""
+    return f"{change.says}, {change.trend}" if change.trend else change.says
+
+
 def _where(change: Change) -> str:
-    return change.where.removeprefix("steps/")
+    return _counted(change.path).removeprefix("steps/")
+
+
+def _counted(path: Sequence[str]) -> str:
+    """Return a path, with what an entry of a list stands for where that is known.
+
+    The number stays: tolerances name values by it.
+    """
+    where, key, last = "/".join(path), "/".join(path[-2:-1]), path[-1]
+    names = _ENTRIES.get(key, ())
+    if not last.isdigit() or isinstance(last, Name) or int(last) >= len(names):
+        return where
+    return f"{where} ({names[int(last)]})"

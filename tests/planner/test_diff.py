@@ -140,6 +140,66 @@ def test_a_stated_tolerance_stands_before_what_it_changes(
     assert lines[-1] == BOTH
 
 
+@pytest.fixture
+def wider(tmp_path: Path) -> tuple[str, str]:
+    """Return a plan, and one whose fit has less room and yields other sizes."""
+    data: Data = json.loads(TEXT)
+    (tmp_path / "old.json").write_text(TEXT, encoding="utf-8")
+    insert = next(s for s in data["steps"] if s["id"] == "insert")
+    insert["fit"]["clearance_um"] = [4.5, 6.0, 7.3]
+    for row in insert["effects"]:
+        row["predicted_error"] = 0.3 if row["effect"] == "wedging" else None
+    for point in insert["budget"]["analysis"]["yields"][0]["points"]:
+        point["value_um"] *= 1.1
+        point["success_probability"] *= 0.5
+    data["provenance"]["task_sha256"] = "0" * 64
+    (tmp_path / "new.json").write_text(json.dumps(data), encoding="utf-8")
+    return str(tmp_path / "old.json"), str(tmp_path / "new.json")
+
+
+def test_entries_are_told_in_words_and_moved_curves_once(
+    wider: tuple[str, str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["diff", *wider]) == 1
+    lines = capsys.readouterr().out.splitlines()
+    said = "clearance_um/0 (least): 4.6 um became 4.5 um (-2.17 %), worse"
+    assert f"  insert/fit/{said}" in lines
+    assert any("clearance_um/2 (most)" in line for line in lines)
+    (told,) = [line for line in lines if "yields" in line]
+    assert told.endswith(
+        ": worked out for other sizes, so that its points do not compare"
+    )
+    assert not [line for line in lines if "points/" in line or "value_um" in line]
+    # nine sizes, eight chances: the ninth is below what chances may differ by
+    assert "17 not listed; --all shows them" in lines
+    assert main(["diff", *wider, "--all"]) == 1
+    whole = capsys.readouterr().out
+    assert whole.count("points/8/value_um") == 1
+    assert "not listed" not in whole
+    assert main(["diff", *wider, "--format", "json"]) == 1
+    told_all = json.loads(capsys.readouterr().out)["changes"]
+    assert sum("/points/" in change["where"] for change in told_all) == 17
+
+
+@pytest.mark.parametrize("form", ["github", "sarif"])
+def test_findings_tell_causes_first(
+    wider: tuple[str, str], capsys: pytest.CaptureFixture[str], form: str
+) -> None:
+    assert main(["diff", *wider, "--format", form]) == 1
+    said = capsys.readouterr().out
+    if form == "sarif":
+        results = json.loads(said)["runs"][0]["results"]
+        messages = [r["message"]["text"] for r in results]
+        assert {r["level"] for r in results} == {"error"}  # any difference fails
+    else:
+        found = [line for line in said.splitlines() if line.startswith("::error ")]
+        messages = [line.split("::", 2)[2] for line in found]
+    ranks = [KINDS.index(text.split(":")[0]) for text in messages]
+    assert len(ranks) > 20
+    assert ranks == sorted(ranks)
+    assert messages[-1].startswith("effects")
+
+
 def test_json_tells_causes_first_too(
     stricter: tuple[str, str], capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -38,6 +38,16 @@ def look(data: Data, name: str) -> Data:
     return found
 
 
+def effect(data: Data, name: str, called: str) -> Data:
+    found: Data = next(e for e in step(data, name)["effects"] if e["effect"] == called)
+    return found
+
+
+def find(data: Data) -> Data:
+    found: Data = look(data, "find_gear")["measure"]
+    return found
+
+
 def changes(edit: Callable[[Data], object], *rules: str) -> list[Change]:
     """Return what an edit of the golden plan changes."""
     return list(compare_plans(plan(), plan(edit), [parse_rule(r) for r in rules]))
@@ -163,6 +173,25 @@ EDITS: tuple[Edit, ...] = (
      "steps/lift/moves/0/z_um", ""),
     ("motion", lambda d: d["beliefs"][0].update(sigma_xy_um=20.0),
      "beliefs/gear/sigma_xy_um", "better"),
+    ("effects", lambda d: effect(d, "insert", "wedging").update(predicted_error=0.3),
+     "steps/insert/effects/wedging/predicted_error", "worse"),
+    ("effects", lambda d: effect(d, "insert", "taper").update(predicted_error=0.1),
+     "steps/insert/effects/taper/predicted_error", "better"),
+    ("effects", lambda d: effect(d, "release", "weight").update(predicted_error=1.0),
+     "steps/release/effects/weight/predicted_error", ""),
+    ("prediction", lambda d: step(d, "insert")["fit"]["capture_um"].__setitem__(0, 2),
+     "steps/insert/fit/capture_um/0", "worse"),
+    ("prediction", lambda d: step(d, "insert")["fit"].update(wedging_rad=0.2),
+     "steps/insert/fit/wedging_rad", "worse"),
+    ("prediction", lambda d: find(d)["usable_focus_um"].__setitem__(0, -12),
+     "steps/find_gear/looks/find_gear/measure/usable_focus_um/0", "better"),
+    ("prediction", lambda d: find(d)["usable_focus_um"].__setitem__(1, 8),
+     "steps/find_gear/looks/find_gear/measure/usable_focus_um/1", "worse"),
+    ("prediction", lambda d: find(d)["fallback_bias_um"].__setitem__(0, -9.0),
+     "steps/find_gear/looks/find_gear/measure/fallback_bias_um/0", "worse"),
+    ("prediction", lambda d: find(d)["bias_through_focus"][0].update(dz_um=-99.0),
+     "steps/find_gear/looks/find_gear/measure/bias_through_focus/0/dz_um", ""),
+    ("feasibility", lambda d: d.update(success_goal=0.99), "success_goal", ""),
 )  # fmt: skip
 
 
