@@ -11,9 +11,10 @@ from schemas.html.charts import Bar, bars, curve
 from schemas.html.elements import Element, el
 from schemas.html.figures import chance, number, um
 from schemas.html.page import Caption, Column, figure, more, table
-from schemas.plan import Budget, Plan, Step
+from schemas.plan import Budget, BudgetRow, Plan, Step
 from schemas.verdicts import Offender, YieldCurve
 
+LEFT_BY_SERVO = "left by the servo"  # how the term ends
 _NAMES = {"within_um": "distance that is allowed"}
 
 
@@ -113,26 +114,36 @@ def yield_figure(
         f"as it is{stands}.",
         judge="Good: the plan stands on the flat top, above the dashed line that its "
         "goal needs; bad: on the slope.",
-        do=_yield_advice(points, required),
+        do=yield_advice(points, required),
     )
     return figure(caption, drawing)
 
 
-def _yield_advice(points: list[tuple[float, float]], required: float | None) -> str:
-    """Return which sizes still give the goal, by the points there are."""
+def yield_advice(points: list[tuple[float, float]], required: float | None) -> str:
+    """Return which sizes still give the goal, where the drawn line crosses it."""
     if required is None:
         return "Choose a size on the flat top."
     enough = [x for x, p in points if p >= required]
     if not enough:
         return "No size on the curve gives the goal: change something else."
-    low, high = min(enough), max(enough)
+    low, high, why = min(enough), max(enough), "there the curve crosses the goal"
     if (low, high) == (points[0][0], points[-1][0]):
         return "Any size on the curve gives the goal."
     if low == points[0][0]:
-        return f"Stay at or below {um(high)}, which gives the goal."
+        return f"Stay below about {um(_crossing(points, high, 1, required))}: {why}."
     if high == points[-1][0]:
-        return f"Stay at or above {um(low)}, which gives the goal."
-    return f"Stay within {um(low)} to {um(high)}, which give the goal."
+        return f"Stay above about {um(_crossing(points, low, -1, required))}: {why}."
+    ends = [_crossing(points, x, way, required) for x, way in ((low, -1), (high, 1))]
+    return f"Stay within about {um(ends[0])} to {um(ends[1])}: {why}."
+
+
+def _crossing(
+    points: list[tuple[float, float]], last: float, way: int, required: float
+) -> float:
+    """Return where the line from the last size that gives the goal meets the goal."""
+    at = next(k for k, (x, _) in enumerate(points) if x == last)
+    (x0, p0), (x1, p1) = points[at], points[at + way]
+    return x0 + (x1 - x0) * (p0 - required) / (p0 - p1)
 
 
 def _here(step: Step, over: str) -> float | None:
@@ -191,7 +202,21 @@ def _caption(step: Step) -> Caption:
         f"root of their squares, and {limit} as the dashed line.",
         judge=f"Good: the line is three sums away or more{reach}; bad: the sum comes "
         "near it.",
-        do=f"Begin with the longest bar, {worst.term}: {worst.source}.",
+        do=f"Begin with the longest bar, {worst.term}: {_means(worst)}.",
+    )
+
+
+def _means(row: BudgetRow) -> str:
+    """Return what a term comes from; of what a servo leaves, what would make it less.
+
+    Its source is full of numbers, which stand in the table of all terms.
+    """
+    if not row.term.endswith(LEFT_BY_SERVO):
+        return row.source
+    return (
+        "how far off the alignment may still be when it stops, which axes that repeat "
+        "better (repeatability_xy_um in the workcell) or a finer tolerance of the "
+        "alignment make less"
     )
 
 

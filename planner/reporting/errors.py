@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from planner.reporting.budgets import LEFT_BY_SERVO
 from planner.reporting.folder import PlanFolder
 from planner.reporting.margins import margins
 from planner.reporting.outlines import Frame, feature
@@ -91,7 +92,7 @@ def _of_budget(folder: PlanFolder) -> _Spread | None:
         return None
     xx, xy, yy = _covariance(step) or (0.0, 0.0, 0.0)
     left = next(
-        (r.sigma_um for r in step.budget.rows if r.term.endswith("left by the servo")),
+        (r.sigma_um for r in step.budget.rows if r.term.endswith(LEFT_BY_SERVO)),
         None,
     )
     more = min(abs(left or 0.0), _FAR_UM) ** 2

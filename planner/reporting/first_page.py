@@ -251,8 +251,8 @@ def _depth(folder: PlanFolder) -> Element | None:
     caption = Caption(
         title=f"Depth of field: {textbook}",
         shows="The errors of focus at which each look was still measured within its "
-        "tolerance, the narrowest first, over the lens's depth of field as a band, "
-        f"{textbook} from end to end{more_}.",
+        "tolerance at the nominal zoom, the narrowest first, over the lens's depth of "
+        f"field as a band, {textbook} from end to end{more_}.",
         judge="Good: ranges several times the repeatability of your focus; bad: one "
         "that ends within the band.",
         do=_focus_advice(looks),
@@ -261,13 +261,16 @@ def _depth(folder: PlanFolder) -> Element | None:
 
 
 def _focus_advice(looks: Sequence[Look]) -> str:
-    """Return the error of focus that all looks stand."""
+    """Return the error of focus that all looks stand at the nominal zoom."""
     low = max(look.measure.usable_focus_um[0] for look in looks)
     high = min(look.measure.usable_focus_um[1] for look in looks)
     if low > high:
         return "No one focus error suits all: set the focus for each look."
     within = span(low, high, f"{MICRO}m")
-    return f"Keep the focus within {within} of nominal: all looks stand it."
+    return (
+        f"Keep the focus within {within} of nominal: with the zoom at nominal all "
+        "looks stand it, with both off perhaps less, as the looks' maps show."
+    )
 
 
 def depth_um(look: Look) -> float | None:

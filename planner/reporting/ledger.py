@@ -43,6 +43,6 @@ def _cells(row: EffectRow) -> list[Node]:
         EFFECTS.get(row.effect, row.effect),
         row.level,
         error,
-        number(row.limit, 2),
+        "\u2013" if row.limit is None else f"{number(row.limit, 2)} {row.unit}",
         row.reason,
     ]

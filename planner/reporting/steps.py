@@ -108,11 +108,16 @@ def _fit(fit: FitVerdict) -> list[tuple[str, Node]]:
         ("fit", fit.fit),
         ("hole over shaft", f"{um(fit.hole_um)} over {um(fit.shaft_um)}"),
         ("clearance", [um(drawn), el("small", f"{um(low)} to {um(high)} as made")]),
-        ("goes in within", [um(fit.capture_um[1]),
-                            el("small", f"{um(fit.capture_um[0])} at the least")]),
+        ("capture radius as drawn",
+         [um(_capture_um(fit)), el("small", f"{um(fit.capture_um[0])} at the least")]),
         ("tilt, 3 sigma", [degrees(fit.tilt_rad), el("small", f"limit {tilt}")]),
         ("may wedge", "yes" if fit.may_wedge else "no"),
     ]  # fmt: skip
+
+
+def _capture_um(fit: FitVerdict) -> float:
+    """Return the capture radius as drawn, less the taper, as budgets have it."""
+    return max(fit.capture_um[1] - fit.taper_um / 2, 0.0)
 
 
 def _grasp(grasp: GraspVerdict) -> list[tuple[str, Node]]:
@@ -148,7 +153,10 @@ def _placing(placing: PlacingVerdict) -> list[tuple[str, Node]]:
 
 
 def _forces_un(pair: tuple[float, float]) -> str:
-    return f"{number(pair[0], 2)} to {quantity(pair[1], 'µN', 2)}"
+    """Return an interval of forces; one number where its ends read the same."""
+    low, high = number(pair[0], 2), number(pair[1], 2)
+    most = quantity(pair[1], "\u00b5N", 2)
+    return most if low == high else f"{low} to {most}"
 
 
 def _forces(release: ReleaseVerdict) -> Element:

@@ -66,8 +66,8 @@ def robustness(look: Look, evidence: LookEvidence | None) -> Iterator[Element]:
         shows=f"In each cell how many of how many trials {_chain(look)} measured "
         f"within two tolerances, and below that the largest error; {len(trials)} "
         "trials in all, with light, pose and noise disturbed as well.",
-        judge=f"Good: all of all and errors below the tolerance of {um(tolerance)}; "
-        f"bad: "
+        judge=f"Good, green: all of all, with errors below the tolerance of "
+        f"{um(tolerance)}; amber: all of all, with an error beyond it; bad, red: "
         "fewer than all, above all where an answer was wrong without a word.",
         do=f"Stay within {signed(low)} to {signed(high)} \u00b5m of focus at nominal "
         f"zoom "
@@ -115,8 +115,10 @@ def accuracy(look: Look) -> Iterator[Element]:
         title="Accuracy against time of all routines",
         shows="Every chain tried: dots answered rightly in all their trials, crosses "
         "did "
-        f"not; the line joins those that none is both quicker and better than{beside}."
-        + _stopped(scores, chosen),
+        f"not; the line joins those that none is both quicker and better than{beside}"
+        + _stopped(scores, chosen)
+        + _failed(look)
+        + ".",
         judge="Good: the circled choice lies well below the tolerance and far to the "
         "left; bad: only crosses lie below it.",
         do="If the choice is close to the tolerance, look at a higher magnification or "
@@ -191,9 +193,31 @@ def _stopped(scores: Sequence[Score], chosen: Score) -> str:
     if not fewer:
         return ""
     return (
-        f" Chains that cost more than the choice may have stopped after {min(fewer)} "
-        f"of its {chosen.trials} trials: their errors are known less well."
+        f"; chains that cost more than the choice may have stopped after {min(fewer)} "
+        f"of its {chosen.trials} trials: their errors are known less well"
     )
+
+
+def _failed(look: Look) -> str:
+    """Return how a choice that did not answer rightly in all its trials can do."""
+    chosen = look.evidence.chosen
+    missing = chosen.trials - chosen.success - chosen.silent
+    said = ""
+    if missing > 0:
+        spare = " > ".join(use.id for use in look.measure.fallback)
+        then = f"measures with {spare} instead, or " if spare else ""
+        said += (
+            f"; the choice gave no answer in {missing} of its {chosen.trials} trials: "
+            f"a run then {then}looks again, which P(success) counts as time lost, not as "
+            "a failure"
+        )
+    if chosen.silent > 0:
+        said += (
+            f"; in {chosen.silent} of its {chosen.trials} trials the choice answered "
+            "wrongly: the score below which answers are refused is set against such, "
+            "and what passes it all the same is not in P(success)"
+        )
+    return said
 
 
 def _front(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from planner.cli import main
+from planner.reporting.budgets import yield_advice
 from planner.reporting.errors import ellipse, sigmas
 from planner.reporting.folder import PlanFolder, read_folder
 from planner.reporting.margins import margins
@@ -20,7 +21,7 @@ from planner.reporting.pictures import place_id
 from planner.reporting.report import plan_report, write_report
 from planner.reporting.trials import accuracy
 from schemas.html.elements import write
-from schemas.plan import Plan, Reason, Step, VerifyAction, dump_plan
+from schemas.plan import Look, Plan, Reason, Step, VerifyAction, dump_plan
 from schemas.times import planned_s, spans
 from schemas.verdicts import Change
 from tests.names import renamed
@@ -62,9 +63,67 @@ def test_the_first_page_has_what_is_passed_on(folder: PlanFolder, page: Page) ->
     for digest in (folder.sha256, plan.provenance.task_sha256):
         assert digest in text
     for words in ("Tightest margin", "Yield over", "Depth of field", "Methods",
-                  "Stay at or below", "the capture radius as drawn",
+                  "Stay below about", "the capture radius as drawn",
                   f"microplan {plan.provenance.microplan}"):  # fmt: skip
         assert words in text
+
+
+def test_one_fit_has_one_capture_radius(folder: PlanFolder, page: Page) -> None:
+    insert = next(s for s in folder.plan.steps if s.verb == "insert")
+    text, limit = " ".join(page.text), insert.budget.limit_um
+    assert limit == pytest.approx(2.9)  # half of 50 less 44, less half the taper of .2
+    assert "capture radius as drawn 2.9\u202f\u00b5m" in text
+    assert "goes in within" not in text
+    assert "cut off at" not in " ".join(_do(page))
+    assert "0.045\u202f\u00b5N" in text
+    assert "0.045 to 0.045" not in text
+    assert "0.002 unit contrast" in text
+
+
+def _do(page: Page) -> list[str]:
+    """Return what a page says to do about bars."""
+    return [words for words in page.text if "Begin with the longest bar" in words]
+
+
+def test_a_range_along_one_axis_says_so_and_colours_are_told(page: Page) -> None:
+    text = " ".join(page.text)
+    assert (
+        "with the zoom at nominal all looks stand it, with both off perhaps less"
+        in text
+    )
+    assert "amber: all of all, with an error beyond it" in text
+
+
+def test_a_yield_is_advised_where_its_curve_crosses_the_goal() -> None:
+    falling = [(40.0, 0.99), (44.0, 0.98), (46.0, 0.90), (50.0, 0.1)]
+    mu = "\u202f\u00b5m"
+    said = yield_advice(falling, 0.94)  # half of the way from 44 to 46
+    assert said.startswith(f"Stay below about 45{mu}:")
+    rising = [(90 - x, p) for x, p in falling[::-1]]
+    assert yield_advice(rising, 0.94).startswith(f"Stay above about 45{mu}:")
+    both = [(0.0, 0.5), *[(x - 30, p) for x, p in falling]]
+    assert yield_advice(both, 0.94).startswith(f"Stay within about 8.98{mu} to 15{mu}:")
+    assert yield_advice(falling, 0.05) == "Any size on the curve gives the goal."
+
+
+def test_a_choice_that_failed_in_trials_tells_what_a_run_does(
+    folder: PlanFolder,
+) -> None:
+    look = next(la for la in folder.looks if la.measure.fallback)
+    assert "the choice gave no answer" not in _said(look)
+    chosen = replace(look.evidence.chosen, success=21, silent=1)
+    worse = replace(look, evidence=replace(look.evidence, chosen=chosen))
+    spare = " > ".join(use.id for use in look.measure.fallback)
+    assert f"no answer in 2 of its 24 trials: a run then measures with {spare}" in (
+        _said(worse)
+    )
+    assert "in 1 of its 24 trials the choice answered wrongly" in _said(worse)
+    alone = replace(worse, measure=replace(look.measure, fallback=()))
+    assert "a run then looks again, which P(success) counts as time" in _said(alone)
+
+
+def _said(look: Look) -> str:
+    return " ".join(map(write, accuracy(look)))
 
 
 def test_every_step_and_look_has_its_place(folder: PlanFolder, page: Page) -> None:
