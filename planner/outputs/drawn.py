@@ -8,21 +8,31 @@ W3C (2018), Scalable Vector Graphics 2, 9.3: path data.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from xml.sax.saxutils import escape
 
-from optics.outline import Arc, Edge, Outline, Point, Ring
+import numpy as np
+import numpy.typing as npt
+
+from optics.outline import Arc, Edge, Outline, Point, Ring, flatten
 from planner.inputs.features import dominant_circle
 from planner.inputs.task import Part
 from planner.outputs.errors import not_written
 from planner.outputs.folder import replace_alike
+from schemas.labels import Box
+
+FloatArray = npt.NDArray[np.float64]
 
 _SVG = "http://www.w3.org/2000/svg"
 SIDE_PX = 720.0  # of the longer side of the drawing
 _MARGIN = 0.08  # of the longer side
 _WIDE = 0.62  # of a letter, over its height
 _MOST_LINES = 64  # places that are tried for one line
+_BELOW = 0.1  # of a letter, below its base: numbers and "um" have no tails
+_SLACK = 1e-3  # of a letter: words on neighbouring lines do not meet
+_ON_LINES = 6.0  # words on a line are as bad as words so many lines farther off
+_LEFT = 2.0  # and to the left of a mark as so many
 _BAR = 0.3  # of the width, that the scale bar takes at most
 _STYLE = (
     "text{font-family:sans-serif;fill:#222}"
@@ -101,48 +111,94 @@ def _edge(edge: Edge) -> str:
 
 def _marks(part: Part, size: float, letter: float) -> Iterator[str]:
     """Yield a cross at every circle's middle, with its diameter, each in its place."""
-    lines: list[tuple[float, float, float]] = []  # left, base, width of what is there
-    for ring in part.outline.rings:
-        circle = dominant_circle(ring)
-        if circle is None:
-            continue
-        x, y = circle.center_um[0], -circle.center_um[1]
+    found = [c for ring in part.outline.rings if (c := dominant_circle(ring))]
+    middles = [(c.center_um[0], -c.center_um[1]) for c in found]
+    lines = np.vstack([_lines(part, letter), *(_cross(x, y, size) for x, y in middles)])
+    words: list[Box] = []
+    for circle, (x, y) in zip(found, middles, strict=True):
         across = f"M{x - size:.6g} {y:.6g}h{2 * size:.6g}"
         down = f"M{x:.6g} {y - size:.6g}v{2 * size:.6g}"
         yield f'<path class="mark" d="{across}{down}"/>'
         said = f"{2 * circle.radius_um:.6g} um"
-        at = (x + size, y - size / 2, _WIDE * letter * len(said))
-        line = _free(at, lines, letter, _reach(part, letter))
-        lines.append(line)
-        yield f'<text x="{line[0]:.6g}" y="{line[1]:.6g}">{said}</text>'
+        box = _place((x, y), size, letter, said, (words, lines, _reach(part, letter)))
+        words.append(box)
+        base = box.bottom - _BELOW * letter
+        yield f'<text x="{box.left:.6g}" y="{base:.6g}">{said}</text>'
 
 
-def _reach(part: Part, letter: float) -> tuple[float, float]:
-    """Return the highest and the lowest base that a line in the picture can have."""
-    _, y0, _, y1 = part.outline.bounds_um
-    return -y1, -y0 + letter
+def _lines(part: Part, letter: float) -> FloatArray:
+    """Return what is drawn of a part and its posts as lines; (N, 4) x0, y0, x1, y1."""
+    outlines = [part.outline, *(post.outline for post in part.posts.values())]
+    found = [np.empty((0, 4))]
+    for ring in (ring for outline in outlines for ring in outline.rings):
+        x, y = flatten(ring, letter / 20).T
+        found.append(np.column_stack([x, -y, np.roll(x, -1), -np.roll(y, -1)]))
+    return np.vstack(found)
 
 
-def _free(
-    at: tuple[float, float, float],
-    lines: list[tuple[float, float, float]],
+def _cross(x: float, y: float, size: float) -> FloatArray:
+    """Return the two lines of a mark; (2, 4)."""
+    return np.array([[x - size, y, x + size, y], [x, y - size, x, y + size]])
+
+
+def _reach(part: Part, letter: float) -> Box:
+    """Return where words may stand: beside the part, above the scale bar."""
+    x0, y0, x1, y1 = part.outline.bounds_um
+    aside = _MARGIN * max(x1 - x0, y1 - y0)
+    top, bottom = -y1 - letter, -y0 + letter + _BELOW * letter
+    return Box(left=x0 - aside, top=top, right=x1 + aside, bottom=bottom)
+
+
+def _place(
+    at: Point,
+    size: float,
     letter: float,
-    reach: tuple[float, float],
-) -> tuple[float, float, float]:
-    """Return the place nearest to `at`, above or below, where no line stands yet.
+    said: str,
+    there: tuple[Sequence[Box], FloatArray, Box],
+) -> Box:
+    """Return the place beside a mark for words: near it, on no other, on few lines.
 
-    Where so many circles lie so close that there is none, the line stays where it was.
+    Where so many circles lie so close that there is none, words stand on words.
     """
-    x, y, wide = at
+    words, lines, reach = there
+    tried = [*_tried(at, size, letter, _WIDE * letter * len(said))]
+    best, least = tried[0][1], math.inf
+    for far, box in tried:
+        if far >= least:
+            break
+        if not reach.holds(box) or any(map(box.grown(-_SLACK * letter).meets, words)):
+            continue
+        cost = far + (_ON_LINES if _is_crossed(box, lines) else 0.0)
+        if cost < least:
+            best, least = box, cost
+    return best
+
+
+def _tried(
+    at: Point, size: float, letter: float, wide: float
+) -> list[tuple[float, Box]]:
+    """Return boxes beside a mark and how far off they are, in letters, near to far."""
+    (x, y), found = at, []
     for k in range(_MOST_LINES):
-        base = y + (k + 1) // 2 * (letter if k % 2 else -letter)
-        meets = any(
-            abs(base - other) < 0.999 * letter and x < left + w and left < x + wide
-            for left, other, w in lines
-        )
-        if not meets and reach[0] <= base <= reach[1]:
-            return x, base, wide
-    return at
+        lines = (k + 1) // 2
+        base = y - size / 2 + lines * (letter if k % 2 else -letter)
+        top, bottom = base - (1 - _BELOW) * letter, base + _BELOW * letter
+        for left, aside in ((x + size, 0.0), (x - size - wide, _LEFT)):
+            box = Box(left=left, top=top, right=left + wide, bottom=bottom)
+            found.append((lines + aside, box))
+    return sorted(found, key=lambda pair: pair[0])
+
+
+def _is_crossed(box: Box, lines: FloatArray) -> bool:
+    """Return whether any line runs through a box."""
+    x, y = lines[:, 0::2], lines[:, 1::2]
+    near = (
+        (x.min(axis=1) < box.right)
+        & (x.max(axis=1) > box.left)
+        & (y.min(axis=1) < box.bottom)
+        & (y.max(axis=1) > box.top)
+    )
+    return any(box.crossed(((a, b), (c, d))) for a, b, c, d in lines[near].tolist())
 
 
 def _bar(corner: Point, width: float, margin: float) -> str:

@@ -208,8 +208,8 @@ def _failed(look: Look) -> str:
         then = f"measures with {spare} instead, or " if spare else ""
         said += (
             f"; the choice gave no answer in {missing} of its {chosen.trials} trials: "
-            f"a run then {then}looks again, which P(success) counts as time lost, not as "
-            "a failure"
+            f"a run then {then}looks again, which P(success) counts as time lost, not "
+            "as a failure"
         )
     if chosen.silent > 0:
         said += (

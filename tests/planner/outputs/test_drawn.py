@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Iterator
 from dataclasses import replace
-from itertools import pairwise
+from itertools import combinations
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -124,6 +124,28 @@ def test_what_a_terminal_obeys_is_not_printed(parts: dict[str, Part]) -> None:
     assert list(part_lines(odd))[1] == "  from ?[2Jgear?.dxf, DXF R12"
 
 
+def test_no_line_runs_through_a_diameter(parts: dict[str, Part]) -> None:
+    """Points of every outline, far finer than a letter, lie outside of all words."""
+    for part in parts.values():
+        root = ET.fromstring(svg(part))
+        group = root.find(f"{SVG}g")
+        assert group is not None
+        letter = float(group.get("font-size") or "nan")
+        drawn = [p.get("d") or "" for p in root.iter(f"{SVG}path")]
+        rings = [ring for d in drawn if "Z" in d for ring in _points(d)]
+        for text in list(root.iter(f"{SVG}text"))[:-1]:  # not the scale bar's
+            x, y = float(text.get("x") or "nan"), float(text.get("y") or "nan")
+            wide = 0.5 * letter * len(text.text or "")  # of a sans serif's digits
+            for ring in rings:
+                ends, share = np.array([*ring, ring[0]]), np.linspace(0, 1, 50)
+                steps = (
+                    ends[:-1, None] + share[:, None] * np.diff(ends, axis=0)[:, None]
+                )
+                xs, ys = steps[..., 0], steps[..., 1]
+                inside = (xs > x) & (xs < x + wide) & (ys < y)
+                assert not (inside & (ys > y - 0.7 * letter)).any(), part.name
+
+
 def test_diameters_of_concentric_circles_stand_apart(parts: dict[str, Part]) -> None:
     rings = tuple(
         Ring(
@@ -144,6 +166,6 @@ def test_diameters_of_concentric_circles_stand_apart(parts: dict[str, Part]) -> 
     assert sorted(t.text or "" for t in marks) == sorted(
         f"{d} um" for d in (80, 60, 40, 20, 10)
     )
-    bases = sorted(float(t.get("y") or "nan") for t in marks)
-    assert min(b - a for a, b in pairwise(bases)) > 0.99 * letter
-    assert len({t.get("x") for t in marks}) == 1  # beside their common middle
+    places = [(float(t.get("x") or "nan"), float(t.get("y") or "nan")) for t in marks]
+    for (x, y), (u, v) in combinations(places, 2):  # on either side of their middle
+        assert x * u < 0 or abs(y - v) > 0.99 * letter
