@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from schemas.html.figures import chance
-from schemas.plan import Look, Measure, Plan, Step
+from schemas.plan import Look, Measure, Plan, Step, VerifyAction
+from schemas.times import SWEEP
 
 CONTRAST = "unit contrast"  # that of `optics.ledger`, without loading scipy for it
 # effects whose name in a plan says less than they are
@@ -71,7 +72,13 @@ def _look_times(plan: Plan) -> list[str]:
     said = ", ".join(f"{word} {sum(t):.3g} s ({len(t)})" for word, t in shares)
     head = "1 look takes" if len(changes) == 1 else f"{len(changes)} looks take"
     text = f"{head} {total_s:.3g} s, each once: {said}, axes {axes_s:.3g} s"
-    return [text]
+    sweeps = [step.id for step in plan.steps if _sweeps(step)]
+    return [f"{text}; without {SWEEP} of {', '.join(sweeps)}" if sweeps else text]
+
+
+def _sweeps(step: Step) -> bool:
+    """Return whether a step moves the focus to find a height, after its looks."""
+    return isinstance(step.action, VerifyAction) and step.action.height is not None
 
 
 def _worst_effect(plan: Plan) -> list[str]:

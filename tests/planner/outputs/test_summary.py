@@ -38,6 +38,13 @@ def test_no_chance_is_told_as_certain(golden: Plan, chance: float, told: str) ->
     assert "focus -16..+16 um; P > 0.9999\n" in said  # see_fingers: .999999
 
 
+def test_a_focus_sweep_that_is_not_in_the_time_is_named(golden: Plan) -> None:
+    said = plan_summary(golden)
+    assert "axes 3.03 s; without the focus sweep of check_seated\n" in said
+    steps = tuple(step for step in golden.steps if step.verb != "verify")
+    assert "focus sweep" not in plan_summary(replace(golden, steps=steps))
+
+
 def test_a_lone_part_is_told_of_the_ground_that_it_shades(golden: Plan) -> None:
     said = _note(replace(golden, steps=golden.steps[:1]))
     assert "note: 1 look may err by more" in said
