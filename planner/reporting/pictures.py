@@ -274,7 +274,7 @@ def _range_advice(look: Look) -> str:
     low, high = look.measure.usable_focus_um
     return (
         f"Keep the focus within {signed(low)} to {signed(high)} \u00b5m of nominal for "
-        "this look, or refocus before it."
+        "this look, the zoom at nominal, or refocus before it."
     )
 
 
