@@ -7,7 +7,7 @@ from pathlib import Path
 
 from tests.browser.chromium import Chromium, find
 
-WIDTH, HEIGHT = 1120, 945  # of the first page of the example, down to Methods
+WIDTH, HEIGHT = 1120, 990  # of the first page of the example, down to Methods
 
 
 def main(report: str, out: str) -> int:
