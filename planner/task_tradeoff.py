@@ -18,7 +18,7 @@ from planner.compiler import compile_task
 from planner.diagnostics import Report
 from planner.inputs.task import Task
 from planner.options import Options
-from planner.outputs.errors import not_written
+from planner.outputs.folder import write_alike
 from planner.outputs.task_plots import task_png
 from planner.outputs.task_tradeoff import (
     Point,
@@ -84,7 +84,7 @@ def write_task_tradeoff(task: Task, call: TaskCall, tell: Callable[[str], None])
         wanted = ways(task, call.vary)
     except ValueError as error:
         raise VaryError(str(error)) from error
-    _write(call.out, {})  # before minutes are spent
+    write_alike(call.out, {})  # before minutes are spent
     points: list[Point] = []
     spent: list[Spent] = []
     first, said = None, ""
@@ -106,7 +106,7 @@ def _told(
     record = TaskTradeoff(
         format_version=FORMAT_VERSION, task=task.name, note=NOTE, points=found
     )
-    _write(
+    write_alike(
         folder,
         {
             "task.csv": points_csv(record).encode(),
@@ -248,13 +248,3 @@ def _cpu_s() -> float:
 
 def _machine() -> str:
     return f"{platform.system()} {platform.machine()}, microplan {version('microplan')}"
-
-
-def _write(folder: Path, files: dict[str, bytes]) -> None:
-    """Write files into a folder, which is made if need be; older ones are replaced."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        for name, content in files.items():
-            (folder / name).write_bytes(content)
-    except OSError as error:
-        raise not_written(folder, error) from error

@@ -27,7 +27,7 @@ from planner.model.sightings import needed_shape, spot_of
 from planner.model.steps import unfold
 from planner.model.views import ViewPlan
 from planner.model.zooms import microscope_at
-from planner.outputs.errors import not_written
+from planner.outputs.folder import write_alike
 from planner.outputs.plots import Strip, round_down, strip_png, tradeoff_png
 from planner.outputs.tradeoff import (
     StepTradeoff,
@@ -79,10 +79,10 @@ def write_tradeoff(
     RenderError
         MP404 if the step does not exist or does not look.
     OutputError
-        MP702 if the folder cannot be written.
+        MP702 if the folder cannot be written, MP703 if another file is in a place of ours.
     """
     looks = _looks(task, call, report)
-    _write(call.out, {})  # before minutes are spent
+    write_alike(call.out, {})  # before minutes are spent
     limit = call.max_image_error or task.optimise.image_error()
     found = []
     low, _ = task.workcell.optics.magnification
@@ -94,7 +94,7 @@ def write_tradeoff(
         measured = _measured(task, step, request, settings[0], limit)
         found.append(measured)
         strip = strip_of(task, request, settings[0], f"{step}: {measured.target}")
-        _write(
+        write_alike(
             call.out,
             {
                 f"tradeoff-{step}.png": tradeoff_png(measured),
@@ -103,7 +103,7 @@ def write_tradeoff(
         )
     record = _record(task, tuple(found))
     texts = {"tradeoff.csv": csv_text(record), "tradeoff.json": json_text(record)}
-    _write(call.out, {name: text.encode() for name, text in texts.items()})
+    write_alike(call.out, {name: text.encode() for name, text in texts.items()})
     return "\n\n".join([*map(table, found), f"folder: {call.out}"])
 
 
@@ -241,13 +241,3 @@ def _record(task: Task, steps: tuple[StepTradeoff, ...]) -> Tradeoff:
         repeats=REPEATS,
         steps=steps,
     )
-
-
-def _write(folder: Path, files: dict[str, bytes]) -> None:
-    """Write files into a folder, which is made if need be; older ones are replaced."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        for name, content in files.items():
-            (folder / name).write_bytes(content)
-    except OSError as error:
-        raise not_written(folder, error) from error
