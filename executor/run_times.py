@@ -33,12 +33,12 @@ def predicted(left: Left) -> Element | None:
 def times(left: Left, step: Row) -> str:
     """Return how long a step took and should have, or why nothing says so."""
     expected = real(step, "expected_s")
-    why = _unpredicted(left, step)
-    said = seconds(expected) if expected is not None else "not predicted"
-    return pair(
-        seconds(real(step, "time_s")),
-        f"{said} ({why})" if why and expected is None else said,
-    )
+    if expected is not None:
+        said = seconds(expected)
+    else:
+        why = _unpredicted(left, step)
+        said = f"not predicted ({why})" if why else "not predicted"
+    return pair(seconds(real(step, "time_s")), said)
 
 
 def pair(actual: str, predicted: str) -> str:

@@ -74,7 +74,7 @@ class _Points:
 class Design(Sequence[Trial]):
     """Trials of a look: evenly spaced numbers of its design, each made when asked for.
 
-    However many they are, no more than `_BLOCK` points are held.
+    However many they are, no more than a few blocks of `_BLOCK` points are held.
     """
 
     case: LookCase

@@ -105,11 +105,11 @@ class Outcomes(Sequence[Outcome]):
 
     def __add__(self, other: Outcomes) -> Outcomes:
         """Return these outcomes, and the other ones after them."""
+        if not (len(self) and len(other)):
+            return self if len(self) else other
         chains = tuple(dict.fromkeys(self.chains + other.chains))
         codes = tuple(dict.fromkeys(self.codes + other.codes))
-        both = [_numbered(each, chains, codes) for each in (self, other) if len(each)]
-        if len(both) < 2:
-            return other if len(other) else self
+        both = [_numbered(each, chains, codes) for each in (self, other)]
         return Outcomes(chains=chains, codes=codes, rows=np.concatenate(both))
 
     def by(self, chain: Chain) -> Outcomes:

@@ -71,8 +71,10 @@ def render_step(task: Task, call: RenderCall, report: Report) -> str:
     Raises
     ------
     RenderError
-        If the step, the model or the trial does not exist, or the file cannot be
-        written.
+        If the step, the model or the trial does not exist, or the file can be no
+        picture's.
+    OutputError
+        MP702 if the file cannot be written, MP703 if one of another kind is there.
     """
     if call.out.suffix not in (".png", ".npy"):
         message = f"{call.out}: only .png and .npy can be written"
