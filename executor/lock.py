@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from executor.errors import ExecutorError
+from executor.errors import ExecutorError, why
 
 if sys.platform == "win32":  # pragma: no cover - there is no fcntl
     import msvcrt
@@ -48,7 +48,7 @@ def held(path: Path, what: str) -> Iterator[None]:
     try:
         number = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
     except OSError as error:
-        raise ExecutorError("MP804", f"{path}: {error.strerror}") from error
+        raise ExecutorError("MP804", f"{path}: {why(error)}", place=path) from error
     try:
         try:
             _take(number)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from executor.errors import ExecutorError
+from executor.errors import ExecutorError, why
 from executor.pictures import Attempt, Finding, Viewer
 from executor.plan_file import world_beside
 from schemas.pose import Pose
@@ -81,8 +81,7 @@ def write_marked(folder: Path, name: str, picture: Marked) -> None:
             raise OSError("it cannot be encoded")
         path.write_bytes(data.tobytes())
     except OSError as error:
-        words = error.strerror or str(error)
-        raise ExecutorError("MP878", f"{path}: {words}") from error
+        raise ExecutorError("MP878", f"{path}: {why(error)}", place=path) from error
 
 
 class _Place:

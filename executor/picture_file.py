@@ -9,7 +9,7 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from executor.errors import ExecutorError
+from executor.errors import ExecutorError, why
 from featuresel.routines import FloatArray
 from schemas.plan import Region, Requirements
 
@@ -69,7 +69,7 @@ def read_picture(
         with path.open("rb") as stream:
             data = stream.read(most + 1)
     except OSError as error:
-        _refuse(path, error.strerror or str(error))
+        _refuse(path, why(error))
     size = size_of(data)
     if size is None:
         _refuse(path, "it is no PNG or TIFF file")
@@ -169,6 +169,6 @@ def _grey(counts: Any) -> FloatArray:
     return found
 
 
-def _refuse(path: Path, why: str) -> NoReturn:
+def _refuse(path: Path, what: str) -> NoReturn:
     """Raise MP878 about a file."""
-    raise ExecutorError("MP878", f"{path.name}: {why}")
+    raise ExecutorError("MP878", f"{path.name}: {what}", place=path)

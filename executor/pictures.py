@@ -11,7 +11,7 @@ from executor.appearance import Appearance, Likeness, appearance, likeness
 from executor.artifacts import Artifacts
 from executor.beliefs import Beliefs
 from executor.calibration import LookFrame, look_frame
-from executor.errors import ExecutorError
+from executor.errors import ExecutorError, why
 from executor.features import Picture, Shown, measured, spare
 from executor.frames import INDEX
 from executor.gates import Gate, gates_of
@@ -131,9 +131,9 @@ def files_of(folder: Path) -> list[Path]:
             if path.is_file() and not path.name.startswith(".") and path.name != INDEX
         )
     except OSError as error:
-        raise ExecutorError("MP878", f"{folder}: {error.strerror}") from error
+        raise ExecutorError("MP878", f"{folder}: {why(error)}", place=folder) from error
     if not found:
-        raise ExecutorError("MP878", f"{folder} holds no file")
+        raise ExecutorError("MP878", f"{folder} holds no file", place=folder)
     if len(found) > MOST:
         raise ExecutorError(
             "MP878", f"{folder} holds {len(found)} files, at most {MOST}"

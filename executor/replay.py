@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from executor.artifacts import Artifacts
 from executor.beliefs import Beliefs
-from executor.errors import ExecutorError
+from executor.errors import ExecutorError, why
 from executor.frames import Frames
 from executor.intents import FILE
 from executor.journal import Journal
@@ -96,7 +96,7 @@ def _past(recorded: Recorded) -> Past | None:
     try:
         lines = path.read_bytes().splitlines(keepends=True)
     except OSError as error:
-        raise ExecutorError("MP877", f"{path}: {error.strerror}") from error
+        raise ExecutorError("MP877", f"{path}: {why(error)}", place=path) from error
     if len(lines) < count:
         raise ExecutorError(
             "MP877", f"{path} has {len(lines)} lines, the run was resumed from {count}"

@@ -57,7 +57,9 @@ def read_left(folder: Path) -> Left:
         MP879 if the folder holds no run.
     """
     if not is_file(folder / EVENTS):
-        raise ExecutorError("MP879", f"{folder} holds no run: it has no {EVENTS}")
+        raise ExecutorError(
+            "MP879", f"{folder} holds no run: it has no {EVENTS}", place=folder
+        )
     source = contents(folder / PLAN, _MOST_BYTES)
     return Left(
         folder=folder,

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from executor.errors import ExecutorError
+from executor.errors import ExecutorError, why
 from executor.plan_file import PlanFile
 
 SUMMARY = "summary.json"
@@ -66,14 +66,16 @@ def _read(folder: Path, file: PlanFile) -> Run:
     path = folder / SUMMARY
     try:
         if path.stat().st_size > _MOST_BYTES:
-            raise ExecutorError("MP879", f"{path} is larger than {_MOST_BYTES} bytes")
+            raise ExecutorError(
+                "MP879", f"{path} is larger than {_MOST_BYTES} bytes", place=path
+            )
         data = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
-        raise ExecutorError("MP879", f"{path}: {error.strerror}") from error
+        raise ExecutorError("MP879", f"{path}: {why(error)}", place=path) from error
     except (ValueError, RecursionError) as error:
-        raise ExecutorError("MP879", f"{path}: {error}") from error
+        raise ExecutorError("MP879", f"{path}: {error}", place=path) from error
     if not _is_summary(data):
-        raise ExecutorError("MP879", f"{path} is no summary of a run")
+        raise ExecutorError("MP879", f"{path} is no summary of a run", place=path)
     if data.get("plan_sha256") != file.sha256:
         raise ExecutorError(
             "MP879",

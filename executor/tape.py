@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from executor.errors import ExecutorError
+from executor.errors import ExecutorError, why
 from executor.recording import CALLS, COMMANDS, FORMAT, MORE_CALLS
 
 # Far below what any axis resolves, above what other processors round otherwise.
@@ -72,13 +72,17 @@ def read_record(path: Path) -> Recorded:
     """
     try:
         if path.stat().st_size > MOST_BYTES:
-            raise ExecutorError("MP877", f"{path} is larger than {MOST_BYTES} bytes")
+            raise ExecutorError(
+                "MP877", f"{path} is larger than {MOST_BYTES} bytes", place=path
+            )
         lines = path.read_text(encoding="utf-8").split("\n")
     except (OSError, UnicodeDecodeError) as error:
-        raise ExecutorError("MP877", f"{path}: {_why(error)}") from error
+        raise ExecutorError("MP877", f"{path}: {why(error)}", place=path) from error
     data = [_row(path, number, line) for number, line in _whole(lines)]
     if not data or data[0].get("microplan_record") != FORMAT:
-        raise ExecutorError("MP877", f"{path} does not begin as a record does")
+        raise ExecutorError(
+            "MP877", f"{path} does not begin as a record does", place=path
+        )
     rows = sorted((r for r in data[1:] if "call" in r), key=lambda row: row["n"])
     ends = [r for r in data[1:] if "ended" in r]
     return Recorded(
@@ -266,9 +270,11 @@ def _row(path: Path, number: int, line: str) -> dict[str, Any]:
     try:
         row = json.loads(line)
     except (ValueError, RecursionError) as error:
-        raise ExecutorError("MP877", f"{path}:{number}: {error}") from error
+        raise ExecutorError("MP877", f"{path}:{number}: {error}", place=path) from error
     if not isinstance(row, dict) or not _is_row(row):
-        raise ExecutorError("MP877", f"{path}:{number}: it is no call of a device")
+        raise ExecutorError(
+            "MP877", f"{path}:{number}: it is no call of a device", place=path
+        )
     return row
 
 
@@ -289,8 +295,3 @@ def _fault_told(raised: Any) -> bool:
     if raised is None:
         return True
     return isinstance(raised, list) and len(raised) == 2
-
-
-def _why(error: Exception) -> str:
-    """Return what is wrong with a file, without its path."""
-    return getattr(error, "strerror", None) or str(error)

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from executor.drivers import AxisReading, Frame
-from executor.errors import ExecutorError
+from executor.errors import ExecutorError, why
 from executor.frames import read_png, region_data
 from executor.paths import stays_in
 from executor.recording import pixels_sha256
@@ -148,8 +148,7 @@ class TapeCamera(_TapeDevice):
         try:
             counts = read_png(path)
         except OSError as error:
-            words = error.strerror or str(error)
-            raise ExecutorError("MP877", f"{path}: {words}") from error
+            raise ExecutorError("MP877", f"{path}: {why(error)}", place=path) from error
         if pixels_sha256(counts) != gave.get("sha256") and not self._anyway:
             raise ExecutorError("MP877", f"{path} is not the frame that was recorded")
         exposed_s = numbers([gave.get("exposed_s")], 1, "camera.grab")[0]

@@ -14,7 +14,7 @@ from executor.asked import Call
 from executor.beliefs import Beliefs
 from executor.cell_watch import judged, keep_world, watch
 from executor.ending import Ended, write_summary
-from executor.errors import ExecutorError
+from executor.errors import ExecutorError, why
 from executor.frames import Frames
 from executor.intents import Intents
 from executor.journal import ESCAPED, Journal
@@ -159,7 +159,9 @@ def header_of(
         if source is None and station is not None:
             source = station.read_bytes()
     except OSError as error:
-        raise ExecutorError("MP804", f"{station}: {error.strerror}") from error
+        raise ExecutorError(
+            "MP804", f"{station}: {why(error)}", place=station
+        ) from error
     return Header(
         plan_sha256=file.sha256,
         station=SIMULATED if source is None else _sha256(source),

@@ -79,7 +79,8 @@ def write_tradeoff(
     RenderError
         MP404 if the step does not exist or does not look.
     OutputError
-        MP702 if the folder cannot be written, MP703 if another file is in a place of ours.
+        MP702 if the folder cannot be written, MP703 if a file of another kind is in
+        the place of one.
     """
     looks = _looks(task, call, report)
     write_alike(call.out, {})  # before minutes are spent
