@@ -18,7 +18,7 @@ from planner.compiler import compile_task
 from planner.diagnostics import Report
 from planner.inputs.task import Task
 from planner.options import Options
-from planner.outputs.folder import write_alike
+from planner.outputs.folder import write_files
 from planner.outputs.task_plots import task_png
 from planner.outputs.task_tradeoff import (
     Point,
@@ -84,7 +84,7 @@ def write_task_tradeoff(task: Task, call: TaskCall, tell: Callable[[str], None])
         wanted = ways(task, call.vary)
     except ValueError as error:
         raise VaryError(str(error)) from error
-    write_alike(call.out, {})  # before minutes are spent
+    write_files(call.out, {})  # before minutes are spent
     points: list[Point] = []
     spent: list[Spent] = []
     first, said = None, ""
@@ -106,7 +106,7 @@ def _told(
     record = TaskTradeoff(
         format_version=FORMAT_VERSION, task=task.name, note=NOTE, points=found
     )
-    write_alike(
+    write_files(
         folder,
         {
             "task.csv": points_csv(record).encode(),

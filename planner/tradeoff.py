@@ -27,7 +27,7 @@ from planner.model.sightings import needed_shape, spot_of
 from planner.model.steps import unfold
 from planner.model.views import ViewPlan
 from planner.model.zooms import microscope_at
-from planner.outputs.folder import write_alike
+from planner.outputs.folder import write_files
 from planner.outputs.plots import Strip, round_down, strip_png, tradeoff_png
 from planner.outputs.tradeoff import (
     StepTradeoff,
@@ -79,11 +79,10 @@ def write_tradeoff(
     RenderError
         MP404 if the step does not exist or does not look.
     OutputError
-        MP702 if the folder cannot be written, MP703 if a file of another kind is in
-        the place of one.
+        MP702 if the folder cannot be written.
     """
     looks = _looks(task, call, report)
-    write_alike(call.out, {})  # before minutes are spent
+    write_files(call.out, {})  # before minutes are spent
     limit = call.max_image_error or task.optimise.image_error()
     found = []
     low, _ = task.workcell.optics.magnification
@@ -95,7 +94,7 @@ def write_tradeoff(
         measured = _measured(task, step, request, settings[0], limit)
         found.append(measured)
         strip = strip_of(task, request, settings[0], f"{step}: {measured.target}")
-        write_alike(
+        write_files(
             call.out,
             {
                 f"tradeoff-{step}.png": tradeoff_png(measured),
@@ -104,7 +103,7 @@ def write_tradeoff(
         )
     record = _record(task, tuple(found))
     texts = {"tradeoff.csv": csv_text(record), "tradeoff.json": json_text(record)}
-    write_alike(call.out, {name: text.encode() for name, text in texts.items()})
+    write_files(call.out, {name: text.encode() for name, text in texts.items()})
     return "\n\n".join([*map(table, found), f"folder: {call.out}"])
 
 

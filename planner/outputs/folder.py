@@ -129,14 +129,14 @@ def replace_alike(file: Path, data: bytes, *, head: int = 16) -> None:
     replace_bytes(file, data)
 
 
-def write_alike(folder: Path, files: Mapping[str, bytes]) -> None:
-    """Write files into a folder, made if need be; each one as `replace_alike` does."""
+def write_files(folder: Path, files: Mapping[str, bytes]) -> None:
+    """Write files into a folder, made if need be, each in the place of an older one."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise not_written(folder, error) from error
     for name, data in files.items():
-        replace_alike(folder / name, data)
+        replace_bytes(folder / name, data)
 
 
 def replace_bytes(file: Path, data: bytes) -> None:

@@ -16,7 +16,7 @@ from planner.diagnostics import Report
 from planner.options import Options
 from planner.outputs.emit import PlanFiles, plan_bytes
 from planner.outputs.errors import OutputError
-from planner.outputs.folder import write_alike, write_folder
+from planner.outputs.folder import write_files, write_folder
 from schemas.plan import dump_plan
 from tests.planner.examples import GRASP, between_jaws, copy_example, cut, read
 
@@ -264,17 +264,15 @@ def test_a_folder_holds_nothing_that_lies_elsewhere(
         replace(made, files={"images/grasp.png": b""})
 
 
-def test_files_take_the_place_of_their_kind_alone(tmp_path: Path) -> None:
+def test_files_take_the_place_of_older_ones_whole(tmp_path: Path) -> None:
     folder = tmp_path / "deep" / "compared"
-    old, new = b"step,error_um,time_s\na,1,2\n", b"step,error_um,time_s\nb,3,4\n"
-    write_alike(folder, {"task.csv": old})
-    write_alike(folder, {"task.csv": new})
-    assert content(folder) == {"task.csv": new}
-    for mine in (b"years", b"", b"step;error_um;time_s\n"):
-        (folder / "task.csv").write_bytes(mine)
-        with pytest.raises(OutputError, match="left untouched") as caught:
-            write_alike(folder, {"task.csv": new})
-        assert (caught.value.code, caught.value.file) == (
-            "MP703", str(folder / "task.csv"),
-        )  # fmt: skip
-        assert content(folder) == {"task.csv": mine}
+    write_files(folder, {})
+    assert content(tmp_path) == {}
+    assert folder.is_dir()
+    (folder / "mine.txt").write_text("years")
+    for data in (b"step,time_s", b"step"):
+        write_files(folder, {"task.csv": data})
+        assert content(folder) == {"mine.txt": b"years", "task.csv": data}
+    with pytest.raises(OutputError) as caught:
+        write_files(folder / "mine.txt", {"task.csv": b""})
+    assert caught.value.code == "MP702"
