@@ -72,7 +72,9 @@ class Low:
         orders = self.spectrum.within(cut_per_um)
         gain = self.quadrant.gain(table, orders)
         across, along = pixel_gain(setting, self.spectrum.tile, orders)
-        weighed = weigh(self.spectrum.values, gain * across * along[:, None])
+        np.multiply(gain, across, out=gain)
+        np.multiply(gain, along[:, None], out=gain)
+        weighed = weigh(self.spectrum.values, gain)
         up = (y.start + y.count - 1 - places[0]) / y.count
         found = waves_at(weighed, up, (places[1] - x.start) / x.count)
         return np.asarray(found, dtype=np.float64)
@@ -134,6 +136,7 @@ def make_far(
     *,
     reach_um: float,
     shift_um: tuple[float, float],
+    single: bool = False,
 ) -> Far:
     """Return the correction of a small tile by a wide one.
 
@@ -151,11 +154,13 @@ def make_far(
         Distance from the pixels seen to cuts and repetitions of the small tile.
     shift_um : (x, y)
         Displacement of the image.
+    single : bool
+        Whether to transform in single precision, `optics.sampling.SINGLE_ERROR`.
     """
     world, box = to_world(wide, microscope, shift_um)
     top = min(highest_per_um(reach_um), microscope.cutoff_per_um)
     # a tile of one value has no orders, but the low ones of the other are still wanted
-    found = spectrum(edges, world, top, box=box)
+    found = spectrum(edges, world, top, box=box, single=single)
     return Far(
         near=Low.of(near[0], near[1], microscope, reach_um),
         wide=Low.of(wide, found, microscope, reach_um),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -55,13 +56,32 @@ def waves_at(
         In the precision of `values`.
     """
     K, J = values.shape[0] // 2, values.shape[1] - 1
-    wave_y = np.exp(2j * np.pi * y[:, None] * np.r_[0 : K + 1, -K:0])
-    wave_x = np.exp(2j * np.pi * np.arange(J + 1)[:, None] * x)
-    wave_x[1:] *= 2  # the other half of the spectrum is the conjugate
-    wave_x = wave_x.astype(values.dtype)
-    lines = wave_y.astype(values.dtype) @ values
-    image: Samples = lines.real @ wave_x.real - lines.imag @ wave_x.imag
+    kind = values.real.dtype
+    rise, turn = _turns(y, K, kind)
+    up, down = values[1 : K + 1], values[:K:-1]
+    # orders k and -k share their cosine, and their sines but for the sign
+    even = np.concatenate([values[:1], up + down]).view(kind)
+    odd = (up - down).view(kind)
+    lines, crossed = rise @ even, turn[:, 1:] @ odd
+    real, imag = lines[:, ::2] - crossed[:, 1::2], lines[:, 1::2] + crossed[:, ::2]
+    real[:, 1:] *= 2  # the other half of the spectrum is the conjugate
+    imag[:, 1:] *= 2
+    along, across = _turns(x, J, kind)
+    image: Samples = real @ along.T - imag @ across.T
     return image
+
+
+def _turns(
+    places: npt.NDArray[np.float64], highest: int, kind: np.dtype[Any]
+) -> Factors:
+    """Return cosine and sine of orders 0..`highest` at places (N,), in tiles.
+
+    Turns are counted in doubles, so that a single one keeps its 1e-7 at any order.
+    """
+    turns = places[:, None] * np.arange(highest + 1)
+    turns -= np.rint(turns)
+    angle = (2 * np.pi * turns).astype(kind)
+    return np.cos(angle), np.sin(angle)
 
 
 def weigh(

@@ -211,6 +211,7 @@ def make_part(
             wide,
             reach_um=reach_um,
             shift_um=shift_um,
+            single=sampling.single,
         )
     return Part(
         layer=layer,
