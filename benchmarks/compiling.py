@@ -2,7 +2,8 @@
 
 Each preset compiles in a fresh process of one thread, all tables cold, with its stages
 between two readings of the process's clock. The floor is one transform pair for each
-image that was rendered, of its own size.
+image that was rendered, of its own size. How much of the whole is rendering, in
+whatever stage, is told by samples of the stack.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from typing import Any
 from benchmarks.example import TASK
 from benchmarks.figures import Benchmark, Figure, Options
 from benchmarks.rendering import floor_ms
+from benchmarks.share import Share
 
 PRESETS = ("fast", "balanced")
 # stage -> where the function that does it is called from; none calls another, but that
@@ -48,6 +50,7 @@ class Spent:
     total_s: float
     stages_s: dict[str, float]
     images: list[tuple[int, int, int]]  # rows, columns, how many
+    optics_share: float  # of the time, 0..1
 
 
 def spent(preset: str) -> Spent:
@@ -79,11 +82,13 @@ def main(argv: Sequence[str]) -> int:
     cli = importlib.import_module("planner.cli")
     plan = str(Path(folder) / "example.plan")
     call = ["compile", str(TASK), "-o", plan, "--preset", preset, "--no-cache"]
-    status: int = cli.main(call)
+    optics = Share(package="optics")
+    status: int = optics.of(lambda: cli.main(call))
     found = Spent(
         total_s=time.process_time(),
         stages_s=stages,
         images=[(*size, count) for size, count in sorted(images.items())],
+        optics_share=optics.value,
     )
     Path(out).write_text(json.dumps(asdict(found)), encoding="utf-8")
     return status
@@ -146,11 +151,13 @@ def figures(preset: str, found: Spent, floor_s: float) -> Iterator[Figure]:
         yield Figure(name=f"{name}.{stage}_s", value=found.stages_s[stage], unit="s")
     images = sum(count for *_, count in found.images)
     yield Figure(name=f"{name}.images", value=images, unit="1")
+    yield Figure(name=f"{name}.optics_share", value=found.optics_share, unit="1")
 
 
 def _names(preset: str) -> tuple[str, ...]:
     stages = (f"{stage}_s" for stage in STAGES)
-    return tuple(f"compile.{preset}.{kind}" for kind in ("cpu_s", *stages, "images"))
+    kinds = ("cpu_s", *stages, "images", "optics_share")
+    return tuple(f"compile.{preset}.{kind}" for kind in kinds)
 
 
 BENCHMARK = Benchmark(
