@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -31,34 +32,36 @@ def shifted(
     turns : sequence of (Turning, rad)
         By how much some of them turn first.
     """
-    for what, turn_rad in turns:
-        layers = turned(layers, what, turn_rad)
-    if by_um == (0.0, 0.0):
-        return layers
-    return tuple(
-        layer
-        if layer.name.partition(".")[0] == owner
-        else replace(layer, outline=place(layer.outline, *by_um, 0.0))
-        for layer in layers
-    )
+    return tuple(_moved(layer, owner, by_um, turns) for layer in layers)
 
 
 def turned(
     layers: tuple[Layer, ...], what: Turning, turn_rad: float
 ) -> tuple[Layer, ...]:
     """Return layers with those of one owner turned about its point, rad."""
-    if turn_rad == 0.0:
-        return layers
-    x, y = what.x_um, what.y_um
-    return tuple(
-        replace(
-            layer,
-            outline=place(place(layer.outline, -x, -y, 0.0), x, y, turn_rad),
-        )
-        if layer.name.partition(".")[0] == what.owner
-        else layer
-        for layer in layers
-    )
+    return shifted(layers, "", (0.0, 0.0), ((what, turn_rad),))
+
+
+def _moved(
+    layer: Layer,
+    owner: str,
+    by_um: tuple[float, float],
+    turns: Sequence[tuple[Turning, float]],
+) -> Layer:
+    """Return one layer as `shifted` has it: placed once, however often it turns."""
+    whose = layer.name.partition(".")[0]
+    x, y, theta = 0.0, 0.0, 0.0
+    for what, turn_rad in turns:
+        if what.owner == whose:
+            c, s = math.cos(turn_rad), math.sin(turn_rad)
+            dx, dy = x - what.x_um, y - what.y_um
+            x, y = what.x_um + c * dx - s * dy, what.y_um + s * dx + c * dy
+            theta += turn_rad
+    if whose != owner:
+        x, y = x + by_um[0], y + by_um[1]
+    if (x, y, theta) == (0.0, 0.0, 0.0):
+        return layer
+    return replace(layer, outline=place(layer.outline, x, y, theta))
 
 
 def noisier(sensor: Sensor, factor: float) -> Sensor:

@@ -156,12 +156,25 @@ def place(
     outline: Outline, x_um: float, y_um: float, theta_rad: float = 0.0
 ) -> Outline:
     """Return `outline` turned about its origin by `theta_rad`, then shifted."""
+    c, s = math.cos(theta_rad), math.sin(theta_rad)
+
+    def moved(point: Point) -> Point:
+        x, y = point
+        return (c * x - s * y + x_um, s * x + c * y + y_um)
+
+    def placed(edge: Edge) -> Edge:
+        if isinstance(edge, Segment):
+            return Segment(start=moved(edge.start), end=moved(edge.end))
+        return Arc(
+            center=moved(edge.center),
+            radius_um=edge.radius_um,
+            start_rad=edge.start_rad + theta_rad,
+            sweep_rad=edge.sweep_rad,
+        )
+
     return Outline(
         rings=tuple(
-            Ring(
-                edges=tuple(_place_edge(e, x_um, y_um, theta_rad) for e in ring.edges),
-                layer=ring.layer,
-            )
+            Ring(edges=tuple(map(placed, ring.edges)), layer=ring.layer)
             for ring in outline.rings
         )
     )
@@ -227,24 +240,6 @@ def _reverse(edge: Edge) -> Edge:
         radius_um=edge.radius_um,
         start_rad=edge.start_rad + edge.sweep_rad,
         sweep_rad=-edge.sweep_rad,
-    )
-
-
-def _place_edge(edge: Edge, x_um: float, y_um: float, theta_rad: float) -> Edge:
-    """Turn, then shift one edge."""
-    c, s = math.cos(theta_rad), math.sin(theta_rad)
-
-    def moved(point: Point) -> Point:
-        x, y = point
-        return (c * x - s * y + x_um, s * x + c * y + y_um)
-
-    if isinstance(edge, Segment):
-        return Segment(start=moved(edge.start), end=moved(edge.end))
-    return Arc(
-        center=moved(edge.center),
-        radius_um=edge.radius_um,
-        start_rad=edge.start_rad + theta_rad,
-        sweep_rad=edge.sweep_rad,
     )
 
 
