@@ -7,13 +7,14 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from types import MappingProxyType
+from typing import Self
 
 import numpy as np
 import numpy.typing as npt
-from scipy.interpolate import CubicSpline
 
 from optics.microscope import Microscope
 from optics.otf import exact, geometric, hopkins, product, stokseth
+from optics.refining import refined
 
 FloatArray = npt.NDArray[np.float64]
 Curve = Callable[[FloatArray], FloatArray]  # x -> transfer
@@ -21,7 +22,8 @@ Curve = Callable[[FloatArray], FloatArray]  # x -> transfer
 # What cubic interpolation errs by at most, as a transfer, up to z = 1e6 um and
 # A = .999 n (`benchmarks/error_maps.py`), if a step turns the marginal ray's phase by:
 TABLE_ERROR = 2e-5
-_STEP_RAD = 0.24
+_STEP_RAD = 0.36
+_LEAST = 64  # steps
 
 
 def _rim_waves(microscope: Microscope, z_um: float) -> float:
@@ -123,6 +125,19 @@ class RadialTable:
     step: float
     pieces: FloatArray  # (4, N) cubic coefficients, the highest power first
 
+    @classmethod
+    def through(
+        cls, first: float, step: float, values: FloatArray, slopes: FloatArray
+    ) -> Self:
+        """Return the table of Hermite's cubics through values at the nodes (N + 1,)."""
+        rise = np.diff(values) / step
+        before, after = slopes[:-1], slopes[1:]
+        bend = (3 * rise - 2 * before - after) / step
+        twist = (before + after - 2 * rise) / step**2
+        pieces = np.stack([twist, bend, before, values[:-1]])
+        pieces.setflags(write=False)
+        return cls(first=first, step=step, pieces=pieces)
+
     def read(self, x: FloatArray) -> FloatArray:
         """Return the transfer at `x` (...), held at the ends outside the table."""
         t = (np.sqrt(np.maximum(1 - x, 0)) - self.first) / self.step
@@ -163,9 +178,7 @@ def _tabulate(
     # x by at most 2 per sqrt(1 - x)
     blur_um = microscope.blur_diameter_um(z_um)
     rate = 2 * math.pi * blur_um * microscope.cutoff_per_um
-    count = 96 + math.ceil(rate * (1 - first) / _STEP_RAD)
-    s = np.linspace(first, 1.0, count)
-    spline = CubicSpline(s, find_model(model).curve(microscope, z_um)(1 - s**2))
-    pieces = np.asarray(spline.c)
-    pieces.setflags(write=False)
-    return RadialTable(first=first, step=(1 - first) / (count - 1), pieces=pieces)
+    steps = _LEAST + 2 * math.ceil(rate * (1 - first) / _STEP_RAD / 2)
+    curve = find_model(model).curve(microscope, z_um)
+    values, slopes = refined(lambda s: curve(1 - s**2), first, 1.0, steps + 1)
+    return RadialTable.through(first, (1 - first) / steps, values, slopes)
