@@ -76,10 +76,8 @@ def crossed(
         Share of full scale, to be added to layers blended with each's coverage times
         the blurred light on it.
     """
-    faces = [
-        _whole(face, known)
-        for face in _faces(layers, background, found, lattice, microscope, focus_um)
-    ]
+    every = _faces(layers, background, found, lattice, microscope, focus_um)
+    faces = _not_hidden([_whole(face, known) for face in every])
     tangents = slopes(microscope, _RAYS)
     rows, columns = lattice.shape
     walk = _ray_by_ray if rows * columns > _AT_ONCE // 2 else _in_bundles
@@ -121,7 +119,7 @@ def _in_bundles(
             if face.dark is not None:
                 behind += parts[1] * parts[2]
             for k, part in enumerate(parts):
-                total[k] += part[0] if len(part) == 1 else part.sum(axis=0)
+                total[k] += part.sum(axis=0) if len(part) > 1 else len(rays) * part[0]
         lost += behind.sum(axis=0)
     return lost, sums
 
@@ -133,13 +131,12 @@ def _ray_by_ray(
     lost = np.zeros(lattice.shape)
     behind, part = (np.empty(lattice.shape, dtype=np.float32) for _ in range(2))
     views = [_views(face, lattice) for face in faces]
-    full = [bool(face.covers.min() == 1) for face in faces]
     met = [_met(face, tangents, lattice) for face in faces]
     for ray in range(len(tangents)):
         empty = True  # nothing is sent so far
-        for seen, hides, at in zip(views, full, met, strict=True):
-            covers, *shaded = (view[at[0][ray], at[1][ray]] for view in seen)
-            empty = empty or hides
+        for seen, (down, right) in zip(views, met, strict=True):
+            at = down[ray : ray + 1], right[ray : ray + 1]
+            covers, *shaded = (_met_by(view, at)[0] for view in seen)
             if not empty:
                 np.subtract(1, covers, out=part)
                 behind *= part
@@ -173,6 +170,12 @@ def _sum_met(
         part = wide[row : row + shape[0], column : column + shape[1]]
         total += part if times == 1 else times * part
     return total
+
+
+def _not_hidden(faces: Sequence[_Face]) -> Sequence[_Face]:
+    """Return faces, the lowest first, from the highest that hides all below it on."""
+    full = [k for k, face in enumerate(faces) if face.covers.min() == 1]
+    return faces[full[-1] :] if full else faces
 
 
 def _whole(face: _Face, known: Collection[float]) -> _Face:
@@ -255,7 +258,12 @@ def _met(
 def _met_by(
     view: Float32Array, at: tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]
 ) -> Float32Array:
-    """Return what a bundle of rays meets, (rays, rows, columns); of one no copy."""
+    """Return what a bundle of rays meets, (rays, rows, columns); of one no copy.
+
+    Of what is even, (1, 1, 1).
+    """
+    if view.ndim == 3:
+        return view
     if at[0].size == 1:
         return np.asarray(view[at[0].item(), at[1].item()][None])
     return view[at]
@@ -264,10 +272,15 @@ def _met_by(
 def _views(face: _Face, lattice: Lattice) -> list[Float32Array]:
     """Return what a face covers, sends and keeps dark by the first row and column met.
 
-    (by rows, by columns, rows, columns); the first alone where nothing is dark.
+    (by rows, by columns, rows, columns), or (1, 1, 1) of what is even; the first alone
+    where nothing is dark.
     """
-    shape = lattice.shape
-    return [np.lib.stride_tricks.sliding_window_view(a, shape) for a in _arrays(face)]
+    return [
+        values[:1, :1, None]
+        if values.min() == values.max()
+        else np.lib.stride_tricks.sliding_window_view(values, lattice.shape)
+        for values in _arrays(face)
+    ]
 
 
 def _arrays(face: _Face) -> list[Float32Array]:
