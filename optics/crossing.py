@@ -85,9 +85,9 @@ def crossed(
     means = np.concatenate([lost[None], sums.reshape(-1, rows, columns)])
     means /= len(tangents)
     # as in `optics.occlusion`: what meets in focus is cut off before it diffracts
-    # what faces without dark send is not needed
-    some = [True, *itertools.chain(*((True, *2 * [f.dark is not None]) for f in faces))]
-    means[some] = blur(means[some], lattice.step_um, microscope, "exact", 0.0)
+    some = [bool(each.min() < each.max()) for each in means]  # what is even stays
+    if any(some):
+        means[some] = blur(means[some], lattice.step_um, microscope, "exact", 0.0)
     change: FloatArray = -means[0]
     blended = np.zeros(lattice.shape)
     for covers, sends, dark in means[1:].reshape(sums.shape):
@@ -222,20 +222,17 @@ def _face(
     """Return layers of one height, or the plane below if there are none."""
     reflectance, z_um = plane
     wide = _wide(lattice, microscope, z_um - focus_um)
-    covers, sends = np.ones(wide.shape), np.full(wide.shape, reflectance)
-    if layers:
-        own = wide.held_cells(layers[0])
-        covers = own.astype(np.float64)
-        sends = (layers[0].reflectance * own).astype(np.float64)
-    for layer in layers[1:]:
+    even = (0.0, 0.0) if layers else (1.0, reflectance)
+    covers, sends = (np.full(wide.shape, each, dtype=np.float32) for each in even)
+    for layer in layers:
         own = wide.held_cells(layer)
-        covers, sends = covers * (1 - own) + own, sends * (1 - own)
-        sends += layer.reflectance * own
+        free = 1 - own
+        covers, sends = covers * free + own, sends * free + layer.reflectance * own
     return _Face(
         height_um=z_um,
         z_um=z_um - focus_um,
-        covers=covers.astype(np.float32),
-        sends=sends.astype(np.float32),
+        covers=covers,
+        sends=sends,
         dark=dark(z_um),
     )
 

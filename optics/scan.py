@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import numpy.typing as npt
 
@@ -77,11 +75,14 @@ def _filled(
 
 def _lines(edges: Edges) -> FloatArray:
     """Return segments, and arcs as chords, (N, 4) um."""
-    parts = [edges.segments]
-    for cx, cy, radius, start, sweep in edges.arcs:
-        turn = 2 * math.acos(max(1 - CHORD_UM / radius, 0.5))
-        count = max(1, math.ceil(abs(sweep) / turn))
-        angle = start + np.arange(count + 1) / count * sweep
-        x, y = cx + radius * np.cos(angle), cy + radius * np.sin(angle)
-        parts.append(np.stack([x[:-1], y[:-1], x[1:], y[1:]], axis=1))
-    return np.concatenate(parts)
+    cx, cy, radius, start, sweep = edges.arcs.T
+    turn = 2 * np.arccos(np.maximum(1 - CHORD_UM / radius, 0.5))
+    count = np.maximum(np.ceil(np.abs(sweep) / turn).astype(np.intp), 1)
+    arc = np.repeat(np.arange(radius.size), count)
+    chord = np.arange(arc.size) - np.repeat(np.cumsum(count) - count, count)
+    ends = []
+    for k in (chord, chord + 1):
+        angle = start[arc] + k / count[arc] * sweep[arc]
+        ends += [cx[arc] + radius[arc] * np.cos(angle)]
+        ends += [cy[arc] + radius[arc] * np.sin(angle)]
+    return np.concatenate([edges.segments, np.stack(ends, axis=1)])

@@ -303,13 +303,13 @@ def _fill(values: Coefficients, nodes: Nodes, tile: Tile) -> None:
         slope = 1j / (2 * np.pi * j * kernel_transforms(J, gx)[1:])
         slope = slope.astype(values.dtype)
         grid = deposit(at_x, share_x, at_y, share_y, dy / tile.height_um, (gy, gx))
-        grid = grid.astype(values.real.dtype, copy=False)
+        kind = np.float32 if values.dtype == np.complex64 else np.float64
         half = np.zeros((gy, J), dtype=values.dtype)
         for first, end in _runs(at_y, gy):  # rows that edges touch
-            along = fft.rfft(grid[first:end], axis=1)
+            along = fft.rfft(grid[first:end].astype(kind, copy=False), axis=1)
             np.multiply(along[:, 1 : J + 1], slope, out=half[first:end])
         lines = fft.fft(half, axis=0, overwrite_x=True)
-        inverse = (1 / level[:, None]).astype(values.real.dtype)
+        inverse = (1 / level[:, None]).astype(kind)
         np.multiply(lines[: K + 1], inverse[: K + 1], out=values[: K + 1, 1:])
         np.multiply(lines[gy - K :], inverse[K + 1 :], out=values[K + 1 :, 1:])
     if K > 0:  # along u = 0 the field must point along y
