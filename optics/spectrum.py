@@ -23,11 +23,14 @@ FloatArray = npt.NDArray[np.float64]
 ComplexArray = npt.NDArray[np.complex128]
 Coefficients = npt.NDArray[np.complex64] | npt.NDArray[np.complex128]
 
-# Half the phase, rad, that n Gauss nodes integrate to 1e-8 (computed for a line).
-_RULES = tuple(
-    (limit, *np.polynomial.legendre.leggauss(size))
-    for size, limit in ((2, 0.04), (4, 0.7), (8, 4.2), (16, 15.0), (32, 40.0))
+# Nodes n of Gauss's rules, and half the phase, rad, that they integrate to 1e-8 on a
+# line (tested).
+RULES = (
+    *((2, 0.04), (4, 0.7), (6, 2.2), (8, 4.2), (12, 9.2), (16, 14.9)),
+    *((20, 21.0), (24, 27.4), (28, 34.0), (32, 40.0)),
 )
+_RULES = tuple((limit, *np.polynomial.legendre.leggauss(size)) for size, limit in RULES)
+_LIMITS = np.array([limit for limit, *_ in _RULES])
 
 
 # Looks ask for the same layers at several heights and beside different things.
@@ -261,12 +264,10 @@ def _panels(
     largest = _RULES[-1][0]
     count = np.maximum(np.ceil(half / largest).astype(np.intp), least)
     found, places, weights = [np.empty(0, np.intp)], [np.empty(0)], [np.empty(0)]
-    done, phase = np.zeros(half.shape, dtype=bool), half / count
-    for limit, nodes, weight in _RULES:
-        pick = np.flatnonzero(~done & (phase <= limit))
-        if not pick.size:
-            continue
-        done[pick] = True
+    rule = np.minimum(np.searchsorted(_LIMITS, half / count), _LIMITS.size - 1)
+    for which in np.flatnonzero(np.bincount(rule)).tolist():
+        _, nodes, weight = _RULES[which]
+        pick = np.flatnonzero(rule == which)
         edge = np.repeat(pick, count[pick])
         first = np.cumsum(count[pick]) - count[pick]
         panel = np.arange(edge.size) - np.repeat(first, count[pick])
@@ -294,8 +295,6 @@ def _fill(values: Coefficients, nodes: Nodes, tile: Tile) -> None:
     gx, gy = grid_size(J), grid_size(K)
     at_x, share_x = spread(X, gx)
     at_y, share_y = spread(Y, gy)
-    rows = np.r_[0 : K + 1, gy - K : gy]
-    k = np.r_[0 : K + 1, -K:0]
     level = kernel_transforms(K, gy)
     level = np.concatenate([level, level[:0:-1]])
     if J > 0:
@@ -318,4 +317,7 @@ def _fill(values: Coefficients, nodes: Nodes, tile: Tile) -> None:
             weights=(share_y * (dx / tile.width_um)[:, None]).ravel(),
             minlength=gy,
         )
-        values[1:, 0] = (fft.fft(line)[rows] / level)[1:] * -1j / (2 * np.pi * k[1:])
+        waves, k = fft.fft(line), np.arange(1, K + 1)
+        k = np.concatenate([k, -k[::-1]])
+        waves = np.concatenate([waves[1 : K + 1], waves[gy - K :]])
+        values[1:, 0] = waves / level[1:] * -1j / (2 * np.pi * k)

@@ -11,7 +11,7 @@ from scipy.special import j1
 
 from optics.clip import Edges, clip, to_edges
 from optics.outline import Arc, Outline, Ring, Segment, flatten, place
-from optics.spectrum import Spectrum, Tile, direct, spectrum
+from optics.spectrum import RULES, Spectrum, Tile, direct, spectrum
 from optics.spreading import KERNEL_ERROR
 from tests.optics.shapes import circle, disc, gear, polygon, rectangle
 
@@ -102,6 +102,14 @@ def test_spreading_meets_direct_sums_for_the_gear() -> None:
 def test_spreading_meets_direct_sums_for_a_tiny_disc() -> None:
     outline = disc(0.05, (1.0, 2.0))
     assert _compare(spectrum(outline, TILE, 1.3), outline) < _spreading_error(outline)
+
+
+@pytest.mark.parametrize(("size", "limit"), RULES)
+def test_rules_integrate_waves_up_to_their_limits(size: int, limit: float) -> None:
+    nodes, weights = np.polynomial.legendre.leggauss(size)
+    phase = np.linspace(0.0, limit, 1000)[1:]
+    found = weights @ np.cos(np.outer(nodes, phase)) / 2
+    assert np.abs(found - np.sin(phase) / phase).max() <= 1e-8
 
 
 def test_a_cut_keeps_the_low_orders() -> None:
