@@ -38,6 +38,7 @@ class Begun:
     """
 
     looks: Looks = field(default_factory=Looks)  # what the last contest showed
+    others: dict[str, Looks] = field(default_factory=dict)  # by case: other features'
     cases: list[tuple[Request, ViewPlan, LookCase, Fidelity]] = field(
         default_factory=list
     )

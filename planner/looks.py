@@ -14,6 +14,7 @@ from planner.inputs.task import Task
 from planner.model.requests import Request
 from planner.model.sightings import marks_view, views, whole_view
 from planner.model.views import ViewPlan
+from planner.races import Races
 from planner.rejections import commonest_hint, rejections
 from planner.sets import Search, Sets, wanted
 from planner.tried import Tried
@@ -70,8 +71,14 @@ def compile_look(
 def look_at_first(
     task: Task, request: Request, effects: Effects, view: ViewPlan, known: Begun
 ) -> None:
-    """Hold the first contest over a look; `known` takes what it shows."""
-    Job.of(task, request, effects, known).contest(view)
+    """Hold the first contest over a look; `known` takes what it shows.
+
+    And races of the part's other features, should the first contest want them.
+    """
+    job = Job.of(task, request, effects, known)
+    alone = job.contest(view)
+    if wanted(alone.tried, effects.effort):
+        Races(job=job, alone=alone).begin()
 
 
 def _by_target(

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from featuresel.case import LookCase
 from featuresel.contest import Contest, compete
 from featuresel.feature import Feature
+from featuresel.known import Looks
 from featuresel.select import select
+from featuresel.trials import Map
 from planner.cases import SHARE_TOGETHER, feature_case
 from planner.contests import Alone, Job
 from planner.model.features import Proposals, drawn, proposals
@@ -29,7 +31,13 @@ class _Stakes:
     effort: Effort
 
 
-def _contest(stakes: _Stakes, case: LookCase) -> Contest:
+def _contest(
+    stakes: _Stakes,
+    case: LookCase,
+    *,
+    map: Map = map,  # noqa: A002 - it is the builtin, or a pool's
+    looks: Looks | None = None,
+) -> Contest:
     """Return the race over one of several features."""
     effort = stakes.effort
     return compete(
@@ -39,6 +47,8 @@ def _contest(stakes: _Stakes, case: LookCase) -> Contest:
         thorough=effort.thorough,
         limited=effort.limited,
         in_set=True,
+        map=map,
+        looks=looks,
     )
 
 
@@ -54,6 +64,16 @@ class Races:
         known = self._known
         others, skipped = self._worth_racing(known)
         return [self._target(known.target), *self._others(others)], skipped
+
+    def begin(self) -> None:
+        """Race the features beside the target; the job's beginning takes what it shows.
+
+        What they have to meet may be another thing when their turn comes.
+        """
+        others, _ = self._worth_racing(self._known)
+        for *_, case in others:
+            self.job.begun.others[case.key] = Looks()
+        self._others(others)
 
     def unraced(self) -> tuple[Raced, list[p.FeatureRow]]:
         """Return the target as it is alone, and a row for every other feature."""
@@ -92,14 +112,27 @@ class Races:
 
     def _others(self, features: Sequence[Candidate]) -> list[Raced]:
         """Return other features after their races, which are held side by side."""
-        effects = self.job.effects
-        stakes = _Stakes(seed=self.job.task.seed, effort=effects.effort)
-        found = effects.memo.each(
-            _contest, stakes, [case for *_, case in features], effects.map
-        )
+        memo, cases = self.job.effects.memo, [case for *_, case in features]
+        found = memo.each(_contest, self._stakes, cases, self._spread)
         return [
             self._after(candidate, contest)
             for candidate, contest in zip(features, found, strict=True)
+        ]
+
+    @property
+    def _stakes(self) -> _Stakes:
+        return _Stakes(seed=self.job.task.seed, effort=self.job.effects.effort)
+
+    def _spread(
+        self, contest: Callable[[LookCase], Contest], cases: Sequence[LookCase]
+    ) -> Iterable[Contest]:
+        """Hold contests side by side; where they have begun, here and one by one."""
+        begun, spread = self.job.begun.others, self.job.effects.map
+        if not any(case.key in begun for case in cases):
+            return spread(contest, cases)
+        return [
+            _contest(self._stakes, case, map=spread, looks=begun.get(case.key))
+            for case in cases
         ]
 
     def _after(self, candidate: Candidate, found: Contest) -> Raced:

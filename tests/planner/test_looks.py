@@ -10,7 +10,7 @@ from planner.cases import build_case
 from planner.compiled import CompiledLook
 from planner.contests import Begun, Effects
 from planner.diagnostics import Report
-from planner.looks import compile_look
+from planner.looks import compile_look, look_at_first
 from planner.model.requests import Request, requests
 from planner.model.sightings import views
 from planner.model.steps import unfold
@@ -80,3 +80,31 @@ def test_a_case_is_built_once_whatever_it_has_to_meet(tmp_path: Path) -> None:
         built = begun.case(task, request, view, 0.01, EVERY_TIME)
         assert built == build_case(task, request, view, 0.01)
     assert len(begun.cases) == 2  # an angle is another look
+
+
+def test_what_a_look_begins_with_changes_nothing(tmp_path: Path) -> None:
+    """Other features are raced ahead, and at their turn with another tolerance."""
+    file = copy_example(tmp_path / "task")
+    one_look(file)
+    task, report, begun = read(file), Report(), Begun()
+    (asked,) = requests(task, unfold(task, report), 0, None)
+    effort = replace(PRESETS["fast"], limited=True, trials=8, features=1)
+    effects = Effects(effort=effort, max_image_error=0.01, map=map)
+    low, _ = task.workcell.optics.magnification
+    view, *_ = views(task, asked, low, report)
+    look_at_first(task, replace(asked, tolerance_um=0.05), effects, view, begun)
+    (other,) = begun.others.values()
+    raced = len(other.known.outcomes.all())
+    assert raced >= 8
+
+    request = replace(asked, tolerance_um=0.15)
+    looks = []
+    for known in (begun, Begun()):
+        found = compile_look(task, request, effects, low, report, known=known)
+        assert found is not None
+        looks.append(found.look)
+    assert looks[0] == looks[1]
+    reasons = [row.reason for row in looks[0].evidence.features]
+    assert len(reasons) > 1
+    assert not any("alone does" in each for each in reasons)  # others were wanted
+    assert len(other.known.outcomes.all()) == raced  # none was raced again
