@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -28,8 +28,11 @@ class Quadrant:
         """Return the quadrant up to the highest orders (J, K)."""
         u = np.arange(orders[0] + 1) / (tile.width_um * cutoff_per_um)
         v = np.arange(orders[1] + 1) / (tile.height_um * cutoff_per_um)
-        below = 1 - np.sqrt(u**2 + v[:, None] ** 2)
-        places = np.where(below < 0, -1.0, np.sqrt(np.maximum(below, 0)))
+        places = u**2 + v[:, None] ** 2
+        np.subtract(1, np.sqrt(places, out=places), out=places)
+        beyond = places < 0
+        np.sqrt(np.maximum(places, 0, out=places), out=places)
+        places[beyond] = -1
         return cls(places=places)
 
     def gain(
@@ -53,18 +56,21 @@ class Quadrant:
         """
         J, K = orders
         kind = np.float32 if single else np.float64
-        pieces = _steps(table).astype(kind)
-        t = self.places[: K + 1, : J + 1] - table.first
-        t *= 1 / table.step
-        t += 1  # below the table there is one step of zeros
-        np.clip(t, 0, pieces.shape[1], out=t)
-        i = np.minimum(t.astype(np.int32), pieces.shape[1] - 1)
+        pieces: npt.NDArray[Any] = _steps(table).astype(kind)
+        # below the table there is one step of zeros
+        t = self.places[: K + 1, : J + 1] * (1 / table.step)
+        t += 1 - table.first / table.step
+        np.maximum(t, 0, out=t)
+        i = t.astype(np.intp)
+        np.minimum(i, len(pieces) - 1, out=i)
         # from the double's place: a single one would blur the phase of large defocus
-        rest = np.subtract(t, i).astype(kind)
-        value: Samples = pieces[0].take(i)
-        for coefficients in pieces[1:]:
+        rest: npt.NDArray[Any] = np.subtract(t, i, out=t).astype(kind)
+        cubics = pieces.take(i, axis=0)
+        value: Samples = cubics[..., 0] * rest
+        for power in (1, 2):
+            value += cubics[..., power]
             value *= rest
-            value += coefficients.take(i)
+        value += cubics[..., 3]
         return value
 
 
@@ -79,7 +85,7 @@ def pixel_gain(
 
 
 def _steps(table: RadialTable) -> FloatArray:
-    """Return the cubics by shares of a step, zeros for one step before the first."""
-    powers = table.step ** np.arange(3, -1, -1)
-    pieces = table.pieces * powers[:, None]
-    return np.concatenate([np.zeros((4, 1)), pieces], axis=1)
+    """Return (N + 1, 4) cubics by shares of a step, zeros for one before the first."""
+    steps = np.zeros((table.pieces.shape[1] + 1, 4))
+    np.multiply(table.pieces.T, table.step ** np.arange(3, -1, -1), out=steps[1:])
+    return steps
