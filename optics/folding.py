@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -57,24 +56,26 @@ def waves_at(
     """
     K, J = values.shape[0] // 2, values.shape[1] - 1
     kind = values.real.dtype
-    rise, turn = _turns(y, K, kind)
+    cosines, sines = _turned(y, K, kind)
     up, down = values[1 : K + 1], values[:K:-1]
     # orders k and -k share their cosine, and their sines but for the sign
-    even = np.concatenate([values[:1], up + down]).view(kind)
-    odd = (up - down).view(kind)
-    lines, crossed = rise @ even, turn[:, 1:] @ odd
+    even = np.ascontiguousarray(np.concatenate([values[:1], up + down])).view(kind)
+    odd = np.ascontiguousarray(up - down).view(kind)
+    lines, crossed = cosines @ even, sines[:, 1:] @ odd
     real, imag = lines[:, ::2] - crossed[:, 1::2], lines[:, 1::2] + crossed[:, ::2]
     real[:, 1:] *= 2  # the other half of the spectrum is the conjugate
     imag[:, 1:] *= 2
-    along, across = _turns(x, J, kind)
-    image: Samples = real @ along.T - imag @ across.T
+    cosines, sines = _turned(x, J, kind)
+    image: Samples = real @ cosines.T - imag @ sines.T
     return image
 
 
-def _turns(
-    places: npt.NDArray[np.float64], highest: int, kind: np.dtype[Any]
-) -> Factors:
-    """Return cosine and sine of orders 0..`highest` at places (N,), in tiles.
+def _turned(
+    places: npt.NDArray[np.float64],
+    highest: int,
+    kind: np.dtype[np.float32] | np.dtype[np.float64],
+) -> tuple[Samples, Samples]:
+    """Return cosines and sines (N, highest + 1) of all orders at places, in tiles.
 
     Turns are counted in doubles, so that a single one keeps its 1e-7 at any order.
     """

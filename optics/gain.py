@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +15,8 @@ from optics.models import RadialTable
 from optics.spectrum import Tile
 
 FloatArray = npt.NDArray[np.float64]
+
+_AT_ONCE = 1 << 14  # orders read at once: their cubics stay in the cache
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,23 +57,34 @@ class Quadrant:
             As `table.read`, but 0 beyond the table's largest frequency.
         """
         J, K = orders
-        kind = np.float32 if single else np.float64
-        pieces: npt.NDArray[Any] = _steps(table).astype(kind)
-        # below the table there is one step of zeros
-        t = self.places[: K + 1, : J + 1] * (1 / table.step)
-        t += 1 - table.first / table.step
-        np.maximum(t, 0, out=t)
-        i = t.astype(np.intp)
-        np.minimum(i, len(pieces) - 1, out=i)
-        # from the double's place: a single one would blur the phase of large defocus
-        rest: npt.NDArray[Any] = np.subtract(t, i, out=t).astype(kind)
-        cubics = pieces.take(i, axis=0)
-        value: Samples = cubics[..., 0] * rest
-        for power in (1, 2):
-            value += cubics[..., power]
-            value *= rest
-        value += cubics[..., 3]
-        return value
+        cubics: Samples = _cubics(table)
+        if single:
+            cubics = cubics.astype(np.float32)
+        found: Samples = np.empty((K + 1, J + 1), dtype=cubics.dtype)
+        step = max(1, _AT_ONCE // (J + 1))
+        for first in range(0, K + 1, step):
+            part = slice(first, min(first + step, K + 1))
+            # below the table there is one step of zeros
+            t = self.places[part, : J + 1] * (1 / table.step)
+            t += 1 - table.first / table.step
+            _read(cubics, np.maximum(t, 0, out=t), found[part])
+        return found
+
+
+def _read(cubics: Samples, t: FloatArray, out: Samples) -> None:
+    """Write cubics (N, 4) at places t >= 0 in steps into `out`, same shape as t.
+
+    From the double's place: a single one would blur the phase of large defocus.
+    """
+    i = t.astype(np.intp)
+    np.minimum(i, len(cubics) - 1, out=i)
+    rest = np.subtract(t, i, out=t).astype(out.dtype)
+    mine = cubics.take(i, axis=0)
+    np.multiply(mine[..., 0], rest, out=out)
+    for power in (1, 2):
+        np.add(out, mine[..., power], out=out)
+        np.multiply(out, rest, out=out)
+    np.add(out, mine[..., 3], out=out)
 
 
 def pixel_gain(
@@ -84,7 +97,7 @@ def pixel_gain(
     return across, along
 
 
-def _steps(table: RadialTable) -> FloatArray:
+def _cubics(table: RadialTable) -> FloatArray:
     """Return (N + 1, 4) cubics by shares of a step, zeros for one before the first."""
     steps = np.zeros((table.pieces.shape[1] + 1, 4))
     np.multiply(table.pieces.T, table.step ** np.arange(3, -1, -1), out=steps[1:])

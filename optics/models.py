@@ -156,8 +156,8 @@ def tabulate(
     Its cubic interpolation errs by less than `TABLE_ERROR`; see `transfer` for the
     rest. It depends on no pixel, so images at all zooms share it.
     """
-    if not 0 < x_max <= 1:
-        raise ValueError(f"x_max must be in (0, 1], got {x_max}")
+    if not 0 < x_max <= 1 or 1 - x_max == 1:
+        raise ValueError(f"x_max must be in (1e-16, 1], got {x_max}")
     eyeless = replace(
         microscope,
         magnification=1.0,

@@ -1,7 +1,7 @@
 """Smooth curves on even nodes, computed at every other one alone.
 
 What lies between is read from polynomials through its neighbours, and so are slopes.
-Cubics from values and slopes so exact err by half of what a cubic spline does.
+Cubics through both err by as little as a cubic spline, at its ends by less.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ def refined(
     first, last : float
         The outermost nodes.
     count : int
-        Nodes, an odd number, at least 9. Waves of up to .36 rad a node are followed
-        within 1e-6 of their height, their slopes within 3e-6 of the steepest, at the
-        ends 3e-5 (tested).
+        Nodes, an odd number, at least 9. Waves of h rad a node are followed within
+        5.5e-5 (2 h)**12 of their height; the error of their slopes, over the steepest,
+        is h**8 / 630 and what differences make of that, at the ends h**8 / 9 (tested).
 
     Returns
     -------

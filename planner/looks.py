@@ -77,7 +77,8 @@ def look_at_first(
     """
     job = Job.of(task, request, effects, known)
     alone = job.contest(view)
-    if wanted(alone.tried, effects.effort):
+    fit = is_fit(alone.tried.case, alone.visible)
+    if fit and wanted(alone.tried, effects.effort):
         Races(job=job, alone=alone).begin()
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from featuresel.case import LookCase
@@ -20,6 +20,9 @@ from planner.raced import Raced, unseen
 from planner.tried import Tried
 from schemas import plan as p
 
+_Spread = Callable[
+    [Callable[[LookCase], Contest], Sequence[LookCase]], Iterable[Contest]
+]
 Candidate = tuple[Feature, Shape, LookCase]  # a feature that is to be raced
 
 
@@ -71,9 +74,7 @@ class Races:
         What they have to meet may be another thing when their turn comes.
         """
         others, _ = self._worth_racing(self._known)
-        for *_, case in others:
-            self.job.begun.others[case.key] = Looks()
-        self._others(others)
+        self._contests([case for *_, case in others], self._begin)
 
     def unraced(self) -> tuple[Raced, list[p.FeatureRow]]:
         """Return the target as it is alone, and a row for every other feature."""
@@ -111,29 +112,40 @@ class Races:
         return feature_case(job.task, job.request, alone.view, alone.tried.case, shape)
 
     def _others(self, features: Sequence[Candidate]) -> list[Raced]:
-        """Return other features after their races, which are held side by side."""
-        memo, cases = self.job.effects.memo, [case for *_, case in features]
-        found = memo.each(_contest, self._stakes, cases, self._spread)
+        """Return other features after their races."""
+        found = self._contests([case for *_, case in features], self._spread)
         return [
             self._after(candidate, contest)
             for candidate, contest in zip(features, found, strict=True)
         ]
 
+    def _contests(self, cases: Sequence[LookCase], spread: _Spread) -> list[Contest]:
+        return self.job.effects.memo.each(_contest, self._stakes, cases, spread)
+
     @property
     def _stakes(self) -> _Stakes:
         return _Stakes(seed=self.job.task.seed, effort=self.job.effects.effort)
+
+    def _begin(
+        self, _contest: Callable[[LookCase], Contest], cases: Sequence[LookCase]
+    ) -> Iterator[Contest]:
+        """Hold contests one by one, and keep what they show."""
+        for case in cases:
+            self.job.begun.others[case.key] = Looks()
+            yield self._go_on(case)
 
     def _spread(
         self, contest: Callable[[LookCase], Contest], cases: Sequence[LookCase]
     ) -> Iterable[Contest]:
         """Hold contests side by side; where they have begun, here and one by one."""
-        begun, spread = self.job.begun.others, self.job.effects.map
-        if not any(case.key in begun for case in cases):
-            return spread(contest, cases)
-        return [
-            _contest(self._stakes, case, map=spread, looks=begun.get(case.key))
-            for case in cases
-        ]
+        if any(case.key in self.job.begun.others for case in cases):
+            return map(self._go_on, cases)
+        return self.job.effects.map(contest, cases)
+
+    def _go_on(self, case: LookCase) -> Contest:
+        """Return a contest from what is known of it on."""
+        looks, spread = self.job.begun.others.get(case.key), self.job.effects.map
+        return _contest(self._stakes, case, map=spread, looks=looks)
 
     def _after(self, candidate: Candidate, found: Contest) -> Raced:
         """Return another feature after its race."""

@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import TypeVar
 
 from planner.caching.memo import EVERY_TIME
 from planner.cases import build_case
 from planner.compiled import CompiledLook
-from planner.contests import Begun, Effects
+from planner.contests import Begun, Effects, Job
 from planner.diagnostics import Report
 from planner.looks import compile_look, look_at_first
 from planner.model.requests import Request, requests
 from planner.model.sightings import views
 from planner.model.steps import unfold
 from planner.presets import PRESETS
+from planner.races import Races
 from tests.planner.examples import copy_example, one_look, read
+
+A = TypeVar("A")
+B = TypeVar("B")
 
 
 def test_a_look_stays_at_its_zoom_if_the_insertion_after_it_bears_that(
@@ -82,29 +88,33 @@ def test_a_case_is_built_once_whatever_it_has_to_meet(tmp_path: Path) -> None:
     assert len(begun.cases) == 2  # an angle is another look
 
 
-def test_what_a_look_begins_with_changes_nothing(tmp_path: Path) -> None:
+def test_what_a_look_begins_with_is_not_done_again(tmp_path: Path) -> None:
     """Other features are raced ahead, and at their turn with another tolerance."""
     file = copy_example(tmp_path / "task")
     one_look(file)
-    task, report, begun = read(file), Report(), Begun()
-    (asked,) = requests(task, unfold(task, report), 0, None)
-    effort = replace(PRESETS["fast"], limited=True, trials=8, features=1)
-    effects = Effects(effort=effort, max_image_error=0.01, map=map)
-    low, _ = task.workcell.optics.magnification
-    view, *_ = views(task, asked, low, report)
-    look_at_first(task, replace(asked, tolerance_um=0.05), effects, view, begun)
-    (other,) = begun.others.values()
-    raced = len(other.known.outcomes.all())
-    assert raced >= 8
+    task, report, begun, asked = read(file), Report(), Begun(), [0]
 
-    request = replace(asked, tolerance_um=0.15)
-    looks = []
-    for known in (begun, Begun()):
-        found = compile_look(task, request, effects, low, report, known=known)
-        assert found is not None
-        looks.append(found.look)
-    assert looks[0] == looks[1]
-    reasons = [row.reason for row in looks[0].evidence.features]
-    assert len(reasons) > 1
-    assert not any("alone does" in each for each in reasons)  # others were wanted
-    assert len(other.known.outcomes.all()) == raced  # none was raced again
+    def counted(work: Callable[[A], B], items: Iterable[A], /) -> Iterator[B]:
+        for item in items:
+            asked[0] += 1
+            yield work(item)
+
+    (request,) = requests(task, unfold(task, report), 0, None)
+    effort = replace(PRESETS["fast"], limited=True, trials=8, features=1)
+    effects = Effects(effort=effort, max_image_error=0.01, map=counted)
+    low, _ = task.workcell.optics.magnification
+    view, *_ = views(task, request, low, report)
+    look_at_first(task, replace(request, tolerance_um=0.05), effects, view, begun)
+    (other,) = begun.others.values()
+    assert len(other.known.outcomes.all()) >= 8
+
+    found = []
+    request = replace(request, tolerance_um=0.15)
+    for known in (begun, replace(begun, others={})):
+        job, asked[0] = Job.of(task, request, effects, known), 0
+        raced, _ = Races(job=job, alone=job.contest(view)).run()
+        found.append((asked[0], [each.tried.scores for each in raced]))
+    (afterwards, scores), (anew, fresh) = found
+    assert afterwards == 0 < anew
+    assert len(scores) == 2
+    assert scores == fresh
