@@ -31,7 +31,7 @@ class StoppedError(Exception):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Asked:
-    """What a look is compiled from, and whether only its first contest is held."""
+    """What a look is compiled from, and whether it is only begun."""
 
     request: Request
     settings: tuple[ViewPlan, ...]
@@ -44,7 +44,7 @@ class _Made:
     """What another process made of it."""
 
     looks: tuple[CompiledLook, ...]  # of all of it; none where it was only begun
-    known: Begun  # what the first contest showed, where it was
+    known: Begun  # what its beginning showed, where it was only begun
     findings: tuple[Diagnostic, ...]
     took_s: float
 
@@ -95,7 +95,8 @@ def begin(
 ) -> Ahead:
     """Start on all looks that steps will probably ask for, the largest first.
 
-    Of a look whose demands depend on the looks before it the first contest is held.
+    A look whose demands depend on the looks before it is begun: its first contest is
+    held, and the races of the part's other features if that wants them.
     """
     found = [
         asked
