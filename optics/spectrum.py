@@ -29,8 +29,8 @@ RULES = (
     *((2, 0.04), (4, 0.7), (6, 2.2), (8, 4.2), (12, 9.2), (16, 14.9)),
     *((20, 21.0), (24, 27.4), (28, 34.0), (32, 40.0)),
 )
-_RULES = tuple((limit, *np.polynomial.legendre.leggauss(size)) for size, limit in RULES)
-_LIMITS = np.array([limit for limit, *_ in _RULES])
+_NODES = tuple(np.polynomial.legendre.leggauss(size) for size, _ in RULES)
+_LIMITS = np.array([limit for _, limit in RULES])
 
 
 # Looks ask for the same layers at several heights and beside different things.
@@ -261,12 +261,11 @@ def _panels(
     """
     if not half.size:
         return np.empty(0, np.intp), np.empty(0), np.empty(0)
-    largest = _RULES[-1][0]
-    count = np.maximum(np.ceil(half / largest).astype(np.intp), least)
+    count = np.maximum(np.ceil(half / _LIMITS[-1]).astype(np.intp), least)
     found, places, weights = [np.empty(0, np.intp)], [np.empty(0)], [np.empty(0)]
     rule = np.minimum(np.searchsorted(_LIMITS, half / count), _LIMITS.size - 1)
     for which in np.flatnonzero(np.bincount(rule)).tolist():
-        _, nodes, weight = _RULES[which]
+        nodes, weight = _NODES[which]
         pick = np.flatnonzero(rule == which)
         edge = np.repeat(pick, count[pick])
         first = np.cumsum(count[pick]) - count[pick]
