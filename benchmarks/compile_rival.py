@@ -29,7 +29,7 @@ from featuresel.case import LookCase, scene
 from featuresel.contest import make_ready
 from featuresel.design import Trial, design
 from featuresel.perturb import counts
-from featuresel.trials import Prepared, measure_trial
+from featuresel.trials import Prepared, measure_trial, prepare
 from optics.outline import flatten
 from optics.sensor import expose, to_unit
 from planner.cases import build_case
@@ -156,7 +156,7 @@ def _measure(_options: Options) -> Iterator[Figure]:
 
 def _against(case: LookCase, name: str) -> Iterator[Figure]:
     """Yield time and error of our trials, the script's as their rivals."""
-    one = replace(make_ready(case), chains=(CHAIN,))
+    one = prepare(case, (CHAIN,))
     trials = design(case, TRIALS, 1998)
     few = trials[::2]
     measure_trial(case, one, trials[0])  # tables warm
