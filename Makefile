@@ -13,9 +13,10 @@ export OPENCV_FOR_THREADS_NUM := 1
 
 install: $(STAMP)
 
+# modules are compiled when they are first imported: most never are
 $(STAMP): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check \
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile \
 		--constraint constraints.txt --editable '.[dev]'
 	touch $@
 
