@@ -106,7 +106,9 @@ def prepare_planes(
     distinct, back = np.unique(np.round(stops.heights_um, 9), return_inverse=True)
     stack = model.template(tuple(distinct.tolist()), over=over, half_px=half)
     side = math.sqrt(model.camera.fill_factor)
-    planes = plane_coefficients(stack, over=over, side=side, turns=turns)
+    planes = np.stack(
+        [plane_coefficients(t, over=over, side=side, turns=turns) for t in stack]
+    )
     told = np.unique(np.linspace(0, len(distinct) - 1, _MOST_BITS).round().astype(int))
     own = _own(ignored, target, half)
     used = _used(planes[:, :2].sum(axis=1), distinct, model, grid, own)[told]

@@ -13,7 +13,6 @@ from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
-from scipy import fft
 
 from featuresel.routines import FloatArray
 
@@ -64,12 +63,9 @@ def plane_coefficients(
 ) -> FloatArray:
     """Return the spline's coefficients of the light that pixels collect.
 
-    Beyond its borders the template goes on as in a mirror, so that cosines make it up;
-    what is odd across both axes turns each pair of them into sines.
-
     Parameters
     ----------
-    template : (..., rows, columns) float array
+    template : (rows, columns) float array
         Light at points, `over` a pixel.
     over : int
         Samples per pixel.
@@ -80,30 +76,28 @@ def plane_coefficients(
 
     Returns
     -------
-    (..., 1 or 3, rows, columns) float64 array
+    (1 or 3, rows, columns) float64 array
         Planes for 1, cos 4 phi and sin 4 phi, phi being the template's turn
         counter-clockwise against the pixels; the first alone for pixels along its axes.
+        What leaves one border comes in at the other.
     """
-    rows, columns = template.shape[-2:]
-    fy = -np.arange(rows)[:, None] / (2 * rows)  # y goes up, rows down
-    fx = np.arange(columns)[None, :] / (2 * columns)
+    rows, columns = template.shape
+    padded = _mirrored(template)
+    fy = -np.fft.fftfreq(padded.shape[0])[:, None]  # y goes up, rows down
+    fx = np.fft.rfftfreq(padded.shape[1])[None, :]
     samples = (2 * _POLE + _POLE * np.cos(2 * math.pi * fy)) * (
         2 * _POLE + _POLE * np.cos(2 * math.pi * fx)
     )
-    light = fft.dctn(template, axes=(-2, -1)) / samples
+    light = np.fft.rfft2(padded) / samples
     if not turns:
-        gain = np.sinc(over * side * fx) * np.sinc(over * side * fy)
-        return np.asarray(fft.idctn(light * gain, axes=(-2, -1))[..., None, :, :])
-    even, fourth = _harmonics(np.hypot(fx, fy) * over * side)
-    alpha = 4 * np.arctan2(fy, fx)
-    odd = np.zeros_like(light)  # sines begin at the first frequency, not at 0
-    odd[..., :-1, :-1] = (light * fourth * np.sin(alpha))[..., 1:, 1:]
-    planes = [
-        fft.idctn(light * even, axes=(-2, -1)),
-        fft.idctn(light * fourth * np.cos(alpha), axes=(-2, -1)),
-        fft.idstn(odd, axes=(-2, -1)),
-    ]
-    return np.stack(planes, axis=-3)
+        gains = [np.sinc(over * side * fx) * np.sinc(over * side * fy)]
+    else:
+        even, fourth = _harmonics(np.hypot(fx, fy) * over * side)
+        alpha = 4 * np.arctan2(fy, fx)
+        gains = [even, fourth * np.cos(alpha), -fourth * np.sin(alpha)]
+    return np.stack(
+        [np.fft.irfft2(light * g, s=padded.shape)[:rows, :columns] for g in gains]
+    )
 
 
 def depth_coefficients(values: FloatArray) -> FloatArray:
@@ -129,6 +123,12 @@ def runout_coefficients(values: FloatArray) -> FloatArray:
     ends = np.zeros((1, values[0].size))
     flat = np.concatenate((ends, values.reshape(len(values), -1), ends))
     return np.asarray(np.linalg.solve(matrix, flat)).reshape(count, *values.shape[1:])
+
+
+def _mirrored(template: FloatArray) -> FloatArray:
+    """Return the template followed by its mirror images, so that borders meet alike."""
+    wide = np.concatenate((template, template[:, ::-1]), axis=1)
+    return np.concatenate((wide, wide[::-1]), axis=0)
 
 
 def _harmonics(f: FloatArray) -> tuple[FloatArray, FloatArray]:
