@@ -122,7 +122,6 @@ def build_cell(
     clock = SimClock(timeline)
     camera = SimCamera(timeline, lens, light, rng["noise"], wrong)
     stick = 0.0 if truth.tool is None else truth.tool.stick_probability
-    stick = 1.0 if wrong.on("stick") else stick
     jaws = SimGripper(timeline, rng["stick"], Trouble(wrong, "jaws"), stick=stick)
     station = Station(
         stage=stage,

@@ -18,13 +18,15 @@ class Fault:
 
     `codes` are for a fault that begins in some step, `from_start` for one that is there
     before the first motion by camera; () if that makes no difference. A run that
-    `may_stand` it may also end well: then the part is truly seated.
+    `may_stand` it may also end well: then the part is truly seated. What is `lasting`
+    is there from the start on or not at all.
     """
 
     what: str
     codes: tuple[str, ...]
     may_stand: bool = False
     from_start: tuple[str, ...] = ()
+    lasting: bool = False
 
 
 _AXIS = {
@@ -86,7 +88,7 @@ _GEOMETRY = {
         _LATER,
         from_start=_TWISTED,
     ),
-    "no_part": Fault("the part is not there", _LOOK),
+    "no_part": Fault("the part is not there", _LOOK, lasting=True),
 }
 _CONTACT = {
     "stick": Fault("the released part follows a finger", ("MP850", "MP854")),
@@ -104,7 +106,7 @@ class Faults:
     Raises
     ------
     ValueError
-        If a name is not one of `FAULTS`.
+        If a name is not one of `FAULTS`, or one of a lasting fault has a step.
     """
 
     def __init__(self, asked: Iterable[str] = ()) -> None:
@@ -117,6 +119,8 @@ class Faults:
             if name not in FAULTS:
                 known = ", ".join(sorted(FAULTS))
                 raise ValueError(f"no fault is called {name!r}; known: {known}")
+            if step and FAULTS[name].lasting:
+                raise ValueError(f"{entry!r} names a step: {name} lasts the whole run")
             self._steps.setdefault(name, set()).add(step)
 
     def enter(self, step: str) -> None:

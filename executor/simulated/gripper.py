@@ -107,8 +107,9 @@ class SimGripper:
         if opening_um < self._truth.opening_um:
             close_jaws(self._truth, opening_um)
         else:
+            chance = 1.0 if self._trouble.faults.on("stick") else self._stick
             sticks, side = self._rng.random(2)
-            stuck = float(np.sign(side - 0.5)) if sticks < self._stick else 0.0
+            stuck = float(np.sign(side - 0.5)) if sticks < chance else 0.0
             open_jaws(self._truth, opening_um, stick_side=stuck)
         self._commanded = opening_um
         touch(self._truth)

@@ -75,6 +75,12 @@ def test_an_answer_that_is_no_text_says_no(monkeypatch: pytest.MonkeyPatch) -> N
         assert _answer() == answer
 
 
+def test_what_lasts_the_whole_run_has_no_step() -> None:
+    with pytest.raises(ValueError, match="no_part lasts the whole run"):
+        Faults(["no_part@find_gear"])
+    assert Faults(["no_part"]).on("no_part")
+
+
 def test_a_fault_of_no_step_is_refused() -> None:
     with pytest.raises(ValueError, match="names no step after the @"):
         Faults(["axis_nan@"])

@@ -133,6 +133,19 @@ def test_a_fault_in_a_step_ends_in_its_code_and_everything_stands(
     check(run(*job, [f"{name}@{step}"]), name, step)
 
 
+@pytest.mark.parametrize(
+    ("name", "step", "other"),
+    [("stick", "release", "grasp"), ("block", "insert", "over_shaft")],
+)
+def test_a_fault_of_contact_in_its_step_is_found_afterwards(
+    name: str, step: str, other: str, job: tuple[Plan, Artifacts, World]
+) -> None:
+    found = run(*job, [f"{name}@{step}"])
+    check(found, name, "")
+    assert found.result.step == "check_seated"
+    assert run(*job, [f"{name}@{other}"]).result.done
+
+
 @pytest.mark.parametrize(("name", "step"), HANGS)
 def test_a_device_that_hangs_is_left_and_the_others_are_stopped(
     name: str, step: str, job: tuple[Plan, Artifacts, World]
