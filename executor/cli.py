@@ -14,7 +14,7 @@ from executor.artifacts import Artifacts
 from executor.asked import Call, parse
 from executor.comparison import compare
 from executor.comparison_report import comparison_json, comparison_text
-from executor.ending import Ended
+from executor.ending import Ended, told
 from executor.errors import BUG, CODES, DONE, FAILED, MACHINE, STOPPED, ExecutorError
 from executor.listing import plan_lines
 from executor.marking import mark, write_marked
@@ -34,7 +34,6 @@ from executor.run_folder import (
 from executor.run_summaries import read_runs
 from executor.site import Site, find_site
 from executor.station import preflight
-from executor.summary import table
 from executor.tape import read_record, records_of
 from executor.whole_run import Asking, Job, header_of, perform
 from schemas.console import OutputLostError, flush, say, tell
@@ -163,7 +162,7 @@ def _site(call: Call, plan: Plan, left: Path | None) -> Site:
 def _report(call: Call, plan: Plan, ended: Ended) -> int:
     """Print table, findings and verdicts; return the exit status."""
     result, verdict = ended.result, ended.verdict
-    say(table(result, ended.errors_um))
+    say(told(call, ended))
     say(f"run folder: {ended.folder}")
     _write_report(ended.folder)
     if verdict is not None:
@@ -229,8 +228,8 @@ def _look_at_pictures(call: Call, plan: Plan, pictures: Path) -> int:
             write_marked(marked, path.name, picture)
         findings.append(replace(found, image=None))
     overall = together(seer, findings, still=call.still)
-    told = report_json if call.format == "json" else report_text
-    say(told(seer, findings, overall))
+    report = report_json if call.format == "json" else report_text
+    say(report(seer, findings, overall))
     tell(f"marked pictures: {marked}")
     right = all(f.found for f in findings) and not overall.refuted
     return DONE if right else FAILED
@@ -239,8 +238,8 @@ def _look_at_pictures(call: Call, plan: Plan, pictures: Path) -> int:
 def _compare(call: Call, file: PlanFile) -> int:
     """Join runs of the plan; 1 if they refute what it predicted."""
     found = compare(file.plan, read_runs(call.runs, file))
-    told = comparison_json if call.format == "json" else comparison_text
-    say(told(file.plan, found))
+    report = comparison_json if call.format == "json" else comparison_text
+    say(report(file.plan, found))
     return FAILED if found.refuted else DONE
 
 
@@ -257,10 +256,10 @@ def _teller(plan: Plan) -> Callable[[str], None] | None:
         return None
     numbers = {step.id: number for number, step in enumerate(plan.steps, start=1)}
 
-    def told(step: str) -> None:
+    def begun(step: str) -> None:
         tell(f"running {step} ({numbers[step]} of {len(numbers)}) ...")
 
-    return told
+    return begun
 
 
 def _question() -> Callable[[str], bool] | None:

@@ -13,7 +13,7 @@ from executor.plan_file import PlanFile
 from executor.run import RunResult
 from executor.run_folder import FRESH, SUMMARY
 from executor.site import Site
-from executor.summary import summary_json, table
+from executor.summary import injected, summary_json, table
 from schemas.codec import to_data
 
 if TYPE_CHECKING:
@@ -29,12 +29,20 @@ class Ended:
     verdict: Verdict | None
     errors_um: dict[str, float]  # step -> true error of its last look
     executors: int = 1  # that worked on it: more than one if it was resumed
+    idle_faults: tuple[str, ...] = ()  # asked for, and met by nothing
+
+
+def told(call: Call, ended: Ended) -> str:
+    """Return the run's table, and the faults that were asked for."""
+    words = table(ended.result, ended.errors_um)
+    faults = injected(call.faults, ended.idle_faults)
+    return f"{words}\ninjected faults: {faults}" if faults else words
 
 
 def write_summary(call: Call, site: Site, file: PlanFile, ended: Ended) -> None:
     """Write summary.json and the table; MP863 if they cannot be written."""
     try:
-        words = table(ended.result, ended.errors_um) + "\n"
+        words = told(call, ended) + "\n"
         (ended.folder / "summary.txt").write_text(
             words, encoding="utf-8", errors=ESCAPED
         )
@@ -59,6 +67,7 @@ def _extra(call: Call, site: Site, file: PlanFile, ended: Ended) -> dict[str, An
         "seed": call.seed or 0,
         "executors": ended.executors,
         "faults": list(call.faults),
+        "idle_faults": list(ended.idle_faults),
         "cell_verdict": None if verdict is None else to_data(verdict),
         "true_look_error_um": to_data(ended.errors_um),
     }

@@ -12,6 +12,7 @@ from executor.run_folder import REPORT
 from executor.run_frames import frame_figures
 from executor.run_left import Left, Row, read_left, real, reals, text
 from executor.run_times import pair, predicted, times
+from executor.summary import injected
 from schemas.html.axes import Axes, Scale, around
 from schemas.html.charts import Bar, bars, curve
 from schemas.html.elements import Element, Node, el, slug
@@ -98,11 +99,22 @@ def _first(left: Left) -> Element:
     ]  # fmt: skip
     if simulated and isinstance(seed, int):
         pairs.append(("seed", str(seed)))
+    if faults := _faults(data):
+        pairs.append(("injected faults", faults))
     truth = data.get("cell_verdict")
     return el(
         "section", _verdict(left), _truth(truth) if isinstance(truth, dict) else None,
         facts(pairs), id="verdict", class_="first",
     )  # fmt: skip
+
+
+def _faults(data: Row) -> str:
+    """Return the faults that were asked for, "" if none were."""
+    asked, idle = data.get("faults"), data.get("idle_faults")
+    return injected(
+        [str(fault) for fault in asked] if isinstance(asked, list) else [],
+        idle if isinstance(idle, list) else [],
+    )
 
 
 def _verdict(left: Left) -> Element:

@@ -48,6 +48,11 @@ def table(result: RunResult, errors_um: Mapping[str, float] | None = None) -> st
     return columns([head, *rows])
 
 
+def injected(faults: Sequence[str], idle: Sequence[str]) -> str:
+    """Return the faults that were asked for in words; nothing met the `idle` ones."""
+    return ", ".join(f"{f} (met by nothing)" if f in idle else f for f in faults)
+
+
 def columns(rows: Sequence[Sequence[str]]) -> str:
     """Return rows of the same number of cells as lines, the cells below each other."""
     widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]

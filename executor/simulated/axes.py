@@ -186,7 +186,7 @@ class SimAxes:
         if motion.taken < motion.count:
             motion.taken += 1
             self._place(motion)
-            touch(self._timeline.truth, block=self._trouble.faults.on("block"))
+            touch(self._timeline.truth, lambda: self._trouble.faults.on("block"))
         lagging = self._drive.lag_s > 0 and self.due_s() > self._timeline.truth.time_s
         at_end = motion.taken == motion.count and not lagging
         short = motion.taken == motion.halt and self._trouble.on("short")

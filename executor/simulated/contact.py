@@ -6,7 +6,7 @@ Written from the contact model's words, apart from the compiler's own version of
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -20,16 +20,16 @@ FROM_ABOVE_UM = 3.0  # deeper at once than this is a hit from the side: z steps 
 BENT_UM = 5.0  # pushed farther than this, a post or finger is bent
 
 
-def touch(truth: Truth, *, block: bool = False) -> None:
+def touch(truth: Truth, block: Callable[[], bool] = lambda: False) -> None:
     """Let everything that now overlaps make contact; call after every small move.
 
-    `block` makes the next insertion come to rest on top of its post.
+    `block` is asked when a hole is over its post, and says whether it rests on top.
     """
     held = truth.bodies.get(truth.held)
     if held is not None:
         for host, post in posts(truth):
             if host is not held:
-                _meet_post(truth, held, host, post, block=block)
+                _meet_post(truth, held, host, post, block)
         _meet_plates(truth, held)
         _drop_if_lost(truth, held)
     if truth.tool is not None:
@@ -69,7 +69,7 @@ def captured(truth: Truth, body: Body, host: Body, post: Post) -> bool:
 
 
 def _meet_post(
-    truth: Truth, body: Body, host: Body, post: Post, *, block: bool
+    truth: Truth, body: Body, host: Body, post: Post, block: Callable[[], bool]
 ) -> None:
     """Thread a held part onto a post, lift it, or note a blow from the side."""
     gap_um = truth.under_um(body) - truth.post_top_um(host, post)
@@ -82,7 +82,7 @@ def _meet_post(
     if gap_um >= 0 or truth.top_um(body) <= truth.top_um(host):
         return
     from_above = gap_um > -FROM_ABOVE_UM
-    if from_above and not block and captured(truth, body, host, post):
+    if from_above and captured(truth, body, host, post) and not block():
         body.on_post = post.name
     elif _post_under(truth, body, host, post):
         if from_above:

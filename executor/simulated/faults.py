@@ -112,6 +112,7 @@ class Faults:
     def __init__(self, asked: Iterable[str] = ()) -> None:
         self._steps: dict[str, set[str]] = {}
         self._step = ""
+        self._met: set[tuple[str, str]] = set()
         for entry in asked:
             name, at, step = entry.partition("@")
             if at and not step:
@@ -132,4 +133,13 @@ class Faults:
         if name not in FAULTS:
             raise ValueError(f"no fault is called {name!r}")
         steps = self._steps.get(name, ())
-        return "" in steps or (bool(self._step) and self._step in steps)
+        now = {step for step in ("", self._step) if step in steps}
+        self._met |= {(name, step) for step in now}
+        return bool(now)
+
+    @property
+    def idle(self) -> tuple[str, ...]:
+        """Return the entries, as asked for, that nothing has met so far."""
+        asked = ((name, step) for name, steps in self._steps.items() for step in steps)
+        left = sorted(set(asked) - self._met)
+        return tuple(f"{name}@{step}" if step else name for name, step in left)

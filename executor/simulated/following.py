@@ -83,4 +83,4 @@ def _lead(cell: Cell, state: AxisState, target: Mapping[str, float]) -> None:
             at = start[axis] + share * (target[axis] - start[axis])
             state.actual[axis] = target[axis] if taken == count else at
             state.commanded[axis] = state.actual[axis]
-        touch(cell.truth, block=cell.faults.on("block"))
+        touch(cell.truth, lambda: cell.faults.on("block"))

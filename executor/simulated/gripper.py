@@ -107,7 +107,8 @@ class SimGripper:
         if opening_um < self._truth.opening_um:
             close_jaws(self._truth, opening_um)
         else:
-            chance = 1.0 if self._trouble.faults.on("stick") else self._stick
+            holds = bool(self._truth.held)
+            chance = 1.0 if holds and self._trouble.faults.on("stick") else self._stick
             sticks, side = self._rng.random(2)
             stuck = float(np.sign(side - 0.5)) if sticks < chance else 0.0
             open_jaws(self._truth, opening_um, stick_side=stuck)

@@ -81,6 +81,16 @@ def test_what_lasts_the_whole_run_has_no_step() -> None:
     assert Faults(["no_part"]).on("no_part")
 
 
+def test_what_nothing_met_is_known() -> None:
+    found = Faults(["light_out", "block@insert", "block", "axis_nan@lift"])
+    assert len(found.idle) == 4
+    found.enter("insert")
+    assert found.on("block")
+    found.enter("release")
+    assert not found.on("axis_nan")
+    assert found.idle == ("axis_nan@lift", "light_out")
+
+
 def test_a_fault_of_no_step_is_refused() -> None:
     with pytest.raises(ValueError, match="names no step after the @"):
         Faults(["axis_nan@"])

@@ -159,6 +159,19 @@ def test_nothing_moves_after_a_fault(built: Path, tmp_path: Path) -> None:
     assert "jaws" not in names
 
 
+def test_a_fault_that_nothing_met_is_told(
+    built: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    asked = ("--inject", "no_part", "--inject", "stick@release")
+    assert run(built, tmp_path / "run", "--no-frames", *asked) == 1
+    said = "injected faults: no_part, stick@release (met by nothing)"
+    assert said in capsys.readouterr().out
+    assert (tmp_path / "run" / "summary.txt").read_text("utf-8").endswith(f"{said}\n")
+    found = summary(tmp_path / "run")
+    assert found["faults"] == ["no_part", "stick@release"]
+    assert found["idle_faults"] == ["stick@release"]
+
+
 def test_check_and_dry_run_move_nothing(
     built: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -101,12 +101,13 @@ def test_a_failed_run_tells_where(copy: Path) -> None:
     file = copy / "summary.json"
     data = json.loads(file.read_text(encoding="utf-8"))
     data |= {"code": "MP830", "step": "over_shaft", "message": EVIL, "plan": EVIL}
+    data |= {"faults": [EVIL, "stick@release"], "idle_faults": ["stick@release"]}
     file.write_text(json.dumps(data), encoding="utf-8")
     markup = run_report(read_left(copy))
     text = " ".join(check_page(markup).text)
     assert "Failed" in text
     assert "MP830" in text
-    assert EVIL in text
+    assert f"injected faults {EVIL}, stick@release (met by nothing)" in text
     assert EVIL not in markup
 
 
