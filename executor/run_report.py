@@ -16,7 +16,7 @@ from executor.summary import injected
 from schemas.html.axes import Axes, Scale, around
 from schemas.html.charts import Bar, bars, curve
 from schemas.html.elements import Element, Node, el, slug
-from schemas.html.figures import chance, number, seconds, um
+from schemas.html.figures import chance, number, quantity, seconds, um
 from schemas.html.page import Caption, Column, document, facts, figure, link, table
 
 _FOOT = "One file, no scripts, nothing fetched. SHA-256 of the plan: "
@@ -29,6 +29,7 @@ _DASH = (
     "alone, limits are set for alignments and verifications, and what is not looked at "
     "has no look error. Times are predicted with every target seen at the first look."
 )
+_UM = "\u00b5m"
 _MOST_RATIO = 1e6  # of a bar; a longer one would say no more
 
 
@@ -151,10 +152,11 @@ def _compared(left: Left) -> Iterator[Element]:
         return
     true = left.summary.get("true_look_error_um")
     known: Row = true if isinstance(true, dict) else {}
+    looks = "look error" if known else "own estimate"
     columns = (
         Column("step"), Column("result"), Column("looks / expected", numeric=True),
-        Column("error / limit", numeric=True),
-        Column("look error / sigma" if known else "own estimate / sigma", numeric=True),
+        Column(f"error / limit, {_UM}", numeric=True),
+        Column(f"{looks} / sigma, {_UM}", numeric=True),
         Column("time / expected", numeric=True),
     )  # fmt: skip
     rows = [_row(left, step, known) for step in steps]
@@ -175,8 +177,8 @@ def _row(left: Left, step: Row, known: Row) -> list[Node]:
         name,
         [result, f" {text(step, 'message')}" if code else None],
         pair(number(real(step, "cycles")), number(real(step, "expected_cycles"))),
-        pair(um(real(step, "error_um")), um(real(step, "limit_um"))),
-        pair(um(looked), um(real(step, "expected_sigma_um"))),
+        pair(number(real(step, "error_um")), number(real(step, "limit_um"))),
+        pair(number(looked), number(real(step, "expected_sigma_um"))),
         times(left, step),
     ]  # fmt: skip
 
@@ -185,7 +187,7 @@ def _shares(steps: Sequence[Row]) -> Iterator[Element]:
     """Yield the errors that steps ended with, as shares of their limits."""
     rows = [
         Bar(label=str(s["id"]), pieces=((min(error / limit, _MOST_RATIO), ""),),
-            said=f"{um(error)} of {um(limit)}")
+            said=f"{number(error)} of {quantity(limit, _UM)}")
         for s in steps
         if (error := real(s, "error_um")) is not None
         and (limit := real(s, "limit_um"))
@@ -226,7 +228,7 @@ def _sigmas(steps: Sequence[Row], known: Row) -> Iterator[Element]:
         Bar(
             label=name,
             pieces=((min(error / sigma, _MOST_RATIO), ""),),
-            said=f"{um(error)} of {um(sigma)}",
+            said=f"{number(error)} of {quantity(sigma, _UM)}",
         )
         for name, error, sigma in found
     ]

@@ -70,6 +70,9 @@ def test_predicted_stands_beside_actual(example_run: Path, page: Page) -> None:
     known = [s for s in data["steps"] if s["expected_s"] is not None]
     took, planned = (sum(s[k] for s in known) for k in ("time_s", "expected_s"))
     assert f"{took:.3g}\u202fs of it predicted as {planned:.3g}\u202fs" in text
+    assert "error / limit, \u00b5m" in text
+    (checked,) = (s for s in data["steps"] if s["verb"] == "verify")
+    assert f"{checked['error_um']:.3g} / {checked['limit_um']:.3g}" in text
     servoed = {row["step"] for row in read_left(example_run).of("error")}
     assert servoed
     for step in servoed:
