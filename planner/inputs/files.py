@@ -9,6 +9,7 @@ from pathlib import Path
 
 from planner.diagnostics import Report, Span
 
+TASK = "task.yaml"  # as tasks are called
 MOST_NAMES = 1000  # of a folder that are looked through for a similar one
 
 
@@ -37,7 +38,8 @@ def read_bytes(
             data = stream.read(most + 1)
     except (OSError, ValueError) as error:
         why = error.strerror if isinstance(error, OSError) else str(error)
-        report.error("MP001", at, f"cannot read {file}: {why}", _beside(path, at.file))
+        hint = _near(path, at.file)
+        report.error("MP001", at, f"cannot read {file}: {why}", hint)
         return None
     if len(data) > most:
         report.error("MP009", at, f"{file} is larger than {most} bytes")
@@ -46,12 +48,15 @@ def read_bytes(
     return data
 
 
-def _beside(path: Path, asking: str) -> str:
-    """Return a file of a similar name in the same folder as a hint, "" if none is.
+def _near(path: Path, asking: str) -> str:
+    """Return what may be meant as a hint: a folder's task, a file of a similar name.
 
-    That in which the name stands is not meant.
+    The file in which the name stands is not meant.
     """
     try:
+        if path.is_dir():
+            task = path / TASK
+            return f"did you mean '{task}'?" if task.is_file() else ""
         names = [entry.name for entry in islice(path.parent.iterdir(), MOST_NAMES)]
     except (OSError, ValueError):
         return ""

@@ -292,7 +292,9 @@ class _Builder:
         if text in _WORDS:
             return _WORDS[text]
         if _ODD.fullmatch(text):
-            self._fault("MP008", where, span, f"{text} is not a finite number")
+            self._fault(
+                "MP008", where, span, f"{text} is not a finite number", "write a number"
+            )
             return 0
         radix = _RADIX.fullmatch(text)
         if not radix and not _FLOAT.fullmatch(text):

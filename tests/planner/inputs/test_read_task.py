@@ -278,6 +278,14 @@ def test_a_task_that_is_not_there_or_a_folder_is_refused(tmp_path: Path) -> None
         assert load_task(path, report) is None
         assert [finding.code for finding in report.found] == ["MP001"]
         assert report.found[0].where.file == str(path)
+        assert report.found[0].hint == ""
+
+
+def test_of_a_folder_its_task_is_named(folder: Path) -> None:
+    report = Report()
+    assert load_task(folder, report) is None
+    hint = f"did you mean '{folder / 'task.yaml'}'?"
+    assert [(f.code, f.hint) for f in report.found] == [("MP001", hint)]
 
 
 def test_a_link_may_not_lead_out_of_the_folder(folder: Path) -> None:
@@ -455,11 +463,24 @@ def test_reading_a_task_loads_no_imaging_library() -> None:
     assert done.stdout.strip() == "[]"
 
 
+NO_COMMA = "write a number with a point, not a comma"
+ALONE = "write a number alone: where there is a unit, the key's name ends in it"
+
+
 @pytest.mark.parametrize(
     ("old", "new", "hint"),
     [
         ("layers: [OUTLINE, BORE]", "layers: [0, OUTLINE]", 'write it in quotes: "0"'),
         ("layers: [OUTLINE, BORE]", "layers: OUTLINE", "write [OUTLINE]"),
+        ("thickness_um: 100", "thickness_um: 100um", "write 100"),
+        ("thickness_um: 100", "thickness_um: '1.0e2'", "write 1.0e2"),
+        ("view_um: [0, 0]", "view_um: [0, -1.5 um]", "write -1.5"),
+        ("thickness_um: 100", "thickness_um: 99,5", NO_COMMA),
+        ("thickness_um: 100", "thickness_um: 0.1 mm", ALONE),
+        ("success_probability: 0.95", "success_probability: 95%", ALONE),
+        ("thickness_um: 100", "thickness_um: thick", ""),
+        ("thickness_um: 100", f"thickness_um: '{'1' * 50}'", ""),
+        ("thickness_um: 100", "thickness_um: .nan", "write a number"),
     ],
 )
 def test_a_value_of_another_kind_is_told_how_to_be_written(
