@@ -253,7 +253,8 @@ def _fault(error: ValidationError, at: str) -> tuple[str, str, str]:
 def _as_kind(kinds: Sequence[str], value: object, at: str) -> str:
     """Return how a lone value is written as the kind wanted, "" if it cannot be."""
     if isinstance(value, str) and {"number", "integer"} & set(kinds):
-        return _as_number(value, at)
+        fits = "number" in kinds or value.strip().isdecimal()
+        return _as_number(value, at) if fits else ""
     plain = isinstance(value, int | float) and not isinstance(value, bool)
     if plain and "string" in kinds:
         return f'write it in quotes: "{value}"'

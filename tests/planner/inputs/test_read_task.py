@@ -479,6 +479,8 @@ ALONE = "write a number alone: where there is a unit, the key's name ends in it"
         ("thickness_um: 100", "thickness_um: 0.1 mm", ALONE),
         ("success_probability: 0.95", "success_probability: 95%", ALONE),
         ("thickness_um: 100", "thickness_um: thick", ""),
+        ("seed: 1998", "seed: '1998'", "write 1998"),
+        ("seed: 1998", "seed: '19.5'", ""),
         ("thickness_um: 100", f"thickness_um: '{'1' * 50}'", ""),
         ("thickness_um: 100", "thickness_um: .nan", "write a number"),
     ],
