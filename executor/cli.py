@@ -162,7 +162,7 @@ def _site(call: Call, plan: Plan, left: Path | None) -> Site:
 def _report(call: Call, plan: Plan, ended: Ended) -> int:
     """Print table, findings and verdicts; return the exit status."""
     result, verdict = ended.result, ended.verdict
-    say(told(call, ended))
+    say(told(ended))
     say(f"run folder: {ended.folder}")
     _write_report(ended.folder)
     if verdict is not None:

@@ -29,20 +29,21 @@ class Ended:
     verdict: Verdict | None
     errors_um: dict[str, float]  # step -> true error of its last look
     executors: int = 1  # that worked on it: more than one if it was resumed
-    idle_faults: tuple[str, ...] = ()  # asked for, and met by nothing
+    faults: tuple[str, ...] = ()  # that the cell was asked for
+    idle_faults: tuple[str, ...] | None = ()  # met by nothing; None: not known
 
 
-def told(call: Call, ended: Ended) -> str:
+def told(ended: Ended) -> str:
     """Return the run's table, and the faults that were asked for."""
     words = table(ended.result, ended.errors_um)
-    faults = injected(call.faults, ended.idle_faults)
+    faults = injected(ended.faults, ended.idle_faults)
     return f"{words}\ninjected faults: {faults}" if faults else words
 
 
 def write_summary(call: Call, site: Site, file: PlanFile, ended: Ended) -> None:
     """Write summary.json and the table; MP863 if they cannot be written."""
     try:
-        words = told(call, ended) + "\n"
+        words = told(ended) + "\n"
         (ended.folder / "summary.txt").write_text(
             words, encoding="utf-8", errors=ESCAPED
         )
@@ -66,8 +67,8 @@ def _extra(call: Call, site: Site, file: PlanFile, ended: Ended) -> dict[str, An
         "station": site.name,
         "seed": call.seed or 0,
         "executors": ended.executors,
-        "faults": list(call.faults),
-        "idle_faults": list(ended.idle_faults),
+        "faults": list(ended.faults),
+        "idle_faults": to_data(ended.idle_faults),
         "cell_verdict": None if verdict is None else to_data(verdict),
         "true_look_error_um": to_data(ended.errors_um),
     }

@@ -16,7 +16,7 @@ from executor.summary import injected
 from schemas.html.axes import Axes, Scale, around
 from schemas.html.charts import Bar, bars, curve
 from schemas.html.elements import Element, Node, el, slug
-from schemas.html.figures import chance, number, quantity, seconds, um
+from schemas.html.figures import MICRO, chance, number, quantity, seconds, um
 from schemas.html.page import Caption, Column, document, facts, figure, link, table
 
 _FOOT = "One file, no scripts, nothing fetched. SHA-256 of the plan: "
@@ -29,7 +29,7 @@ _DASH = (
     "alone, limits are set for alignments and verifications, and what is not looked at "
     "has no look error. Times are predicted with every target seen at the first look."
 )
-_UM = "\u00b5m"
+_UM = f"{MICRO}m"
 _MOST_RATIO = 1e6  # of a bar; a longer one would say no more
 
 
@@ -114,7 +114,7 @@ def _faults(data: Row) -> str:
     asked, idle = data.get("faults"), data.get("idle_faults")
     return injected(
         [str(fault) for fault in asked] if isinstance(asked, list) else [],
-        idle if isinstance(idle, list) else [],
+        idle if isinstance(idle, list) else None,
     )
 
 
@@ -275,7 +275,7 @@ def _servo_figure(step: str, errors: list[float], limit: float | None) -> Elemen
         across=Scale(low=0.0, high=max(len(errors), 3) + 0.5),
         up=Scale(low=0.0, high=top),
         across_label="look",
-        up_label="error, \u00b5m",
+        up_label=f"error, {_UM}",
         height=196,
     )
     points = [(float(k), e) for k, e in enumerate(errors, 1)]
@@ -320,7 +320,7 @@ def _focus_figure(
     axes = Axes(
         across=around([x for x, _ in pairs]),
         up=around([y for _, y in pairs], zero=True),
-        across_label="focus, \u00b5m",
+        across_label=f"focus, {_UM}",
         up_label="sharpness",
         height=196,
     )

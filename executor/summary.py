@@ -48,9 +48,15 @@ def table(result: RunResult, errors_um: Mapping[str, float] | None = None) -> st
     return columns([head, *rows])
 
 
-def injected(faults: Sequence[str], idle: Sequence[str]) -> str:
-    """Return the faults that were asked for in words; nothing met the `idle` ones."""
-    return ", ".join(f"{f} (met by nothing)" if f in idle else f for f in faults)
+def injected(faults: Sequence[str], idle: Sequence[str] | None) -> str:
+    """Return the faults that were asked for in words, "" if none were.
+
+    Nothing met the `idle` ones; None: that is not known.
+    """
+    known = idle or ()
+    said = ", ".join(f"{f} (met by nothing)" if f in known else f for f in faults)
+    unknown = " (whether anything met them is not known)"
+    return said + unknown if faults and idle is None else said
 
 
 def columns(rows: Sequence[Sequence[str]]) -> str:

@@ -95,7 +95,8 @@ def perform(job: Job, asking: Asking) -> Ended:
         verdict=None if site.cell is None else judged(file.plan, site.cell),
         errors_um=errors_um,
         executors=before + 1,
-        idle_faults=() if site.cell is None or before else site.cell.faults.idle,
+        faults=() if site.cell is None else site.cell.faults.asked,
+        idle_faults=None if site.cell is None or before else site.cell.faults.idle,
     )
     write_summary(call, site, file, ended)
     return ended

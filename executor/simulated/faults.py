@@ -110,10 +110,11 @@ class Faults:
     """
 
     def __init__(self, asked: Iterable[str] = ()) -> None:
+        self.asked = tuple(dict.fromkeys(asked))
         self._steps: dict[str, set[str]] = {}
         self._step = ""
         self._met: set[tuple[str, str]] = set()
-        for entry in asked:
+        for entry in self.asked:
             name, at, step = entry.partition("@")
             if at and not step:
                 raise ValueError(f"{entry!r} names no step after the @")
@@ -129,7 +130,7 @@ class Faults:
         self._step = step
 
     def on(self, name: str) -> bool:
-        """Return whether a fault is at work now."""
+        """Return whether a fault is at work now; if so, what asks has met it."""
         if name not in FAULTS:
             raise ValueError(f"no fault is called {name!r}")
         steps = self._steps.get(name, ())
@@ -139,7 +140,6 @@ class Faults:
 
     @property
     def idle(self) -> tuple[str, ...]:
-        """Return the entries, as asked for, that nothing has met so far."""
-        asked = ((name, step) for name, steps in self._steps.items() for step in steps)
-        left = sorted(set(asked) - self._met)
-        return tuple(f"{name}@{step}" if step else name for name, step in left)
+        """Return the entries of `asked` that nothing has met so far."""
+        met = {f"{name}@{step}" if step else name for name, step in self._met}
+        return tuple(entry for entry in self.asked if entry not in met)

@@ -49,14 +49,14 @@ def read_bytes(
 
 
 def _near(path: Path, asking: str) -> str:
-    """Return what may be meant as a hint: a folder's task, a file of a similar name.
+    """Return what may be meant as a hint: a file of a similar name, "" if none is.
 
-    The file in which the name stands is not meant.
+    The file in which the name stands is not meant. Where that is the file itself, a
+    task is asked for, and the task of a folder is meant.
     """
     try:
-        if path.is_dir():
-            task = path / TASK
-            return f"did you mean '{task}'?" if task.is_file() else ""
+        if path == Path(asking) and (path / TASK).is_file():
+            return f"did you mean '{path / TASK}'?"
         names = [entry.name for entry in islice(path.parent.iterdir(), MOST_NAMES)]
     except (OSError, ValueError):
         return ""

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import difflib
-import re
-from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Container, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -14,6 +13,7 @@ from jsonschema.exceptions import ValidationError
 
 import schemas
 from planner.diagnostics import Report
+from planner.inputs.respelling import as_kind, u_for_mu
 from planner.inputs.source import Source, Where
 
 NEWEST = 1  # version of the task and workcell formats that this compiler reads
@@ -26,12 +26,6 @@ _TYPES = {
     "array": "a list",
     "object": "keys with values",
 }
-
-MOST_OF_A_NUMBER = 40  # characters
-# a number, perhaps with a comma, and what may be its unit
-_MEASURE = re.compile(
-    r"\s*([+-]?\d+(?:[.,]\d+)?(?:[eE][+-]?\d+)?)\s*([^\W\d_]*|%|\N{DEGREE SIGN})\s*"
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,8 +104,7 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
 
     A letter mu, of either kind, is meant as a u: it stands in units.
     """
-    word = word.replace("\u00b5", "u").replace("\u03bc", "u")
-    near = difflib.get_close_matches(word, sorted(known), n=1, cutoff=0.6)
+    near = difflib.get_close_matches(u_for_mu(word), sorted(known), n=1, cutoff=0.6)
     return f"did you mean '{near[0]}'?" if near else ""
 
 
@@ -225,7 +218,7 @@ def _fault(error: ValidationError, at: str) -> tuple[str, str, str]:
     if rule == "type":
         kinds = [limit] if isinstance(limit, str) else limit
         wanted = " or ".join(_TYPES[kind] for kind in kinds)
-        hint = _as_kind(kinds, value, at)
+        hint = as_kind(kinds, value, at)
         return "MP101", f"{at} must be {wanted}, got {show(value)}", hint
     if rule in ("enum", "const"):
         choices = [str(item) for item in ([limit] if rule == "const" else limit)]
@@ -248,33 +241,6 @@ def _fault(error: ValidationError, at: str) -> tuple[str, str, str]:
         return "MP106", f"{at} lists the same thing twice", "remove one of them"
     says = _rule(error).get("description", f"{rule} {limit}")
     return "MP107", f"{at} cannot be {show(value)}", f"allowed: {says}"
-
-
-def _as_kind(kinds: Sequence[str], value: object, at: str) -> str:
-    """Return how a lone value is written as the kind wanted, "" if it cannot be."""
-    if isinstance(value, str) and {"number", "integer"} & set(kinds):
-        fits = "number" in kinds or value.strip().isdecimal()
-        return _as_number(value, at) if fits else ""
-    plain = isinstance(value, int | float) and not isinstance(value, bool)
-    if plain and "string" in kinds:
-        return f'write it in quotes: "{value}"'
-    if "array" in kinds and (plain or isinstance(value, str)):
-        return f"write [{value}]"
-    return ""
-
-
-def _as_number(text: str, at: str) -> str:
-    """Return how text that begins as a number is written as one, "" if none does."""
-    found = _MEASURE.fullmatch(text)
-    if found is None or len(text) > MOST_OF_A_NUMBER:
-        return ""
-    digits, unit = found.groups()
-    if "," in digits:
-        return "write a number with a point, not a comma"
-    key = at.rpartition(".")[2].partition("[")[0]
-    if not unit or key.endswith(f"_{unit}"):
-        return f"write {digits}"
-    return "write a number alone: where there is a unit, the key's name ends in it"
 
 
 def _rule(error: ValidationError) -> Any:

@@ -94,6 +94,7 @@ def test_a_killed_run_is_taken_up_and_ends_seated(
     found = summary(copy)
     assert found["done"]
     assert found["seed"] == 3
+    assert found["idle_faults"] is None  # of the executor before nothing is known
     assert found["cell_verdict"]["success"]
     assert [step["id"] for step in found["steps"]][:2] == ["find_gear", "fingers_in"]
     assert len(found["steps"]) == 12

@@ -118,6 +118,22 @@ def test_options_reach_the_driver(built: Path, tmp_path: Path) -> None:
     assert cell.stage.reading().x_um == pytest.approx(0.05)
 
 
+def test_faults_of_a_file_are_told(
+    built: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file, run = tmp_path / "station.toml", tmp_path / "run"
+    faults = 'faults = ["no_part", "stick@release"]'
+    text = EXAMPLE.read_text(encoding="utf-8").replace("seed = 0", faults)
+    file.write_text(text, encoding="utf-8")
+    call = [str(built), "--no-frames", "--run-dir", str(run), "--station", str(file)]
+    assert main(call) == 1
+    said = "injected faults: no_part, stick@release (met by nothing)"
+    assert said in capsys.readouterr().out
+    summary = json.loads((run / "summary.json").read_text(encoding="utf-8"))
+    assert summary["faults"] == ["no_part", "stick@release"]
+    assert summary["idle_faults"] == ["stick@release"]
+
+
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [

@@ -278,7 +278,6 @@ def test_a_task_that_is_not_there_or_a_folder_is_refused(tmp_path: Path) -> None
         assert load_task(path, report) is None
         assert [finding.code for finding in report.found] == ["MP001"]
         assert report.found[0].where.file == str(path)
-        assert report.found[0].hint == ""
 
 
 def test_of_a_folder_its_task_is_named(folder: Path) -> None:
@@ -463,7 +462,7 @@ def test_reading_a_task_loads_no_imaging_library() -> None:
     assert done.stdout.strip() == "[]"
 
 
-NO_COMMA = "write a number with a point, not a comma"
+NO_COMMA = "write it without a comma: decimals take a point, thousands nothing"
 ALONE = "write a number alone: where there is a unit, the key's name ends in it"
 
 
@@ -475,13 +474,19 @@ ALONE = "write a number alone: where there is a unit, the key's name ends in it"
         ("thickness_um: 100", "thickness_um: 100um", "write 100"),
         ("thickness_um: 100", "thickness_um: '1.0e2'", "write 1.0e2"),
         ("view_um: [0, 0]", "view_um: [0, -1.5 um]", "write -1.5"),
+        ("thickness_um: 100", "thickness_um: .5 \u00b5m", "write .5"),
+        ("speed_um_per_s: 20", "speed_um_per_s: 20 s", ALONE),
         ("thickness_um: 100", "thickness_um: 99,5", NO_COMMA),
+        ("thickness_um: 100", "thickness_um: '1,000.5um'", NO_COMMA),
+        ("thickness_um: 100", "thickness_um: 1.2.3", ""),
+        ("thickness_um: 100", "thickness_um: \uff11\uff10\uff10", ""),
         ("thickness_um: 100", "thickness_um: 0.1 mm", ALONE),
         ("success_probability: 0.95", "success_probability: 95%", ALONE),
         ("thickness_um: 100", "thickness_um: thick", ""),
         ("seed: 1998", "seed: '1998'", "write 1998"),
         ("seed: 1998", "seed: '19.5'", ""),
-        ("thickness_um: 100", f"thickness_um: '{'1' * 50}'", ""),
+        ("count: 18", "count: 18 teeth", ALONE),
+        ("thickness_um: 100", f"thickness_um: '1{' ' * 100_000}!'", ""),
         ("thickness_um: 100", "thickness_um: .nan", "write a number"),
     ],
 )
