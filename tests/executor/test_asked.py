@@ -88,7 +88,7 @@ def test_what_nothing_met_is_known() -> None:
     assert found.on("block")
     found.enter("release")
     assert not found.on("axis_nan")
-    assert found.idle == ("light_out", "axis_nan@lift")
+    assert list(found.idle) == ["light_out", "axis_nan@lift"]
 
 
 def test_a_fault_of_no_step_is_refused() -> None:

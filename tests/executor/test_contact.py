@@ -199,9 +199,9 @@ def test_profile_offsets_change_the_capture_radius() -> None:
 def test_a_blocked_part_lies_on_top_of_the_post() -> None:
     found = cell("block")
     hold(found)
-    assert found.faults.idle == ("block",)
+    assert list(found.faults.idle) == ["block"]
     drop(found)
-    assert found.faults.idle == ()
+    assert list(found.faults.idle) == []
     verdict = found.judge("gear", "shaft_plate.post")
     assert not verdict.success
     assert not verdict.held
@@ -212,12 +212,12 @@ def test_a_part_that_sticks_follows_the_finger_and_is_held() -> None:
     found = cell("stick")
     found.jaws.move(120.0)
     found.jaws.move(130.0)  # they let go of nothing
-    assert found.faults.idle == ("stick",)
+    assert list(found.faults.idle) == ["stick"]
     hold(found)
     found.stage.move(z_um=0.0)
     jaws, robot = found.jaws, found.robot
     jaws.move(130.0)
-    assert found.faults.idle == ()
+    assert list(found.faults.idle) == []
     error = hole_error(found.truth, gear(found), *next(iter(posts(found.truth))))
     assert error is not None  # it was pulled aside until the post stopped it
     assert math.hypot(error[0], error[1]) == pytest.approx(CLEARANCE_UM)
