@@ -53,10 +53,10 @@ def injected(faults: Sequence[str], idle: Sequence[str] | None) -> str:
 
     Nothing met the `idle` ones; None: that is not known.
     """
+    if faults and idle is None:
+        return f"{', '.join(faults)} (whether anything met them is not known)"
     known = idle or ()
-    said = ", ".join(f"{f} (met by nothing)" if f in known else f for f in faults)
-    unknown = " (whether anything met them is not known)"
-    return said + unknown if faults and idle is None else said
+    return ", ".join(f"{f} (met by nothing)" if f in known else f for f in faults)
 
 
 def columns(rows: Sequence[Sequence[str]]) -> str:

@@ -111,9 +111,8 @@ class Faults:
 
     def __init__(self, asked: Iterable[str] = ()) -> None:
         self.asked = tuple(dict.fromkeys(asked))
-        self._steps: dict[str, set[str]] = {}
         self._step = ""
-        self._met: set[tuple[str, str]] = set()
+        self._met: set[str] = set()  # of `asked`
         for entry in self.asked:
             name, at, step = entry.partition("@")
             if at and not step:
@@ -123,7 +122,6 @@ class Faults:
                 raise ValueError(f"no fault is called {name!r}; known: {known}")
             if step and FAULTS[name].lasting:
                 raise ValueError(f"{entry!r} names a step: {name} lasts the whole run")
-            self._steps.setdefault(name, set()).add(step)
 
     def enter(self, step: str) -> None:
         """Say which step runs now."""
@@ -133,13 +131,11 @@ class Faults:
         """Return whether a fault is at work now; if so, what asks has met it."""
         if name not in FAULTS:
             raise ValueError(f"no fault is called {name!r}")
-        steps = self._steps.get(name, ())
-        now = {step for step in ("", self._step) if step in steps}
-        self._met |= {(name, step) for step in now}
+        now = {name, f"{name}@{self._step}"}.intersection(self.asked)
+        self._met |= now
         return bool(now)
 
     @property
     def idle(self) -> tuple[str, ...]:
         """Return the entries of `asked` that nothing has met so far."""
-        met = {f"{name}@{step}" if step else name for name, step in self._met}
-        return tuple(entry for entry in self.asked if entry not in met)
+        return tuple(entry for entry in self.asked if entry not in self._met)
