@@ -11,6 +11,7 @@ import pytest
 from executor.asked import parse
 from executor.cli import _answer, _asker, _question, _teller
 from executor.simulated.faults import Faults
+from executor.summary import injected
 from schemas.plan import MoveAction
 from tests.executor.bench import plan_of, stage_to, step
 
@@ -89,6 +90,15 @@ def test_what_nothing_met_is_known() -> None:
     found.enter("release")
     assert not found.on("axis_nan")
     assert list(found.idle) == ["light_out", "axis_nan@lift"]
+
+
+def test_whether_faults_were_met_may_be_unknown() -> None:
+    asked = ("light_out", "block")
+    assert injected(asked, ()) == "light_out, block"
+    assert injected(asked, ["block"]) == "light_out, block (met by nothing)"
+    unknown = "light_out, block (whether anything met them is not known)"
+    assert injected(asked, None) == unknown
+    assert injected((), None) == ""
 
 
 def test_a_fault_of_no_step_is_refused() -> None:
