@@ -2,41 +2,33 @@
 
 from __future__ import annotations
 
-from benchmarks import (
-    coherence,
-    compile_memory,
-    compile_rival,
-    compile_times,
-    compiling,
-    costs,
+from benchmarks.compiling import fit, imports, machines, memory, stages, times
+from benchmarks.executing import (
+    control,
     crashes,
     drivers,
+    measuring,
+    placing,
+    runs,
+    servo_gain,
+)
+from benchmarks.figures import Benchmark
+from benchmarks.focus import heights, sweeps
+from benchmarks.localisation import convergence, costs, polarity
+from benchmarks.optics import (
+    coherence,
     error_maps,
-    executor_control,
-    executor_measuring,
     extremes,
-    feature_sets,
-    fit,
-    focus,
-    heights,
-    hostile,
-    imports,
     law_outlines,
     layers,
-    localisation,
-    machines,
-    placing,
-    polarity,
     rendering,
-    runs,
-    same_meaning,
-    selection,
     selector,
-    servo_gain,
     shading,
     vectors,
 )
-from benchmarks.figures import Benchmark
+from benchmarks.rivals import compile_rival
+from benchmarks.robustness import hostile, same_meaning
+from benchmarks.selection import feature_sets, promises
 
 BENCHMARKS: tuple[Benchmark, ...] = (
     vectors.BENCHMARK,
@@ -50,23 +42,23 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     servo_gain.BENCHMARK,
     coherence.BENCHMARK,
     polarity.BENCHMARK,
-    selection.BENCHMARK,
+    promises.BENCHMARK,
     costs.BENCHMARK,
     feature_sets.BENCHMARK,
-    focus.BENCHMARK,
+    sweeps.BENCHMARK,
     heights.BENCHMARK,
     fit.BENCHMARK,
-    localisation.BENCHMARK,
+    convergence.BENCHMARK,
     hostile.BENCHMARK,
     same_meaning.BENCHMARK,
     imports.BENCHMARK,
-    compile_times.BENCHMARK,
-    compile_memory.BENCHMARK,
+    times.BENCHMARK,
+    memory.BENCHMARK,
     compile_rival.BENCHMARK,
-    compiling.BENCHMARK,
+    stages.BENCHMARK,
     machines.BENCHMARK,
-    executor_control.BENCHMARK,
-    executor_measuring.BENCHMARK,
+    control.BENCHMARK,
+    measuring.BENCHMARK,
     runs.BENCHMARK,
     crashes.BENCHMARK,
     placing.BENCHMARK,

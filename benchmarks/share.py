@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from types import FrameType
+from types import FrameType, ModuleType
 from typing import TypeVar
 
 _T = TypeVar("_T")
@@ -22,7 +22,7 @@ class Share:
     went by since counts for where it returns to.
     """
 
-    package: str  # a folder's name
+    package: ModuleType  # with a folder of its own
     clock: Callable[[], float] = time.process_time
     total_s: float = 0.0
     within_s: float = 0.0
@@ -51,8 +51,9 @@ class Share:
         now_s = self.clock()
         went_s, self._last_s = now_s - self._last_s, now_s
         self.total_s += went_s
+        folder = str(Path(str(self.package.__file__)).parent)
         while frame is not None:
-            if Path(frame.f_code.co_filename).parent.name == self.package:
+            if frame.f_code.co_filename.startswith(folder):
                 self.within_s += went_s
                 return
             frame = frame.f_back

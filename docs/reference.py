@@ -18,17 +18,17 @@ from reference_cli import program
 from reference_keys import key_tables, row
 
 import schemas
-from executor.arguments import build_parser as run_parser
-from executor.errors import CODES
-from planner.arguments import build_parser
-from planner.diagnostics import TITLES, Report
-from planner.inputs.read_task import load_task
-from planner.inputs.source import parse
-from planner.model.assembly import initial
-from planner.outputs.world import build_world
+from executor.cli.arguments import build_parser as run_parser
+from executor.devices.errors import CODES
+from planner.assembly.assembly import initial
+from planner.assembly.world import build_world
+from planner.cli.arguments import build_parser
+from planner.source.diagnostics import TITLES, Report
+from planner.source.source import parse
+from planner.task.read_task import load_task
 from schemas.codec import to_data
-from schemas.plan_schema import schema_of
-from schemas.world import World
+from schemas.files.plan_schema import schema_of
+from schemas.files.world import World
 
 ROOT = Path(__file__).parents[1]
 FOLDER = ROOT / "docs" / "reference"

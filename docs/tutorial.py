@@ -17,12 +17,12 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from optics.microscope import Microscope
-from optics.outline import Outline
-from optics.render import render
-from optics.scene import Layer, Scene, Window
-from planner.diagnostics import Report
-from planner.inputs.read_task import load_task
+from optics.outline.outline import Outline
+from optics.render.render import render
+from optics.render.scene import Layer, Scene, Window
+from optics.transfer.microscope import Microscope
+from planner.source.diagnostics import Report
+from planner.task.read_task import load_task
 
 FloatArray = npt.NDArray[np.float64]
 

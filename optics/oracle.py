@@ -17,17 +17,17 @@ import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import CubicSpline
 
-from optics.clip import Box, Edges, clip, to_edges
-from optics.closed_form import transform
-from optics.microscope import Microscope
-from optics.models import find_model
-from optics.occlusion import Tracing, cell_um
-from optics.outline import Outline
-from optics.pixels import axis_px
-from optics.rays import slopes
-from optics.render import Covered
-from optics.scene import Scene, Window
-from optics.spectrum import Tile, band_orders
+from optics.layers.occlusion import Tracing, cell_um
+from optics.layers.rays import slopes
+from optics.outline.clip import Box, Edges, clip, to_edges
+from optics.outline.fourier_integral import transform
+from optics.outline.outline import Outline
+from optics.render.pixels import axis_px
+from optics.render.render import Covered
+from optics.render.scene import Scene, Window
+from optics.render.spectrum import Tile, band_orders
+from optics.transfer.microscope import Microscope
+from optics.transfer.models import find_model
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -122,8 +122,8 @@ class Oracle:
         Parameters
         ----------
         laws : sequence of (model, z_um)
-            A key of `optics.models.MODELS` each, and the height of the body minus
-            that of the plane in focus, um. Every law ends at the cutoff.
+            A key of `optics.transfer.models.MODELS` each, and the height of the body
+            minus that of the plane in focus, um. Every law ends at the cutoff.
 
         Returns
         -------
@@ -176,7 +176,7 @@ def oracle_image(
     Parameters
     ----------
     scene, microscope, focus_um, model, window
-        As in `optics.occlusion.occluded`, whose formula this is.
+        As in `optics.layers.occlusion.occluded`, whose formula this is.
     samples : int
         Rays through each cell.
     step_um : float, optional
@@ -186,7 +186,8 @@ def oracle_image(
     -------
     (rows, columns) float64 array
         Share of full scale. Layers blurred by the law come from `Oracle`. What rays
-        and cells cost: `benchmarks.layers`; what rays lack: `optics.layer_error`.
+        and cells cost: `benchmarks.optics.layers`; what rays lack:
+        `optics.layers.layer_error`.
     """
     frame = window or _full(microscope)
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from executor.drivers import Clock, Counts, Frame
+from executor.devices.drivers import Clock, Counts, Frame
 from executor.micromanager.core import describe
 from schemas.plan import Region
 

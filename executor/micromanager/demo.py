@@ -6,13 +6,13 @@ import time
 from pathlib import Path
 from typing import Any
 
-from executor.drivers import Mover
+from executor.devices.drivers import Mover
+from executor.devices.tables import Table
+from executor.devices.wall_clock import WallClock
 from executor.micromanager.hub import FILE, Hub, make_hub
 from executor.simulated.cell import Cell, build_cell
 from executor.simulated.following import Readings, follow
 from executor.simulated.hub import read_world
-from executor.tables import Table
-from executor.wall_clock import WallClock
 
 ARRIVE_S = 30.0  # to the plan's start, for each device
 POLL_S = 0.01

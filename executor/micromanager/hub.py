@@ -6,6 +6,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from executor.devices.tables import Table
+from executor.devices.wall_clock import WallClock
 from executor.micromanager.camera import MMCamera
 from executor.micromanager.core import close_core, open_core
 from executor.micromanager.light import MMLight
@@ -17,8 +19,6 @@ from executor.micromanager.options import (
     loaded_devices,
     moved,
 )
-from executor.tables import Table
-from executor.wall_clock import WallClock
 
 if TYPE_CHECKING:
     from pymmcore_plus import CMMCorePlus

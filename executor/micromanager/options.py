@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+from executor.devices.tables import Table
 from executor.micromanager.core import LoadedDevice, describe
 from executor.micromanager.drives import (
     Drive,
@@ -18,7 +19,6 @@ from executor.micromanager.light import MMLight
 from executor.micromanager.movers import Moved
 from executor.micromanager.paced import Paced
 from executor.micromanager.properties import PropertyDrive, StateDrive
-from executor.tables import Table
 
 if TYPE_CHECKING:
     from pymmcore_plus import CMMCorePlus

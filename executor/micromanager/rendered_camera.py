@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 from pymmcore_plus.experimental.unicore import SimpleCameraDevice
 
-from executor.drivers import AxisReading, Counts
+from executor.devices.drivers import AxisReading, Counts
 
 if TYPE_CHECKING:
     from pymmcore_plus import CMMCorePlus

@@ -97,11 +97,11 @@ class SerialLens:
         self.model, self.serial = name[0], f"{name[1]} lens"
 
     def start_magnification(self, magnification: float) -> None:
-        """Begin to zoom; see `executor.drivers.Lens`."""
+        """Begin to zoom; see `executor.devices.drivers.Lens`."""
         self._zoom.go(magnification)
 
     def start_focus_um(self, focus_um: float) -> None:
-        """Begin to focus; see `executor.drivers.Lens`."""
+        """Begin to focus; see `executor.devices.drivers.Lens`."""
         self._focus.go(focus_um)
 
     def reading(self) -> tuple[float, float]:
@@ -125,7 +125,7 @@ class SerialGripper:
         self.model, self.serial = name[0], f"{name[1]} jaws"
 
     def start(self, opening_um: float) -> None:
-        """Begin to open or close; see `executor.drivers.Gripper`."""
+        """Begin to open or close; see `executor.devices.drivers.Gripper`."""
         self._axis.go(opening_um)
 
     def reading(self) -> float:

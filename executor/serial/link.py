@@ -6,7 +6,7 @@ import itertools
 import threading
 import time
 
-from executor.errors import ExecutorError
+from executor.devices.errors import ExecutorError
 from executor.serial.port import Port
 from executor.serial.protocol import NUMBERS, Answer, RefusedError, answer, question
 

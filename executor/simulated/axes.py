@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from executor.drivers import AxisReading
+from executor.devices.drivers import AxisReading
 from executor.simulated.contact import touch
 from executor.simulated.timeline import Timeline, Trouble
 from executor.simulated.truth import AXES, AxisState
@@ -95,7 +95,7 @@ class SimAxes:
         theta_rad: float | None = None,
         speed_um_per_s: float | None = None,
     ) -> None:
-        """Begin to go to absolute readings; see `executor.drivers.Axes`."""
+        """Begin to go to absolute readings; see `executor.devices.drivers.Axes`."""
         asked = {"x_um": x_um, "y_um": y_um, "z_um": z_um, "theta_rad": theta_rad}
         self._check(asked)
         self._trouble.refuse("raises")

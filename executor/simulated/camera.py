@@ -10,20 +10,20 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from executor.drivers import Counts, Frame
+from executor.devices.drivers import Counts, Frame
 from executor.simulated.faults import Faults
 from executor.simulated.lens import SimLens
 from executor.simulated.timeline import Timeline, Trouble
 from executor.simulated.truth import Body, Truth
-from optics.lensing import lens_scene
-from optics.microscope import Microscope
-from optics.outline import Outline, place
-from optics.scene import Illumination, Layer, Scene, Window
-from optics.sensor import Sensor, expose
-from optics.shading import shaded
+from optics.layers.shading import shaded
+from optics.lens.distorted_scene import lens_scene
+from optics.lens.sensor import Sensor, expose
+from optics.outline.outline import Outline, place
+from optics.render.scene import Illumination, Layer, Scene, Window
+from optics.transfer.microscope import Microscope
+from schemas.files.world import WorldOptics
 from schemas.plan import Region
 from schemas.pose import Pose
-from schemas.world import WorldOptics
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -114,7 +114,7 @@ class SimCamera:
         return "sim-camera"
 
     def grab(self, region: Region | None = None, *, after_s: float = 0.0) -> Frame:
-        """Expose and return a frame; see `executor.drivers.Camera`."""
+        """Expose and return a frame; see `executor.devices.drivers.Camera`."""
         self._trouble.refuse("raises")
         self._trouble.hang("hangs")
         self._timeline.advance(max(after_s - self._truth.time_s, 0.0))

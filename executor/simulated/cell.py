@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from executor.safety import Rules, Settle, Speeds
+from executor.devices.safety import Rules, Settle, Speeds
+from executor.devices.station import Offer, Station
 from executor.simulated.axes import Drive, SimAxes
 from executor.simulated.camera import SimCamera, SimLight
 from executor.simulated.faults import Faults
@@ -17,8 +18,7 @@ from executor.simulated.lens import SimLens, drawn_errors
 from executor.simulated.making import made_truth
 from executor.simulated.timeline import SimClock, Timeline, Trouble
 from executor.simulated.truth import Truth
-from executor.station import Offer, Station
-from schemas.world import World, WorldAxes
+from schemas.files.world import World, WorldAxes
 
 # Each purpose has its own stream, so that one more draw here moves nothing there.
 PURPOSES = (

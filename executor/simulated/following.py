@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from executor.drivers import AxisReading
+from executor.devices.drivers import AxisReading
 from executor.simulated.axes import STEP_RAD, STEP_UM
 from executor.simulated.cell import Cell
 from executor.simulated.contact import touch

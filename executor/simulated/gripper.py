@@ -46,7 +46,7 @@ class SimGripper:
         return "sim-jaws"
 
     def start(self, opening_um: float) -> None:
-        """Begin to open or close; see `executor.drivers.Gripper`."""
+        """Begin to open or close; see `executor.devices.drivers.Gripper`."""
         tool = self._truth.tool
         low, high = (0.0, 0.0) if tool is None else tool.opening_um
         if not (math.isfinite(opening_um) and low <= opening_um <= high):

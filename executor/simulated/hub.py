@@ -6,12 +6,12 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
-from executor.errors import ExecutorError
+from executor.devices.errors import ExecutorError
 from executor.simulated.axes import Drive
 from executor.simulated.cell import Cell, build_cell
 from executor.simulated.keeping import keep, take
 from schemas.codec import from_data
-from schemas.world import World
+from schemas.files.world import World
 
 
 def cell(

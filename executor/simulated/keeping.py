@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from executor.errors import ExecutorError
+from executor.devices.errors import ExecutorError
 from executor.simulated.cell import Cell
 from schemas.codec import from_data, to_data
 from schemas.pose import Pose

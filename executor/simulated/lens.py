@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from executor.simulated.timeline import Delayed, Timeline, Trouble
-from optics.lens import MAX_DISTORTION, LensErrors
-from schemas.world import WorldLens
+from optics.lens.lens import MAX_DISTORTION, LensErrors
+from schemas.files.world import WorldLens
 
 # Not the aperture of the data sheet: with the compiler's own model it were no judge.
 APERTURE_RATIO = 1.02

@@ -15,8 +15,8 @@ from executor.simulated.shapes import (
     with_holes,
 )
 from executor.simulated.truth import AxisState, Body, Post, Truth
+from schemas.files.world import World, WorldAxes, WorldPart, WorldPost
 from schemas.pose import Pose
-from schemas.world import World, WorldAxes, WorldPart, WorldPost
 
 
 def made_truth(

@@ -8,9 +8,9 @@ from collections.abc import Iterable
 import numpy as np
 import numpy.typing as npt
 
-from optics.outline import JOIN_UM, Arc, Edge, Outline, Ring, Segment, flatten
+from optics.outline.outline import JOIN_UM, Arc, Edge, Outline, Ring, Segment, flatten
+from schemas.files.world import WorldHole, WorldOutline, WorldPost, WorldRing
 from schemas.pose import Pose
-from schemas.world import WorldHole, WorldOutline, WorldPost, WorldRing
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from executor.simulated.shapes import FloatArray, boundary, polygons
-from optics.outline import Outline
+from optics.outline.outline import Outline
+from schemas.files.world import World, WorldAxes, WorldPart, WorldTool
 from schemas.plan import AxesName
 from schemas.pose import Pose
-from schemas.world import World, WorldAxes, WorldPart, WorldTool
 
 AXES = ("x_um", "y_um", "z_um", "theta_rad")
 

@@ -9,10 +9,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from executor.errors import ExecutorError
-from executor.loading import ROLES, build, load
-from executor.testing.bench import Bench, results
-from schemas.console import say, tell
+from executor.devices.errors import ExecutorError
+from executor.devices.loading import ROLES, build, load
+from executor.testing.bench import Bench
+from executor.testing.conformance import results
+from schemas.page.console import say, tell
 
 
 def main(argv: Sequence[str] | None = None) -> int:

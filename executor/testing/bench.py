@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
-from executor.calls import Caller
-from executor.drivers import Clock
-from executor.errors import ExecutorError
-from executor.loading import ROLES, check_role
-from executor.wall_clock import WallClock
+from executor.devices.drivers import Clock
+from executor.devices.errors import ExecutorError
+from executor.devices.timeouts import Caller
+from executor.devices.wall_clock import WallClock
 
 T = TypeVar("T")
 STEPS = {
@@ -26,7 +25,7 @@ BAD = (math.nan, math.inf, -math.inf)
 
 
 class ConformanceError(AssertionError):
-    """A driver does not do what `executor.drivers` says."""
+    """A driver does not do what `executor.devices.drivers` says."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,14 +74,6 @@ class Bench:
 Check = Callable[[Any, Bench], None]
 
 
-@dataclass(frozen=True, slots=True)
-class Result:
-    """One check: its name, and what is wrong; "" if nothing is."""
-
-    check: str
-    wrong: str
-
-
 def must(holds: bool, message: str) -> None:  # noqa: FBT001 - reads as a sentence
     """Raise ConformanceError unless `holds`."""
     if not holds:
@@ -94,47 +85,3 @@ def identity(device: Any, bench: Bench) -> None:
     for name in ("model", "serial"):
         found = bench.call(name, lambda name=name: getattr(device, name))  # type: ignore[misc]  # a bound name
         must(isinstance(found, str) and found != "", f"{name} is {found!r}")
-
-
-def checks(role: str) -> Mapping[str, Check]:
-    """Return the checks of a role by name."""
-    from executor.testing.others import CAMERA, CLOCK, LIGHT  # they use this bench
-    from executor.testing.movers import AXES, JAWS, LENS  # isort: skip
-
-    found = {
-        "stage": AXES, "robot": AXES, "jaws": JAWS, "lens": LENS, "light": LIGHT,
-        "camera": CAMERA, "clock": CLOCK,
-    }  # fmt: skip
-    if role not in found:
-        raise ValueError(f"no role {role!r}, known: {', '.join(ROLES)}")
-    return found[role]
-
-
-def results(device: Any, role: str, bench: Bench) -> Iterator[Result]:
-    """Yield one result a check; a device that lacks methods gets no further."""
-    try:
-        check_role(device, role, role)
-    except ExecutorError as error:
-        yield Result("has all methods", error.message)
-        return
-    for name, check in checks(role).items():
-        try:
-            check(device, bench)
-        except ConformanceError as error:
-            yield Result(name, str(error))
-        else:
-            yield Result(name, "")
-        finally:
-            if hasattr(device, "stop"):
-                device.stop()
-
-
-def failures(device: Any, role: str, bench: Bench) -> tuple[Result, ...]:
-    """Return the checks that a driver fails."""
-    return tuple(r for r in results(device, role, bench) if r.wrong)
-
-
-def conforms(device: Any, role: str, bench: Bench) -> None:
-    """Raise ConformanceError with all that is wrong with a driver; for a test."""
-    wrong = [f"{r.check}: {r.wrong}" for r in failures(device, role, bench)]
-    must(not wrong, "; ".join(wrong))

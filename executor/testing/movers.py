@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from executor.safety import AXES as AXIS_NAMES
+from executor.devices.safety import AXES as AXIS_NAMES
 from executor.testing.bench import BAD, Bench, Check, identity, must
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from executor.drivers import Frame
+from executor.devices.drivers import Frame
 from executor.testing.bench import BAD, Bench, Check, ConformanceError, identity, must
 from schemas.plan import Region
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 from schemas.plan.moves import AxesName, AxisMove
+from schemas.plan.solids import Fingers, Solid
 from schemas.plan.steps import Step
 from schemas.pose import Pose
-from schemas.solids import Fingers, Solid
 
 FORMAT_VERSION = "2.3"
 

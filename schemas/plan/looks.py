@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from schemas.plan.evidence import Evidence, Together
 from schemas.plan.measures import Measure
-from schemas.views import CoarseFirst, ViewVerdict
+from schemas.plan.views import CoarseFirst, ViewVerdict
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

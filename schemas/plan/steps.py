@@ -8,7 +8,7 @@ from typing import Literal
 from schemas.plan.actions import Action
 from schemas.plan.looks import EffectRow, Look
 from schemas.plan.moves import AxisMove
-from schemas.verdicts import (
+from schemas.plan.verdicts import (
     BudgetAnalysis,
     FitVerdict,
     GraspVerdict,

@@ -5,12 +5,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.naive import Naive
-from benchmarks.runs import NAMES, Outcome, figures
-from benchmarks.vectors import worst_error
+from benchmarks.executing.runs import NAMES, Outcome, figures
+from benchmarks.optics.vectors import worst_error
+from benchmarks.rivals.naive import Naive
 from optics.oracle import Oracle
-from optics.render import render
-from optics.sampling import BAND_ERROR, margin_error
+from optics.render.render import render
+from optics.render.sampling import BAND_ERROR, margin_error
 from tests.optics.shapes import gear, microscope, one_layer
 
 

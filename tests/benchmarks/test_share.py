@@ -10,13 +10,14 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
+import optics
 from benchmarks.share import Share
-from optics.refining import refined
+from optics.transfer.node_refinement import refined
 
 
 def _shared(work: Callable[[], None], clock_s: Sequence[float]) -> Share:
     times = chain(clock_s, repeat(clock_s[-1]))
-    share = Share(package="optics", clock=lambda: next(times))
+    share = Share(package=optics, clock=lambda: next(times))
     share.of(work)
     return share
 

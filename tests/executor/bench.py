@@ -21,16 +21,27 @@ from featuresel.routines import (
     load,
 )
 from featuresel.routines.frame import RegionFrame
-from optics.microscope import Microscope
-from optics.outline import Arc, Outline, place
-from optics.render import render
-from optics.scene import Layer, Scene, Window
-from planner.diagnostics import Report
-from planner.inputs.read_task import load_task
-from planner.inputs.task import Task
-from planner.model.shapes import squeeze_minima_rad
-from planner.outputs.solids import finger_solids, part_solids
+from optics.outline.outline import Arc, Outline, place
+from optics.render.render import render
+from optics.render.scene import Layer, Scene, Window
+from optics.transfer.microscope import Microscope
+from planner.assembly.shapes import squeeze_minima_rad
+from planner.assembly.solids import finger_solids, part_solids
+from planner.source.diagnostics import Report
+from planner.task.read_task import load_task
+from planner.task.task import Task
 from schemas.codec import to_data
+from schemas.files.world import (
+    World,
+    WorldAxes,
+    WorldHole,
+    WorldOptics,
+    WorldOutline,
+    WorldPart,
+    WorldPost,
+    WorldRing,
+    WorldTool,
+)
 from schemas.plan import (
     FORMAT_VERSION,
     Action,
@@ -64,19 +75,8 @@ from schemas.plan import (
     View,
     dump_plan,
 )
+from schemas.plan.solids import Fingers, Solid
 from schemas.pose import Pose
-from schemas.solids import Fingers, Solid
-from schemas.world import (
-    World,
-    WorldAxes,
-    WorldHole,
-    WorldOptics,
-    WorldOutline,
-    WorldPart,
-    WorldPost,
-    WorldRing,
-    WorldTool,
-)
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "gear_on_shaft" / "task.yaml"
 SIDE = 200  # px of a look's region

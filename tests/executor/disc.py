@@ -10,17 +10,18 @@ from functools import cache
 
 import numpy as np
 
-from executor.artifacts import Artifacts
-from executor.beliefs import Beliefs
-from executor.drivers import Counts, Frame
-from executor.frames import Frames
-from executor.journal import Journal
-from executor.rig import Rig
+from executor.devices.drivers import Counts, Frame
+from executor.motion.beliefs import Beliefs
+from executor.record.frames import Frames
+from executor.record.journal import Journal
+from executor.run.artifacts import Artifacts
+from executor.run.run_context import Rig
 from executor.simulated.cell import Cell, build_cell
-from featuresel.routines import Artifact, FloatArray, Target, circle_caliper
+from featuresel.routines import Artifact, FloatArray, Target
+from featuresel.routines.circle import circle_caliper
+from schemas.files.world import World
 from schemas.plan import Belief, Look, Region, RoutineUse, View
 from schemas.pose import Pose
-from schemas.world import World
 from tests.executor.bench import NO_SCENE, measure, plan_of, quiet, untried, world
 
 RADIUS_UM, SIDE, PITCH_UM = 20.0, 96, 1.0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from executor.simulated.camera import FloatArray, SimCamera
-from optics.scene import Window
+from optics.render.scene import Window
 
 RENDER = SimCamera._image
 _SEEN: dict[tuple[str, ...], FloatArray] = {}

@@ -8,16 +8,17 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from executor.artifacts import Artifacts
-from executor.beliefs import Beliefs
-from executor.frames import Frames
-from executor.journal import Journal
-from executor.rig import Rig
-from executor.run import RunResult, run_plan
+from executor.devices.station import Station
+from executor.motion.beliefs import Beliefs
+from executor.record.frames import Frames
+from executor.record.journal import Journal
+from executor.record.outcome import RunResult
+from executor.run.artifacts import Artifacts
+from executor.run.run import run_plan
+from executor.run.run_context import Rig
 from executor.simulated.cell import Cell, build_cell
-from executor.station import Station
+from schemas.files.world import World
 from schemas.plan import Plan
-from schemas.world import World
 
 SILENT = ("reading", "moving", "model", "serial", "now_s", "wait")  # change nothing
 

@@ -6,11 +6,11 @@ import cmath
 import math
 from dataclasses import replace
 
-from featuresel.case import LookCase
-from featuresel.contour import with_contour
-from featuresel.feature import Feature
+from featuresel.features.contour import with_contour
+from featuresel.features.feature import Feature
+from featuresel.look.scenario import LookCase
 from featuresel.routines import Target
-from optics.outline import Outline, place
+from optics.outline.outline import Outline, place
 
 
 def target_of(

@@ -12,9 +12,9 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from featuresel.case import LookCase, Spread
-from featuresel.contour import with_contour
-from featuresel.nominal import nominal_render
+from featuresel.features.contour import with_contour
+from featuresel.look.nominal import nominal_render
+from featuresel.look.scenario import LookCase, Spread
 from featuresel.routines import (
     Artifact,
     Failure,
@@ -24,12 +24,12 @@ from featuresel.routines import (
     TargetKind,
     load,
 )
-from optics.lens import LensErrors
-from optics.microscope import Microscope
-from optics.outline import Arc, Outline, Ring, Segment
-from optics.sampling import Sampling
-from optics.scene import Illumination, Layer, Window
-from optics.sensor import Sensor, expose, to_unit
+from optics.lens.lens import LensErrors
+from optics.lens.sensor import Sensor, expose, to_unit
+from optics.outline.outline import Arc, Outline, Ring, Segment
+from optics.render.sampling import Sampling
+from optics.render.scene import Illumination, Layer, Window
+from optics.transfer.microscope import Microscope
 
 FloatArray = npt.NDArray[np.float64]
 

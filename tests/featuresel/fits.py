@@ -10,12 +10,13 @@ from functools import cache
 import numpy as np
 import numpy.typing as npt
 
-from featuresel.case import LookCase
-from featuresel.nominal import NominalRender, nominal_render
-from featuresel.routines import Artifact, Guess, defocus_pair, likelihood
-from featuresel.routines.appearance import Pose
-from featuresel.routines.comparison import Job, View
-from featuresel.routines.pose_job import read_job
+from featuresel.look.nominal import NominalRender, nominal_render
+from featuresel.look.scenario import LookCase
+from featuresel.routines import Artifact, Guess
+from featuresel.routines.likelihood import defocus_pair, likelihood
+from featuresel.routines.likelihood.appearance import Pose
+from featuresel.routines.likelihood.comparison import Job, View
+from featuresel.routines.likelihood.fit_problem import read_job
 from tests.featuresel.conftest import CASES, noisy
 
 FloatArray = npt.NDArray[np.float64]

@@ -9,9 +9,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy import fft
 
-from optics.microscope import Microscope
-from optics.outline import Arc, Edge, Outline, Ring, Segment
-from optics.scene import Layer, Scene
+from optics.outline.outline import Arc, Edge, Outline, Ring, Segment
+from optics.render.scene import Layer, Scene
+from optics.transfer.microscope import Microscope
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -5,18 +5,18 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from planner.checks.budget import Sighted
-from planner.contests import Effects
-from planner.diagnostics import Report
-from planner.inputs.read_task import load_task
-from planner.inputs.task import Step, Task
-from planner.memory import Memory
-from planner.model.steps import unfold
-from planner.placements import place_budget
-from planner.presets import PRESETS
-from planner.putting import Putting, putting_of
+from planner.assembly.step_states import unfold
+from planner.budget.budget import Sighted
+from planner.budget.measurement_history import Memory
+from planner.budget.placement import Putting, putting_of
+from planner.budget.placement_budget import place_budget
+from planner.looks.look_problem import Effects
+from planner.source.diagnostics import Report
+from planner.task.presets import PRESETS
+from planner.task.read_task import load_task
+from planner.task.task import Step, Task
 from schemas.plan import Budget
-from schemas.verdicts import PlacingVerdict
+from schemas.plan.verdicts import PlacingVerdict
 from tests.planner.examples import ROOT
 
 EXAMPLE = ROOT / "examples" / "laser_die" / "task.yaml"

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import yaml
 
+from tests.planner.drawings import dxf_text as dxf
 from tests.planner.examples import EXAMPLE
-from tests.planner.inputs import dxf_text as dxf
 
 Vertex = tuple[float, float, float]  # x, y, um, and the bulge of the edge after it
 PLACES = 4  # decimals of coordinates, um

@@ -25,15 +25,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from optics.outline import flatten
-from planner.compiler import feature_places
-from planner.diagnostics import Report
-from planner.inputs.read_task import load_task
-from planner.model.check import check_fits
-from planner.model.requests import requests
-from planner.model.scenes import world_scene
-from planner.model.sightings import views
-from planner.model.steps import unfold
+from optics.outline.outline import flatten
+from planner.assembly.step_states import unfold
+from planner.plan.compiler import feature_places
+from planner.source.diagnostics import Report
+from planner.task.read_task import load_task
+from planner.views.check_task import check_fits
+from planner.views.requests import requests
+from planner.views.scenes import world_scene
+from planner.views.target_views import views
 from schemas.codec import to_data
 from tests.planner.random_jobs import Form, turned
 

@@ -10,7 +10,7 @@ import pytest
 from tests.planner.random_jobs import FORMS, PLAIN, random_job, write_job
 from tests.planner.same_meaning import differences, look_at
 
-JOBS = 4  # here; `python -m benchmarks.same_meaning` takes a few hundred
+JOBS = 4  # here; `python -m benchmarks.robustness.same_meaning` takes a few hundred
 
 
 @pytest.mark.parametrize("edit", FORMS)

@@ -14,13 +14,13 @@ from pathlib import Path
 
 import pytest
 
-from executor.arguments import MODES
-from planner.presets import PRESETS
+from executor.cli.arguments import MODES
+from planner.task.presets import PRESETS
 from tests.planner.examples import ROOT
 
 COMMANDS = {
-    "microplan": ("planner.cli", ("completion",)),
-    "microplan-run": ("executor.cli", ("--completion",)),
+    "microplan": ("planner.cli.main", ("completion",)),
+    "microplan-run": ("executor.cli.main", ("--completion",)),
 }
 # what is typed -> what is offered, at least; "" begins a new word
 OFFERS: list[tuple[list[str], set[str]]] = [

@@ -12,20 +12,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import executor.beliefs
-import planner.model.assembly
-from executor.drivers import AxisReading
+import executor.motion.beliefs
+import planner.assembly.assembly
+from executor.devices.drivers import AxisReading
 from executor.simulated.cell import Cell, build_cell
-from featuresel.axes import words
+from featuresel.features.factorial_design import words
 from featuresel.routines.frame import RegionFrame
-from optics.jacobian import to_px
-from optics.render import render
-from planner.diagnostics import Report
-from planner.inputs.read_task import load_task
-from planner.inputs.read_workcell import COVERAGE
-from planner.inputs.task import Task
-from planner.model.assembly import Axis4, initial
-from planner.outputs.world import build_world
+from optics.lens.jacobian import to_px
+from optics.render.render import render
+from planner.assembly.assembly import Axis4, initial
+from planner.assembly.world import build_world
+from planner.source.diagnostics import Report
+from planner.task.read_task import load_task
+from planner.task.read_workcell import COVERAGE
+from planner.task.task import Task
 from schemas.codec import quantise, to_data
 from schemas.pose import Pose
 from tests.optics.shapes import disc, microscope, one_layer
@@ -75,11 +75,11 @@ def test_all_three_agree_on_where_stage_and_grip_are(
     cell.truth.stage.actual = now
     cell.truth.robot.actual = now
     center = task.workcell.stage.theta_axis_um
-    compiled = planner.model.assembly.stage_pose(task, axis)
-    assert _same(compiled, executor.beliefs.stage_pose(reading, center))
+    compiled = planner.assembly.assembly.stage_pose(task, axis)
+    assert _same(compiled, executor.motion.beliefs.stage_pose(reading, center))
     assert _same(compiled, cell.truth.stage_pose())
-    grip = planner.model.assembly.robot_pose(axis)
-    assert _same(grip, executor.beliefs.grip_pose(reading))
+    grip = planner.assembly.assembly.robot_pose(axis)
+    assert _same(grip, executor.motion.beliefs.grip_pose(reading))
     assert _same(grip, cell.truth.grip_pose())
 
 
@@ -88,7 +88,7 @@ def test_the_axis_travels_with_the_stage(
     x: float, y: float, a: float, b: float, theta: float
 ) -> None:
     reading = AxisReading(x_um=x, y_um=y, z_um=0.0, theta_rad=theta)
-    found = executor.beliefs.stage_pose(reading, (a, b)).apply(a, b)
+    found = executor.motion.beliefs.stage_pose(reading, (a, b)).apply(a, b)
     assert found == pytest.approx((x + a, y + b), abs=1e-9)
 
 

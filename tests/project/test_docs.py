@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from planner.outputs.summary import plan_summary
+from planner.store.summary import plan_summary
 from schemas.plan import parse_plan
 from tests.project.walk import Said, calls
 

@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 
-import executor.cli
-import planner.cli
+import executor.cli.main
+import planner.cli.main
 import schemas
 
 ROOT = Path(__file__).parents[2]
@@ -70,13 +70,13 @@ def test_every_option_of_both_programs_is_told(
 ) -> None:
     text = (PAGES / "cli.md").read_text(encoding="utf-8")
     told = set(re.findall(r"--[a-z][a-z-]+", text))
-    assert planner.cli.main(["--help"]) == 0
+    assert planner.cli.main.main(["--help"]) == 0
     helps = [capsys.readouterr().out]
     for command in re.findall(r"^    (\w+)  ", helps[0], re.MULTILINE):
         assert f"### `microplan {command}`" in text
-        assert planner.cli.main([command, "--help"]) == 0
+        assert planner.cli.main.main([command, "--help"]) == 0
         helps.append(capsys.readouterr().out)
-    assert executor.cli.main(["--help"]) == 0
+    assert executor.cli.main.main(["--help"]) == 0
     helps.append(capsys.readouterr().out)
     named = set(re.findall(r"--[a-z][a-z-]+", "".join(helps)))
     assert len(named) > 30

@@ -9,9 +9,21 @@ from typing import Any
 import pytest
 
 import schemas
-from schemas import pose, solids, verdicts, views, world
+from schemas import pose
 from schemas.field_notes import field_notes
-from schemas.plan import actions, document, evidence, looks, measures, moves, steps
+from schemas.files import world
+from schemas.plan import (
+    actions,
+    document,
+    evidence,
+    looks,
+    measures,
+    moves,
+    solids,
+    steps,
+    verdicts,
+    views,
+)
 
 PLAN = (actions, document, evidence, looks, measures, moves, steps)
 

@@ -1,0 +1,126 @@
+"""Predicted polarity of the edges of random parts against the exact reference.
+
+Parts are drawn at random: polygons and half discs with holes, thin slots side by side,
+toothed discs; so are reflectances, backgrounds, focus, zoom, a neighbour above or
+below. The prediction comes from what routines are prepared with, another defocus law,
+fast and integrated over pixels; the truth from the oracle's exact law at points, layer
+by layer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from benchmarks.figures import Benchmark, Figure, Options
+from benchmarks.selection.random_parts import random_case
+from featuresel.look.nominal import nominal_render
+from featuresel.look.scenario import LookCase
+from featuresel.routines.contour.polarity import place, predict
+from featuresel.routines.sampling import cubic
+from optics.oracle import Oracle
+from optics.outline.outline import place as placed
+from optics.render.scene import Window
+from optics.transfer.microscope import Microscope
+
+FloatArray = npt.NDArray[np.float64]
+
+PARTS = 200
+_SEED = 7
+_OVER = 4  # truth's samples per pixel: .27 um at m = 6.9, below the band's .36
+_POINT = 1e-12  # fill factor: no area
+_WRAP = 4e-3  # error of the reference allowed: .2 of the faintest step, and spread out
+_STEP_UM = 0.2  # of the derivative across an edge, well below the resolution of .87
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Judged:
+    """One part: its points, how many were kept, and how many of those are wrong."""
+
+    points: int
+    kept: int
+    wrong: int
+
+
+def judge(seed: int) -> Judged:
+    """Return how the prediction for one random part compares with the truth."""
+    case = random_case(np.random.default_rng((_SEED, seed)))
+    found = predict(nominal_render(case), case.target)
+    contour = np.array(case.target.contour)
+    slope = true_slope(case, contour)
+    wrong = found.kept & (slope * found.step <= 0)
+    return Judged(
+        points=len(contour), kept=int(found.kept.sum()), wrong=int(wrong.sum())
+    )
+
+
+def true_slope(case: LookCase, contour: FloatArray) -> FloatArray:
+    """Return (N,) how fast the exact image brightens outwards at the points, per px."""
+    scope = replace(
+        case.microscope,
+        pitch_um=case.microscope.pitch_um / _OVER,
+        width_px=case.microscope.width_px * _OVER,
+        height_px=case.microscope.height_px * _OVER,
+        fill_factor=_POINT,
+    )
+    where = place(contour, case.target)
+    # pixels of the coarse frame to samples of the fine one
+    w = case.window
+    window = Window(
+        row=w.row * _OVER,
+        column=w.column * _OVER,
+        rows=w.rows * _OVER,
+        columns=w.columns * _OVER,
+    )
+    image = _exact(case, scope, window)
+    step_px = _STEP_UM * scope.px_per_um
+    ends = [
+        cubic(
+            image,
+            (where[:, 0] + 0.5) * _OVER - 0.5 + side * step_px * where[:, 2],
+            (where[:, 1] + 0.5) * _OVER - 0.5 + side * step_px * where[:, 3],
+        )[0]
+        for side in (1, -1)
+    ]
+    return ends[0] - ends[1]
+
+
+def _exact(case: LookCase, scope: Microscope, window: Window) -> FloatArray:
+    """Return the layers by the exact law, laid over each other from below."""
+    image = np.full((window.rows, window.columns), case.background)
+    moved = [
+        replace(
+            layer, outline=placed(layer.outline, case.x_um, case.y_um, case.theta_rad)
+        )
+        for layer in case.moving
+    ]
+    for layer in sorted((*case.static, *moved), key=lambda one: one.z_um):
+        z_um = layer.z_um - case.focus_um
+        oracle = Oracle.of(
+            layer.outline,
+            scope,
+            window=window,
+            deepest_um=abs(z_um) + 1,
+            wrap_error=_WRAP,
+        )
+        coverage = oracle.image("exact", z_um)
+        image = (1 - coverage) * image + layer.reflectance * coverage
+    return image
+
+
+def _measure(options: Options) -> Iterator[Figure]:
+    """Judge all parts."""
+    with ProcessPoolExecutor(options.jobs) as pool:
+        found = list(pool.map(judge, range(PARTS), chunksize=4))
+    points = sum(one.points for one in found)
+    kept = sum(one.kept for one in found)
+    wrong = sum(one.wrong for one in found)
+    yield Figure(name="polarity.wrong", value=wrong, unit="1")
+    yield Figure(name="polarity.kept_share", value=kept / points, unit="1")
+
+
+BENCHMARK = Benchmark(names=("polarity.wrong", "polarity.kept_share"), measure=_measure)

@@ -1,0 +1,289 @@
+"""Runs of one plan, step by step, against what the plan predicted."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from executor.analysis.distributions import (
+    binomial_at_most,
+    student_above,
+    student_quantile,
+)
+from executor.analysis.run_summaries import Run
+from executor.analysis.scatter import LEVEL, Mean, mean, share, spread
+from schemas.plan import Control, Plan, Step
+
+STOPPED = "MP860"  # the operator's word says nothing of the plan
+ALPHA = 0.05  # of one false alarm in the whole comparison
+TIME_SHARE = 0.1  # a predicted time that is off by less is not called wrong
+_DIGITS = 5e-7  # a plan's six digits: a chance of 1 may be less by it
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Figure:
+    """One number of a step over the runs, beside the prediction."""
+
+    step: str
+    name: str
+    unit: str
+    runs: Mean
+    sd: float | None
+    p95: float
+    predicted: float | None
+    limit: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Check:
+    """One prediction put to the test."""
+
+    step: str  # "" for the plan as a whole
+    name: str
+    predicted: str
+    found: str
+    chance: float  # of what was found, or worse, if the prediction is right
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Comparison:
+    """What the runs say together."""
+
+    runs: tuple[Run, ...]
+    apart: tuple[Run, ...]  # with faults that were asked for, or resumed
+    done: int
+    counted: int  # runs that the operator did not stop
+    figures: tuple[Figure, ...]
+    checks: tuple[Check, ...]
+
+    @property
+    def refuted(self) -> tuple[Check, ...]:
+        """Return the checks that fail, by Holm's rule over all of them."""
+        found: list[Check] = []
+        ordered = sorted(self.checks, key=lambda check: check.chance)
+        for k, check in enumerate(ordered):
+            if check.chance > ALPHA / (len(ordered) - k):
+                break
+            found.append(check)
+        return tuple(found)
+
+
+def compare(plan: Plan, runs: Sequence[Run]) -> Comparison:
+    """Return the figures of the runs, and the plan's predictions put to the test.
+
+    Each prediction is tested as what it is: the success as a binomial, the looks of an
+    alignment as waiting times, the time of an alignment by Student's t at the looks it
+    took, and a look's true error, where a simulated cell tells it, by chi-square. Runs
+    with faults that were asked for, and resumed ones, are left apart.
+    """
+    apart = tuple(run for run in runs if run.apart)
+    runs = [run for run in runs if not run.apart]
+    counted = [run for run in runs if run.data["code"] != STOPPED]
+    done = sum(bool(run.data["done"]) for run in counted)
+    figures: list[Figure] = []
+    checks: list[Check] = []
+    if counted:
+        checks.append(_success(plan, done, len(counted)))
+    for step in plan.steps:
+        figures += _figures(step, runs)
+        checks += _checks(step, runs)
+    return Comparison(
+        runs=tuple(runs),
+        apart=apart,
+        done=done,
+        counted=len(counted),
+        figures=tuple(figures),
+        checks=tuple(checks),
+    )
+
+
+def predicted_s(control: Control, looks: float | None = None) -> float:
+    """Return the predicted time of an alignment, at `looks` looks or the expected."""
+    number = control.expected_cycles if looks is None else looks
+    return control.approach_s + number * control.expected_s / control.expected_cycles
+
+
+def _figures(step: Step, runs: Sequence[Run]) -> list[Figure]:
+    """Return a step's numbers over the runs that did it."""
+    rows = [row for run in runs if (row := run.step(step.id)) is not None]
+    sigma_um, limit_um = _told(rows, "expected_sigma_um"), _told(rows, "limit_um")
+    control = step.control
+    cycles = None if control is None else control.expected_cycles
+    time_s = None if control is None else predicted_s(control)
+    wanted = (
+        ("cycles", "cycles", "", cycles, None),
+        ("time", "time_s", "s", time_s, None),
+        ("error", "error_um", "um", None, limit_um),
+        ("spread", "spread_um", "um", sigma_um, None),
+        ("height", "height_um", "um", None, None),
+    )
+    found = [
+        _figure(step.id, name, unit, _values(rows, key), predicted, limit)
+        for name, key, unit, predicted, limit in wanted
+    ]
+    true_um = _true_errors(step, runs)
+    found.append(_figure(step.id, "true error", "um", true_um, None, None))
+    return [figure for figure in found if figure is not None]
+
+
+def _figure(
+    step: str,
+    name: str,
+    unit: str,
+    values: Sequence[float],
+    predicted: float | None,
+    limit: float | None,
+) -> Figure | None:
+    """Return one number over the runs, None if no run has it."""
+    if not values:
+        return None
+    about, count = mean(values), len(values)
+    if name != "height" and about.low < 0:  # Student's interval; none of these can be
+        about = replace(about, low=0.0)
+    squares = sum((v - about.mean) ** 2 for v in values)
+    return Figure(
+        step=step,
+        name=name,
+        unit=unit,
+        runs=about,
+        sd=math.sqrt(squares / (count - 1)) if count > 1 else None,
+        p95=sorted(values)[math.ceil(0.95 * count) - 1],
+        predicted=predicted,
+        limit=limit,
+    )
+
+
+def _checks(step: Step, runs: Sequence[Run]) -> list[Check]:
+    """Return the tests of one step's predictions that the runs allow."""
+    found: list[Check] = []
+    rows = [row for run in runs if (row := run.step(step.id)) is not None]
+    control = step.control
+    if control is not None:
+        looks = [int(v) for v in _values(rows, "cycles")]
+        if looks and control.method == "servo":
+            found.append(_looks(step.id, control, looks))
+        if len(looks) > 1 and len(looks) == len(rows):
+            times = _values(rows, "time_s")
+            found.append(_time(step.id, control, looks, times))
+    true_um = _true_errors(step, runs)
+    if true_um:
+        found.append(_error(step, true_um))
+    return found
+
+
+def _success(plan: Plan, done: int, counted: int) -> Check:
+    """Test the chance that a run ends well."""
+    # what pages are made of is not loaded where a run begins
+    from schemas.page.figures import chance as as_chance
+
+    one = share(done, counted, min(plan.success_probability, 1 - _DIGITS))
+    return Check(
+        step="",
+        name="success",
+        predicted=as_chance(plan.success_probability),
+        found=f"{done} of {counted}, {one.low:.3f}..{one.high:.3f}",
+        chance=one.chance,
+    )
+
+
+def _looks(step: str, control: Control, looks: Sequence[int]) -> Check:
+    """Test how many looks alignments take: each ends with the same chance p.
+
+    The sum of n waiting times is s or more if fewer than n of s - 1 looks ended one.
+    """
+    p = min(1 / control.expected_cycles, 1 - _DIGITS)
+    count, total = len(looks), sum(looks)
+    more = binomial_at_most(count - 1, total - 1, p)
+    fewer = 1 - binomial_at_most(count - 1, total, p)
+    about = mean([float(v) for v in looks])
+    return Check(
+        step=step,
+        name="cycles",
+        predicted=f"{control.expected_cycles:.3g}",
+        found=f"{about.mean:.3g}, {_interval(about)}",
+        chance=min(1.0, 2 * min(more, fewer)),
+    )
+
+
+def _time(
+    step: str, control: Control, looks: Sequence[int], times_s: Sequence[float]
+) -> Check:
+    """Test the time of alignments, at the looks that each took."""
+    wanted = [predicted_s(control, n) for n in looks]
+    off = mean([t - w for t, w in zip(times_s, wanted, strict=True)])
+    per_run = sum(wanted) / len(wanted)
+    slack = TIME_SHARE * per_run
+    half = (off.high - off.low) / 2
+    beyond = abs(off.mean) - slack
+    if beyond <= 0:
+        chance = 1.0
+    elif half > 0:
+        quantile = _half_width(off.count)
+        chance = 2 * student_above(beyond * quantile / half, off.count - 1)
+    else:
+        chance = 0.0
+    return Check(
+        step=step,
+        name="time",
+        predicted=f"{per_run:.3g} s at these looks",
+        found=f"{per_run + off.mean:.3g} s",
+        chance=min(chance, 1.0),
+    )
+
+
+def _error(step: Step, errors_um: Sequence[float]) -> Check:
+    """Test the spread of a step's last look by its true errors, two axes each."""
+    look = step.looks[-1] if len(step.looks) == 1 else _last_look(step)
+    upper = None if look.together else look.evidence.chosen.sigma_upper_um
+    one = spread(
+        sum(e * e for e in errors_um), 2 * len(errors_um), look.sigma_xy_um, upper
+    )
+    return Check(
+        step=step.id,
+        name="true error",
+        predicted=f"{one.predicted:.3g} um, at most {one.most:.3g}",
+        found=f"{one.sigma:.3g} um, {one.low:.3g}..{one.high:.3g}",
+        chance=one.chance,
+    )
+
+
+def _last_look(step: Step) -> Any:
+    """Return the look that a step of several ends with: verify looks at the seat."""
+    wanted = getattr(step.action, "seat_look", None) or getattr(
+        step.action, "look", None
+    )
+    return next((x for x in step.looks if x.id == wanted), step.looks[-1])
+
+
+def _half_width(count: int) -> float:
+    """Return the quantile by which an interval of `mean` is wide."""
+    return student_quantile((1 + LEVEL) / 2, count - 1)
+
+
+def _interval(one: Mean) -> str:
+    """Return an interval in words."""
+    return f"{one.low:.3g}..{one.high:.3g}" if one.count > 1 else "one run"
+
+
+def _true_errors(step: Step, runs: Sequence[Run]) -> list[float]:
+    """Return the true errors of a step's last look, of runs that did the step."""
+    if not step.looks:
+        return []
+    found = []
+    for run in runs:
+        value = run.data["true_look_error_um"].get(step.id)
+        if run.step(step.id) is not None and value is not None:
+            found.append(float(value))
+    return found
+
+
+def _values(rows: Iterable[Mapping[str, Any]], key: str) -> list[float]:
+    """Return the numbers that are there."""
+    return [float(row[key]) for row in rows if row.get(key) is not None]
+
+
+def _told(rows: Iterable[Mapping[str, Any]], key: str) -> float | None:
+    """Return the first number that is there."""
+    return next(iter(_values(rows, key)), None)

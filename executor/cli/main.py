@@ -1,0 +1,341 @@
+"""The command microplan-run: read a plan, run it on a station, say how it went."""
+
+from __future__ import annotations
+
+import os
+import stat
+import sys
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
+
+from executor.analysis.annotate import mark, write_marked
+from executor.analysis.comparison import compare
+from executor.analysis.comparison_report import comparison_json, comparison_text
+from executor.analysis.picture_report import report_json, report_text, together
+from executor.analysis.pictures import files_of, find_in, viewer
+from executor.analysis.run_summaries import read_runs
+from executor.cli.options import Call, parse
+from executor.cli.replay import replay
+from executor.cli.run_result import Ended, told
+from executor.cli.select_station import Site, find_site
+from executor.cli.session import Asking, Job, header_of, perform
+from executor.devices.errors import (
+    BUG,
+    CODES,
+    DONE,
+    FAILED,
+    MACHINE,
+    STOPPED,
+    ExecutorError,
+)
+from executor.devices.paths import is_file
+from executor.devices.station import preflight
+from executor.record.listing import plan_lines
+from executor.record.plan_file import PlanFile, read_plan
+from executor.record.recorded_calls import read_record, records_of
+from executor.record.run_folder import (
+    RunFolder,
+    check_free,
+    check_same,
+    lock_beside,
+    new_run,
+    old_run,
+)
+from executor.run.artifacts import Artifacts
+from schemas.page.console import OutputLostError, flush, say, tell
+from schemas.plan import Plan, newer_note
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Return the exit status: 0 done, 1 no, 2 input, 3 machine, 4 stopped, 70 a bug."""
+    _hold_streams()
+    try:
+        status = _status(argv)
+        flush()
+    except OutputLostError as error:
+        tell(f"error: {error}")
+        return MACHINE
+    except Exception as error:  # the one place that catches everything
+        tell(f"bug in microplan: {type(error).__name__}: {error}")
+        return BUG
+    return status
+
+
+def _hold_streams() -> None:
+    """Open what stands in for standard streams that are closed.
+
+    The journal would else be opened in their place, and libraries write there.
+    """
+    for number in range(3):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # gets the lowest number that is free
+
+
+def _status(argv: Sequence[str] | None) -> int:
+    """Do what was asked for; return the exit status."""
+    try:
+        call = parse(argv)
+    except SystemExit as leaving:  # argparse: 0 after --help, 2 for a wrong call
+        return int(leaving.code or 0)
+    try:
+        return _run(call)
+    except ExecutorError as error:
+        _tell(error, call.plan_file)
+        return error.exit_status
+    except KeyboardInterrupt:
+        stopped = ExecutorError("MP860", "stopped while nothing was in motion")
+        _tell(stopped, call.plan_file)
+        return stopped.exit_status
+
+
+def _run(call: Call) -> int:
+    """Do what was asked; errors are the caller's to report."""
+    file = read_plan(call.plan_file)
+    if note := newer_note(file.plan):
+        tell(f"note: {note}")
+    if call.mode == "compare":
+        return _compare(call, file)
+    if call.mode == "report" and call.record is not None:
+        from executor.analysis.run_report import write_report
+
+        say(f"report: {write_report(call.record)}")
+        return DONE
+    if call.record is not None:
+        return _replay(call, file, call.record)
+    if call.pictures is not None:
+        return _look_at_pictures(call, file.plan, call.pictures)
+    with ExitStack() as stack:
+        if call.station_file is not None and is_file(call.station_file):
+            stack.enter_context(lock_beside(call.station_file))
+        return _on_station(call, file, stack)
+
+
+def _on_station(call: Call, file: PlanFile, stack: ExitStack) -> int:
+    """Check, list, run or resume the plan on its station."""
+    plan = file.plan
+    path = call.run_dir or call.folder.parent / f"{plan.name}.run"
+    if call.resume:
+        return _resume(call, file, stack.enter_context(old_run(path)))
+    if call.mode == "run":
+        check_free(path, discard=call.discard)
+    site = _site(call, plan, None)
+    preflight(plan, site.station)
+    artifacts = Artifacts.from_folder(plan, call.folder)
+    if call.mode == "check":
+        say(f"{plan.name}: {len(plan.steps)} steps fit the station")
+        return DONE
+    if call.mode == "dry-run":
+        say("\n".join(plan_lines(plan)))
+        return DONE
+    asking = _asking(call, plan)
+    run = stack.enter_context(new_run(path, discard=call.discard))
+    run.begin(call.plan_file, file.source, site.source)
+    job = Job(call=call, file=file, site=site, artifacts=artifacts, run=run)
+    return _report(call, plan, perform(job, asking))
+
+
+def _resume(call: Call, file: PlanFile, run: RunFolder) -> int:
+    """Go on with the run of a folder."""
+    then = run.header
+    seed = then.seed if call.seed is None else call.seed
+    call = replace(call, seed=seed, faults=call.faults or then.faults)
+    check_same(header_of(call, file, then.devices), then)  # before a driver is touched
+    site = _site(call, file.plan, run.cell)
+    devices = site.station.devices()
+    check_same(header_of(call, file, devices, site.source), then)
+    preflight(file.plan, site.station, begun=True)
+    artifacts = Artifacts.from_folder(file.plan, call.folder)
+    job = Job(call=call, file=file, site=site, artifacts=artifacts, run=run)
+    return _report(call, file.plan, perform(job, _asking(call, file.plan)))
+
+
+def _site(call: Call, plan: Plan, left: Path | None) -> Site:
+    """Return the station that was asked for; `left` is a simulated cell's world."""
+    seed, faults = call.seed or 0, call.faults
+    steps = [step.id for step in plan.steps]
+    for fault in faults:
+        step = fault.partition("@")[2]
+        if step and step not in steps:
+            known = ", ".join(steps)
+            raise ExecutorError(
+                "MP804", f"{fault}: the plan has no step {step!r}; it has {known}"
+            )
+    return find_site(call.station, call.folder, seed=seed, faults=faults, left=left)
+
+
+def _report(call: Call, plan: Plan, ended: Ended) -> int:
+    """Print table, findings and verdicts; return the exit status."""
+    result, verdict = ended.result, ended.verdict
+    say(told(ended))
+    say(f"run folder: {ended.folder}")
+    _write_report(ended.folder)
+    if verdict is not None:
+        truly = "seated" if verdict.success else "not seated"
+        say(
+            f"the cell's own verdict: {truly}, offset {verdict.offset_um:.3g} um, "
+            f"height {verdict.height_um:.3g} um"
+            + (f", {verdict.collided}" if verdict.collided else "")
+            + (", still held" if verdict.held else "")
+        )
+    if result.code is None:
+        say(f"{plan.name}: done in {result.time_s:.1f} s")
+        return DONE
+    where = f"step {result.step}: " if result.step else ""
+    _tell(ExecutorError(result.code, where + result.message), call.plan_file)
+    if CODES[result.code][1] == STOPPED:
+        say(f"{plan.name}: stopped; --resume goes on with it")
+        return STOPPED
+    say(f"{plan.name}: failed")
+    return CODES[result.code][1]
+
+
+def _write_report(folder: Path) -> None:
+    """Write the run's report; one that cannot be written changes no outcome."""
+    from executor.analysis.run_report import write_report  # only when it is written
+
+    try:
+        say(f"report: {write_report(folder)}")
+    except ExecutorError as error:
+        tell(f"note: no report: {error.message}")
+
+
+def _replay(call: Call, file: PlanFile, folder: Path) -> int:
+    """Run the plan on a run's records and say whether the commands are the same."""
+    artifacts = Artifacts.from_folder(file.plan, call.folder)
+    paths = records_of(folder)
+    for path in paths:
+        which = f"{path.name}: " if len(paths) > 1 else ""
+        found = replay(file, artifacts, read_record(path), anyway=call.anyway)
+        say(f"{which}{found.same} of {found.commands} commands are the same")
+        if found.difference:
+            raise ExecutorError("MP876", which + found.difference)
+        ended = "the record breaks off there" if found.broken_off else found.result.code
+        say(f"{which}{file.plan.name}: replayed, {ended or 'done'}")
+    return DONE
+
+
+def _look_at_pictures(call: Call, plan: Plan, pictures: Path) -> int:
+    """Measure a folder of pictures; 0 if the target was found in all of them."""
+    artifacts = Artifacts.from_folder(plan, call.folder)
+    seer = viewer(
+        plan, call.folder, artifacts, call.look, turn_rad=call.turn_rad, bits=call.bits
+    )
+    files = files_of(pictures)
+    marked = call.marked or pictures.absolute().with_name(f"{call.look}.marked")
+    if marked.absolute() == pictures.absolute():
+        raise ExecutorError("MP878", f"{marked} holds the pictures themselves")
+    findings = []
+    for path in files:
+        found = find_in(seer, path)
+        picture = mark(seer, found, call.folder)
+        if picture is not None:
+            write_marked(marked, path.name, picture)
+        findings.append(replace(found, image=None))
+    overall = together(seer, findings, still=call.still)
+    report = report_json if call.format == "json" else report_text
+    say(report(seer, findings, overall))
+    tell(f"marked pictures: {marked}")
+    right = all(f.found for f in findings) and not overall.refuted
+    return DONE if right else FAILED
+
+
+def _compare(call: Call, file: PlanFile) -> int:
+    """Join runs of the plan; 1 if they refute what it predicted."""
+    found = compare(file.plan, read_runs(call.runs, file))
+    report = comparison_json if call.format == "json" else comparison_text
+    say(report(file.plan, found))
+    return FAILED if found.refuted else DONE
+
+
+def _asking(call: Call, plan: Plan) -> Asking:
+    """Return what the operator can be asked, and is told."""
+    gate = _gate() if call.stepwise else None
+    progress = None if gate else _teller(plan)
+    return Asking(pause=_asker(), question=_question(), gate=gate, progress=progress)
+
+
+def _teller(plan: Plan) -> Callable[[str], None] | None:
+    """Return what tells a terminal which step begins, None where there is none."""
+    if sys.stderr is None or not sys.stderr.isatty():
+        return None
+    numbers = {step.id: number for number, step in enumerate(plan.steps, start=1)}
+
+    def begun(step: str) -> None:
+        tell(f"running {step} ({numbers[step]} of {len(numbers)}) ...")
+
+    return begun
+
+
+def _question() -> Callable[[str], bool] | None:
+    """Return how to put a question to the operator, None if nobody sits there."""
+    if not _at_terminal():
+        return None
+
+    def ask(question: str) -> bool:
+        tell(f"{question} y goes on, anything else stops")
+        return _answer().strip() == "y"
+
+    return ask
+
+
+def _asker() -> Callable[[], bool] | None:
+    """Return how to ask the operator, None if nobody sits there."""
+    if not _at_terminal():
+        return None
+
+    def ask() -> bool:
+        tell("paused: Enter goes on, q stops, Ctrl-C stops at once")
+        return _answer() == "\n"  # "" is the end of the input: nobody there
+
+    return ask
+
+
+def _gate() -> Callable[[str], None]:
+    """Return what tells the next step and waits; MP804 if nobody can answer.
+
+    Answers are lines of a terminal, a pipe or a file: an empty one goes on. Whatever
+    else comes, the end of the input too, stops.
+    """
+    if sys.stdin is None or sys.stdin.closed:
+        raise ExecutorError("MP804", "--step needs somebody who answers")
+    mode = os.fstat(sys.stdin.fileno()).st_mode
+    if not (sys.stdin.isatty() or stat.S_ISFIFO(mode) or stat.S_ISREG(mode)):
+        raise ExecutorError(
+            "MP804", "--step needs a terminal, or answers from a pipe, a line each"
+        )
+
+    def wait(what: str) -> None:
+        tell(f"next: {what}\nEnter goes on, q stops")
+        if _answer() not in ("\n", "\r\n"):
+            raise ExecutorError("MP860", "stopped by the operator before this")
+
+    return wait
+
+
+def _at_terminal() -> bool:
+    """Return whether somebody sits there who reads and answers."""
+    return all(s is not None and s.isatty() for s in (sys.stdin, sys.stderr))
+
+
+def _answer() -> str:
+    """Return a line of standard input; what cannot be read says no."""
+    try:
+        return sys.stdin.readline()
+    except (OSError, ValueError):  # a terminal that is gone; bytes that are no text
+        return ""
+
+
+def _tell(error: ExecutorError, plan_file: Path) -> None:
+    """Print a finding."""
+    tell(f"error[{error.code}]: {error.message}")
+    tell(f"  --> {error.place or plan_file}")
+    tell(f"   = {CODES[error.code][0]}")
+    tell(f"   = more: microplan explain {error.code}")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

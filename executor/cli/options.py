@@ -1,0 +1,147 @@
+"""What was asked for on the command line of microplan-run."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from executor.cli.arguments import build_parser
+from executor.cli.select_station import SIMULATED
+from executor.devices.paths import is_folder
+
+NO_STATION = ("replay", "compare", "report")  # they touch no device
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Call:
+    """A call of the command."""
+
+    plan_file: Path
+    station: str  # "" where the mode needs none
+    seed: int | None  # None: 0, or that of the run that is resumed
+    mode: str
+    run_dir: Path | None
+    frames: bool
+    faults: tuple[str, ...]
+    resume: bool = False
+    discard: bool = False
+    stepwise: bool = False
+    record: Path | None = None  # replay: the run folder
+    anyway: bool = False
+    pictures: Path | None = None  # replay: a folder of pictures of `look`
+    look: str = ""
+    bits: int | None = None  # of the pictures
+    still: bool = False  # nothing moved between the pictures
+    turn_rad: float | None = None  # of the target in them, None: not known
+    marked: Path | None = None  # where the marked pictures go
+    runs: tuple[Path, ...] = ()  # compare
+    format: str = "text"
+
+    @property
+    def folder(self) -> Path:
+        """Return the plan folder."""
+        return self.plan_file.parent
+
+    @property
+    def station_file(self) -> Path | None:
+        """Return the station's file, None for the simulated cell."""
+        return None if self.station == SIMULATED else Path(self.station)
+
+
+def parse(argv: Sequence[str] | None) -> Call:
+    """Return what the command line asks for.
+
+    Raises
+    ------
+    SystemExit
+        0 after --help, 2 for a call that cannot be understood.
+    """
+    parser = build_parser()
+    found = parser.parse_args(argv)
+    wrong = _contradiction(found)
+    if wrong:
+        parser.error(wrong)
+    return Call(
+        plan_file=found.plan / "plan.json" if is_folder(found.plan) else found.plan,
+        station=found.station or "",
+        seed=found.seed,
+        mode=found.mode,
+        run_dir=found.run_dir,
+        frames=not found.no_frames,
+        faults=tuple(found.inject),
+        resume=found.resume,
+        discard=found.discard,
+        stepwise=found.step,
+        record=found.record,
+        anyway=found.anyway,
+        pictures=found.pictures,
+        look=found.look,
+        bits=found.bits,
+        still=found.still,
+        turn_rad=None if found.turn_deg is None else math.radians(found.turn_deg),
+        marked=found.marked,
+        runs=tuple(found.runs),
+        format=found.format,
+    )
+
+
+def _contradiction(found: argparse.Namespace) -> str:
+    """Return what is wrong with a call as a whole, "" if nothing is."""
+    for wrong in (_station, _sources, _pictures, _beside_a_run):
+        if told := wrong(found):
+            return told
+    return ""
+
+
+def _station(found: argparse.Namespace) -> str:
+    """Return whether a mode lacks its station, or has one that it does not touch."""
+    mode = found.mode
+    if mode not in NO_STATION and not found.station:
+        return f"--mode {mode} needs --station"
+    if mode in NO_STATION and (found.station or found.inject):
+        return f"--mode {mode} touches no device: leave --station and --inject out"
+    return ""
+
+
+def _sources(found: argparse.Namespace) -> str:
+    """Return what is wrong with what a mode reads beside the plan."""
+    mode, pictures, record = found.mode, found.pictures, found.record
+    if mode == "replay" and (record is None) == (pictures is None):
+        return "--mode replay needs --from RUN, or --pictures FOLDER and --look LOOK"
+    if mode == "report" and (record is None or pictures is not None):
+        return "--mode report needs --from RUN"
+    if mode not in ("replay", "report") and not (record is None and pictures is None):
+        return "--from and --pictures are for --mode replay"
+    if (pictures is None) != (not found.look):
+        return "--pictures and --look belong together: the look that they show"
+    if (mode == "compare") != bool(found.runs):
+        return "--mode compare and --runs RUN ... belong together"
+    return ""
+
+
+def _pictures(found: argparse.Namespace) -> str:
+    """Return which option lacks the pictures or the record that it is for."""
+    alone = {
+        "--bits": found.bits is not None, "--still": found.still,
+        "--turn-deg": found.turn_deg is not None, "--marked": found.marked is not None,
+    }  # fmt: skip
+    if found.pictures is None and any(alone.values()):
+        return f"{next(k for k, v in alone.items() if v)} is for --pictures"
+    if found.anyway and found.record is None:
+        return "--anyway is for --from"
+    return ""
+
+
+def _beside_a_run(found: argparse.Namespace) -> str:
+    """Return what is wrong with the options that not every mode has."""
+    mode, pictures = found.mode, found.pictures
+    if found.format != "text" and pictures is None and mode != "compare":
+        return "--format is for --pictures and --mode compare; a run has summary.json"
+    if found.step and mode != "run":
+        return "--step is for --mode run"
+    if found.resume and (found.discard or mode != "run"):
+        return "--resume goes with neither --discard nor another --mode than run"
+    return ""

@@ -1,0 +1,163 @@
+"""A run again, on the record of its devices: does it give the same commands?"""
+
+from __future__ import annotations
+
+import io
+from dataclasses import dataclass
+
+from executor.devices.errors import ExecutorError, why
+from executor.motion.beliefs import Beliefs
+from executor.record.frames import Frames
+from executor.record.journal import Journal
+from executor.record.outcome import RunResult
+from executor.record.plan_file import PlanFile
+from executor.record.recorded_calls import Recorded, Tape
+from executor.record.recording import CALLS, RESUMES
+from executor.record.recovery import Past, past_in
+from executor.record.replay_station import tape_station
+from executor.record.write_ahead_log import FILE
+from executor.run.artifacts import Artifacts
+from executor.run.resume import take_up
+from executor.run.run import run_plan
+from executor.run.run_context import Rig
+
+ASKED = "MP864"  # how a run ends whose question the operator did not say yes to
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Replayed:
+    """How a replay went; `difference` is "" if the commands are the same."""
+
+    commands: int  # that were given in the record
+    same: int  # of them, up to the first difference
+    difference: str
+    apart: float  # largest difference of two numbers that count as the same
+    broken_off: bool  # the record ends before the plan does
+    result: RunResult
+
+
+def replay(
+    file: PlanFile, artifacts: Artifacts, recorded: Recorded, *, anyway: bool = False
+) -> Replayed:
+    """Return whether a plan on a record gives the commands of the record.
+
+    The core is that of any run; only the devices are others, which answer from the
+    record. An executor that resumed the run begins from the journal as it was then.
+
+    Parameters
+    ----------
+    file : PlanFile
+        The plan.
+    artifacts : Artifacts
+        Its routines.
+    recorded : Recorded
+        The record.
+    anyway : bool
+        Whether to go on with another plan, or frames that were changed.
+
+    Raises
+    ------
+    ExecutorError
+        MP877 if the record is of another plan, or cannot be used; MP867 if the journal
+        that its executor resumed from is damaged.
+    """
+    head, past = recorded.head, _past(recorded)
+    for key, now in (("plan_sha256", file.sha256), ("arrays_sha256", artifacts.sha256)):
+        if head.get(key) != now and not anyway:
+            raise ExecutorError(
+                "MP877",
+                f"the record is of another plan: its {key} is {head.get(key)}, this "
+                f"one's {now}",
+            )
+    tape = Tape(recorded)
+    station = tape_station(tape, anyway=anyway)
+    rig = Rig(
+        plan=file.plan,
+        station=station,
+        beliefs=Beliefs(file.plan.beliefs, file.plan.features),
+        artifacts=artifacts,
+        journal=Journal(io.StringIO(), _Silent()),
+        frames=Frames(None, wanted=bool(head.get("whole_frames"))),
+    )
+    return _judged(tape, _run(rig, past, recorded))
+
+
+def _past(recorded: Recorded) -> Past | None:
+    """Return what the executor of a record resumed from; None if it began the run."""
+    count = recorded.head.get(RESUMES)
+    if count is None and recorded.path.name == CALLS:
+        return None  # of an executor that did not tell yet
+    if not isinstance(count, int) or isinstance(count, bool) or count < 0:
+        raise ExecutorError(
+            "MP877", f"{recorded.path} does not say from where it resumed the run"
+        )
+    if count == 0:
+        return None
+    path = recorded.path.with_name(FILE)
+    try:
+        lines = path.read_bytes().splitlines(keepends=True)
+    except OSError as error:
+        raise ExecutorError("MP877", f"{path}: {why(error)}", place=path) from error
+    if len(lines) < count:
+        raise ExecutorError(
+            "MP877", f"{path} has {len(lines)} lines, the run was resumed from {count}"
+        )
+    return past_in(b"".join(lines[:count]), str(path)).past
+
+
+def _run(rig: Rig, past: Past | None, recorded: Recorded) -> RunResult:
+    """Begin, or go on, as the executor did."""
+
+    def answer(_question: str) -> bool:
+        return recorded.ended != ASKED  # as the operator answered then
+
+    try:
+        if past is None:
+            rig.standing()  # the journal's first line holds it
+        else:
+            take_up(rig, past, answer)
+    except ExecutorError as error:
+        return RunResult(
+            code=error.code, message=error.message, step=None, steps=(), time_s=0.0
+        )
+    return run_plan(rig)
+
+
+def _judged(tape: Tape, result: RunResult) -> Replayed:
+    """Return how far commands and outcome are the same; MP877 as it came."""
+    recorded = tape.recorded
+    if result.code == "MP877":
+        raise ExecutorError("MP877", result.message)
+    words, left = tape.difference, tape.left()
+    if not words and left and not tape.broken_off:
+        words = f"command {tape.used + 1}: none any more, recorded was {left}"
+        words += _because(result)
+    if not words and not recorded.unfinished and result.code != recorded.ended:
+        words = f"the run ends in {result.code or 'done'}, recorded was "
+        words += recorded.ended or "done"
+    return Replayed(
+        commands=recorded.commands,
+        same=tape.used,
+        difference=words,
+        apart=tape.apart,
+        broken_off=tape.broken_off,
+        result=result,
+    )
+
+
+def _because(result: RunResult) -> str:
+    """Return why a replay ended early."""
+    if result.code is None:
+        return "; the run is done"
+    return f"; step {result.step} ends in {result.code}: {result.message}"
+
+
+class _Silent:
+    """The clock of a log that nobody reads: what it asks is not on the tape."""
+
+    def now_s(self) -> float:
+        """Return 0."""
+        return 0.0
+
+    def wait(self, seconds: float) -> None:
+        """Return at once."""

@@ -1,0 +1,93 @@
+"""Where a plan is run: the simulated cell of its world.json, or a station file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from inspect import getattr_static
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from executor.devices.errors import ExecutorError
+from executor.devices.station import Station
+from executor.devices.station_file import read_station
+from executor.simulated.faults import Faults
+
+if TYPE_CHECKING:
+    from executor.simulated.cell import Cell
+
+SIMULATED = "sim"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Site:
+    """A station, and the simulated cell behind it, if there is one."""
+
+    name: str
+    station: Station
+    cell: Cell | None
+    source: bytes | None = None  # of the station file, as it was read
+
+
+def find_site(
+    asked: str,
+    plan_folder: Path,
+    *,
+    seed: int = 0,
+    faults: Sequence[str] = (),
+    left: Path | None = None,
+) -> Site:
+    """Return the station that was asked for.
+
+    Parameters
+    ----------
+    asked : str
+        "sim", or the path of a station.toml.
+    plan_folder : Path
+        Its world.json is the simulated cell's.
+    seed, faults
+        Of the simulated cell; a station file states its own.
+    left : Path or None
+        Where the simulated cell left its world; None: a new one is made.
+
+    Raises
+    ------
+    ExecutorError
+        MP803 for world.json; MP804 for a fault that nobody knows, or a seed or fault
+        beside a file; MP812 and MP813 for a station file.
+    """
+    try:
+        Faults(faults)
+    except ValueError as error:
+        raise ExecutorError("MP804", str(error)) from error
+    if asked == SIMULATED:
+        return _simulated(plan_folder, seed, faults, left)
+    if faults or seed:
+        raise ExecutorError(
+            "MP804", "--seed and --inject are for --station sim; a file states its own"
+        )
+    loaded = read_station(Path(asked), plan_folder)
+    # statically: a proxy of a real hub answers to any name
+    hubs = loaded.hubs.values()
+    cells = [hub for hub in hubs if getattr_static(hub, "judge", None) is not None]
+    return Site(
+        name=loaded.name,
+        station=loaded.station,
+        cell=cells[0] if cells else None,
+        source=loaded.source,
+    )
+
+
+def _simulated(
+    plan_folder: Path, seed: int, faults: Sequence[str], left: Path | None
+) -> Site:
+    """Return the simulated cell of the plan's world."""
+    from executor.simulated.cell import build_cell  # optics only for the simulated cell
+    from executor.simulated.hub import read_world
+
+    cell = build_cell(read_world(plan_folder / "world.json"), seed, faults)
+    if left is not None:
+        from executor.simulated.keeping import take
+
+        take(cell, left)
+    return Site(name=SIMULATED, station=cell.station, cell=cell)

@@ -1,0 +1,242 @@
+"""A whole run: the plan on a site, its run folder, and what became of it."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, TextIO
+
+from executor.cli.options import Call
+from executor.cli.run_result import Ended, write_summary
+from executor.cli.select_station import SIMULATED, Site
+from executor.cli.simulated_truth import judged, keep_world, watch
+from executor.devices.errors import ExecutorError, why
+from executor.devices.station import Station
+from executor.motion.beliefs import Beliefs
+from executor.motion.motion import Motion
+from executor.motion.operator import Operator
+from executor.record.frames import Frames
+from executor.record.journal import ESCAPED, Journal
+from executor.record.outcome import RunResult
+from executor.record.plan_file import PlanFile, world_beside
+from executor.record.recording import CALLS, RESUMES, Record
+from executor.record.recovery import Header
+from executor.record.run_folder import EVENTS, RunFolder
+from executor.record.write_ahead_log import Intents
+from executor.run.artifacts import Artifacts
+from executor.run.resume import begin, take_up
+from executor.run.run import run_plan
+from executor.run.run_context import Rig
+from schemas.files.times import planned_s
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Asking:
+    """What the operator can be asked; None where nobody sits there."""
+
+    pause: Callable[[], bool] | None = None  # whether to go on after Ctrl-C
+    question: Callable[[str], bool] | None = None  # whether to go on after a crash
+    gate: Callable[[str], None] | None = None  # see `Rig.gate`
+    progress: Callable[[str], None] | None = None  # told of every step that begins
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Job:
+    """A plan that is to be run: as asked for, where, and where the run is kept."""
+
+    call: Call
+    file: PlanFile
+    site: Site
+    artifacts: Artifacts  # of the plan's routines
+    run: RunFolder  # locked, and emptied for a new run
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Logs:
+    """What a run writes while it goes on."""
+
+    journal: Journal
+    intents: Intents
+    frames: Frames
+    record: Record | None  # None: it cannot be replayed
+
+
+def perform(job: Job, asking: Asking) -> Ended:
+    """Run the plan, or what is left of it, and write the run folder.
+
+    Parameters
+    ----------
+    job : Job
+        The plan, and where it is run.
+    asking : Asking
+        What the operator can be asked.
+
+    Raises
+    ------
+    ExecutorError
+        MP860 if the run is interrupted; MP863 if something cannot be written; codes of
+        `executor.run.resume.take_up`.
+    """
+    call, file, site, run = job.call, job.file, job.site, job.run
+    seq, before = run.last_event(), run.executors
+    with _logs(job, seq, before) as logs, Operator(asking.pause) as operator:
+        rig = _rig(job, logs, operator, asking)
+        errors_um = watch(rig, site.cell, asking.progress)
+        if site.cell is not None and call.station_file is None:
+            keep_world(site.cell, run.cell)
+        result = _run(rig, job, asking)
+        if logs.record is not None:
+            _close(logs.record, result)
+    ended = Ended(
+        folder=run.path,
+        result=result,
+        verdict=None if site.cell is None else judged(file.plan, site.cell),
+        errors_um=errors_um,
+        executors=before + 1,
+        faults=() if site.cell is None else site.cell.faults.asked,
+        idle_faults=None if site.cell is None or before else site.cell.faults.idle,
+    )
+    write_summary(call, site, file, ended)
+    return ended
+
+
+@contextmanager
+def _logs(job: Job, seq: int, before: int) -> Iterator[_Logs]:
+    """Give the files of a run, after `seq` events of `before` earlier executors."""
+    run, station = job.run, job.site.station
+    tag = f"_by{before + 1}" if before else ""
+    frames = Frames(run.path if job.call.frames else None, tag=tag)
+    calls = run.path / (f"calls-{before + 1}.jsonl" if before else CALLS)
+    facts = _facts(job.file, job.site, job.artifacts, run)
+    with (
+        _open(run.path / EVENTS, "a") as stream,
+        run.intents() as intents,
+        _recorded(calls, frames, station, facts) as record,
+    ):
+        journal = Journal(stream, station.clock, seq=seq)
+        yield _Logs(journal=journal, intents=intents, frames=frames, record=record)
+
+
+def _rig(job: Job, logs: _Logs, operator: Operator, asking: Asking) -> Rig:
+    """Return all that steps are done with."""
+    plan, station, record = job.file.plan, job.site.station, logs.record
+    return Rig(
+        plan=plan,
+        station=station if record is None else record.station(),
+        beliefs=Beliefs(plan.beliefs, plan.features),
+        artifacts=job.artifacts,
+        journal=logs.journal,
+        frames=logs.frames,
+        motion=Motion(operator.pause),
+        gate=asking.gate,
+        intents=logs.intents,
+        planned_s=planned_s(plan, world_beside(job.call.folder)),
+    )
+
+
+def _close(record: Record, result: RunResult) -> None:
+    """End the record; that it cannot be hides no fault that came before."""
+    try:
+        record.close(result.code, result.message)
+    except ExecutorError:
+        if result.code is None:
+            raise
+
+
+def header_of(
+    call: Call,
+    file: PlanFile,
+    devices: Mapping[str, str],
+    source: bytes | None = None,
+) -> Header:
+    """Return what a run is begun with; MP804 if the station file cannot be read.
+
+    `source` are the bytes that the station was made from: the file may be another one
+    by now. Without them it is read.
+    """
+    station = call.station_file
+    try:
+        if source is None and station is not None:
+            source = station.read_bytes()
+    except OSError as error:
+        raise ExecutorError(
+            "MP804", f"{station}: {why(error)}", place=station
+        ) from error
+    return Header(
+        plan_sha256=file.sha256,
+        station=SIMULATED if source is None else _sha256(source),
+        seed=call.seed or 0,
+        faults=call.faults,
+        devices=devices,
+    )
+
+
+def _sha256(data: bytes) -> str:
+    return hashlib.sha256(data).hexdigest()
+
+
+@contextmanager
+def _recorded(
+    path: Path, frames: Frames, station: Station, facts: Mapping[str, Any]
+) -> Iterator[Record | None]:
+    """Give the record of a run, None without frames: nothing could answer from it."""
+    if not frames.wanted:
+        yield None
+        return
+    with _open(path, "w") as stream:
+        record = Record(stream, frames, station, facts)
+        try:
+            yield record
+        except ExecutorError as error:  # an interrupt: MP860
+            with suppress(ExecutorError):  # a full disk must not hide what happened
+                record.close(error.code, error.message)
+            raise
+
+
+@contextmanager
+def _open(path: Path, mode: Literal["a", "w"]) -> Iterator[TextIO]:
+    """Give a file to write lines to; MP863 if it cannot be opened."""
+    try:
+        stream = path.open(mode, encoding="utf-8", errors=ESCAPED, newline="\n")
+    except OSError as error:
+        raise ExecutorError("MP863", f"{path}: {error}") from error
+    try:
+        yield stream
+    finally:
+        with suppress(OSError):  # what was not written is told where it was lost
+            stream.close()
+
+
+def _facts(
+    file: PlanFile, site: Site, artifacts: Artifacts, run: RunFolder
+) -> dict[str, Any]:
+    """Return what a record says of its run beside the devices."""
+    return {
+        RESUMES: 0 if run.found is None else run.found.seq,
+        "plan": file.plan.name,
+        "plan_sha256": file.sha256,
+        "arrays_sha256": artifacts.sha256,
+        "station": site.name,
+    }
+
+
+def _run(rig: Rig, job: Job, asking: Asking) -> RunResult:
+    """Run the plan; whatever ends it, nothing is left in motion."""
+    try:
+        if job.run.found is None:
+            devices = rig.station.devices()
+            begin(rig, header_of(job.call, job.file, devices, job.site.source))
+        else:
+            take_up(rig, job.run.found.past, asking.question)
+        return run_plan(rig)
+    except KeyboardInterrupt:
+        left = "; ".join(rig.motion.stop(rig.station)) or "nothing moves any more"
+        with suppress(ExecutorError, KeyboardInterrupt):  # what is left is told anyway
+            rig.journal.write("stopped", why=left)
+        raise ExecutorError("MP860", f"stopped; {left}") from None
+    except BaseException:  # a bug must not leave anything in motion either
+        rig.motion.stop(rig.station)
+        raise

@@ -1,0 +1,212 @@
+"""Where parts and tools are thought to be.
+
+A belief is a pose in its carrier's frame: on the stage, the world at stage reading 0;
+on the robot, the grip as the reading gives it. Measurements re-anchor beliefs, moves of
+the axes carry them along.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+
+from executor.devices.drivers import AxisReading
+from executor.devices.errors import ExecutorError
+from featuresel.routines.fusion import Believed
+from schemas.plan import AxesName, Belief, FeaturePlace
+from schemas.pose import Pose
+
+Point = tuple[float, float]
+
+ANY_ANGLE_RAD = 3.0  # a plan says pi for "any"; six digits of it are less than pi
+
+
+def stage_pose(reading: AxisReading, axis_um: Point) -> Pose:
+    """Return the world pose of the stage's frame: a turn about `axis_um`, then a shift.
+
+    The axis is a world point at reading 0 and travels with the stage.
+    """
+    turn = Pose(x_um=0.0, y_um=0.0, theta_rad=reading.theta_rad)
+    x_um, y_um = turn.apply(-axis_um[0], -axis_um[1])
+    return Pose(
+        x_um=reading.x_um + axis_um[0] + x_um,
+        y_um=reading.y_um + axis_um[1] + y_um,
+        theta_rad=reading.theta_rad,
+    )
+
+
+def grip_pose(reading: AxisReading) -> Pose:
+    """Return the world pose of the grip for a robot reading."""
+    return Pose(x_um=reading.x_um, y_um=reading.y_um, theta_rad=reading.theta_rad)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Readings:
+    """Both groups' readings at one moment; `robot` is None on a cell without one."""
+
+    stage: AxisReading
+    robot: AxisReading | None
+    theta_axis_um: Point
+
+    def carrier(self, name: AxesName) -> Pose:
+        """Return the world pose of a carrier's frame."""
+        if name == "stage":
+            return stage_pose(self.stage, self.theta_axis_um)
+        if self.robot is None:
+            raise ValueError("there is no robot to carry anything")
+        return grip_pose(self.robot)
+
+    def reading(self, name: AxesName) -> AxisReading:
+        """Return one group's readings.
+
+        Raises
+        ------
+        ExecutorError
+            MP808 if there is no robot.
+        """
+        now = self.stage if name == "stage" else self.robot
+        if now is None:
+            raise ExecutorError("MP808", "the plan moves a robot, the station has none")
+        return now
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Known:
+    """All that a record of beliefs holds at one moment."""
+
+    owners: tuple[Belief, ...]
+    held: Mapping[str, str]  # part -> tool
+
+
+class Beliefs:
+    """The one changing record of where things are thought to be."""
+
+    def __init__(
+        self, beliefs: Iterable[Belief], features: Iterable[FeaturePlace]
+    ) -> None:
+        self._owners = {b.name: b for b in beliefs}
+        self._features = {f.name: f for f in features}
+        self._held: dict[str, str] = {}  # part -> tool
+
+    def known(self) -> Known:
+        """Return all that is believed now."""
+        return Known(owners=tuple(self._owners.values()), held=dict(self._held))
+
+    def restore(self, known: Known) -> None:
+        """Believe what `known` says, and nothing else."""
+        self._owners = {b.name: b for b in known.owners}
+        self._held = dict(known.held)
+
+    def owner(self, name: str) -> str:
+        """Return the part or tool that `name` is, or belongs to.
+
+        Raises
+        ------
+        ValueError
+            If nothing of that name is known.
+        """
+        if name in self._owners:
+            return name
+        if name in self._features:
+            return self._features[name].owner
+        tool = name.removesuffix(".grip")
+        if tool in self._owners:
+            return tool
+        raise ValueError(f"nothing is known of {name!r}")
+
+    def anchor(self, name: str) -> tuple[str, Point]:
+        """Return the owner of `name` and its place in the owner's frame, um."""
+        return self.owner(name), self._offset(name)
+
+    def world(self, name: str, readings: Readings) -> Pose:
+        """Return where `name` is thought to be; its angle is its owner's."""
+        belief = self._owners[self.owner(name)]
+        pose = readings.carrier(belief.carrier).compose(belief.pose)
+        x_um, y_um = pose.apply(*self._offset(name))
+        return Pose(x_um=x_um, y_um=y_um, theta_rad=pose.theta_rad)
+
+    def belief(self, name: str) -> Belief:
+        """Return what is believed of the part or tool that `name` is or belongs to."""
+        return self._owners[self.owner(name)]
+
+    def knows_angle(self, name: str) -> bool:
+        """Return whether anything is known of the owner's angle."""
+        return self._owners[self.owner(name)].sigma_theta_rad < ANY_ANGLE_RAD
+
+    def angle(self, name: str, readings: Readings) -> Believed | None:
+        """Return the owner's angle in the world, None if nothing is known of it."""
+        if not self.knows_angle(name):
+            return None
+        sigma = self._owners[self.owner(name)].sigma_theta_rad
+        return Believed(theta_rad=self.world(name, readings).theta_rad, sigma_rad=sigma)
+
+    def update(
+        self,
+        name: str,
+        readings: Readings,
+        x_um: float,
+        y_um: float,
+        theta_rad: float | None,
+        sigma_theta_rad: float | None = None,
+    ) -> None:
+        """Re-anchor the owner so that `name` is where it was measured.
+
+        An angle without a sigma counts as known.
+        """
+        owner = self.owner(name)
+        belief = self._owners[owner]
+        angle = (
+            self.world(owner, readings).theta_rad if theta_rad is None else theta_rad
+        )
+        turn = Pose(x_um=0.0, y_um=0.0, theta_rad=angle)
+        dx_um, dy_um = turn.apply(*self._offset(name))
+        pose = Pose(x_um=x_um - dx_um, y_um=y_um - dy_um, theta_rad=angle)
+        self._place(owner, belief.carrier, pose, readings)
+        if theta_rad is not None:
+            self._owners[owner] = replace(
+                self._owners[owner], sigma_theta_rad=sigma_theta_rad or 0.0
+            )
+
+    def grasp(
+        self, part: str, tool: str, readings: Readings, across_um: float = 0.0
+    ) -> None:
+        """Hand a part to the tool: centred across the jaws, y and angle kept.
+
+        `across_um` is where its origin is then, from the jaws' middle.
+        """
+        owner, holder = self.owner(part), self.owner(tool)
+        grip = self.world(holder, readings)
+        inside = grip.inverse().compose(self.world(owner, readings))
+        pose = grip.compose(replace(inside, x_um=across_um))
+        self._place(owner, "robot", pose, readings)
+        self._held[owner] = holder
+
+    def release(self, part: str, readings: Readings) -> None:
+        """Put a part down where it is thought to be."""
+        owner = self.owner(part)
+        self._place(owner, "stage", self.world(owner, readings), readings)
+        self._held.pop(owner, None)
+
+    def held_by(self, tool: str) -> tuple[str, ...]:
+        """Return the parts that `tool` is thought to hold."""
+        holder = self.owner(tool)
+        return tuple(sorted(p for p, t in self._held.items() if t == holder))
+
+    def _offset(self, name: str) -> Point:
+        """Return a name's place in its owner's frame, um."""
+        place = self._features.get(name)
+        return (0.0, 0.0) if place is None else (place.x_um, place.y_um)
+
+    def _place(
+        self, owner: str, carrier: AxesName, world: Pose, readings: Readings
+    ) -> None:
+        """Note the world pose `world` of `owner` in the frame of `carrier`."""
+        pose = readings.carrier(carrier).inverse().compose(world)
+        pose = replace(pose, theta_rad=math.remainder(pose.theta_rad, 2 * math.pi))
+        belief = self._owners[owner]
+        if carrier != belief.carrier:  # it changes hands where it is
+            lower_um = readings.reading(carrier).z_um
+            under_um = readings.reading(belief.carrier).z_um + belief.z_um
+            belief = replace(belief, z_um=under_um - lower_um)
+        self._owners[owner] = replace(belief, carrier=carrier, pose=pose)

@@ -1,0 +1,170 @@
+"""A station whose devices answer from the record of a run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from executor.devices.drivers import AxisReading, Frame
+from executor.devices.errors import ExecutorError, why
+from executor.devices.paths import stays_in
+from executor.devices.safety import AXES, Rules
+from executor.devices.station import Offer, Station
+from executor.record.frames import read_png, region_data
+from executor.record.recorded_calls import Tape, numbers
+from executor.record.recording import pixels_sha256
+from schemas.codec import CodecError, from_data
+from schemas.plan import Region
+
+
+def tape_station(tape: Tape, *, anyway: bool = False) -> Station:
+    """Return a station whose devices answer from a tape.
+
+    Raises
+    ------
+    ExecutorError
+        MP877 if the record does not say what the station offered.
+    """
+    head = tape.recorded.head
+    devices = head.get("devices")
+    if not isinstance(devices, dict):
+        raise ExecutorError("MP877", "the record names no devices")
+    try:
+        offer = from_data(Offer, head.get("offer"))
+        rules = from_data(Rules, head.get("rules"))
+    except CodecError as error:
+        raise ExecutorError("MP877", f"the record's station: {error}") from error
+    return Station(
+        stage=TapeAxes(tape, "stage"),
+        robot=TapeAxes(tape, "robot") if "robot" in devices else None,
+        gripper=TapeJaws(tape, "jaws") if "jaws" in devices else None,
+        lens=TapeLens(tape, "lens"),
+        light=TapeLight(tape, "light"),
+        camera=TapeCamera(tape, "camera", anyway=anyway),
+        clock=TapeClock(tape),
+        offer=offer,
+        rules=rules,
+    )
+
+
+class _TapeDevice:
+    """A device that answers from a tape."""
+
+    def __init__(self, tape: Tape, name: str) -> None:
+        self._tape, self._name = tape, name
+
+    @property
+    def model(self) -> str:
+        """Return what the device is."""
+        return f"recorded {self._name}"
+
+    @property
+    def serial(self) -> str:
+        """Return which record it answers from."""
+        return str(self._tape.recorded.folder)
+
+    def moving(self) -> bool:
+        """Return what the device said of itself."""
+        return bool(self._tape.query(f"{self._name}.moving"))
+
+    def stop(self) -> None:
+        """Do nothing: nothing moves."""
+
+    def _order(self, method: str, **given: Any) -> Mapping[str, Any]:
+        """Compare a command with the record; return its row."""
+        return self._tape.command(f"{self._name}.{method}", given)
+
+
+class TapeAxes(_TapeDevice):
+    """A stage or robot; see `executor.devices.drivers.Axes`."""
+
+    def start(self, **targets: float | None) -> None:
+        """Compare a motion with the recorded one."""
+        self._order("start", **targets)
+
+    def reading(self) -> AxisReading:
+        """Return the recorded reading."""
+        name = f"{self._name}.reading"
+        values = numbers(self._tape.query(name), len(AXES), name)
+        return AxisReading(**dict(zip(AXES, values, strict=True)))
+
+
+class TapeJaws(_TapeDevice):
+    """Jaws; see `executor.devices.drivers.Gripper`."""
+
+    def start(self, opening_um: float) -> None:
+        """Compare an opening with the recorded one."""
+        self._order("start", value=opening_um)
+
+    def reading(self) -> float:
+        """Return the recorded opening, um."""
+        name = f"{self._name}.reading"
+        return numbers([self._tape.query(name)], 1, name)[0]
+
+
+class TapeLens(_TapeDevice):
+    """Zoom and focus; see `executor.devices.drivers.Lens`."""
+
+    def start_magnification(self, magnification: float) -> None:
+        """Compare a zoom with the recorded one."""
+        self._order("start_magnification", value=magnification)
+
+    def start_focus_um(self, focus_um: float) -> None:
+        """Compare a focus with the recorded one."""
+        self._order("start_focus_um", value=focus_um)
+
+    def reading(self) -> tuple[float, float]:
+        """Return recorded magnification and focus (um)."""
+        name = f"{self._name}.reading"
+        zoom, focus_um = numbers(self._tape.query(name), 2, name)
+        return (zoom, focus_um)
+
+
+class TapeLight(_TapeDevice):
+    """The light; see `executor.devices.drivers.Light`."""
+
+    def set_level(self, level: float) -> None:
+        """Compare a brightness with the recorded one."""
+        self._order("set_level", value=level)
+
+
+class TapeCamera(_TapeDevice):
+    """The camera; see `executor.devices.drivers.Camera`."""
+
+    def __init__(self, tape: Tape, name: str, *, anyway: bool) -> None:
+        super().__init__(tape, name)
+        self._anyway = anyway
+
+    def grab(self, region: Region | None = None, *, after_s: float) -> Frame:
+        """Return the recorded frame; MP877 if it is missing or was changed."""
+        row = self._order("grab", region=region_data(region), after_s=after_s)
+        gave = row.get("gave")
+        if not isinstance(gave, dict) or not isinstance(gave.get("frame"), str):
+            raise ExecutorError("MP877", f"call {row['n']} of the record has no frame")
+        folder = self._tape.recorded.folder
+        path = folder / gave["frame"]
+        if not stays_in(path, folder):
+            raise ExecutorError("MP877", f"{gave['frame']} leaves the run folder")
+        try:
+            counts = read_png(path)
+        except OSError as error:
+            raise ExecutorError("MP877", f"{path}: {why(error)}", place=path) from error
+        if pixels_sha256(counts) != gave.get("sha256") and not self._anyway:
+            raise ExecutorError("MP877", f"{path} is not the frame that was recorded")
+        exposed_s = numbers([gave.get("exposed_s")], 1, "camera.grab")[0]
+        return Frame(counts=counts, exposed_s=exposed_s)
+
+
+class TapeClock:
+    """The recorded time; see `executor.devices.drivers.Clock`."""
+
+    def __init__(self, tape: Tape) -> None:
+        self._tape = tape
+
+    def now_s(self) -> float:
+        """Return seconds as they were recorded."""
+        return self._tape.now_s()
+
+    def wait(self, seconds: float) -> None:
+        """Return at once."""
+        self._tape.wait(seconds)

@@ -1,0 +1,220 @@
+"""The run folder: locked, kept from being lost, and emptied for a new run."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from pathlib import Path
+
+from executor.devices.errors import ExecutorError, why
+from executor.devices.paths import is_file
+from executor.record.frames import FOLDER
+from executor.record.lock import held
+from executor.record.recording import CALLS, MORE_CALLS
+from executor.record.recovery import Found, Header, is_open, read_past
+from executor.record.write_ahead_log import FILE, FileStore, Intents
+
+EVENTS = "events.jsonl"
+LOCK = "lock"
+SUMMARY = "summary.json"
+FRESH = "summary.new"  # until it is whole
+CELL = "cell.json"  # the simulated cell's own
+PLAN = "plan.json"
+STATION = "station.toml"
+REPORT = "report.html"
+# what a run leaves in its folder: nothing else is ever deleted
+OURS = {LOCK, EVENTS, FILE, SUMMARY, CELL, PLAN, STATION, FOLDER, CALLS,
+        FRESH, REPORT, "summary.txt", "cell.new", f"{REPORT}.new"}  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunFolder:
+    """A locked run folder; `found` is what an earlier executor left there to resume."""
+
+    path: Path
+    found: Found | None
+
+    @property
+    def header(self) -> Header:
+        """Return what the run began with.
+
+        Raises
+        ------
+        ValueError
+            If it has not begun.
+        """
+        if self.found is None:
+            raise ValueError(f"the run in {self.path} has not begun")
+        return self.found.header
+
+    @property
+    def cell(self) -> Path:
+        """Return where a simulated cell keeps its world."""
+        return self.path / CELL
+
+    def begin(self, plan_file: Path, plan: bytes, station: bytes | None) -> None:
+        """Empty the folder, and keep what the run is begun with.
+
+        The journal goes last: while it is there, this is a run folder.
+
+        Parameters
+        ----------
+        plan_file : Path
+            Where the plan is: never in the run folder.
+        plan, station : bytes
+            The files as they were read; no station file on the simulated cell.
+
+        Raises
+        ------
+        ExecutorError
+            MP804 if that cannot be done.
+        """
+        if plan_file.resolve().parent == self.path.resolve():
+            raise ExecutorError(
+                "MP804", f"the plan itself is in {self.path}", place=self.path
+            )
+        try:
+            for path in self.path.iterdir():
+                if path.is_dir() and not path.is_symlink():
+                    shutil.rmtree(path)
+                elif path.name not in (LOCK, FILE):
+                    path.unlink()
+            (self.path / FILE).write_bytes(b"")
+            (self.path / PLAN).write_bytes(plan)
+            if station is not None:
+                (self.path / STATION).write_bytes(station)
+        except OSError as error:
+            raise ExecutorError(
+                "MP804", f"{self.path}: {why(error)}", place=self.path
+            ) from error
+
+    @contextmanager
+    def intents(self) -> Iterator[Intents]:
+        """Return the journal, open for what comes next; a torn line is cut off."""
+        found = self.found
+        seq, chain, size = (
+            (0, 0, 0) if found is None else (found.seq, found.chain, found.size)
+        )
+        try:
+            store = FileStore(self.path / FILE, size)
+        except OSError as error:
+            file = self.path / FILE
+            raise ExecutorError("MP863", f"{file}: {why(error)}", place=file) from error
+        try:
+            yield Intents(store, seq=seq, chain=chain)
+        finally:
+            store.close()
+
+    @property
+    def executors(self) -> int:
+        """Return how many executors have worked on the run before this one."""
+        calls = len(list(self.path.glob("calls*.jsonl")))
+        return 0 if self.found is None else max(calls, 1)
+
+    def last_event(self) -> int:
+        """Return the number of the last event, 0 for none; a torn one is cut off."""
+        path = self.path / EVENTS
+        if self.found is None or not is_file(path):
+            return 0
+        try:
+            data = path.read_bytes()
+            whole = data[: data.rfind(b"\n") + 1]
+            if len(whole) < len(data):  # never written anew: the disk may be full
+                os.truncate(path, len(whole))
+            lines = whole.splitlines()
+            return int(json.loads(lines[-1])["seq"]) if lines else 0
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            raise ExecutorError("MP867", f"{path}: {why(error)}", place=path) from error
+
+
+def check_free(path: Path, *, discard: bool) -> None:
+    """Refuse to begin a run in a folder that holds something to be kept.
+
+    Raises
+    ------
+    ExecutorError
+        MP804 if it is no run folder, or holds anything else; MP862 if its run did not
+        end, unless it may be discarded.
+    """
+    try:
+        names = {entry.name for entry in path.iterdir()}
+    except FileNotFoundError:
+        return
+    except OSError as error:
+        raise ExecutorError("MP804", f"{path}: {why(error)}", place=path) from error
+    if names - {LOCK} and not names & {EVENTS, FILE}:
+        raise ExecutorError("MP804", f"{path} exists and is no run folder", place=path)
+    others = sorted(n for n in names - OURS if not fnmatchcase(n, MORE_CALLS))
+    if others:
+        raise ExecutorError(
+            "MP804",
+            f"{path} holds {', '.join(others[:3])}, which no run left there",
+            place=path,
+        )
+    if not discard and is_open(path):
+        raise ExecutorError(
+            "MP862",
+            f"{path}: go on with it by --resume, throw it away by --discard, or name "
+            "another folder by --run-dir",
+            place=path,
+        )
+
+
+@contextmanager
+def new_run(path: Path, *, discard: bool) -> Iterator[RunFolder]:
+    """Lock a folder for a new run; codes of `check_free`, MP861 if it is in use."""
+    check_free(path, discard=discard)
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ExecutorError("MP804", f"{path}: {why(error)}", place=path) from error
+    with held(path / LOCK, str(path)):
+        check_free(path, discard=discard)
+        yield RunFolder(path=path, found=None)
+
+
+@contextmanager
+def old_run(path: Path) -> Iterator[RunFolder]:
+    """Lock the folder of a run that is to be resumed.
+
+    Raises
+    ------
+    ExecutorError
+        MP861 if it is in use; MP867 if its journal is damaged; MP868 if there is no
+        run, or it was done.
+    """
+    if not is_file(path / FILE):
+        raise ExecutorError("MP868", f"{path} holds no {FILE}", place=path)
+    with held(path / LOCK, str(path)):
+        found = read_past(path / FILE)
+        done = found.past.ended and found.past.code is None
+        if done and is_file(path / SUMMARY):  # the last thing that is written
+            raise ExecutorError("MP868", f"the run in {path} was done", place=path)
+        yield RunFolder(path=path, found=found)
+
+
+def lock_beside(station_file: Path) -> AbstractContextManager[None]:
+    """Lock a station; MP861 if another executor works on it."""
+    lock = station_file.resolve().with_name(station_file.name + ".lock")
+    return held(lock, f"station {station_file}")
+
+
+def check_same(now: Header, then: Header) -> None:
+    """Raise MP866 if a run would go on with something else than it began with."""
+    for name in ("plan_sha256", "station", "seed", "faults"):
+        if getattr(now, name) != getattr(then, name):
+            raise ExecutorError(
+                "MP866",
+                f"{name} was {getattr(then, name)!r}, now it is {getattr(now, name)!r}",
+            )
+    for role in sorted({*now.devices, *then.devices}):
+        was, is_now = then.devices.get(role, "none"), now.devices.get(role, "none")
+        if was != is_now:
+            raise ExecutorError(
+                "MP866", f"the {role} was {was!r}, now it is {is_now!r}"
+            )

@@ -1,0 +1,176 @@
+"""The write-ahead journal: what is about to be done, on disk before it begins.
+
+One JSON object a line, with a number and a checksum that hangs on the line before.
+`docs/journal.md` lists the kinds of lines.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import zlib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, Protocol
+
+from executor.devices.drivers import AxisReading
+from executor.devices.errors import ExecutorError
+from executor.devices.safety import Phase
+from schemas.codec import to_data
+
+FILE = "journal.jsonl"
+FORMAT = 1
+# names of motions that a resumed step makes again where it needs them
+AWAY = {"near": "back", "probe": "probe back"}  # for a look, and what ends it
+REPEATED = ("", *AWAY, *AWAY.values())
+EXACT = 17  # significant digits that give back every float64
+MARK = b'{"crc": "'  # how a line begins
+HEAD = len(MARK + b'00000000", ')
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Standing:
+    """What all drives that touch anything read at one moment."""
+
+    stage: AxisReading
+    robot: AxisReading | None
+    opening_um: float | None  # of the jaws
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Intent:
+    """One motion that is about to begin."""
+
+    step: str
+    name: str  # within the step; "": one that a resumed step decides on anew
+    device: Literal["stage", "robot", "jaws"]
+    target: Mapping[str, float]  # absolute, by axis; of the jaws "opening_um"
+    phase: Phase
+    irreversible: bool  # never to be done twice
+    before: Standing
+
+
+class Store(Protocol):
+    """Where lines are kept."""
+
+    def append(self, line: bytes) -> None:
+        """Return when the line would survive a loss of power; OSError if it cannot."""
+        ...
+
+
+class FileStore:
+    """A file whose lines are on the disk when `append` returns.
+
+    Parameters
+    ----------
+    path : Path
+        The file; it is made if it is missing.
+    size : int
+        Bytes at its beginning that stay: what follows is a line that was torn.
+    sync : callable
+        Has the bytes of a file descriptor on the disk when it returns.
+    """
+
+    def __init__(
+        self, path: Path, size: int = 0, *, sync: Callable[[int], None] = os.fsync
+    ) -> None:
+        flags = os.O_RDWR | os.O_CREAT | getattr(os, "O_BINARY", 0)
+        self._file = os.open(path, flags, 0o644)
+        self._sync = sync
+        os.ftruncate(self._file, size)
+        os.lseek(self._file, size, os.SEEK_SET)
+        sync(self._file)
+        sync_folder(path.parent)
+
+    def append(self, line: bytes) -> None:
+        """Write a line and wait until the disk has it."""
+        left = memoryview(line)
+        while left:  # a disk that fills takes part of it and says so afterwards
+            left = left[os.write(self._file, left) :]
+        self._sync(self._file)
+
+    def close(self) -> None:
+        """Give the file back."""
+        os.close(self._file)
+
+
+def sync_folder(folder: Path) -> None:
+    """Have the names in a folder on the disk, where the system can do that."""
+    if os.name != "posix":
+        return
+    found = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(found)
+    finally:
+        os.close(found)
+
+
+def sealed(body: str, chain: int) -> tuple[bytes, int]:
+    """Return a line for a JSON object, and the checksum that the next one hangs on."""
+    chain = zlib.crc32(body.encode(), chain)
+    return f'{{"crc": "{chain:08x}", {body[1:]}\n'.encode(), chain
+
+
+def opened(line: bytes, chain: int) -> tuple[dict[str, Any], int] | None:
+    """Return what a line holds and the next checksum; None if it is damaged."""
+    body = b"{" + line[HEAD:].removesuffix(b"\n")
+    chain = zlib.crc32(body, chain)
+    if line[:HEAD] != f'{{"crc": "{chain:08x}", '.encode():
+        return None
+    try:
+        found = json.loads(body)
+    except ValueError:
+        return None
+    return found, chain
+
+
+class Intents:
+    """Writes the journal; without a store it keeps nothing.
+
+    After a line that could not be written no further one is: it would follow a torn
+    one.
+
+    Parameters
+    ----------
+    store : Store or None
+        Where lines go.
+    seq, chain : int
+        Number and checksum of the last line that is there.
+    """
+
+    def __init__(
+        self, store: Store | None = None, *, seq: int = 0, chain: int = 0
+    ) -> None:
+        self._store = store
+        self._seq, self._chain = seq, chain
+        self._broken = ""
+
+    def write(self, kind: str, **details: Any) -> None:
+        """Append a line and wait until it is on the disk.
+
+        Parameters
+        ----------
+        kind : str
+            What the line tells.
+        details
+            JSON data or frozen dataclasses; numbers are kept exactly.
+
+        Raises
+        ------
+        ExecutorError
+            MP863 if it cannot be written; so is every later one then.
+        """
+        if self._store is None:
+            return
+        if self._broken:
+            raise ExecutorError("MP863", self._broken)
+        data = {name: to_data(value, EXACT) for name, value in details.items()}
+        body = json.dumps({"seq": self._seq + 1, "kind": kind, **data})
+        line, chain = sealed(body, self._chain)
+        try:
+            self._store.append(line)
+        except OSError as error:
+            self._broken = f"line {self._seq + 1} of {FILE}: {error}"
+            raise ExecutorError("MP863", self._broken) from error
+        self._seq, self._chain = self._seq + 1, chain

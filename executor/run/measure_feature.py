@@ -1,0 +1,261 @@
+"""One feature of a look: routines on the image, gates, bias, pixels to um."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+from executor.devices.calibration import LookFrame
+from executor.devices.errors import ExecutorError
+from executor.run.artifacts import Artifacts, Stages, answer_of, key_of
+from executor.run.gates import gates_of
+from executor.run.run_context import Rig
+from executor.run.warm_start import Found, Near, guess_from, nearest_routine
+from featuresel.routines import Failure, FloatArray, Guess, Measurement
+from featuresel.routines.fusion import Believed, Seen
+from schemas.plan import BiasAt, Look, Measure, RoutineUse
+from schemas.pose import Pose
+
+
+class Eye(Protocol):
+    """What measuring a picture needs: a rig, or what stands for one."""
+
+    artifacts: Artifacts
+
+    def frame_of(self, look: Look) -> LookFrame:
+        """Return the map between a look's region and the world."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Picture:
+    """A frame's region, and what was believed when it was taken."""
+
+    image: FloatArray  # (rows, columns), 0..1 of full scale
+    expected: Pose  # of the look's target, world
+    believed: Believed | None  # the part's angle, None if nothing is known of it
+    dz_um: float  # of the focus from the look's own
+    near: Near | None = None  # what a look just before found, a correction ago
+    trusted: bool = True  # whether what is expected says where to begin
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Shown:
+    """A feature as one picture shows it, and how surely."""
+
+    seen: Seen
+    score: float
+    spread_um: float  # the routine's own estimate, one sigma per axis
+    routines: tuple[str, ...]
+    pixels: Measurement  # what the last of them said, in the look's region
+
+    @property
+    def found(self) -> Found:
+        """Return what a look after a small correction starts from."""
+        return Found(x_um=self.seen.x_um, y_um=self.seen.y_um, pixels=self.pixels)
+
+
+def look_for(rig: Rig, look: Look, measure: Measure, picture: Picture) -> Shown:
+    """Return where a picture shows a feature: its chain, then the fallback.
+
+    Where a look just before has found it, the end of the chain alone comes first.
+
+    Raises
+    ------
+    ExecutorError
+        MP820 if no routine finds it; MP821..MP823, MP825 if an answer fails a gate.
+    """
+    if (shown := _from_near(rig, look, measure, picture)) is not None:
+        return shown
+    try:
+        return _accepted(rig, look, measure, measure.chain, picture)
+    except ExecutorError as error:
+        if not measure.fallback:
+            raise
+        rig.journal.write("fallback", look=look.id, code=error.code, why=str(error))
+        try:
+            return _accepted(rig, look, spare(measure), measure.fallback, picture)
+        except ExecutorError as other:
+            other.append(f"its chain, before the fallback: {error.message}")
+            raise
+
+
+def bias_at(curve: Sequence[BiasAt], dz_um: float) -> tuple[float, float]:
+    """Return how much a predicted bias differs at a focus from that at the look's own.
+
+    Linear between the heights, beyond the outermost theirs; 0 without a curve.
+    """
+    if not curve:
+        return (0.0, 0.0)
+    here, there = _between(curve, 0.0), _between(curve, dz_um)
+    return (there[0] - here[0], there[1] - here[1])
+
+
+def _between(curve: Sequence[BiasAt], dz_um: float) -> tuple[float, float]:
+    """Return the bias at one focus."""
+    after = next((k for k, at in enumerate(curve) if at.dz_um >= dz_um), len(curve))
+    if after in (0, len(curve)):
+        end = curve[min(after, len(curve) - 1)]
+        return (end.bias_x_um, end.bias_y_um)
+    low, high = curve[after - 1], curve[after]
+    share = (dz_um - low.dz_um) / (high.dz_um - low.dz_um)
+    return (
+        low.bias_x_um + share * (high.bias_x_um - low.bias_x_um),
+        low.bias_y_um + share * (high.bias_y_um - low.bias_y_um),
+    )
+
+
+def spare(measure: Measure) -> Measure:
+    """Return how the fallback measures: with that chain's bias, spread and gate.
+
+    The spread's gate and the bias through focus are the first chain's own.
+    """
+    gates = replace(
+        measure.gates, min_score=measure.fallback_min_score, max_spread_um=None
+    )
+    return replace(
+        measure,
+        bias_um=measure.fallback_bias_um,
+        sigma_xy_um=measure.fallback_sigma_xy_um or measure.sigma_xy_um,
+        sigma_theta_rad=measure.fallback_sigma_theta_rad,
+        gates=gates,
+        bias_through_focus=(),
+    )
+
+
+def _accepted(
+    rig: Eye, look: Look, measure: Measure, uses: Sequence[RoutineUse], picture: Picture
+) -> Shown:
+    """Run one chain on the image and pass its answer through the gates."""
+    shown = measured(rig, look, measure, uses, picture)
+    name = measure.feature or look.target
+    _pass_gates(f"look {look.id}: {name}", measure, shown, picture)
+    return shown
+
+
+def measured(
+    rig: Eye, look: Look, measure: Measure, uses: Sequence[RoutineUse], picture: Picture
+) -> Shown:
+    """Return what one chain answers, whatever the gates say of it.
+
+    It starts where the feature is believed to be, not where the plan's own picture has
+    it: tools land elsewhere, and what is aligned to them goes along. Where the belief
+    is what is in doubt it starts in the middle of what the plan searches.
+
+    Raises
+    ------
+    ExecutorError
+        MP820 if it finds nothing.
+    """
+    place = (measure.reference.column, measure.reference.row)
+    if picture.trusted:
+        at_um = picture.expected.apply(*measure.offset_um)
+        place = rig.frame_of(look).to_pixel(*at_um)
+    column, row = place
+    start = Guess(
+        column=column,
+        row=row,
+        theta_rad=picture.expected.theta_rad + measure.turn_rad
+        if picture.believed is not None
+        else None,
+        theta_assumed=True,
+    )
+    stages = rig.artifacts.stages(key_of(look, measure), uses)
+    return _answer(rig, look, measure, stages, start, picture)
+
+
+def _from_near(
+    rig: Rig, look: Look, measure: Measure, picture: Picture
+) -> Shown | None:
+    """Return what the end of the chain finds where the feature must be, if anything."""
+    name, near = measure.feature or look.target, picture.near
+    before = None if near is None else near.features.get(name)
+    if near is None or before is None:
+        return None
+    routine = nearest_routine(measure.chain, near, before, look.view.um_per_px)
+    if routine is None:
+        return None
+    frame = rig.frame_of(look)
+    guess = guess_from(
+        before,
+        frame.to_pixel(*picture.expected.apply(*measure.offset_um)),
+        frame.to_pixel(before.x_um, before.y_um),
+        picture.expected.theta_rad + measure.turn_rad,
+    )
+    ((_, arrays),) = rig.artifacts.stages(key_of(look, measure), measure.chain[-1:])
+    try:
+        shown = _answer(rig, look, measure, [(routine, arrays)], guess, picture)
+        _pass_gates(f"look {look.id}: {name}", measure, shown, picture)
+        return shown
+    except ExecutorError as error:
+        rig.journal.write("not_near", look=look.id, code=error.code, why=str(error))
+        return None
+
+
+def _answer(
+    rig: Eye,
+    look: Look,
+    measure: Measure,
+    stages: Stages,
+    start: Guess,
+    picture: Picture,
+) -> Shown:
+    """Return what routines find from `start`, whatever the gates say of it."""
+    name = measure.feature or look.target
+    try:
+        found = answer_of(picture.image, stages, start)
+    except ExecutorError as error:
+        raise ExecutorError(
+            error.code, f"look {look.id}: {name}: {error.message}"
+        ) from error
+    if isinstance(found, Failure):
+        raise ExecutorError(
+            "MP820",
+            f"look {look.id}: {name} not found ({found.code}): {found.message}",
+            cause=found.code,
+        )
+    shown = _shown(rig, look, measure, found, picture)
+    return replace(shown, routines=tuple(routine for routine, _ in stages))
+
+
+def _shown(
+    rig: Eye, look: Look, measure: Measure, found: Measurement, picture: Picture
+) -> Shown:
+    """Turn pixels into um and take off the mean error that the trials showed.
+
+    That error is fixed in the part's frame: at an unknown angle it stays.
+    """
+    theta_rad = None if picture.believed is None else picture.believed.theta_rad
+    if found.theta_rad is not None:
+        theta_rad = found.theta_rad - measure.turn_rad
+    x_um, y_um = rig.frame_of(look).to_world(found.column, found.row)
+    if theta_rad is not None:
+        more_x, more_y = bias_at(measure.bias_through_focus, picture.dz_um)
+        turn = Pose(x_um=0.0, y_um=0.0, theta_rad=theta_rad)
+        bias = turn.apply(measure.bias_um[0] + more_x, measure.bias_um[1] + more_y)
+        x_um, y_um = x_um - bias[0], y_um - bias[1]
+    return Shown(
+        seen=Seen(
+            x_um=x_um,
+            y_um=y_um,
+            sigma_um=measure.sigma_xy_um,
+            offset_um=measure.offset_um,
+            axis_rad=found.axis_rad,
+            theta_rad=None if found.theta_rad is None else theta_rad,
+            sigma_theta_rad=measure.sigma_theta_rad,
+        ),
+        score=found.score,
+        spread_um=found.spread_px * look.view.um_per_px,
+        routines=(),
+        pixels=found,
+    )
+
+
+def _pass_gates(name: str, measure: Measure, shown: Shown, picture: Picture) -> None:
+    """Raise unless score, spread, place and angle are what they should be."""
+    for gate in gates_of(
+        measure, shown.score, shown.spread_um, shown.seen, picture.expected
+    ):
+        if not gate.passed:
+            raise ExecutorError(gate.code, f"{name} {gate.words}")

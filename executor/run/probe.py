@@ -1,0 +1,262 @@
+"""A probe: small known moves that show whether the image follows the axes.
+
+Made at the first look after every zoom change, before any motion that depends on it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from executor.devices.calibration import IDENTITY
+from executor.devices.errors import ExecutorError
+from executor.motion.inverse_kinematics import readings_for
+from executor.run.image_jacobian import (
+    Followed,
+    check_directions,
+    check_scale,
+    check_turn,
+    followed,
+)
+from executor.run.measure_target import UNSEEN, Sighting, look_at
+from executor.run.probe_limits import axis_sigma_um, in_the_way, steers_angle
+from executor.run.run_context import Rig
+from executor.run.warm_start import Near
+from schemas.plan import AxesName, AxisMove, Look, OnFailure
+
+Point = tuple[float, float]
+
+LEAST_UM = 3.0  # a first move: what any stage can do and any eye can see
+WANTED = 10.0  # sigmas of a first move's own scatter: what it is to be
+ENOUGH = 5.0  # what it must be: a wrong direction is then told from a right one
+REACH = 0.7  # of the look's capture range: trials succeed there as they do inside
+MOST_UM = 100.0  # beyond, lens distortion and lean of the axes come in
+LEAST_RAD = math.radians(1.0)  # of a turn, as LEAST_UM
+MOST_RAD = math.radians(8.0)  # less than half a tooth of 20 deg
+DECIMALS = 1  # of the places that a probe goes to, um
+
+
+@dataclass(slots=True)
+class Track:
+    """Readings of the axes and where the target was seen, (x, y) um each."""
+
+    readings: list[Point] = field(default_factory=list)
+    places: list[Point] = field(default_factory=list)
+
+    def note(self, reading: Point, seen: Sighting) -> None:
+        """Add a reading and where the target was seen."""
+        self.readings.append(reading)
+        self.places.append((seen.x_um, seen.y_um))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Job:
+    """What a probe works on, and what it has seen."""
+
+    rig: Rig
+    look: Look
+    axes: AxesName  # that carry the look's target
+    sigma_um: float  # of a place per axis, the axes' landing included
+    on_failure: tuple[OnFailure, ...]
+    track: Track = field(default_factory=Track)
+
+
+def look_probed(
+    rig: Rig,
+    look: Look,
+    on_failure: Sequence[OnFailure] = (),
+    *,
+    near: Near | None = None,
+) -> Sighting:
+    """Look, and probe if nothing was probed at this zoom yet; then look again.
+
+    `near` is as in `look_at`.
+
+    Raises
+    ------
+    ExecutorError
+        As `look_at`; MP833 if the image goes another way than the axes, MP834 if it is
+        out of scale, MP835 if the target is lost by the first moves.
+    """
+    seen = look_at(rig, look, on_failure, near=near)
+    if rig.probed == look.view.magnification:
+        return seen
+    why = probe(rig, look, seen, on_failure)
+    if why:
+        rig.journal.write("probe_skipped", look=look.id, why=why)
+        return seen
+    rig.probed = look.view.magnification
+    return look_at(rig, look, on_failure)
+
+
+def probe(
+    rig: Rig, look: Look, seen: Sighting, on_failure: Sequence[OnFailure] = ()
+) -> str:
+    """Move what carries the target in x and y, look after each, and go back.
+
+    Two short moves tell the directions. Then four places around the look's own, as far
+    as it is sure to find the target, tell the scale.
+
+    Returns
+    -------
+    str
+        Why nothing was moved; "" if the probe was made and the image is right.
+
+    Raises
+    ------
+    ExecutorError
+        See `look_probed`.
+    """
+    job = _job(rig, look, on_failure)
+    sigma_um = math.sqrt(2) * job.sigma_um  # of a move, by its two ends
+    reach_um = min(REACH * min(m.capture_um for m in look.measures), MOST_UM)
+    step_um = min(max(LEAST_UM, WANTED * sigma_um), reach_um)
+    if step_um < ENOUGH * sigma_um:
+        return f"a move of {step_um:.3g} um does not stand out of {sigma_um:.3g} um"
+    home = rig.readings().reading(job.axes)
+    x_um, y_um = home.x_um, home.y_um
+    way_x, way_y = _inward(look, seen)
+    first = (x_um + _toward(way_x, step_um), y_um)
+    second = (first[0], y_um + _toward(way_y, step_um))
+    for place in (first, second):
+        why = in_the_way(rig, look, _to(job.axes, place))
+        if why:
+            return why
+    job.track.note((x_um, y_um), seen)
+    for place in (first, second):
+        _step(job, place)
+    check_directions(_followed(job), look)
+    _reach_out(job, (x_um + way_x, y_um + way_y), reach_um)
+    _judge(job)
+    rig.move(_to(job.axes, (x_um, y_um)), "probe back")
+    if seen.theta_rad is not None and steers_angle(rig, job.axes):
+        _probe_turn(job, seen.theta_rad)
+    return ""
+
+
+def _job(rig: Rig, look: Look, on_failure: Sequence[OnFailure]) -> _Job:
+    """Return what a probe works on."""
+    axes = rig.beliefs.belief(look.target).carrier
+    sigma_um = math.hypot(axis_sigma_um(rig, axes), look.sigma_xy_um)
+    return _Job(
+        rig=rig, look=look, axes=axes, sigma_um=sigma_um, on_failure=tuple(on_failure)
+    )
+
+
+def _inward(look: Look, seen: Sighting) -> Point:
+    """Return the way from where a target is to the middle of its look's range.
+
+    Rounded, so that the noise of a look does not change what is ordered.
+    """
+    middle = look.measure.reference.pose
+    return (
+        round(middle.x_um - seen.x_um, DECIMALS),
+        round(middle.y_um - seen.y_um, DECIMALS),
+    )
+
+
+def _step(job: _Job, place: Point) -> None:
+    """Move, look and note; MP835 if the target is not seen there."""
+    job.track.note(place, _moved(job, _to(job.axes, place)))
+
+
+def _reach_out(job: _Job, middle: Point, reach_um: float) -> None:
+    """Look from four places about a middle, as far as nothing is in the way."""
+    for place in _around(middle, reach_um):
+        if in_the_way(job.rig, job.look, _to(job.axes, place)):
+            continue
+        try:
+            _step(job, place)
+        except ExecutorError as error:
+            if error.code != "MP835":
+                raise
+            why = str(error)
+            job.rig.journal.write("probe_unseen", look=job.look.id, why=why)
+
+
+def _judge(job: _Job) -> None:
+    """Note how the image followed, and raise if it did not."""
+    found = _followed(job)
+    job.rig.journal.write(
+        "probe",
+        look=job.look.id,
+        axes=job.axes,
+        matrix=found.matrix.ravel().tolist(),
+        sigma=found.sigma.ravel().tolist(),
+        looks=len(job.track.places),
+    )
+    check_directions(found, job.look)
+    check_scale(found, job.look)
+
+
+def _followed(job: _Job) -> Followed:
+    """Return how the image followed, the calibration's own matrix taken off."""
+    calibration = job.rig.station.offer.calibration
+    meant = IDENTITY
+    if job.axes == "stage" and calibration is not None:
+        meant = calibration.camera_from_stage
+    found = followed(job.track.readings, job.track.places, job.sigma_um)
+    return replace(found, matrix=found.matrix @ np.linalg.inv(np.array(meant)))
+
+
+def _moved(job: _Job, move: AxisMove) -> Sighting:
+    """Move and look; MP835 if the target is not seen there."""
+    rig, look = job.rig, job.look
+    rig.move(move, "probe")
+    try:
+        return look_at(rig, look, job.on_failure, trusted=False)
+    except ExecutorError as error:
+        if error.code not in UNSEEN:
+            raise
+        raise ExecutorError(
+            "MP835",
+            f"look {look.id}: {look.target} was lost after a probe's move of the "
+            f"{move.axes} to ({move.x_um:.6g}, {move.y_um:.6g}) um: {error} "
+            f"[{error.code}]",
+            cause=error.cause,
+        ) from error
+
+
+def _probe_turn(job: _Job, theta_rad: float) -> None:
+    """Turn a little about the target, look, and turn back."""
+    rig, look, axes = job.rig, job.look, job.axes
+    sigma_rad = math.sqrt(2) * (look.sigma_theta_rad or 0.0)
+    gate_rad = look.measure.gates.max_turn_rad
+    most_rad = MOST_RAD if gate_rad is None else min(MOST_RAD, gate_rad / 2)
+    turn_rad = min(max(LEAST_RAD, WANTED * sigma_rad), most_rad)
+    readings = rig.readings()
+    home, here = readings.reading(axes), rig.beliefs.world(look.target, readings)
+    move = readings_for(axes, readings, here, (here.x_um, here.y_um), turn_rad)
+    why = in_the_way(rig, look, move)
+    if turn_rad < ENOUGH * sigma_rad:
+        why = f"a turn by {turn_rad:.3g} rad does not stand out of {sigma_rad:.3g} rad"
+    if why:
+        rig.journal.write("probe_turn_skipped", look=look.id, why=why)
+        return
+    seen = _moved(job, move)
+    if seen.theta_rad is None:
+        raise ExecutorError("MP824", f"look {look.id} gives no angle")
+    turned_rad = math.remainder(seen.theta_rad - theta_rad, math.tau)
+    rig.journal.write("probe_turn", look=look.id, told=turn_rad, seen=turned_rad)
+    check_turn(turn_rad, turned_rad, sigma_rad, look)
+    back = replace(_to(axes, (home.x_um, home.y_um)), theta_rad=home.theta_rad)
+    rig.move(back, "probe back")
+
+
+def _to(axes: AxesName, place: Point) -> AxisMove:
+    """Return a move to readings in x and y."""
+    return AxisMove(axes=axes, x_um=place[0], y_um=place[1])
+
+
+def _toward(way_um: float, step_um: float) -> float:
+    """Return a step with the sign of a way; up where there is none to go."""
+    return -step_um if way_um < 0 else step_um
+
+
+def _around(middle: Point, reach_um: float) -> Iterator[Point]:
+    """Yield four places about a middle, each axis from end to end."""
+    for dx, dy in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+        yield middle[0] + dx * reach_um, middle[1] + dy * reach_um

@@ -1,0 +1,163 @@
+"""Take up a run that another executor left: sense where all stands, and decide."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Literal
+
+from executor.devices.errors import ExecutorError
+from executor.devices.safety import AXES, Rules
+from executor.record.recovery import Header, Past
+from executor.record.write_ahead_log import FORMAT, REPEATED, Intent, Standing
+from executor.run.run_context import Rig
+
+Was = Literal["done", "not begun", "on the way"]
+Ask = Callable[[str], bool]
+
+
+def begin(rig: Rig, header: Header) -> None:
+    """Note in the journal what a run begins with."""
+    rig.intents.write("run", format=FORMAT, header=header, standing=rig.standing())
+
+
+def take_up(rig: Rig, past: Past, ask: Ask | None = None) -> None:
+    """Make a rig ready to go on where another executor was.
+
+    Everything is stopped first, then read, and nothing moves until it is clear how far
+    the last motion went. What `decide` says goes into the journal.
+
+    Parameters
+    ----------
+    rig : Rig
+        Of the same plan and station; `run_plan` goes on with it.
+    past : Past
+        What the journal tells.
+    ask : callable or None
+        Put a question to the operator and return whether to go on; None where nobody
+        can be asked.
+
+    Raises
+    ------
+    ExecutorError
+        MP841 or MP845 if something cannot be stopped; MP864 if an irreversible motion
+        is half done and nobody says that it may go on; MP865 if the station is not
+        where the journal left it; codes of readings.
+    """
+    rig.motion.rest(rig.station)
+    now = rig.standing()
+    was = decide(past, now, rig.station.rules)
+    intent = past.opened
+    if intent is not None and was == "on the way":
+        if intent.irreversible:
+            _let_go_on(intent, now, ask)
+        if intent.name not in REPEATED:
+            past.again = intent
+    rig.journal.write("resumed", step=past.step, motion=intent, was=was)
+    rig.intents.write("resumed", was=was, standing=now)
+    if past.known is not None:
+        rig.beliefs.restore(past.known)
+    past.close(was == "done", now)
+    rig.past, rig.phase = past, past.phase
+    _restore_view(rig, past)
+
+
+def decide(past: Past, now: Standing, rules: Rules) -> Was:
+    """Return how far the motion that the journal leaves open went.
+
+    Parameters
+    ----------
+    past : Past
+        What the journal tells; without an open motion all must stand where it did.
+    now : Standing
+        What the devices read.
+    rules : Rules
+        Windows: one for where a device stood, one for where it stands.
+
+    Raises
+    ------
+    ExecutorError
+        MP865 if something stands elsewhere.
+    """
+    intent = past.opened
+    before = past.standing if intent is None else intent.before
+    if before is None:
+        raise ExecutorError("MP865", "the journal tells no readings")
+    target = {} if intent is None else _places(intent.device, intent.target)
+    was, is_now = _flat(before), _flat(now)
+    if was.keys() != is_now.keys():
+        raise ExecutorError("MP865", f"it had {list(was)}, now {list(is_now)}")
+    for name, place in is_now.items():
+        _check_on_the_way(name, was[name], place, target.get(name), rules)
+    if intent is None:
+        return "not begun"
+    if all(abs(is_now[n] - v) <= _window(n, rules) for n, v in target.items()):
+        return "done"
+    if all(abs(is_now[n] - was[n]) <= 2 * _window(n, rules) for n in target):
+        return "not begun"
+    return "on the way"
+
+
+def _check_on_the_way(
+    name: str, was: float, now: float, target: float | None, rules: Rules
+) -> None:
+    """Raise MP865 unless a reading lies between where it was and where it went."""
+    ends = (was, was if target is None else target)
+    slack = 2 * _window(name, rules)
+    if min(ends) - slack <= now <= max(ends) + slack:
+        return
+    went = "" if target is None else f", and was sent to {target:.6g}"
+    raise ExecutorError("MP865", f"{name} reads {now:.6g}, it was at {was:.6g}{went}")
+
+
+def _let_go_on(intent: Intent, now: Standing, ask: Ask | None) -> None:
+    """Return if the operator lets a half-done irreversible motion go on."""
+    was, is_now = _flat(intent.before), _flat(now)
+    way = ", ".join(
+        f"{name} is at {is_now[name]:.6g} on its way from {was[name]:.6g} to {v:.6g}"
+        for name, v in _places(intent.device, intent.target).items()
+    )
+    what = f"step {intent.step}: {way}"
+    if ask is None:
+        raise ExecutorError("MP864", f"{what}; run at a terminal to be asked")
+    if not ask(f"{what}; may it go on?"):
+        raise ExecutorError("MP864", f"{what}; the operator did not let it go on")
+
+
+def _restore_view(rig: Rig, past: Past) -> None:
+    """Keep the zoom if it reads what it was sent to; focus and light are set anew.
+
+    A zoom that is sent where it is may still land a little elsewhere, and looks before
+    and after must share the image's jump.
+    """
+    if past.view is None:
+        return
+    reading = rig.motion.magnification(rig.station)
+    within = rig.station.rules.zoom_window * abs(past.view.magnification)
+    if abs(reading - past.view.magnification) <= within:
+        rig.view = replace(past.view, focus_um=math.nan, light=math.nan)
+
+
+def _flat(standing: Standing) -> dict[str, float]:
+    """Return all readings by name."""
+    found: dict[str, float] = {}
+    for group, reading in (("stage", standing.stage), ("robot", standing.robot)):
+        if reading is not None:
+            found |= {f"{group}.{axis}": getattr(reading, axis) for axis in AXES}
+    if standing.opening_um is not None:
+        found["jaws.opening_um"] = standing.opening_um
+    return found
+
+
+def _places(device: str, target: Mapping[str, float]) -> dict[str, float]:
+    """Return a motion's targets by the names of readings."""
+    return {f"{device}.{axis}": value for axis, value in target.items()}
+
+
+def _window(name: str, rules: Rules) -> float:
+    """Return how far a reading may be from where it belongs, um or rad."""
+    device, _, axis = name.partition(".")
+    if device == "jaws":
+        return rules.jaws_window_um
+    return rules.settle("stage" if device == "stage" else "robot").window(axis)

@@ -1,0 +1,203 @@
+"""What an image tells about pose and light: Fisher information, in all and by pixel.
+
+`docs/limits.md` says what it is blind to and what it takes for granted.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection
+
+import numpy as np
+import numpy.typing as npt
+from scipy.special import log_ndtr, ndtr
+
+from featuresel.limits.information import Information, covariance, inverse, places
+from featuresel.look.scenario import LookCase
+from featuresel.look.sensitivity import Sensitivities
+from featuresel.routines import Camera
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+IndexArray = npt.NDArray[np.intp]
+
+_FAR = 38.0  # sigmas beyond which a normal density is 0 in double precision
+_NOTHING = 1e-12  # of what a pixel tells in mid-scale: what rounding leaves of 0
+_ROUNDS = 2  # of choosing pixels: a third takes none off a gear's
+
+
+def camera_of(case: LookCase) -> Camera:
+    """Return a look's noise; a sensor's gain makes full scale a part of its well."""
+    sensor = case.sensor
+    return Camera(
+        full_well_e=sensor.full_well_e / sensor.gain,
+        read_noise_e=sensor.read_noise_e,
+        bits=sensor.bits,
+        fill_factor=case.microscope.fill_factor,
+    )
+
+
+def weights(mean: FloatArray, camera: Camera, *, ceiling: float = 1.0) -> FloatArray:
+    """Return what each pixel tells about its own mean.
+
+    Parameters
+    ----------
+    mean : (...) float array
+        Share of full scale, not clipped.
+    camera : Camera
+        Its noise.
+    ceiling : float
+        Where the well is full, at most 1.
+
+    Returns
+    -------
+    (...) float64 array
+        Fisher information per full scale squared: one over the variance, times the
+        share that is left of a normal value which is cut off at both ends of the
+        scale. 0 where there is no light.
+
+    Notes
+    -----
+    For shot noise 1 / variance is all there is: a Poisson count of mean n tells 1 / n.
+    The term that a normal density of varying width would add, 1 / (2 n**2), is not in
+    it, nor in the likelihood that routines maximise.
+    """
+    variance = camera.variance(mean)
+    sigma = np.sqrt(variance)
+    half = 0.5 / (2**camera.bits - 1)  # counts are rounded
+    top = ceiling - half if ceiling >= 1 else ceiling
+    low = np.clip((half - mean) / sigma, -_FAR, _FAR)
+    high = np.clip((top - mean) / sigma, -_FAR, _FAR)
+    inside = ndtr(high) - ndtr(low) - (high * _normal(high) - low * _normal(low))
+    left = inside + _cut(low) + _cut(-high)
+    seen = (mean > 0) & (left > _NOTHING)
+    told: FloatArray = np.where(seen, np.minimum(left, 1.0) / variance, 0.0)
+    return told
+
+
+def fisher(
+    seen: Sensitivities, camera: Camera, *, mask: BoolArray | None = None
+) -> Information:
+    """Return what one image tells.
+
+    Parameters
+    ----------
+    seen : Sensitivities
+        The mean image and its slopes.
+    camera : Camera
+        The noise, by `camera_of`.
+    mask : (rows, columns) bool array, optional
+        Which pixels count. Default: all.
+
+    Raises
+    ------
+    ValueError
+        If the mask does not fit the image.
+    """
+    slopes, errors = _scores(seen, camera, mask)
+    return _summed(seen.names, slopes, errors)
+
+
+def density(
+    seen: Sensitivities, camera: Camera, *, mask: BoolArray | None = None
+) -> FloatArray:
+    """Return each pixel's part of the information, (P, rows, columns).
+
+    Of each parameter after all others are projected out, so that a parameter's sum is
+    1 / limit**2; 0 for one that is not observable. Arguments as in `fisher`.
+    """
+    slopes, errors = _scores(seen, camera, mask)
+    found, lost = inverse(_summed(seen.names, slopes, errors))
+    influence = found @ slopes
+    variance = np.where(lost, math.inf, np.diag(found))
+    shares: FloatArray = (influence / variance[:, None]) ** 2
+    return shares.reshape(seen.slopes.shape)
+
+
+def informative(
+    seen: Sensitivities,
+    camera: Camera,
+    wanted: Collection[str],
+    *,
+    share: float = 0.98,
+    mask: BoolArray | None = None,
+) -> BoolArray:
+    """Return few pixels that tell nearly as much as all, (rows, columns).
+
+    Pixels are taken in falling order of their `density` of what is wanted, relative to
+    each limit, until 1 / limit**2 of every wanted parameter that is observable reaches
+    `share` of what all pixels give, the rest of `seen` being unknown. What pixels tell
+    depends on what else is taken, so they are ranked again by those found first; the
+    smaller set is returned. None if nothing wanted is observable.
+
+    Raises
+    ------
+    KeyError
+        If something wanted has no slopes.
+    ValueError
+        If `share` is not in (0, 1], or the mask does not fit.
+    """
+    if not 0 < share <= 1:
+        raise ValueError(f"share must be in (0, 1], got {share}")
+    slopes, errors = _scores(seen, camera, mask)
+    known = _summed(seen.names, slopes, errors)
+    variances, at = np.diag(covariance(known)), places(seen.names, wanted)
+    at = [k for k in at if variances[k] < math.inf]
+    goal = variances[at] / share * (1 + 1e-12)
+
+    def told(taken: IndexArray) -> Information:
+        return _summed(seen.names, slopes[:, taken], errors[:, taken])
+
+    best: IndexArray = np.arange(seen.mean.size if at else 0)
+    for _ in range(_ROUNDS if at else 0):
+        influence = inverse(known)[0][at] @ slopes
+        rank = (influence**2 / variances[at, None]).sum(axis=0)
+        order = np.argsort(-rank, kind="stable")
+        few, many = 0, len(order)
+        while many - few > 1:
+            middle = (few + many) // 2
+            left = np.diag(covariance(told(order[:middle])))[at]
+            few, many = (few, middle) if (left <= goal).all() else (middle, many)
+        known = told(order[:many])
+        best = min(best, order[:many], key=len)
+    chosen = np.zeros(seen.mean.size, dtype=np.bool_)
+    chosen[best] = True
+    return chosen.reshape(seen.mean.shape)
+
+
+def _scores(
+    seen: Sensitivities, camera: Camera, mask: BoolArray | None
+) -> tuple[FloatArray, FloatArray]:
+    """Return slopes and their errors over the pixels' noise, (P, N) each."""
+    weight = weights(seen.mean, camera, ceiling=seen.ceiling)
+    if mask is not None:
+        if mask.shape != weight.shape:
+            raise ValueError(f"mask must be {weight.shape}, got {mask.shape}")
+        weight = np.where(mask, weight, 0.0)
+    root = np.sqrt(weight).ravel()
+    count = len(seen.names)
+    return (
+        seen.slopes.reshape(count, -1) * root,
+        seen.errors.reshape(count, -1) * root,
+    )
+
+
+def _summed(
+    names: tuple[str, ...], slopes: FloatArray, errors: FloatArray
+) -> Information:
+    """Return what pixels tell, from slopes and errors over their noise, (P, N)."""
+    return Information(
+        names=names, matrix=slopes @ slopes.T, faked=(errors**2).sum(axis=1)
+    )
+
+
+def _normal(t: FloatArray) -> FloatArray:
+    """Return the density of the normal distribution."""
+    found: FloatArray = np.exp(-(t**2) / 2) / math.sqrt(2 * math.pi)
+    return found
+
+
+def _cut(t: FloatArray) -> FloatArray:
+    """Return what it tells that a normal value lies below t: density**2 over share."""
+    found: FloatArray = np.exp(-(t**2) - log_ndtr(t)) / (2 * math.pi)
+    return found

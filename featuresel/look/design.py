@@ -1,0 +1,286 @@
+"""The perturbation design of a look: its trials, each made when it is asked for."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import overload
+
+import numpy as np
+import numpy.typing as npt
+from scipy.stats import truncnorm
+
+from featuresel.features.factorial_design import corner, generator, interior, words
+from featuresel.look.disturb import true_lens
+from featuresel.look.scenario import LookCase
+from featuresel.look.static_layers import CUT
+from optics.lens.lens import LensErrors
+
+FloatArray = npt.NDArray[np.float64]
+
+_EVERY = 4  # each fourth trial is an extreme, whatever their number
+_CORNER = 2.0  # sigmas at the extremes, all at once: already far out together
+_BLOCK = 1024  # points drawn at a time, a power of two
+MOST_TRIALS = 2**20  # more than any look gets
+# The estimator's blur law must not always be the truth.
+_OTHER_MODEL = {"hopkins": "stokseth", "exact": "stokseth"}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trial:
+    """One perturbed image of a look."""
+
+    index: int
+    dx_um: float  # of the target from nominal, world
+    dy_um: float
+    dtheta_rad: float
+    dz_um: float  # of the focus from nominal
+    magnification: float  # ratio to nominal
+    gain: float  # times the nominal light
+    gradient_x: float  # added to the nominal light's
+    gradient_y: float
+    model: str
+    seed: tuple[int, ...]  # of the noise
+    occluder_um: tuple[float, float] = (0.0, 0.0)  # of what is not the target's owner
+    lens: LensErrors | None = None  # what it truly does; None: what is known of it
+    noise: float = 1.0  # times the sensor's
+    # by which each of the spread's `turning` is turned, rad
+    turns_rad: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class _Rest:
+    """The axes that most looks leave at rest, in units of their spreads."""
+
+    occluder: Sequence[float]  # sigmas, 2
+    lens: Sequence[float]  # sigmas, 6
+    noise: float  # 0..1 of its interval
+
+
+@dataclass(frozen=True, slots=True)
+class _Points:
+    """Some points of the unit cube, by groups of axes."""
+
+    design: FloatArray  # (N, 8)
+    normal: FloatArray  # (N, 5), the first five of these in sigmas
+    occluder: FloatArray  # (N, 2) sigmas
+    lens: FloatArray  # (N, 6) sigmas
+    noise: FloatArray  # (N, 1)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Design(Sequence[Trial]):
+    """Trials of a look: evenly spaced numbers of its design, each made when asked for.
+
+    However many they are, no more than a few blocks of `_BLOCK` points are held.
+    """
+
+    case: LookCase
+    root_seed: int
+    first: int
+    step: int
+    length: int
+
+    def __len__(self) -> int:
+        """Return how many trials there are."""
+        return self.length
+
+    @overload
+    def __getitem__(self, at: int) -> Trial: ...
+
+    @overload
+    def __getitem__(self, at: slice) -> Design: ...
+
+    def __getitem__(self, at: int | slice) -> Trial | Design:
+        """Return a trial, or the design of some of them."""
+        numbers = range(self.first, self.first + self.step * self.length, self.step)
+        picked = numbers[at]
+        if isinstance(picked, int):
+            return self._trial(picked, self._block(max(numbers[0], numbers[-1])))
+        first = picked.start
+        return replace(self, first=first, step=picked.step, length=len(picked))
+
+    def _block(self, last: int) -> int:
+        """Return how many points are drawn at a time: few for few trials."""
+        return min(_BLOCK, 1 << max(1, last.bit_length()))
+
+    def _trial(self, index: int, block: int) -> Trial:
+        turn, place_of = divmod(index, _EVERY)
+        if place_of == _EVERY - 1:
+            return _extreme(self.case, index, turn, self.root_seed)
+        start, row = divmod(index - turn, block)
+        points = _points(self.case.key, self.root_seed, start * block, block)
+        rest = _Rest(
+            tuple(points.occluder[row]), tuple(points.lens[row]),
+            float(points.noise[row, 0]),
+        )  # fmt: skip
+        at = points.normal[row], points.design[row], rest
+        return _interior(self.case, index, *at, self.root_seed)
+
+
+def design(case: LookCase, count: int, root_seed: int) -> Design:
+    """Return the first `count` trials of a look.
+
+    Trial k depends on the case, `root_seed` and k alone: other routines, cases or
+    counts change none. Three of four are scrambled Sobol points mapped to the spreads;
+    each fourth is an extreme of a folded two-level design (2 sigma in focus, zoom and
+    angle, the ends of the light's and the noise's intervals, nine tenths to all of
+    `search_um`). A spread that is zero leaves its axis at rest and the others where
+    they were.
+
+    Parameters
+    ----------
+    case : LookCase
+        The look.
+    count : int
+        How many, 1 to `MOST_TRIALS`.
+    root_seed : int
+        Root of all seeds, >= 0.
+
+    Raises
+    ------
+    ValueError
+        If `count` or `root_seed` is out of range.
+    """
+    if not 1 <= count <= MOST_TRIALS:
+        raise ValueError(f"count must be in 1..{MOST_TRIALS}, got {count}")
+    if root_seed < 0:
+        raise ValueError(f"root_seed must not be negative, got {root_seed}")
+    return Design(case=case, root_seed=root_seed, first=0, step=1, length=count)
+
+
+def rebuild(case: LookCase, root_seed: int, index: int) -> Trial:
+    """Return one trial of `design` by its number, such as a score's worst."""
+    return design(case, index + 1, root_seed)[index]
+
+
+@lru_cache(maxsize=4)
+def _points(key: str, root: int, first: int, count: int) -> _Points:
+    """Return points of a look's design from the one numbered `first`."""
+    points, occluder, lens, noise = (
+        interior(group, key, root, count, first=first)
+        for group in ("design", "occluder", "lens", "noise")
+    )
+    return _Points(
+        points, _normal(points[:, :5]), _normal(occluder), _normal(lens), noise
+    )
+
+
+def _normal(points: FloatArray) -> FloatArray:
+    """Return points of the unit cube in units of sigmas."""
+    found: FloatArray = truncnorm.ppf(points, -CUT, CUT)
+    return found
+
+
+def _interior(
+    case: LookCase,
+    index: int,
+    normal: FloatArray,
+    point: FloatArray,
+    rest: _Rest,
+    root: int,
+) -> Trial:
+    """Return a point of the unit cube, five of it in sigmas, mapped to the spreads."""
+    spread = case.spread
+    theta = normal[2] * spread.pose_sigma_theta_rad
+    if case.theta_any:
+        theta = (2 * point[2] - 1) * math.pi
+    low, high = spread.light_gain
+    weak, strong = spread.light_gradient
+    return _trial(
+        case,
+        index,
+        root,
+        place_um=tuple(normal[:2] * spread.pose_sigma_xy_um),
+        theta_rad=theta,
+        dz_um=normal[3] * spread.focus_sigma_um,
+        magnification=1 + normal[4] * spread.magnification_sigma,
+        gain=low + point[5] * (high - low),
+        gradient=weak + point[6] * (strong - weak),
+        direction_rad=2 * math.pi * point[7],
+        rest=rest,
+    )
+
+
+def _extreme(case: LookCase, index: int, turn: int, root: int) -> Trial:
+    """Return a corner of the spreads; directions are drawn, never on a pixel grid."""
+    spread = case.spread
+    sign = corner(turn)
+    rng = generator(root, f"{case.key}/extreme {index}")
+    radius = spread.search_um * rng.uniform(0.9, 1.0)
+    toward = math.atan2(sign[1], sign[0]) + rng.uniform(-0.5, 0.5)
+    theta = _CORNER * sign[2] * spread.pose_sigma_theta_rad
+    if case.theta_any:
+        theta = rng.uniform(-math.pi, math.pi)
+    direction = rng.uniform(0, 2 * math.pi)
+    far = _CORNER * rng.uniform(0.9, 1.0, 2)
+    return _trial(
+        case,
+        index,
+        root,
+        place_um=(radius * math.cos(toward), radius * math.sin(toward)),
+        theta_rad=theta,
+        dz_um=_CORNER * sign[3] * spread.focus_sigma_um,
+        magnification=1 + _CORNER * sign[4] * spread.magnification_sigma,
+        gain=spread.light_gain[int(sign[5] > 0)],
+        gradient=spread.light_gradient[int(sign[6] > 0)],
+        direction_rad=direction,
+        rest=_Rest(
+            (far[0] * sign[7], far[1] * sign[8]),
+            [_CORNER * s for s in sign[9:15]],
+            float(sign[15] > 0),
+        ),
+    )
+
+
+def _trial(
+    case: LookCase,
+    index: int,
+    root: int,
+    *,
+    place_um: tuple[float, ...],
+    theta_rad: float,
+    dz_um: float,
+    magnification: float,
+    gain: float,
+    gradient: float,
+    direction_rad: float,
+    rest: _Rest,
+) -> Trial:
+    """Return the trial with its blur law and noise seed."""
+    sigma, (low, high) = case.spread.occluder_sigma_um, case.spread.noise
+    # interior and extremes both meet both laws: the parity shifts by one every round
+    other = (index + index // _EVERY) % 2 == 1
+    return Trial(
+        index=index,
+        dx_um=float(place_um[0]),
+        dy_um=float(place_um[1]),
+        dtheta_rad=float(theta_rad),
+        dz_um=float(dz_um),
+        magnification=float(magnification),
+        gain=float(gain),
+        gradient_x=float(gradient * math.cos(direction_rad)),
+        gradient_y=float(gradient * math.sin(direction_rad)),
+        model=_OTHER_MODEL.get(case.model, "exact") if other else case.model,
+        seed=(root, *words(f"{case.key}/trial {index}")),
+        occluder_um=(sigma * float(rest.occluder[0]), sigma * float(rest.occluder[1])),
+        lens=true_lens(case.lens, case.spread.lens, rest.lens),
+        noise=low + rest.noise * (high - low),
+        turns_rad=_turns(case, index, root),
+    )
+
+
+def _turns(case: LookCase, index: int, root: int) -> tuple[float, ...]:
+    """Return by how much what lies at unknown angles is turned, rad."""
+    if not case.spread.turning:
+        return ()
+    rng = generator(root, f"{case.key}/turning {index}")
+    points = rng.random(len(case.spread.turning))
+    return tuple(
+        (2 * float(at) - 1) * math.pi
+        if what.is_any
+        else what.sigma_theta_rad * float(truncnorm.ppf(at, -CUT, CUT))
+        for what, at in zip(case.spread.turning, points, strict=True)
+    )

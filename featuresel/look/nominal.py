@@ -1,0 +1,248 @@
+"""The renderer that routines prepare with: a look as it is planned to be."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from featuresel.look.displaced_look import elsewhere
+from featuresel.look.occluders import veil
+from featuresel.look.scenario import (
+    LookCase,
+    moved_layers,
+    picture,
+    still_layers,
+    still_lights,
+)
+from featuresel.look.static_layers import Backdrop, standing, usual_range
+from featuresel.look.templates import template
+from featuresel.routines import Blur, Camera, Drifts, Sway, Veil
+from optics.render.scene import Illumination
+from optics.transfer.microscope import Microscope
+
+FloatArray = npt.NDArray[np.float64]
+
+_HELD_PX = 1 << 22  # of images that are kept, 32 MiB: routines ask for the same ones
+_BACKDROPS = 4  # settings whose still layers are kept
+
+Asked = tuple[float, ...]  # numbers that an image depends on
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class _Known:
+    """What was made before, what was asked for last at the end."""
+
+    images: dict[Asked, FloatArray] = field(default_factory=dict)
+    backdrops: dict[Asked, Backdrop] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class NominalRender:
+    """Renders a case's region, at nominal focus and zoom unless told else."""
+
+    case: LookCase
+    known: _Known = field(default_factory=_Known, init=False, compare=False, repr=False)
+
+    @property
+    def camera(self) -> Camera:
+        """Return the camera's noise."""
+        sensor = self.case.sensor
+        return Camera(
+            full_well_e=sensor.full_well_e,
+            read_noise_e=sensor.read_noise_e,
+            bits=sensor.bits,
+            fill_factor=self.case.microscope.fill_factor,
+        )
+
+    @property
+    def blur(self) -> Blur:
+        """Return what the optics can show."""
+        scope = self.case.microscope
+        return Blur(
+            cutoff_per_um=scope.cutoff_per_um,
+            depth_um=scope.wave_depth_um,
+            cone=scope.blur_diameter_um(1.0) / 2,
+        )
+
+    @property
+    def drifts(self) -> Drifts:
+        """Return what else the trials of this look vary."""
+        spread = self.case.spread
+        return Drifts(
+            focus_sigma_um=spread.focus_sigma_um,
+            zoom_sigma=spread.magnification_sigma,
+            gradient=spread.light_gradient[1],
+            axis_px=self.case.frame.to_pixel(0.0, 0.0),
+        )
+
+    def __call__(
+        self,
+        *,
+        dx_um: float = 0.0,
+        dy_um: float = 0.0,
+        theta_rad: float = 0.0,
+        dz_um: float = 0.0,
+        zoom: float = 1.0,
+    ) -> FloatArray:
+        """Return the noise-free region, clipped to what the sensor can tell, 0..1.
+
+        `theta_rad` is the turn away from the nominal angle. Images that were asked for
+        not long ago are given again.
+        """
+
+        def made() -> FloatArray:
+            found = self._picture((dx_um, dy_um, theta_rad), dz_um=dz_um, zoom=zoom)
+            return np.clip(found, 0.0, 1.0)
+
+        asked, window = (dx_um, dy_um, theta_rad, dz_um, zoom), self.case.window
+        most = _HELD_PX // (window.rows * window.columns)
+        return _held(self.known.images, asked, most, made).copy()
+
+    def at_height(
+        self, dz_um: float, *, dx_um: float, dy_um: float, theta_rad: float
+    ) -> FloatArray:
+        """Return the same image, of a pose that is asked for at several heights."""
+        found = self._picture(
+            (dx_um, dy_um, theta_rad), dz_um=dz_um, zoom=1.0, again=True
+        )
+        return np.clip(found, 0.0, 1.0)
+
+    def template(
+        self, dz_um: Sequence[float], *, over: int, half_px: tuple[int, int]
+    ) -> FloatArray:
+        """Return the target alone: see `featuresel.look.templates.template`."""
+        return template(self.case, dz_um, over=over, half_px=half_px)
+
+    def alone(
+        self, *, dx_um: float = 0.0, dy_um: float = 0.0, dz_um: float = 0.0
+    ) -> FloatArray:
+        """Return the region without what stands still, not clipped.
+
+        The light's gradient is left out: it belongs to the frame, not to the target.
+        """
+        even = Illumination(gain=self.case.light.gain)
+        lone = NominalRender(case=replace(self.case, static=(), light=even))
+        return lone._picture((dx_um, dy_um, 0.0), dz_um=dz_um, zoom=1.0)
+
+    def veil(self, dz_um: float = 0.0) -> Veil:
+        """Return what stands in front: see `featuresel.look.occluders.veil`."""
+        return veil(self.case, dz_um)
+
+    def sways(self) -> tuple[Sway, ...]:
+        """Return how the image may differ as what stands still may lie elsewhere.
+
+        Each owner for itself: to both sides along x and y by the spread that trials
+        have, and round the circle or to both sides where its angle is unknown.
+        """
+        image, through = self(), self.veil().through
+        found = [(nominal_render(case), root) for case, root in elsewhere(self.case)]
+        return tuple(
+            Sway(
+                shown=root * (there() - image),
+                through=root * (there.veil().through - through),
+            )
+            for there, root in found
+        )
+
+    def _picture(
+        self,
+        moved: tuple[float, float, float],
+        *,
+        dz_um: float,
+        zoom: float,
+        again: bool = False,
+    ) -> FloatArray:
+        """Return the region with the target moved by (um, um, rad), not clipped.
+
+        The target is transformed once for all places at its own angle, and for all
+        heights of a pose that is asked for `again`.
+        """
+        case, zoomed = self.case, self.case.microscope.magnification * zoom
+        scope = replace(case.microscope, magnification=zoomed)
+        focus_um = case.focus_um + dz_um
+        shown = _held(
+            self.known.backdrops,
+            (dz_um, zoom),
+            _BACKDROPS,
+            lambda: _backdrop(case, scope, focus_um, zoom),
+        )
+        layers = moved_layers(case, *moved)
+        own = self._own(moved, focus_um=focus_um, zoom=zoom, again=again)
+        if own is not None:
+            shown, layers = shown.with_(own), ()
+        return picture(
+            case,
+            layers,
+            scope,
+            focus_um=focus_um,
+            model=case.model,
+            light=case.light,
+            backdrop=shown.layers,
+            under=shown.under,
+        )
+
+    def _own(
+        self,
+        moved: tuple[float, float, float],
+        *,
+        focus_um: float,
+        zoom: float,
+        again: bool,
+    ) -> Backdrop | None:
+        """Return the target from what was transformed once, None where that is not."""
+        case, reach = self.case, usual_range(self.case)
+        x, y, turn = moved
+        if not (again or turn == 0) or not reach.holds(focus_um, (x, y), zoom):
+            return None
+        at, by_um = (moved, (0.0, 0.0)) if again else ((0.0, 0.0, 0.0), (x, y))
+        ready = standing(case, moved_layers(case, *at), reach, case.model)
+        if ready is None:
+            return None
+        return ready.at(focus_um=focus_um, zoom=zoom, shift_um=by_um)
+
+
+def nominal_render(case: LookCase) -> NominalRender:
+    """Return the renderer that routines prepare with."""
+    return NominalRender(case=case)
+
+
+def swayed(case: LookCase) -> FloatArray:
+    """Return what the image of a look changes by as what stands still lies elsewhere.
+
+    Returns
+    -------
+    (C, rows, columns) float64 array
+        Shares of full scale, as `NominalRender.sways` shows them.
+    """
+    image = nominal_render(case)()
+    changes = [root * (nominal_render(c)() - image) for c, root in elsewhere(case)]
+    return np.array(changes).reshape(-1, *image.shape)
+
+
+def _backdrop(
+    case: LookCase, scope: Microscope, focus_um: float, zoom: float
+) -> Backdrop:
+    """Return what stands still in a look at some focus and zoom."""
+    reach = usual_range(case)
+    if reach.holds(focus_um, (0.0, 0.0), zoom):
+        ready = standing(case, case.static, reach, case.model)
+        if ready is not None:
+            return ready.at(focus_um=focus_um, zoom=zoom)
+    return Backdrop(
+        still_layers(case, scope, focus_um=focus_um, model=case.model),
+        still_lights(case, scope, focus_um=focus_um),
+    )
+
+
+def _held(known: dict[Asked, T], asked: Asked, most: int, make: Callable[[], T]) -> T:
+    """Return what is known or made now; the `most` asked for last stay, or one."""
+    found = known.pop(asked) if asked in known else make()
+    while known and len(known) >= most:
+        del known[next(iter(known))]
+    known[asked] = found
+    return found

@@ -1,0 +1,83 @@
+"""What stands in front of a target: seen by a black and a white face in its place."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from featuresel.look.scenario import LookCase, picture
+from featuresel.look.static_layers import CUT, Backdrop, standing
+from featuresel.routines import Veil
+from optics.outline.outline import Outline, Ring, Segment
+from optics.render.scene import Illumination, Layer
+from optics.render.view_range import Range
+
+FloatArray = npt.NDArray[np.float64]
+
+_VEILED = 3.0  # fields: the face behind what stands in front ends out of sight
+
+
+def veil(case: LookCase, dz_um: float) -> Veil:
+    """Return what stands in front of the target, `dz_um` off nominal focus.
+
+    A face without end at the height of the target's top, once black and once white,
+    takes the target's place; what lies below it is not seen.
+    """
+    top_um = max(layer.z_um for layer in case.moving)
+    # what lies below the face is hidden, and need not be rendered
+    above = tuple(layer for layer in case.static if layer.z_um > top_um)
+    if not above:
+        shape = (case.window.rows, case.window.columns)
+        return Veil(light=np.zeros(shape), through=np.ones(shape))
+    even = replace(case, light=Illumination(), static=above, background_z_um=None)
+    shown = _before(even, _face(even, top_um, 0.0), dz_um)
+    even = replace(even, focus_um=case.focus_um + dz_um)
+    black, white = (
+        _faced(even, _face(even, top_um, share), shown) for share in (0.0, 1.0)
+    )
+    return Veil(light=case.light.gain * black, through=white - black)
+
+
+def _before(case: LookCase, face: Layer, dz_um: float) -> Backdrop:
+    """Return what stands before a face, `dz_um` off nominal focus.
+
+    Heights within one of equal steps share the transforms.
+    """
+    wide_um = max(2 * CUT * case.spread.focus_sigma_um, case.microscope.wave_depth_um)
+    middle_um = case.focus_um + round(dz_um / wide_um) * wide_um
+    half_um = wide_um / 2 * (1 + 1e-9)  # ends belong to both
+    reach = Range(focus_um=(middle_um - half_um, middle_um + half_um))
+    ready = standing(replace(case, moving=(face,)), case.static, reach, case.model)
+    return Backdrop() if ready is None else ready.at(focus_um=case.focus_um + dz_um)
+
+
+def _faced(case: LookCase, face: Layer, shown: Backdrop) -> FloatArray:
+    """Return the region with a face in the target's place."""
+    return picture(
+        case,
+        (face,),
+        case.microscope,
+        focus_um=case.focus_um,
+        model=case.model,
+        light=case.light,
+        backdrop=shown.layers,
+        under=shown.under,
+    )
+
+
+def _face(case: LookCase, z_um: float, reflectance: float) -> Layer:
+    """Return a face without end."""
+    side = _VEILED * max(case.microscope.field_um)
+    corners = [(-side, -side), (side, -side), (side, side), (-side, side)]
+    edges = tuple(
+        Segment(start=a, end=b)
+        for a, b in zip(corners, corners[1:] + corners[:1], strict=True)
+    )
+    return Layer(
+        name="face",
+        outline=Outline(rings=(Ring(edges=edges),)),
+        z_um=z_um,
+        reflectance=reflectance,
+    )

@@ -1,0 +1,122 @@
+"""The image of any trial of a look, and what stands still in it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from featuresel.look.design import Trial
+from featuresel.look.disturb import noisier, shifted
+from featuresel.look.scenario import LookCase, moved_layers, picture
+from featuresel.look.static_layers import (
+    Backdrop,
+    displaced,
+    fresh,
+    standing,
+    usual_range,
+)
+from optics.lens.sensor import CountArray, expose, to_unit
+from optics.render.scene import Illumination, Layer
+from optics.render.view_range import Range
+from optics.transfer.microscope import Microscope
+
+FloatArray = npt.NDArray[np.float64]
+
+
+def image(
+    case: LookCase,
+    trial: Trial,
+    backdrop: Backdrop | None = None,
+    moved: tuple[Layer, ...] | None = None,
+) -> FloatArray:
+    """Return the trial's region as the camera gives it, (rows, columns), 0..1.
+
+    The zoom error scales about the optical axis; the truth stays the target's world
+    pose, so an estimator that trusts the nominal zoom errs by ratio x distance. Trials
+    that differ in the target's pose, light and noise alone may share their `backdrop`.
+    By default `moved` are the target's layers in its place; none if they are in it.
+    """
+    return to_unit(counts(case, trial, backdrop, moved), case.sensor.bits)
+
+
+def counts(
+    case: LookCase,
+    trial: Trial,
+    backdrop: Backdrop | None = None,
+    moved: tuple[Layer, ...] | None = None,
+) -> CountArray:
+    """Return the trial's region as the camera's counts; arguments as in `image`."""
+    seen = _perturbed(case, trial)
+    behind = still(case, trial) if backdrop is None else backdrop
+    if moved is None:
+        moved = moved_layers(case, trial.dx_um, trial.dy_um, trial.dtheta_rad)
+    noiseless = picture(
+        seen,
+        moved,
+        seen.microscope,
+        focus_um=seen.focus_um,
+        model=seen.model,
+        light=seen.light,
+        backdrop=behind.layers,
+        under=behind.under,
+    )
+    rng = np.random.default_rng(np.random.SeedSequence(trial.seed))
+    return expose(noiseless, seen.sensor, rng)
+
+
+def still(case: LookCase, trial: Trial, reach: Range | None = None) -> Backdrop:
+    """Return what stands still in a trial, blurred.
+
+    Focus, zoom, law, lens and the occluder's place matter, the target's pose does not.
+    Trials of one `reach` share the transforms; by default it is that of the design.
+    """
+    seen, reach = _perturbed(case, trial), reach or usual_range(case)
+    focus_um, zoom, by_um = seen.focus_um, trial.magnification, trial.occluder_um
+    if not seen.shares_still_layers or not reach.holds(focus_um, by_um, zoom):
+        return fresh(seen, seen.static)
+    found, left = Backdrop(), list(zip(case.static, seen.static, strict=True))
+    for shift_um in dict.fromkeys((by_um, (0.0, 0.0))):  # the owner's stay
+        group = [here for here, there in left if displaced(here, shift_um) == there]
+        left = [pair for pair in left if pair[0] not in group]
+        ready = standing(case, group, reach, trial.model) if group else None
+        if ready is not None:
+            own = ready.at(focus_um=focus_um, zoom=zoom, shift_um=shift_um)
+            found = found.with_(own)
+    return found.with_(fresh(seen, [there for _, there in left])) if left else found
+
+
+def _owner(case: LookCase) -> str:
+    return case.target.name.partition(".")[0]
+
+
+def _perturbed(case: LookCase, trial: Trial) -> LookCase:
+    """Return the look as it truly is in a trial, but for the target's pose."""
+    return replace(
+        case,
+        static=shifted(
+            case.static,
+            _owner(case),
+            trial.occluder_um,
+            tuple(zip(case.spread.turning, trial.turns_rad, strict=True))
+            if trial.turns_rad  # a trial made elsewhere turns nothing
+            else (),
+        ),
+        microscope=_zoomed(case, trial),
+        focus_um=case.focus_um + trial.dz_um,
+        model=trial.model,
+        light=Illumination(
+            gain=case.light.gain * trial.gain,
+            gradient_x=case.light.gradient_x + trial.gradient_x,
+            gradient_y=case.light.gradient_y + trial.gradient_y,
+        ),
+        lens=case.lens if trial.lens is None else trial.lens,
+        sensor=noisier(case.sensor, trial.noise),
+    )
+
+
+def _zoomed(case: LookCase, trial: Trial) -> Microscope:
+    """Return the case's microscope at the trial's zoom."""
+    magnification = case.microscope.magnification * trial.magnification
+    return replace(case.microscope, magnification=magnification)

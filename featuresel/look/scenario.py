@@ -1,0 +1,291 @@
+"""One look to be tried: scene, optics, target, tolerances and spreads."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from featuresel.routines import Target
+from featuresel.routines.frame import RegionFrame
+from optics.layers.coaxial_light import Light, lights
+from optics.layers.occlusion import occluded
+from optics.layers.shading import shaded
+from optics.lens.distorted_scene import lens_scene
+from optics.lens.lens import LensErrors
+from optics.lens.sensor import Sensor
+from optics.outline.outline import place
+from optics.render.render import Covered, cover
+from optics.render.sampling import Sampling
+from optics.render.scene import Illumination, Layer, Scene, Window
+from optics.transfer.microscope import Microscope
+
+FloatArray = npt.NDArray[np.float64]
+
+_SURE = LensErrors()  # no error is known, none unknown
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Turning:
+    """Something that is not the target's owner, at an angle that nobody has measured.
+
+    Its layers turn about a point of the world, all of them together.
+    """
+
+    owner: str
+    x_um: float
+    y_um: float
+    sigma_theta_rad: float  # pi: any angle
+
+    def __post_init__(self) -> None:
+        if not 0 < self.sigma_theta_rad <= math.pi:
+            raise ValueError(
+                f"sigma_theta_rad must be in (0, pi], got {self.sigma_theta_rad}"
+            )
+
+    @property
+    def is_any(self) -> bool:
+        """Return whether the angle is uniform over the circle."""
+        return self.sigma_theta_rad >= math.pi
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Spread:
+    """What trials are perturbed by; sigmas are one standard deviation per axis."""
+
+    focus_sigma_um: float
+    magnification_sigma: float  # of the ratio to nominal
+    light_gain: tuple[float, float]  # uniform in this interval, times the nominal gain
+    light_gradient: tuple[float, float]  # magnitude; the direction is any
+    pose_sigma_xy_um: float
+    pose_sigma_theta_rad: float
+    search_um: float  # how far off a look may start; trials reach it at the extremes
+    # of what stands still and is not the target's owner, all of it together
+    occluder_sigma_um: float = 0.0
+    turning: tuple[Turning, ...] = ()  # of that, what lies at unknown angles
+    noise: tuple[float, float] = (1.0, 1.0)  # uniform, times the sensor's noise
+    lens: LensErrors = _SURE  # only its sigmas count, about the look's own
+
+    def __post_init__(self) -> None:
+        names = ("focus_sigma_um", "magnification_sigma", "pose_sigma_xy_um")
+        more = ("pose_sigma_theta_rad", "search_um", "occluder_sigma_um")
+        for name in (*names, *more):
+            value = getattr(self, name)
+            if not (value >= 0 and math.isfinite(value)):
+                raise ValueError(f"{name} must be finite and >= 0, got {value}")
+        if self.magnification_sigma > 0.1:
+            raise ValueError(
+                f"magnification_sigma must be at most .1, got "
+                f"{self.magnification_sigma}"
+            )
+        for name in ("light_gain", "light_gradient"):
+            low, high = getattr(self, name)
+            if not 0 <= low <= high < math.inf:
+                raise ValueError(f"{name} must be 0 <= low <= high, got {low}, {high}")
+        low, high = self.noise
+        if not 0 < low <= high < math.inf:
+            raise ValueError(f"noise must be 0 < low <= high, got {low}, {high}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LookCase:
+    """A look before a routine is chosen for it; picklable.
+
+    The target's frame has its origin at the target's reference point. The model is the
+    compiler's rung of the defocus law, the sampling its band and margin.
+    """
+
+    key: str  # names the case; seeds depend on it
+    static: tuple[Layer, ...]  # world frame
+    moving: tuple[Layer, ...]  # outlines in the target's frame
+    background: float
+    x_um: float  # nominal world pose of the target's frame
+    y_um: float
+    theta_rad: float
+    theta_any: bool  # the angle is uniform over the circle
+    microscope: Microscope
+    focus_um: float
+    light: Illumination
+    window: Window  # the region of the frame
+    sensor: Sensor
+    target: Target
+    model: str
+    sampling: Sampling
+    lens: LensErrors  # what is known of it
+    lamp_aperture: float | None  # of coaxial light that bodies shade; None: no shade
+    background_z_um: float | None  # None: the background is never shaded
+    treatment: str  # of layers, one of `optics.layers.layer_error.TREATMENTS`
+    tolerance_um: float  # what the look has to meet per axis, 2 sigma and bias
+    tolerance_theta_rad: float | None  # None: the angle is not needed
+    spread: Spread
+
+    def __post_init__(self) -> None:
+        if not self.tolerance_um > 0:
+            raise ValueError(f"tolerance_um must be positive, got {self.tolerance_um}")
+        if self.tolerance_theta_rad is not None and not self.tolerance_theta_rad > 0:
+            raise ValueError(
+                f"tolerance_theta_rad must be positive, got {self.tolerance_theta_rad}"
+            )
+
+    @property
+    def shares_still_layers(self) -> bool:
+        """Return whether what stands still is blurred alike wherever the target is."""
+        return self.treatment == "blend" and not self.lens.changes_scene
+
+    @property
+    def shares_spectra(self) -> bool:
+        """Return whether images at several focus heights come from the same spectra."""
+        return self.shares_still_layers and self.lamp_aperture is None
+
+    @property
+    def frame(self) -> RegionFrame:
+        """Return the nominal map from pixels of the region to the world."""
+        return RegionFrame(
+            width_px=self.microscope.width_px,
+            height_px=self.microscope.height_px,
+            um_per_px=self.microscope.um_per_px,
+            row=self.window.row,
+            column=self.window.column,
+        )
+
+
+def scene(case: LookCase, dx_um: float, dy_um: float, dtheta_rad: float) -> Scene:
+    """Return the case's scene with the target displaced in the world frame.
+
+    Parameters
+    ----------
+    case : LookCase
+        The look.
+    dx_um, dy_um : float
+        Displacement of the target's reference point, world axes, um.
+    dtheta_rad : float
+        Turn of the target about its reference point.
+    """
+    moved = moved_layers(case, dx_um, dy_um, dtheta_rad)
+    return Scene(
+        layers=case.static + moved,
+        background=case.background,
+        background_z_um=case.background_z_um,
+    )
+
+
+def moved_layers(
+    case: LookCase, dx_um: float, dy_um: float, dtheta_rad: float
+) -> tuple[Layer, ...]:
+    """Return the layers that move with the target, displaced as in `scene`."""
+    x, y = case.x_um + dx_um, case.y_um + dy_um
+    return tuple(
+        Layer(
+            name=layer.name,
+            outline=place(layer.outline, x, y, case.theta_rad + dtheta_rad),
+            z_um=layer.z_um,
+            reflectance=layer.reflectance,
+        )
+        for layer in case.moving
+    )
+
+
+def picture(
+    case: LookCase,
+    moved: Sequence[Layer],
+    microscope: Microscope,
+    *,
+    focus_um: float,
+    model: str,
+    light: Illumination,
+    backdrop: Sequence[Covered] = (),
+    under: Sequence[Light] | None = None,
+) -> FloatArray:
+    """Return the region without noise, as the case's fidelity has it.
+
+    Parameters
+    ----------
+    case : LookCase
+        The look.
+    moved : sequence of Layer
+        The target's layers in the world, see `moved_layers`.
+    microscope : Microscope
+        The optical setting, perturbed or not.
+    focus_um, model, light
+        As in `optics.render.render.render`.
+    backdrop : sequence of Covered
+        What stands still, by `still_layers` with the same arguments.
+    under : sequence of Light, optional
+        The light that it leaves, by `still_lights`. Default: it is computed.
+    """
+    if case.shares_still_layers:
+        layers, also = tuple(moved), backdrop
+    else:
+        layers, also = case.static + tuple(moved), ()
+    shown = Scene(
+        layers=layers,
+        background=case.background,
+        background_z_um=case.background_z_um,
+    )
+    shown = lens_scene(shown, microscope, case.lens, focus_um)
+    if case.treatment == "occluded":
+        return occluded(
+            shown,
+            microscope,
+            focus_um=focus_um,
+            model=model,
+            window=case.window,
+            light=light,
+            lamp_aperture=case.lamp_aperture,
+        )
+    return shaded(
+        shown,
+        microscope,
+        focus_um=focus_um,
+        lamp_aperture=case.lamp_aperture,
+        model=model,
+        window=case.window,
+        light=light,
+        also=also,
+        under=under if also else None,
+        sampling=case.sampling,
+    )
+
+
+def still_layers(
+    case: LookCase, microscope: Microscope, *, focus_um: float, model: str
+) -> tuple[Covered, ...]:
+    """Return what stands still, blurred; none where images do not share it."""
+    if not case.shares_still_layers:
+        return ()
+    return cover(
+        case.static,
+        microscope,
+        focus_um=focus_um,
+        model=model,
+        window=case.window,
+        sampling=case.sampling,
+    )
+
+
+def still_lights(
+    case: LookCase, microscope: Microscope, *, focus_um: float
+) -> tuple[Light, ...] | None:
+    """Return the light that still layers leave at every height that is seen.
+
+    Returns
+    -------
+    tuple of Light, optional
+        None where nothing is shaded, or images do not share it.
+    """
+    if case.lamp_aperture is None or not case.static or not case.shares_still_layers:
+        return None
+    heights = {layer.z_um for layer in (*case.static, *case.moving)}
+    if case.background_z_um is not None:
+        heights.add(case.background_z_um)
+    return lights(
+        case.static,
+        sorted(heights),
+        microscope,
+        lamp_aperture=case.lamp_aperture,
+        focus_um=(focus_um,),
+        window=case.window,
+    )

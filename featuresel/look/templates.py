@@ -1,0 +1,93 @@
+"""The target alone at points finer than pixels, through focus."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from featuresel.look.scenario import LookCase, moved_layers, picture
+from featuresel.look.static_layers import Backdrop, standing
+from optics.render.scene import Illumination, Layer, Window
+from optics.render.view_range import Range
+from optics.transfer.microscope import Microscope
+
+FloatArray = npt.NDArray[np.float64]
+
+_NOTHING = Backdrop()
+_POINT = 1e-12  # fill factor of samples that integrate over no area
+
+
+def template(
+    case: LookCase, dz_um: Sequence[float], *, over: int, half_px: tuple[int, int]
+) -> FloatArray:
+    """Return the target alone at points, see `featuresel.routines.LookModel`.
+
+    Raises
+    ------
+    ValueError
+        If `over` is even: no sample would be at a pixel's centre.
+    """
+    if over < 1 or over % 2 == 0:
+        raise ValueError(f"over must be odd and positive, got {over}")
+    fine = _fine(case, over, half_px)
+    moved = moved_layers(fine, 0.0, 0.0, 0.0)
+    heights = [fine.focus_um + dz for dz in dz_um]
+    reach = Range(focus_um=(min(heights), max(heights)))
+    ready = standing(fine, moved, reach, fine.model, keep=False)
+    if ready is None:
+        return np.stack([_pictured(fine, z, moved) for z in heights])
+    return np.stack([_pictured(fine, z, (), ready.at(focus_um=z)) for z in heights])
+
+
+def _fine(case: LookCase, over: int, half_px: tuple[int, int]) -> LookCase:
+    """Return the target alone in a window of finer pixels about its nominal place."""
+    scope: Microscope = replace(
+        case.microscope,
+        pitch_um=case.microscope.pitch_um / over,
+        width_px=case.microscope.width_px * over,
+        height_px=case.microscope.height_px * over,
+        fill_factor=_POINT,
+    )
+    return replace(
+        case,
+        static=(),
+        microscope=scope,
+        window=_window(case, over, half_px),
+        # the light's gradient belongs to the frame, not to the target
+        light=Illumination(gain=case.light.gain),
+    )
+
+
+def _window(case: LookCase, over: int, half_px: tuple[int, int]) -> Window:
+    """Return the finer pixels about the target's nominal place."""
+    column = case.window.column + round(case.target.column)
+    row = case.window.row + round(case.target.row)
+    middle = (over - 1) // 2
+    return Window(
+        row=(row - half_px[1]) * over + middle,
+        column=(column - half_px[0]) * over + middle,
+        rows=2 * half_px[1] * over + 1,
+        columns=2 * half_px[0] * over + 1,
+    )
+
+
+def _pictured(
+    fine: LookCase,
+    focus_um: float,
+    moved: tuple[Layer, ...],
+    known: Backdrop = _NOTHING,
+) -> FloatArray:
+    """Return the picture of the target alone at one focus, `known` being blurred."""
+    return picture(
+        fine,
+        moved,
+        fine.microscope,
+        focus_um=focus_um,
+        model=fine.model,
+        light=fine.light,
+        backdrop=known.layers,
+        under=known.under,
+    )

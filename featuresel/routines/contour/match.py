@@ -1,0 +1,295 @@
+"""Contour matching from the drawing, with the polarity of each edge predicted."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from featuresel.routines import (
+    Artifact,
+    Failure,
+    FloatArray,
+    Guess,
+    Known,
+    LookModel,
+    Measurement,
+    Target,
+    TargetKind,
+)
+from featuresel.routines.contour.calibrate import (
+    SHRINKS,
+    Views,
+    calibrated,
+    coarsest,
+    floor,
+)
+from featuresel.routines.contour.fit import Fit, Lines, fit, fit_work
+from featuresel.routines.contour.model import ROUND, Model, build, rim_px
+from featuresel.routines.contour.polarity import predict
+from featuresel.routines.contour.search import (
+    Field,
+    Pose,
+    climb,
+    climb_work,
+    field,
+    field_work,
+    gradient_noise,
+    score,
+    search,
+    search_work,
+)
+from featuresel.routines.contour.turns import choose_turn
+from featuresel.routines.picture import refused
+
+NAME = "contour_match"
+VERSION = "1"
+KINDS: tuple[TargetKind, ...] = ("circle", "teeth", "outline", "jaws")
+GIVES: tuple[Known, ...] = ("xy", "theta")
+NEEDS: tuple[Known, ...] = ()
+CAPTURE_PX = math.inf
+CONTROL = False
+DEAR = False
+
+_FAINT_SCORE = 0.1  # of gradients, where the search ends: light and blur take the rest
+_LEAST_SCORE = 0.5  # of their directions, at the end: noise and blur leave .7 and more
+_RIVAL = 0.9  # of the best score, the most another pose may reach
+_VALLEY = 0.97  # of the lower score: what lies higher all the way is one hill
+_FEWEST = 12  # points to match
+_BREAKING = 3  # points that tell turns apart, at least
+_NO_TURN_RAD = 1e-3  # below this range the angle is not searched
+_SCALE_OFF = 0.05  # zoom errors stay below 2 %; what is farther off is another thing
+_NOISES = 3.0  # standard deviations of noise below which a gradient has no direction
+_TURN = 0.03  # work of trying one turn of the symmetry
+
+
+def prepare(render: LookModel, target: Target) -> Artifact | Failure:
+    """Return the points to match, what breaks their symmetry, and where edges are."""
+    image = render()
+    seen = predict(render, target, image=image)
+    model = build(target, seen)
+    count = len(model.points)
+    if count < _FEWEST:
+        return Failure(
+            code="no_edge",
+            message=f"{count} edge points can be relied on, at least {_FEWEST}",
+        )
+    at = Pose(
+        column=target.column, row=target.row, theta_rad=target.theta_rad, score=1.0
+    )
+    floors = {s: floor(image, model.points, at, s) for s in SHRINKS}
+    turns = _turns(model, target)
+    views = Views(render=render, target=target, model=model, tells_turn=turns)
+    found = calibrated(views, seen, image)
+    if found is None:
+        return Failure(code="no_fit", message="the nominal edges make no fit")
+    lines, bias = found
+    sigma = math.sqrt(float(render.camera.variance(image).max()))
+    return Artifact(
+        parameters={
+            "order": float(model.order),
+            "shrink": float(coarsest(image, model.points, at, floors)),
+            "width_px": lines.width_px,
+            "bias_px": bias[0],
+            "bias_rad": bias[1],
+            "noise": _NOISES * sigma * gradient_noise(),
+            "zoom_sigma": render.drifts.zoom_sigma,
+            "search_px": target.search_px,
+            "theta_rad": target.theta_rad,
+            "range_rad": target.theta_range_rad,
+            "turns": float(turns),
+            **{f"floor_{s}": least for s, least in floors.items()},
+        },
+        arrays={
+            "points": model.points.astype(np.float32),
+            "step": lines.step.astype(np.float32),
+            "offset_px": lines.offset_px.astype(np.float32),
+            "breaking": model.breaking.astype(np.float32),
+        },
+    )
+
+
+def measure(
+    image: FloatArray, artifact: Artifact, guess: Guess
+) -> Measurement | Failure:
+    """Return place and angle; fails if the match is poor, ambiguous or out of view.
+
+    The angle is None if the contour is round, or if no edge in sight tells the turns of
+    its symmetry apart.
+    """
+    unfit = refused(image)
+    if unfit is not None:
+        return unfit
+    if min(image.shape) < 4 * artifact.parameters["shrink"]:
+        return Failure(code="outside", message=f"an image of {image.shape} px")
+    points = artifact.arrays["points"].astype(np.float64)
+    pose = _matched(image, artifact, points, guess)
+    if isinstance(pose, Failure):
+        return pose
+    fitted = fit(image, _lines(artifact, points), pose)
+    if isinstance(fitted, Failure):
+        return fitted
+    problem = _misplaced(fitted, artifact, guess, pose)
+    if problem is not None:
+        return problem
+    return _answer(image, artifact, points, fitted)
+
+
+def cost(artifact: Artifact, pixels: int) -> float:
+    """Return the work of one `measure`, see `featuresel.routines.Routine`."""
+    p = artifact.parameters
+    points = artifact.arrays["points"].astype(np.float64)
+    levels = [s for s in SHRINKS if s <= p["shrink"]]
+    angles = len(_angles(p, points))
+    shifts = 2 * math.ceil((p["search_px"] + 1) / p["shrink"]) + 1
+    total = search_work(len(points), angles, shifts**2)
+    total += (len(levels) - 1) * climb_work(len(points), turns=angles > 1)
+    total += sum(field_work(pixels / s**2) for s in levels) + field_work(pixels)
+    if p["turns"] and p["order"] != 1:
+        breaking = float(artifact.arrays["breaking"].sum())
+        turned = p["order"] or 4 * math.pi * rim_px(points)
+        total += turned * (_TURN + search_work(breaking, 1, 1))
+    return total + fit_work(_lines(artifact, points))
+
+
+def _turns(model: Model, target: Target) -> bool:
+    """Return whether the angle can be told."""
+    if model.order == 1:
+        return True
+    if int(model.breaking.sum()) >= _BREAKING:
+        return True
+    return model.order != ROUND and target.theta_range_rad < math.pi / model.order
+
+
+def _lines(artifact: Artifact, points: FloatArray) -> Lines:
+    """Return what the fit needs."""
+    p, arrays = artifact.parameters, artifact.arrays
+    breaks = p["order"] == ROUND and not p["turns"]
+    return Lines(
+        points=points,
+        step=arrays["step"].astype(np.float64),
+        offset_px=arrays["offset_px"].astype(np.float64),
+        width_px=p["width_px"],
+        zoom_sigma=p["zoom_sigma"],
+        turns=not breaks,
+    )
+
+
+def _angles(p: Mapping[str, float], points: FloatArray) -> FloatArray:
+    """Return the angles to search: one period at most, a sample apart at the rim."""
+    limit, order = p["range_rad"], int(p["order"])
+    if order == ROUND or limit <= _NO_TURN_RAD:
+        return np.array((p["theta_rad"],))
+    limit = min(limit, math.pi / order)
+    rim = rim_px(points)
+    count = max(math.ceil(2 * limit * rim / p["shrink"]), 2)
+    # an open range has an angle at either end, a closed one need not
+    steps = np.arange(count + (0 if limit == math.pi / order else 1))
+    angles = p["theta_rad"] - limit + 2 * limit / count * steps
+    return np.asarray(angles, dtype=np.float64)
+
+
+def _matched(
+    image: FloatArray, artifact: Artifact, points: FloatArray, guess: Guess
+) -> Pose | Failure:
+    """Return the best pose to about a pixel, at the turn that the edges confirm."""
+    p = artifact.parameters
+    shrink = int(p["shrink"])
+    angles = _angles(p, points)
+    closed = p["order"] >= 1 and p["range_rad"] >= math.pi / p["order"]
+    found = field(image, shrink, p[f"floor_{shrink}"])
+    near = (guess.column, guess.row)
+    poses = search(found, points, near, p["search_px"] + 1, angles, closed=closed)
+    step = float(angles[1] - angles[0]) if len(angles) > 1 else 0.0
+    while shrink > 1:
+        shrink //= 2
+        step /= 2
+        found = field(image, shrink, p[f"floor_{shrink}"])
+        poses = tuple(climb(found, points, one, step, turns=step > 0) for one in poses)
+    ranked = sorted(poses, key=lambda one: -one.score)
+    best = ranked[0]
+    if best.score < _FAINT_SCORE:
+        return _low(best.score, _FAINT_SCORE)
+    for other in ranked[1:]:
+        if other.score > _RIVAL * best.score and _differs(
+            found, points, best, other, p
+        ):
+            return Failure(
+                code="ambiguous",
+                message=f"agreement {best.score:.3f} and {other.score:.3f}",
+            )
+    return choose_turn(found, artifact, points, best) if p["turns"] else best
+
+
+def _differs(
+    found: Field, points: FloatArray, best: Pose, other: Pose, p: Mapping[str, float]
+) -> bool:
+    """Return whether there is a valley between two poses, but for whole periods."""
+    period = 2 * math.pi / max(p["order"], 1.0)
+    turn = math.remainder(other.theta_rad - best.theta_rad, period)
+    right, down = other.column - best.column, other.row - best.row
+    rim = rim_px(points)
+    far = max(math.hypot(right, down), abs(turn) * rim)
+    between = np.arange(1, math.ceil(far)) / math.ceil(far) if far > 2 else ()
+    return any(
+        score(
+            found,
+            points,
+            best.column + share * right,
+            best.row + share * down,
+            best.theta_rad + share * turn,
+        )
+        < _VALLEY * other.score
+        for share in between
+    )
+
+
+def _misplaced(
+    fitted: Fit, artifact: Artifact, guess: Guess, pose: Pose
+) -> Failure | None:
+    """Return why the fit cannot be the target, if it cannot."""
+    p = artifact.parameters
+    moved = math.hypot(fitted.column - guess.column, fitted.row - guess.row)
+    if moved > 1.5 * p["search_px"] + 2:
+        return Failure(code="outside", message=f"{moved:.1f} px from the guess")
+    drifted = math.hypot(fitted.column - pose.column, fitted.row - pose.row)
+    if drifted > 4:
+        return Failure(code="diverged", message=f"the fit moved by {drifted:.1f} px")
+    if abs(fitted.scale - 1) > _SCALE_OFF:
+        return Failure(code="scale_off", message=f"{fitted.scale:.3f} times the size")
+    turn = abs(math.remainder(fitted.theta_rad - p["theta_rad"], 2 * math.pi))
+    if p["turns"] and turn > p["range_rad"] * 1.2 + 0.01 and p["range_rad"] < 3:
+        return Failure(code="outside", message=f"turned by {turn:.3f} rad")
+    return None
+
+
+def _answer(
+    image: FloatArray, artifact: Artifact, points: FloatArray, fitted: Fit
+) -> Measurement | Failure:
+    """Return the measurement; its score is how well directions agree at the end."""
+    p = artifact.parameters
+    fine = field(image, 1, p["noise"])
+    agreed = score(fine, points, fitted.column, fitted.row, fitted.theta_rad)
+    if agreed < _LEAST_SCORE:
+        return _low(agreed, _LEAST_SCORE)
+    known = bool(p["turns"])
+    theta = math.remainder(fitted.theta_rad, 2 * math.pi)
+    return Measurement(
+        column=fitted.column,
+        row=fitted.row,
+        theta_rad=theta if known else None,
+        score=min(agreed, 1.0),
+        spread_px=math.hypot(fitted.spread_px, p["bias_px"]),
+        spread_theta_rad=math.hypot(fitted.spread_theta_rad, p["bias_rad"])
+        if known
+        else None,
+        zoom=fitted.scale,
+    )
+
+
+def _low(agreed: float, least: float) -> Failure:
+    """Return the failure of a poor match."""
+    return Failure(
+        code="low_score", message=f"agreement {agreed:.3f}, at least {least}"
+    )

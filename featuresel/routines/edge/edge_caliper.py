@@ -1,0 +1,268 @@
+"""Straight calipers across the jaws: their sides give x and angle, their tips y."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from featuresel.routines import (
+    Artifact,
+    Failure,
+    FloatArray,
+    Guess,
+    Known,
+    Measurement,
+    Render,
+    Target,
+    TargetKind,
+    work,
+)
+from featuresel.routines.edge.faces import LINES_PX, Found, measure_face
+from featuresel.routines.edge.jaw_faces import (
+    SIDES,
+    TIPS,
+    calibrate,
+    in_view,
+    predicted,
+)
+from featuresel.routines.picture import refused
+from featuresel.routines.sampling import edge_kernel, line_samples
+
+NAME = "edge_caliper"
+VERSION = "2"
+KINDS: tuple[TargetKind, ...] = ("jaws",)
+GIVES: tuple[Known, ...] = ("xy", "theta")
+NEEDS: tuple[Known, ...] = ()
+CAPTURE_PX = math.inf
+CONTROL = False
+DEAR = False
+
+_TURN_STEP_RAD = math.radians(3)  # half of it moves a face's far end by 3 to 4 px
+_SPARSE = 4  # lines are skipped for the rough turn
+_NEAR_PX = 4.0  # what the first fit leaves to search
+_LINE_WORK = 0.4  # of the line through a face's edges, in box filters
+_LOCKED_PX = 0.02  # edges along pixel rows share one sampling error; lines do not help
+_MOST_TURN_RAD = 0.3  # beyond, the stretches no longer lie on their faces
+_ZOOM = 0.02  # zoom error allowed for: far faces move by this part of their distance
+_FINE_PX = 4.0  # half the last search
+# Of that: edges found anywhere in it, as in noise, scatter by 1 / sqrt(3).
+_SCATTERED = 0.5 / math.sqrt(3)
+_OPENING_PX, _OPENING_PART = 2.0, 0.04  # accepted error of the opening
+
+
+def prepare(render: Render, target: Target) -> Artifact | Failure:
+    """Return the faces in view, with step, filter width and calibrated place of each.
+
+    The inner faces and one tip are needed; the outer faces help where they are in view.
+    """
+    image, at = render(), (target.column, target.row, target.theta_rad)
+    parameters = {
+        "search_px": target.search_px,
+        "theta_rad": target.theta_rad,
+        "range_rad": min(target.theta_range_rad, _MOST_TURN_RAD),
+        "opening_px": target.parameters["opening_um"] * target.px_per_um,
+    }
+    for name, whole in predicted(target).items():
+        face = in_view(whole, image.shape, at, target.search_px)
+        numbers = None if face is None else calibrate(image, face, at)
+        if numbers is not None:
+            parameters |= {f"{name}.{key}": value for key, value in numbers.items()}
+    missing = [name for name in SIDES[:2] if f"{name}.step" not in parameters]
+    if not any(f"{name}.step" in parameters for name in TIPS):
+        missing.append("tips")
+    if missing:
+        return Failure(code="no_edge", message=f"not to be seen: {', '.join(missing)}")
+    return Artifact(parameters=parameters)
+
+
+def measure(
+    image: FloatArray, artifact: Artifact, guess: Guess
+) -> Measurement | Failure:
+    """Return the grip's place and angle; fails if a face is missing or misplaced."""
+    if unfit := refused(image):
+        return unfit
+    p = artifact.parameters
+    column, row = guess.column, guess.row
+    theta = p["theta_rad"] + _rough_turn(image, p, guess)
+    found: dict[str, Found] = {}
+    for half in (p["search_px"], _NEAR_PX, _NEAR_PX):
+        faces = _find(image, p, (column, row, theta), half)
+        if isinstance(faces, Failure):
+            return faces
+        found = faces
+        dx, dy, turn = _pose(found, p)
+        c, s = math.cos(theta), math.sin(theta)
+        column, row = column + c * dx - s * dy, row - s * dx - c * dy
+        theta += turn
+    worst = max(face.rms_px for face in found.values())
+    if worst > _SCATTERED * _FINE_PX:
+        return Failure(
+            code="scattered",
+            message=f"edges lie {worst:.2f} px about a face, "
+            f"at most {_SCATTERED * _FINE_PX:.2f}",
+        )
+    problem = _misplaced(found, p, guess, (column, row, theta))
+    if problem is not None:
+        return problem
+    inner = [found[name] for name in SIDES[:2]]
+    spread = math.sqrt(sum(f.rms_px**2 / f.lines for f in inner)) / 2
+    tips = [found[name] for name in TIPS if name in found]
+    tip_spread = math.sqrt(sum(f.rms_px**2 / f.lines for f in tips)) / len(tips)
+    seen = sum(name in found for name in (*SIDES, *TIPS))
+    known = sum(f"{name}.step" in p for name in (*SIDES, *TIPS))
+    return Measurement(
+        column=column,
+        row=row,
+        theta_rad=math.remainder(theta, 2 * math.pi),
+        score=seen / known,
+        spread_px=math.hypot(max(spread, tip_spread), _LOCKED_PX),
+    )
+
+
+def cost(artifact: Artifact, _pixels: int) -> float:
+    """Return the work of one `measure`, see `featuresel.routines.Routine`."""
+    p = artifact.parameters
+    rough = 2 * math.ceil(p["range_rad"] / _TURN_STEP_RAD) + 1
+    total = 0.0
+    for name in (*SIDES, *TIPS):
+        if f"{name}.step" in p:
+            width, zoomed = p[f"{name}.width_px"], _ZOOM * abs(p[f"{name}.offset_px"])
+            lines = (p[f"{name}.high_px"] - p[f"{name}.low_px"]) / LINES_PX
+            total += _face_work(lines, p["search_px"] + zoomed, width)
+            total += 2 * _face_work(lines, _NEAR_PX + zoomed, width)
+            if name in SIDES[:2]:
+                total += rough * _face_work(lines / _SPARSE, p["search_px"], width)
+    return total
+
+
+def _face_work(lines: float, half_px: float, width_px: float) -> float:
+    """Return the work of measuring one face."""
+    length, kernel = len(line_samples(half_px, width_px)), len(edge_kernel(width_px))
+    return work.edges(lines, length, kernel) + _LINE_WORK
+
+
+def _rough_turn(image: FloatArray, p: Mapping[str, float], guess: Guess) -> float:
+    """Return the turn by the inner faces, from the start that meets them squarest."""
+    count = math.ceil(p["range_rad"] / _TURN_STEP_RAD)
+    seen: list[tuple[int, float, float]] = []  # lines, slope left, turn
+    for k in range(-count, count + 1):
+        turn = k * _TURN_STEP_RAD
+        at = (guess.column, guess.row, p["theta_rad"] + turn)
+        faces = [
+            measure_face(image, _numbers(p, name), at, p["search_px"], sparse=_SPARSE)
+            for name in SIDES[:2]
+        ]
+        found = [face for face in faces if face is not None]
+        if found:
+            slope = float(np.mean([face.slope for face in found]))
+            seen.append((sum(face.lines for face in found), slope, turn - slope))
+    if not seen:
+        return 0.0
+    most = max(lines for lines, _, _ in seen)
+    best = min((s for s in seen if s[0] >= 0.9 * most), key=lambda s: abs(s[1]))
+    return best[2]
+
+
+def _find(
+    image: FloatArray,
+    p: Mapping[str, float],
+    at: tuple[float, float, float],
+    half_px: float,
+) -> dict[str, Found] | Failure:
+    """Return the faces that were found; the inner ones and a tip must be among them."""
+    found = {}
+    for name in (*SIDES, *TIPS):
+        if f"{name}.step" in p:
+            half = half_px + _ZOOM * abs(p[f"{name}.offset_px"])
+            face = measure_face(image, _numbers(p, name), at, half)
+            if face is not None:
+                found[name] = face
+    missing = [name for name in SIDES[:2] if name not in found]
+    if not any(name in found for name in TIPS):
+        missing.append("tips")
+    whole = [_pair(side) for side in ("left", "right")]
+    known = [pair for pair in whole if all(f"{name}.step" in p for name in pair)]
+    if known and not any(set(pair) <= set(found) for pair in known):
+        missing.append("a finger's both sides")
+    if missing:
+        return Failure(code="no_edge", message=f"not found: {', '.join(missing)}")
+    return found
+
+
+def _pair(side: str) -> tuple[str, str]:
+    """Return the names of a finger's inner and outer face."""
+    return (f"inner_{side}", f"outer_{side}")
+
+
+def _numbers(p: Mapping[str, float], name: str) -> dict[str, float]:
+    """Return the parameters of one face."""
+    start = f"{name}."
+    return {key.removeprefix(start): v for key, v in p.items() if key.startswith(start)}
+
+
+def _pose(
+    found: Mapping[str, Found], p: Mapping[str, float]
+) -> tuple[float, float, float]:
+    """Return (x, y, turn) of the grip against where it was sought, its own frame.
+
+    A turn by t changes each face's slope by t; a shift moves its offset by the shift's
+    part along the normal, and the turn moves the stretch's middle by t times its lever.
+    Lines weigh by their number; the pairs of faces keep x free of the opening.
+    """
+    sides = [name for name in SIDES if name in found]
+    turn = float(
+        np.average(
+            [found[n].slope - p[f"{n}.slope"] for n in sides],
+            weights=[(found[n].lines) ** 3 for n in sides],
+        )
+    )
+    shift = {
+        n: found[n].offset_px - p[f"{n}.offset_px"] - turn * found[n].middle_px
+        for n in found
+    }
+    pairs = [("inner_left", "inner_right"), ("outer_right", "outer_left")]
+    xs = [(shift[a] - shift[b]) / 2 for a, b in pairs if a in shift and b in shift]
+    # at another zoom the tips are farther from the grip than predicted
+    lever = _scale(found, p) - 1
+    ys = [lever * p[f"{n}.offset_px"] - shift[n] for n in TIPS if n in shift]
+    return float(np.mean(xs)), float(np.mean(ys)), -turn
+
+
+def _scale(found: Mapping[str, Found], p: Mapping[str, float]) -> float:
+    """Return zoom over nominal by the widths of fingers seen whole, 1 if none is.
+
+    The fingers' width is as made; the opening is the gripper's and proves nothing.
+    """
+    ratios = []
+    for side in ("left", "right"):
+        inner, outer = _pair(side)
+        if inner in found and outer in found:
+            wide = found[inner].offset_px + found[outer].offset_px
+            nominal = p[f"{inner}.offset_px"] + p[f"{outer}.offset_px"]
+            ratios.append(wide / nominal)
+    return float(np.mean(ratios)) if ratios else 1.0
+
+
+def _misplaced(
+    found: Mapping[str, Found],
+    p: Mapping[str, float],
+    guess: Guess,
+    pose: tuple[float, float, float],
+) -> Failure | None:
+    """Return why the faces cannot be the jaws' as predicted, if they cannot."""
+    gap = -found["inner_left"].offset_px - found["inner_right"].offset_px
+    wanted = -p["inner_left.offset_px"] - p["inner_right.offset_px"]
+    if abs(gap - wanted) > max(_OPENING_PX, _OPENING_PART * p["opening_px"]):
+        return Failure(
+            code="opening_off",
+            message=f"opening {gap:.2f} px, predicted {wanted:.2f}",
+        )
+    moved = math.hypot(pose[0] - guess.column, pose[1] - guess.row)
+    if moved > 1.5 * p["search_px"] + 2:
+        return Failure(code="outside", message=f"{moved:.1f} px from the guess")
+    turned = abs(math.remainder(pose[2] - p["theta_rad"], 2 * math.pi))
+    if turned > p["range_rad"] * 1.2 + 0.01:
+        return Failure(code="outside", message=f"turned by {turned:.3f} rad")
+    return None

@@ -1,0 +1,230 @@
+"""The pose of straight edges of known place, by least squares over their lines."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from featuresel.routines import (
+    Artifact,
+    Failure,
+    FloatArray,
+    Guess,
+    LookModel,
+    Target,
+    work,
+)
+from featuresel.routines.edge.faces import LINES_PX, Face, Found, measure_face
+from featuresel.routines.edge.jaw_faces import calibrate, in_view
+from featuresel.routines.edge.straight_fit import Fix, Numbers, Place, fix, moved, solve
+from featuresel.routines.picture import refused
+from featuresel.routines.sampling import edge_kernel, line_samples
+
+MOST_TURN_RAD = 0.5  # beyond, the stretches no longer lie on their edges
+_TURN_STEP_RAD = math.radians(3)  # `measure_face` copes with twice of it
+_ROUGH = 10  # lines an edge when the turn is looked for
+_HALF_PX = 4.0  # search once the edges are found
+_ALMOST = 0.9  # of the most lines: turns with as many are told apart by their slope
+_TRIED = 0.7  # of the search: from so far the nominal edges must be found
+_SAME_PX = 0.5  # two measurements of one edge differ by less
+_BENT_PX = 0.6  # rms about a straight line, beyond the one predicted
+_LINE = 2.0  # work of the line through an edge, in calls
+
+
+def prepare_faces(
+    render: LookModel, target: Target, faces: Mapping[str, Face], *, breathes: bool
+) -> Artifact | Failure:
+    """Return the edges' numbers as seen on the nominal image.
+
+    Parameters
+    ----------
+    render : LookModel
+        The look.
+    target : Target
+        The target.
+    faces : mapping of str to Face
+        The edges in the target's frame, px; their normals may point either way.
+    breathes : bool
+        Whether all edges may be farther out than predicted, by one number: that of a
+        pair says nothing about its middle.
+
+    Returns
+    -------
+    Artifact or Failure
+        "range" if any turn is possible, "no_edge" if an edge is out of view or faint,
+        "ambiguous" if another one like it lies within the search.
+    """
+    if target.theta_range_rad > MOST_TURN_RAD:
+        return Failure(
+            code="range",
+            message=f"turns of {target.theta_range_rad:.2f} rad, at most "
+            f"{MOST_TURN_RAD}",
+        )
+    image, at = render(), (target.column, target.row, target.theta_rad)
+    parameters = {
+        "search_px": target.search_px,
+        "theta_rad": target.theta_rad,
+        "range_rad": target.theta_range_rad,
+        "breathes": float(breathes),
+    }
+    for name, whole in faces.items():
+        numbers = _seen(image, whole, at, target.search_px)
+        if numbers is None:
+            return Failure(code="no_edge", message=f"not to be seen: {name}")
+        parameters |= {f"{name}.{key}": value for key, value in numbers.items()}
+    artifact = Artifact(parameters=parameters)
+    return _rivalled(image, artifact, target) or artifact
+
+
+def measure_faces(image: FloatArray, artifact: Artifact, guess: Guess) -> Fix | Failure:
+    """Return where the edges are; fails if one is missing, bent or out of range."""
+    if unfit := refused(image):
+        return unfit
+    p = artifact.parameters
+    if min(image.shape) < 4:
+        return Failure(code="outside", message=f"an image of {image.shape} px")
+    faces = _faces(p)
+    theta = p["theta_rad"] + _rough_turn(image, faces, p, guess)
+    at = (guess.column, guess.row, theta)
+    for half_px in (p["search_px"], _HALF_PX, _HALF_PX):
+        found = {n: measure_face(image, f, at, half_px) for n, f in faces.items()}
+        seen = {name: one for name, one in found.items() if one is not None}
+        missing = [name for name in faces if name not in seen]
+        if missing:
+            return Failure(code="no_edge", message=f"not found: {', '.join(missing)}")
+        change, covariance = solve(seen, faces, breathes=p["breathes"] > 0)
+        at = moved(at, change)
+    return _misplaced(seen, faces, p, guess, at) or fix(
+        at, float(change[3]), covariance, seen, faces
+    )
+
+
+def faces_work(artifact: Artifact) -> float:
+    """Return the work of `measure_faces`, see `Routine.cost`."""
+    p = artifact.parameters
+    turns = 2 * math.ceil(p["range_rad"] / _TURN_STEP_RAD) + 1
+    total = 0.0
+    for face in _faces(p).values():
+        lines = (face["high_px"] - face["low_px"]) / LINES_PX
+        kernel = len(edge_kernel(face["width_px"]))
+        wide, narrow = (
+            len(line_samples(half_px, face["width_px"]))
+            for half_px in (p["search_px"], _HALF_PX)
+        )
+        rough = work.edges(lines / _sparse(face), wide, kernel)
+        total += (turns + 1) * (rough + _LINE * work.CALLS)
+        total += work.edges(lines, wide, kernel) + 2 * work.edges(lines, narrow, kernel)
+    return total
+
+
+def turned_round(face: Face) -> Face:
+    """Return the same edge with its normal to the other side."""
+    return Face(
+        normal=(-face.normal[0], -face.normal[1]),
+        offset_px=-face.offset_px,
+        low_px=-face.high_px,
+        high_px=-face.low_px,
+    )
+
+
+def _seen(
+    image: FloatArray, whole: Face, at: Place, search_px: float
+) -> Numbers | None:
+    """Return an edge's numbers, its normal from bright to dark; None if too faint."""
+    face = in_view(whole, image.shape, at, search_px)
+    if face is None:
+        return None
+    for way in (face, turned_round(face)):
+        numbers = calibrate(image, way, at)
+        found = None if numbers is None else measure_face(image, numbers, at, _HALF_PX)
+        if numbers is not None and found is not None:
+            return {**numbers, "rms_px": found.rms_px}
+    return None
+
+
+def _faces(p: Numbers) -> dict[str, Numbers]:
+    """Return the numbers of each edge by its name."""
+    faces: dict[str, dict[str, float]] = {}
+    for key, value in p.items():
+        name, dot, what = key.partition(".")
+        if dot:
+            faces.setdefault(name, {})[what] = value
+    return dict(faces)
+
+
+def _rivalled(image: FloatArray, artifact: Artifact, target: Target) -> Failure | None:
+    """Return the failure of edges that are mistaken for others within the search."""
+    p = artifact.parameters
+    for name, numbers in _faces(p).items():
+        turn = target.theta_rad
+        across = (
+            numbers["normal_x"] * math.cos(turn) - numbers["normal_y"] * math.sin(turn),
+            numbers["normal_x"] * math.sin(turn) + numbers["normal_y"] * math.cos(turn),
+        )
+        for share in (-_TRIED, 0.0, _TRIED):
+            off = share * target.search_px
+            at = (
+                target.column + off * across[0],
+                target.row - off * across[1],
+                target.theta_rad,
+            )
+            found = measure_face(image, numbers, at, target.search_px)
+            if found is None or abs(found.offset_px + off - numbers["offset_px"]) > (
+                _SAME_PX
+            ):
+                return Failure(
+                    code="ambiguous", message=f"{name} is not the only such edge near"
+                )
+    return None
+
+
+def _rough_turn(
+    image: FloatArray, faces: Mapping[str, Numbers], p: Numbers, guess: Guess
+) -> float:
+    """Return the turn from nominal, from the start that meets the edges squarest."""
+    count = math.ceil(p["range_rad"] / _TURN_STEP_RAD)
+    tried: list[tuple[int, float, float]] = []  # lines, slope left, turn
+    for k in range(-count, count + 1):
+        turn = k * _TURN_STEP_RAD
+        at = (guess.column, guess.row, p["theta_rad"] + turn)
+        found = [
+            measure_face(image, f, at, p["search_px"], sparse=_sparse(f))
+            for f in faces.values()
+        ]
+        seen = [one for one in found if one is not None]
+        if seen:
+            slope = float(np.mean([one.slope for one in seen]))
+            tried.append((sum(one.lines for one in seen), slope, turn - slope))
+    if not tried:
+        return 0.0
+    most = max(lines for lines, _, _ in tried)
+    return min((t for t in tried if t[0] >= _ALMOST * most), key=lambda t: abs(t[1]))[2]
+
+
+def _sparse(numbers: Numbers) -> int:
+    """Return how many lines to leave out for about `_ROUGH` to stay."""
+    return max(1, int((numbers["high_px"] - numbers["low_px"]) / LINES_PX / _ROUGH))
+
+
+def _misplaced(
+    found: Mapping[str, Found],
+    faces: Mapping[str, Numbers],
+    p: Numbers,
+    guess: Guess,
+    at: Place,
+) -> Failure | None:
+    """Return why the edges cannot be the target's, if they cannot."""
+    for name, one in found.items():
+        if one.rms_px > _BENT_PX + faces[name]["rms_px"]:
+            return Failure(
+                code="not_straight", message=f"{name} strays by {one.rms_px:.2f} px"
+            )
+    away = math.hypot(at[0] - guess.column, at[1] - guess.row)
+    if away > 1.5 * p["search_px"] + 2:
+        return Failure(code="outside", message=f"{away:.1f} px from the guess")
+    turned = abs(math.remainder(at[2] - p["theta_rad"], 2 * math.pi))
+    if turned > p["range_rad"] * 1.2 + 0.01:
+        return Failure(code="outside", message=f"turned by {turned:.3f} rad")
+    return None

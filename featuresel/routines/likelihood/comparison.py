@@ -1,0 +1,294 @@
+"""Images of a look against what its target should look like, pixel by pixel."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from featuresel.routines import Camera, FloatArray
+from featuresel.routines.likelihood.appearance import Appearance, Pose, Veiling
+from featuresel.routines.likelihood.foreground import Front
+
+BoolArray = npt.NDArray[np.bool_]
+IntArray = npt.NDArray[np.intp]
+
+FEWEST = 40  # pixels
+REJECT = 12.0  # deviations beyond which a pixel is not the target's
+_SOME = 300  # pixels, enough to tell a wrong start
+_LOOSE = 3.0  # times the spread, that focus and zoom are held to: images tell more
+_IN_VIEW = 0.2  # of the cells, that a turn is judged by
+_CLEAR = 0.02  # share of the target's light that must come through
+# numbers of the pose: place, turn, focus, zoom, and two of the front; its sways follow
+POSE = 7
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Free:
+    """What the fit may change besides the place, and how far it is likely to."""
+
+    turn: bool
+    z_sigma_um: float  # 0: the focus is nominal
+    zoom_sigma: float  # 0: the zoom is nominal
+    gradient: bool  # whether the light may have one
+    front_sigmas: tuple[float, float] | None  # of `Veiling`; None: all is clear
+    sways: int = 0  # of what stands in front, S
+
+    @property
+    def numbers(self) -> int:
+        """Return how many numbers a pose has, P: `POSE` and the sways."""
+        return POSE + self.sways
+
+    @property
+    def chosen(self) -> BoolArray:
+        """Return which of the pose's numbers, gain and gradients are free, (P + 3,)."""
+        z, zoom, front = self.z_sigma_um > 0, self.zoom_sigma > 0, self.front_sigmas
+        pose = (True, True, self.turn, z, zoom, *2 * (front is not None,))
+        light = (True, self.gradient, self.gradient)
+        return np.array([*pose, *self.sways * (True,), *light])
+
+    def precision(self, *, squared: bool) -> FloatArray:
+        """Return the weights that draw all but place, turn and light to nominal.
+
+        (P + 3,); only so much that what cannot be seen stays nominal. Sways are drawn
+        as they are spread: they are many, and images tell some of them hardly.
+        """
+        weights, z = np.zeros(self.numbers + 3), _LOOSE * self.z_sigma_um
+        fronts = self.front_sigmas or (0.0, 0.0)
+        sigmas = (z**2 if squared else z, self.zoom_sigma, *fronts)
+        for k, sigma in enumerate(sigmas, start=3):
+            if sigma > 0:
+                weights[k] = 1 / (_LOOSE * sigma) ** 2
+        weights[POSE : self.numbers] = 1.0
+        return weights
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class View:
+    """One image, taken `dz_um` off the focus that is to be found."""
+
+    image: FloatArray  # (rows, columns), 0..1 of full scale
+    dz_um: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Job:
+    """Images of one target and everything they are compared with."""
+
+    views: tuple[View, ...]  # of one size
+    looks: Appearance
+    front: Front | None
+    camera: Camera
+    free: Free
+    symmetry: int  # order of the pattern's
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Return (rows, columns) of the region."""
+        return self.views[0].image.shape
+
+    @property
+    def squared(self) -> bool:
+        """Return whether the square of the focus is fitted: its sign does not show."""
+        return self.looks.is_even and len(self.views) == 1
+
+    @property
+    def held(self) -> Job:
+        """Return the job with what stands in front held at the target's focus.
+
+        And where it is planned to be.
+        """
+        free = replace(self.free, front_sigmas=None, sways=0)
+        front = None if self.front is None else self.front.steady
+        return replace(self, free=free, front=front)
+
+    @property
+    def sides(self) -> tuple[int, ...]:
+        """Return the signs of the focus that only what stands in front can tell."""
+        return (1, -1) if self.squared and self.front is not None else (1,)
+
+    def lit(
+        self,
+        pose: Pose,
+        light: FloatArray,
+        columns: IntArray,
+        rows: IntArray,
+        gains: FloatArray,
+    ) -> FloatArray:
+        """Return the image of a target's light under gain and gradients (3,)."""
+        if self.front is not None:
+            front, through = self.front.plain(pose, columns, rows)
+            light = front + through * light
+        place = _place(self, columns, rows)
+        lit: FloatArray = light * (gains[0] + gains[1] * place[0] + gains[2] * place[1])
+        return lit
+
+    def focus(self, pose: Pose) -> float:
+        """Return what is fitted for the focus: its height or, see above, the square."""
+        return pose.z_um**2 if self.squared else pose.z_um
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """What pixels show and what the model says they should."""
+
+    value: FloatArray  # (N,) of the image
+    target: FloatArray  # (3, N): light by gain, and by gradients
+    slopes: FloatArray  # (P, N) by the pose, in even light
+    place: FloatArray  # (2, N) across the region, -.5 to .5
+
+
+def pixels_of(job: Job, pose: Pose) -> tuple[tuple[IntArray, IntArray], ...]:
+    """Return for each view (columns, rows) that tell the pose and can be seen."""
+    return tuple(_pixels(job, at(pose, view)) for view in job.views)
+
+
+def at(pose: Pose, view: View) -> Pose:
+    """Return the pose with the focus that a view has of it."""
+    if view.dz_um == 0:
+        return pose
+    front = pose.front
+    if front is not None:
+        front = replace(front, focus_um=front.focus_um + view.dz_um)
+    return replace(pose, z_um=pose.z_um + view.dz_um, front=front)
+
+
+def see(job: Job, view: View, pose: Pose, pixels: tuple[IntArray, IntArray]) -> Seen:
+    """Return the pixels' values and the model's in one view."""
+    here, (columns, rows) = at(pose, view), pixels
+    looks = job.looks.light(here, columns, rows)
+    focus = looks.focus
+    if job.looks.is_even and not job.squared:  # by the height, not by its square
+        focus = 2 * here.z_um * focus
+    slopes = np.zeros((job.free.numbers, len(columns)))
+    for k, slope in enumerate(
+        (looks.across, looks.down, looks.turn, focus, looks.grow)
+    ):
+        slopes[k] = slope
+    mean = looks.value
+    if job.front is not None:
+        front = job.front.at(here, columns, rows)
+        slopes[:5] *= front.through
+        slopes[5:] = front.light_slopes + front.through_slopes * mean
+        mean = front.light + front.through * mean
+    place = _place(job, columns, rows)
+    value = view.image[rows, columns]
+    return Seen(value, _lit(mean, place), slopes, place)
+
+
+def fitted_light(value: FloatArray, target: FloatArray, free: Free) -> FloatArray:
+    """Return gain and gradients, (3,), by plain least squares."""
+    rows = target if free.gradient else target[:1]
+    normal = rows @ rows.T
+    # so little more that a black image has a solution
+    normal.flat[:: len(normal) + 1] += 1e-12 * len(value)
+    light: FloatArray = np.zeros(3)
+    light[: len(normal)] = np.linalg.solve(normal, rows @ value)
+    return light
+
+
+def misfits(
+    job: Job,
+    pose: Pose,
+    turns: FloatArray,
+    cells: IntArray,
+    *,
+    rough: bool = False,
+) -> FloatArray:
+    """Return chi squared a pixel at some turns under the best light, by some cells.
+
+    Infinite where nearly all of them are out of view.
+
+    Parameters
+    ----------
+    job : Job
+        The images.
+    pose : Pose
+        Where the target is; its turn does not matter.
+    turns : (T,) float array
+        Turns from the template, rad.
+    cells : (N,) int array
+        Of the template.
+    rough : bool
+        See `featuresel.routines.likelihood.appearance.Appearance.turned`.
+    """
+    values, targets, weights = [], [], []
+    for view in job.views:
+        here = at(pose, view)
+        seen = job.looks.turned(here, turns, cells, job.shape, rough=rough)
+        mean = seen.value
+        if job.front is not None:
+            light, through = job.front.plain(here, seen.columns, seen.rows)
+            mean = light + through * mean
+        values.append(view.image[seen.rows, seen.columns])
+        targets.append(_lit(mean, _place(job, seen.columns, seen.rows)))
+        weights.append(seen.inside.astype(np.float64))
+    value, weight = np.concatenate(values, axis=1), np.concatenate(weights, axis=1)
+    target = np.concatenate(targets, axis=2).transpose(1, 0, 2)
+    light = _lights(value, target, weight, job.free)
+    mean = (light[:, None] @ target)[:, 0]
+    left = np.minimum((value - mean) ** 2 / job.camera.variance(mean), REJECT**2)
+    count = weight.sum(axis=1)
+    found = (left * weight).sum(axis=1) / np.maximum(count, 1)
+    return np.asarray(np.where(count < _IN_VIEW * value.shape[1], math.inf, found))
+
+
+def try_each(
+    job: Job,
+    pose: Pose,
+    *,
+    turns: Sequence[float],
+    depths: Sequence[float],
+    zooms: Sequence[float],
+) -> Pose:
+    """Return the pose with the turn, focus and zoom that fit best, first of equals."""
+    best, least = pose, math.inf
+    for z_um in depths:
+        cells = job.looks.some_cells(z_um, _SOME)
+        for zoom, side in itertools.product(zooms, job.sides):
+            front = None if job.front is None else Veiling(focus_um=side * z_um)
+            here = replace(pose, z_um=z_um, zoom=zoom, front=front)
+            found = misfits(job, here, np.array(turns), cells, rough=True)
+            k = int(np.argmin(found))
+            if found[k] < least:
+                best, least = replace(here, turn_rad=turns[k]), float(found[k])
+    return best
+
+
+def _lights(
+    value: FloatArray, target: FloatArray, weight: FloatArray, free: Free
+) -> FloatArray:
+    """Return gain and gradients at each turn, (T, 3), by plain least squares."""
+    rows = target if free.gradient else target[:, :1]
+    weighted = rows * weight[:, None]
+    normal = weighted @ rows.transpose(0, 2, 1)
+    size = normal.shape[1]
+    normal += 1e-12 * value.shape[1] * np.eye(size)  # so that black has a solution
+    right = weighted @ value[:, :, None]
+    light: FloatArray = np.zeros((len(value), 3))
+    light[:, :size] = np.linalg.solve(normal, right)[:, :, 0]
+    return light
+
+
+def _pixels(job: Job, pose: Pose) -> tuple[IntArray, IntArray]:
+    """Return the pixels that tell the pose and can be seen."""
+    columns, rows = job.looks.pixels(pose, job.shape)
+    if job.front is None:
+        return columns, rows
+    clear = job.front.clear(columns, rows) > _CLEAR
+    return columns[clear], rows[clear]
+
+
+def _place(job: Job, columns: IntArray, rows: IntArray) -> FloatArray:
+    """Return where pixels lie in the region, (2, ...), -.5 to .5."""
+    height, width = job.shape
+    return np.stack((columns / width - 0.5, rows / height - 0.5))
+
+
+def _lit(mean: FloatArray, place: FloatArray) -> FloatArray:
+    """Return (3, ...): the pixels' light by gain, and by gradients."""
+    return np.stack((mean, mean * place[0], mean * place[1]))

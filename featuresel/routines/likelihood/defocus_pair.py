@@ -1,0 +1,95 @@
+"""Signed depth from images on both sides of focus, fitted as one.
+
+One image does not tell on which side of focus a face lies, and near focus hardly how
+far off. A pair, or a stack, taken at known distances tells both: place, angle, zoom and
+light are shared, and only the focus differs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from featuresel.routines import (
+    Artifact,
+    Failure,
+    FloatArray,
+    Guess,
+    LookModel,
+    Measurement,
+    Target,
+)
+from featuresel.routines.likelihood.appearance import Pose
+from featuresel.routines.likelihood.comparison import Job, View
+from featuresel.routines.likelihood.fit_problem import prepare_job, read_job
+from featuresel.routines.likelihood.likelihood import answer
+from featuresel.routines.likelihood.pose_fit import PoseFit, fit_pose
+from featuresel.routines.likelihood.pose_start import refocused, start_pose
+from featuresel.routines.picture import refused
+
+
+def prepare(
+    model: LookModel, target: Target, *, offset_um: float
+) -> Artifact | Failure:
+    """Return what `measure` needs for images up to `offset_um` from the face."""
+    return prepare_job(model, target, offset_um=offset_um)
+
+
+def measure(
+    images: Sequence[FloatArray],
+    offsets_um: Sequence[float],
+    artifact: Artifact,
+    guess: Guess,
+) -> Measurement | Failure:
+    """Return the pose that all images have in common, and its signed focus.
+
+    Parameters
+    ----------
+    images : sequence of (rows, columns) arrays
+        At least two, 0..1 of full scale.
+    offsets_um : sequence of float
+        Focus of each image against the height that is to be found.
+    artifact : Artifact
+        By `prepare` of this module.
+    guess : Guess
+        As for `featuresel.routines.likelihood.likelihood.measure`.
+
+    Returns
+    -------
+    Measurement or Failure
+        `z_um` is the focus from nominal, signed: positive above.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than two images, or not as many offsets.
+    """
+    if len(images) < 2 or len(images) != len(offsets_um):
+        raise ValueError("need two images or more, and as many offsets")
+    unfit = next((u for u in map(refused, images) if u is not None), None)
+    if unfit is not None:
+        return unfit
+    views = tuple(
+        View(image=image, dz_um=offset)
+        for image, offset in zip(images, offsets_um, strict=True)
+    )
+    job, p = read_job(views, artifact), artifact.parameters
+    start = start_pose(job, p, guess)
+    if isinstance(start, Failure):
+        return start
+    if guess.z_um is None:
+        start = _at_focus(job, start)
+    found = fit_pose(job.held, start)
+    if isinstance(found, PoseFit) and job.front is not None:
+        found = fit_pose(job, found.pose)
+    return found if isinstance(found, Failure) else answer(found, p, guess)
+
+
+def _at_focus(job: Job, start: Pose) -> Pose:
+    """Return where a fit starts, once the place is right and tells the focus.
+
+    A pair has minima far from its focus, where one image alone fits.
+    """
+    level = replace(job.held, free=replace(job.held.free, z_sigma_um=0.0))
+    placed = fit_pose(level, start)
+    return refocused(job, placed.pose if isinstance(placed, PoseFit) else start)

@@ -1,0 +1,74 @@
+"""The likeliest pose one linear step from the guess: for the last cycles of a servo.
+
+What `likelihood` finds, where its last answer or the servo's own model already says
+within a third of a pixel where the target is and how far out of focus. In focus light
+changes across an edge faster than that: after a step of more than a tenth of a pixel
+another follows.
+"""
+
+from __future__ import annotations
+
+import math
+
+from featuresel.routines import (
+    Artifact,
+    Failure,
+    FloatArray,
+    Guess,
+    Known,
+    LookModel,
+    Measurement,
+    Target,
+    TargetKind,
+)
+from featuresel.routines.likelihood.comparison import View
+from featuresel.routines.likelihood.fit_problem import prepare_job, read_job
+from featuresel.routines.likelihood.likelihood import answer
+from featuresel.routines.likelihood.pose_fit import step_once
+from featuresel.routines.likelihood.pose_start import start_pose
+from featuresel.routines.picture import refused
+
+NAME = "one_step"
+VERSION = "4"
+KINDS: tuple[TargetKind, ...] = ("circle", "teeth", "outline", "jaws")
+GIVES: tuple[Known, ...] = ("xy", "theta", "z", "zoom")
+NEEDS: tuple[Known, ...] = ("xy", "theta", "z")
+CAPTURE_PX = 0.35
+CONTROL = False
+DEAR = True
+
+_AGAIN_PX = 0.1  # a step that is shorter leaves nothing that noise would not hide
+
+
+def prepare(model: LookModel, target: Target) -> Artifact | Failure:
+    """Return what `featuresel.routines.likelihood.likelihood` prepares too."""
+    return prepare_job(model, target)
+
+
+def measure(
+    image: FloatArray, artifact: Artifact, guess: Guess
+) -> Measurement | Failure:
+    """Return the pose after a step; fails if that is longer than a step may be."""
+    unfit = refused(image)
+    if unfit is not None:
+        return unfit
+    if guess.z_um is None and artifact.parameters["focus_sigma_um"] > 0:
+        return Failure(code="no_focus", message="one step needs to know the focus")
+    job, p = read_job((View(image=image),), artifact), artifact.parameters
+    start = start_pose(job, p, guess)
+    if isinstance(start, Failure):
+        return start
+    found = step_once(job, start)
+    if isinstance(found, Failure):
+        return found
+    moved = math.hypot(found.pose.column - guess.column, found.pose.row - guess.row)
+    if moved > 2 * CAPTURE_PX:
+        return Failure(code="not_captured", message=f"a step of {moved:.2f} px")
+    if moved > _AGAIN_PX:
+        found = step_once(job, found.pose)
+    return found if isinstance(found, Failure) else answer(found, p, guess)
+
+
+def cost(artifact: Artifact, _pixels: int) -> float:
+    """Return the work of one `measure`, see `featuresel.routines.Routine`."""
+    return 4.0 + 1e-4 * float(artifact.arrays["planes"].shape[2])

@@ -1,0 +1,175 @@
+"""The maximum-likelihood pose: the image against what the optics say it should be.
+
+The most accurate routine near its answer, and the only one that knows how far light and
+blur may change: focus, zoom and light are free where the look's trials vary them. It
+needs a guess within a pixel or two; the angle too, unless it is known within a few
+degrees or repeats so soon.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from featuresel.routines import (
+    Artifact,
+    Failure,
+    FloatArray,
+    Guess,
+    Known,
+    LookModel,
+    Measurement,
+    Target,
+    TargetKind,
+)
+from featuresel.routines.likelihood.ambiguity import (
+    equal_turns,
+    is_marked,
+    marks,
+    other_turns,
+)
+from featuresel.routines.likelihood.appearance import Pose
+from featuresel.routines.likelihood.comparison import Job, View
+from featuresel.routines.likelihood.fit_problem import prepare_job, read_job
+from featuresel.routines.likelihood.pose_fit import PoseFit, fit_pose
+from featuresel.routines.likelihood.pose_start import start_pose
+from featuresel.routines.picture import refused
+
+IntArray = npt.NDArray[np.intp]
+
+NAME = "likelihood"
+VERSION = "5"
+KINDS: tuple[TargetKind, ...] = ("circle", "teeth", "outline", "jaws")
+GIVES: tuple[Known, ...] = ("xy", "theta", "z", "zoom")
+NEEDS: tuple[Known, ...] = ("xy",)
+CAPTURE_PX = 2.0
+CONTROL = False
+DEAR = True
+
+_WORST_CHI2 = 60.0  # worse is another thing; what trials show sets a finer gate
+_LEAST_USED = 0.55  # share of pixels that must be the target's
+_MOST_SPREAD_PX = 0.5  # of what an image tells: in more uncertainty nothing is found
+_DIMMEST = 0.02  # of the nominal light: less is told apart from none by rounding alone
+_FAR_PX = 3.0  # the most that the fit may move from the guess
+
+
+def prepare(model: LookModel, target: Target) -> Artifact | Failure:
+    """Return the target's planes, what stands before it, and what is free."""
+    return prepare_job(model, target)
+
+
+def measure(
+    image: FloatArray, artifact: Artifact, guess: Guess
+) -> Measurement | Failure:
+    """Return the likeliest pose near the guess; fails if too little of it fits."""
+    unfit = refused(image)
+    if unfit is not None:
+        return unfit
+    job, p = read_job((View(image=image),), artifact), artifact.parameters
+    start = start_pose(job, p, guess)
+    if isinstance(start, Failure):
+        return start
+    marked = artifact.arrays.get("odd", np.zeros(0)).astype(np.intp)
+    if len(marked) == 0 or guess.z_um is not None:
+        found = _freed(job, start)
+    else:
+        found = fit_pose(job.held, start)
+        if isinstance(found, PoseFit):
+            found = _at_mark(job.held, found, marked, p["range_rad"])
+        if isinstance(found, PoseFit) and job.front is not None:
+            found = fit_pose(job, found.pose)  # at a wrong turn it would mend that
+    return found if isinstance(found, Failure) else answer(found, p, guess)
+
+
+def cost(artifact: Artifact, _pixels: int) -> float:
+    """Return the work of one `measure`, see `featuresel.routines.Routine`."""
+    cells = artifact.arrays["planes"].shape[2]
+    return 4.0 + 3e-4 * float(cells)
+
+
+def _freed(job: Job, start: Pose) -> PoseFit | Failure:
+    """Return the fit of the pose together with what stands in front, if anything does.
+
+    Held as planned where it is not, that draws the pose's focus and zoom away, and from
+    there the fit of both may not come back. It settles where both together do not; one
+    that settles is not doubted here but by `answer`.
+    """
+    found = fit_pose(job, start)
+    if isinstance(found, PoseFit) or job.front is None:
+        return found
+    near = fit_pose(job.held, start)
+    return near if isinstance(near, Failure) else fit_pose(job, near.pose)
+
+
+def _at_mark(
+    job: Job, found: PoseFit, cells: IntArray, range_rad: float
+) -> PoseFit | Failure:
+    """Return the fit at that of the equal turns which what breaks the symmetry tells.
+
+    Half a period too: beyond the first sign change of the transfer function teeth and
+    gaps swap.
+    """
+    turns = equal_turns(found.pose.turn_rad, job.symmetry)
+    seen = marks(job, found, turns, cells)
+    best = int(np.argmax(seen.share))
+    if best > 0:
+        start = replace(found.pose, turn_rad=float(turns[best]))
+        other = fit_pose(job, start)
+        if isinstance(other, PoseFit) and other.chi2 < found.chi2:
+            found = other
+            turns = equal_turns(found.pose.turn_rad, job.symmetry)
+            seen = marks(job, found, turns, cells)
+    alone = len(other_turns(found.pose.turn_rad, job.symmetry, range_rad)) == 0
+    if alone or is_marked(seen):
+        return found
+    return Failure(
+        code="ambiguous",
+        message=f"{seen.share[0]:.0%} of what breaks the symmetry shows",
+    )
+
+
+def answer(
+    found: PoseFit, p: Mapping[str, float], guess: Guess
+) -> Measurement | Failure:
+    """Return the measurement, or why the fit cannot be believed."""
+    pose = found.pose
+    if found.light[0] < _DIMMEST:
+        return Failure(
+            code="too_dim", message=f"{found.light[0]:.2g} of the nominal light"
+        )
+    if found.chi2 > _WORST_CHI2 or found.used < _LEAST_USED:
+        return Failure(
+            code="misfit",
+            message=f"chi squared {found.chi2:.1f} a pixel, {found.used:.0%} of the "
+            f"pixels fit",
+        )
+    moved = math.hypot(pose.column - guess.column, pose.row - guess.row)
+    if moved > _FAR_PX:
+        return Failure(code="outside", message=f"{moved:.1f} px from the guess")
+    theta = None
+    if p["turns"]:
+        theta = math.remainder(p["theta_rad"] + pose.turn_rad, 2 * math.pi)
+        turned = abs(math.remainder(pose.turn_rad, 2 * math.pi))
+        if turned > 1.2 * p["range_rad"] + 0.01:
+            return Failure(code="outside", message=f"turned by {turned:.3f} rad")
+    sigma = found.sigma
+    if not max(sigma[0], sigma[1]) < _MOST_SPREAD_PX:  # also nan
+        return Failure(
+            code="no_contrast",
+            message=f"the place is uncertain by {max(sigma[0], sigma[1]):.2f} px",
+        )
+    return Measurement(
+        column=pose.column,
+        row=pose.row,
+        theta_rad=theta,
+        score=found.used / max(1.0, found.chi2),
+        spread_px=float(max(sigma[0], sigma[1])),
+        spread_theta_rad=float(sigma[2]) if p["turns"] else None,
+        z_um=found.z_um if p["focus_sigma_um"] > 0 else None,
+        spread_z_um=float(sigma[3]) if p["focus_sigma_um"] > 0 else None,
+        zoom=pose.zoom if p["zoom_sigma"] > 0 else None,
+    )

@@ -1,0 +1,84 @@
+"""Where a fit of the pose starts: focus, zoom and angle that fit best, if not known."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from featuresel.routines import Failure, Guess
+from featuresel.routines.likelihood.appearance import Pose
+from featuresel.routines.likelihood.comparison import Job, try_each
+
+_DEPTHS = (0.1, 0.35, 0.6, 0.85)  # of the reach in focus, where fits start
+_DEEP = 2.5  # steps of the planes between focus heights, once the place is known
+_ZOOM_PX = 1.5  # that the rim moves by between zooms where fits start
+_TURN_PX = 2.5  # that the rim moves by between turns where fits start
+_MOST_TURNS = 64  # of them, at every focus height: more take too long
+
+
+def start_pose(job: Job, p: Mapping[str, float], guess: Guess) -> Pose | Failure:
+    """Return where the fit starts: focus and angle that fit best, if not known."""
+    turns = _turns(job, p, guess)
+    if isinstance(turns, Failure):
+        return turns
+    depths = [guess.z_um or 0.0]
+    if guess.z_um is None and p["focus_sigma_um"] > 0:
+        depths = _depths(job)
+    pose = Pose(
+        column=guess.column,
+        row=guess.row,
+        turn_rad=turns[len(turns) // 2],
+        z_um=depths[0],
+        zoom=guess.zoom or 1.0,
+    )
+    zooms = [pose.zoom] if guess.zoom is not None else _zooms(job, p)
+    if len(zooms) > 1:  # focus and zoom first: all at once would be too many
+        pose = try_each(job, pose, turns=[pose.turn_rad], depths=depths, zooms=zooms)
+        depths, zooms = [pose.z_um], [pose.zoom]
+    if len(depths) * len(turns) == 1:
+        return pose
+    return try_each(job, pose, turns=turns, depths=depths, zooms=zooms)
+
+
+def refocused(job: Job, pose: Pose) -> Pose:
+    """Return a pose with the focus that fits best of all within reach.
+
+    At a place that is off, more blur fits better: what `start_pose` tells may be far
+    out of focus. Fitted at that focus the place is right, and there depths tell.
+    """
+    reach_um = job.looks.reach_um - max(abs(view.dz_um) for view in job.views)
+    count = math.ceil(2 * reach_um / (_DEEP * job.looks.step_um))
+    depths = [reach_um * ((2 * k + 1) / count - 1) for k in range(count)]
+    return try_each(job, pose, turns=[pose.turn_rad], depths=depths, zooms=[pose.zoom])
+
+
+def _zooms(job: Job, p: Mapping[str, float]) -> list[float]:
+    """Return zooms to start at, within two standard deviations of nominal."""
+    rim_px = max(job.looks.shape) / 2 / job.looks.over
+    reach = 2 * p["zoom_sigma"]
+    count = math.ceil(2 * reach * rim_px / _ZOOM_PX)
+    return [1 + reach * ((2 * k + 1) / count - 1) for k in range(count)] or [1.0]
+
+
+def _turns(job: Job, p: Mapping[str, float], guess: Guess) -> list[float] | Failure:
+    """Return turns to start at: a measured one, or all about an assumed one."""
+    if not p["turns"]:
+        return [0.0]
+    middle = 0.0
+    if guess.theta_rad is not None:
+        middle = math.remainder(guess.theta_rad - p["theta_rad"], 2 * math.pi)
+        if not guess.theta_assumed:
+            return [middle]
+    rim_px = max(job.looks.shape) / 2 / job.looks.over
+    reach = min(p["range_rad"], math.pi / p["symmetry"])
+    count = math.ceil(2 * reach * rim_px / _TURN_PX)
+    if count > _MOST_TURNS:
+        return Failure(code="no_angle", message="the fit needs an angle to start at")
+    return [middle + reach * ((2 * k + 1) / count - 1) for k in range(count)]
+
+
+def _depths(job: Job) -> list[float]:
+    """Return focus heights to start at, on both sides where they look different."""
+    farthest = max(abs(view.dz_um) for view in job.views)
+    ahead = [share * (job.looks.reach_um - farthest) for share in _DEPTHS]
+    return ahead if job.squared else [*ahead, *(-z for z in ahead)]

@@ -1,0 +1,202 @@
+"""Otsu's threshold and the centroid of the blob that looks like the target: a seed."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from featuresel.routines import (
+    Artifact,
+    Failure,
+    FloatArray,
+    Guess,
+    Known,
+    LookModel,
+    Measurement,
+    Target,
+    TargetKind,
+)
+from featuresel.routines.picture import refused
+from featuresel.routines.template.blob_spread import spread_px
+
+NAME = "otsu"
+VERSION = "2"
+KINDS: tuple[TargetKind, ...] = ("circle", "teeth", "outline")
+GIVES: tuple[Known, ...] = ("xy",)
+NEEDS: tuple[Known, ...] = ()
+CAPTURE_PX = math.inf
+CONTROL = False
+DEAR = False
+
+_AREA = (0.7, 1.4)  # accepted blob area over the predicted one: blur moves the edge
+_CONTRAST = 0.1  # least difference of the two classes' means, full scale
+_SIDE_RAD = math.radians(30)  # a bias fixed to the part is undone below this doubt
+_OFF_CENTRE_PX = 2.0  # what a seed may be off by when the angle is unknown
+_FIXED_WORK, _PIXEL_WORK = 0.1, 3.4e-5  # in box filters
+_SPREAD_PX = 0.5  # of a centroid that the look's own images do not show
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Blob:
+    """One connected component."""
+
+    column: float
+    row: float
+    area_px: float
+    clipped: bool  # it touches the region's border
+
+
+def prepare(render: LookModel, target: Target) -> Artifact | Failure:
+    """Return the blob's area, polarity, centroid from the reference point, spread."""
+    blobs = _blobs(render(), bright=target.bright)
+    if isinstance(blobs, Failure):
+        return blobs
+    own = _nearest(blobs, target.column, target.row)
+    reach = _radius_px(target)
+    if math.hypot(own.column - target.column, own.row - target.row) > reach:
+        return Failure(
+            code="no_blob",
+            message=f"the nearest blob lies more than {reach:.1f} px off the target",
+        )
+    dx, dy = own.column - target.column, own.row - target.row
+    turns = target.theta_range_rad > _SIDE_RAD
+    if turns and math.hypot(dx, dy) > _OFF_CENTRE_PX:
+        return Failure(
+            code="off_centre",
+            message=f"the centroid is {math.hypot(dx, dy):.1f} px off the reference "
+            "point, in a direction that turns with the part",
+        )
+    c, s = math.cos(target.theta_rad), math.sin(target.theta_rad)
+    artifact = Artifact(
+        parameters={
+            "bright": float(target.bright),
+            "area_px": own.area_px,
+            "clipped": float(own.clipped),
+            "offset_x_px": c * dx - s * dy,  # in the part's frame, y up
+            "offset_y_px": -s * dx - c * dy,
+            "turns": float(turns),
+            "search_px": target.search_px,
+        }
+    )
+    spread = spread_px(render, target, lambda image, at: measure(image, artifact, at))
+    if spread is None:
+        return artifact
+    return replace(artifact, parameters={**artifact.parameters, "spread_px": spread})
+
+
+def measure(
+    image: FloatArray, artifact: Artifact, guess: Guess
+) -> Measurement | Failure:
+    """Return the target's place; fails if no blob, or more than one, fits."""
+    if unfit := refused(image):
+        return unfit
+    p = artifact.parameters
+    blobs = _blobs(image, bright=p["bright"] > 0)
+    if isinstance(blobs, Failure):
+        return blobs
+    offset = _offset(artifact, guess)
+    fitting = [blob for blob in blobs if _fits(blob, artifact, guess, offset)]
+    if not fitting:
+        return Failure(
+            code="no_blob",
+            message=f"none of {len(blobs)} blobs has {p['area_px']:.0f} px within "
+            f"{p['search_px']:.1f} px",
+        )
+    if len(fitting) > 1:
+        return Failure(code="ambiguous", message=f"{len(fitting)} blobs fit")
+    (own,) = fitting
+    ratio = own.area_px / p["area_px"]
+    return Measurement(
+        column=own.column - offset[0],
+        row=own.row - offset[1],
+        theta_rad=None,
+        score=min(ratio, 1 / ratio),
+        spread_px=p.get("spread_px", _SPREAD_PX),
+    )
+
+
+def cost(_artifact: Artifact, pixels: int) -> float:
+    """Return the work of one `measure`, see `featuresel.routines.Routine`."""
+    return _FIXED_WORK + _PIXEL_WORK * pixels
+
+
+def _offset(artifact: Artifact, guess: Guess) -> tuple[float, float]:
+    """Return centroid - reference as (columns, rows); 0 where the angle is unknown."""
+    p = artifact.parameters
+    if p["turns"] or guess.theta_rad is None:
+        return (0.0, 0.0)
+    c, s = math.cos(guess.theta_rad), math.sin(guess.theta_rad)
+    x, y = p["offset_x_px"], p["offset_y_px"]
+    return (c * x - s * y, -s * x - c * y)
+
+
+def _fits(
+    blob: _Blob, artifact: Artifact, guess: Guess, offset: tuple[float, float]
+) -> bool:
+    """Return whether area, place and border agree with the prediction."""
+    p = artifact.parameters
+    away = math.hypot(
+        blob.column - offset[0] - guess.column, blob.row - offset[1] - guess.row
+    )
+    low, high = _AREA
+    return (
+        low * p["area_px"] <= blob.area_px <= high * p["area_px"]
+        and away <= 1.5 * p["search_px"] + 2
+        and (not blob.clipped or p["clipped"] > 0)
+    )
+
+
+def _nearest(blobs: list[_Blob], column: float, row: float) -> _Blob:
+    """Return the blob whose centroid is nearest, the larger one of equals."""
+    return min(
+        blobs, key=lambda b: (math.hypot(b.column - column, b.row - row), -b.area_px)
+    )
+
+
+def _radius_px(target: Target) -> float:
+    """Return the radius within which the centroid has to lie, px."""
+    p = target.parameters
+    names = ("radius_um", "outer_um", "extent_um")
+    return next(p[name] for name in names if name in p) * target.px_per_um
+
+
+def _blobs(image: FloatArray, *, bright: bool) -> list[_Blob] | Failure:
+    """Return the connected components on the target's side of Otsu's threshold."""
+    low, high = float(image.min()), float(image.max())
+    if high - low < _CONTRAST:
+        return Failure(
+            code="no_contrast",
+            message=f"values span {high - low:.3f}, at least {_CONTRAST}",
+        )
+    grey = np.rint((image - low) * (255 / (high - low))).astype(np.uint8)
+    smooth = cv2.GaussianBlur(grey, (0, 0), 1.0)  # single noisy pixels are no blobs
+    level, _ = cv2.threshold(smooth, 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
+    above = smooth > level
+    gap = float(image[above].mean() - image[~above].mean())
+    if gap < _CONTRAST:
+        return Failure(
+            code="no_contrast",
+            message=f"classes differ by {gap:.3f}, at least {_CONTRAST}",
+        )
+    return _components((above == bright).astype(np.uint8))
+
+
+def _components(mask: npt.NDArray[np.uint8]) -> list[_Blob] | Failure:
+    """Return the components of at least 9 pixels."""
+    _, _, stats, centroids = cv2.connectedComponentsWithStats(mask, connectivity=4)
+    rows, columns = mask.shape
+    found = []
+    for (left, top, width, height, area), (x, y) in zip(
+        stats[1:].tolist(), centroids[1:].tolist(), strict=True
+    ):
+        clipped = left == 0 or top == 0 or left + width == columns
+        clipped = clipped or top + height == rows
+        if area >= 9:
+            found.append(_Blob(column=x, row=y, area_px=float(area), clipped=clipped))
+    if not found:
+        return Failure(code="no_blob", message="no component of 9 pixels or more")
+    return found

@@ -1,0 +1,156 @@
+"""What the trials so far say of a chain for certain: out of the race, or proved."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from featuresel.look.scenario import LookCase
+from featuresel.selection.constraints import Limits
+from featuresel.selection.pareto import by_cost
+from featuresel.trials.bounds import CONFIDENCE, Estimate, failure_upper, success_lower
+from featuresel.trials.chains import Chain
+from featuresel.trials.outcomes import Outcome
+from featuresel.trials.score import Score, score
+from featuresel.trials.trials import Prepared
+from optics.outline.tolerant_order import above, at_most
+
+_TESTS = 4  # success, silent failures, place, angle: a chain may fall by any of them
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Verdicts:
+    """What a chain must meet, and how often it is asked."""
+
+    case: LookCase
+    limits: Limits
+    peeks: int
+    in_set: bool  # one direction of the place will do
+
+    def scores(
+        self, racing: Prepared, outcomes: Sequence[Outcome]
+    ) -> tuple[Score, ...]:
+        """Return scores whose bounds hold in every test of every round at once."""
+        return score(self.case, racing, outcomes, peeks=_TESTS * self.peeks)
+
+    def fallen(self, scores: Sequence[Score]) -> list[tuple[Chain, str]]:
+        """Return the chains that are out, with the reason."""
+        found = [(s.chain, self.excluded(s)) for s in scores]
+        out = {chain for chain, reason in found if reason}
+        left = [s for s in scores if s.chain not in out]
+        found += [(s.chain, self.dominated(s, left)) for s in left]
+        return [(chain, reason) for chain, reason in found if reason]
+
+    def excluded(self, score: Score) -> str:
+        """Return which limit the chain misses for certain, "" if none."""
+        return self.unreliable(score) or self.misplaced(score) or self.turned(score)
+
+    def unreliable(self, score: Score) -> str:
+        """Return what the counts refute, "" if nothing."""
+        level = 1 - (1 - CONFIDENCE) / (_TESTS * self.peeks)
+        most = failure_upper(score.success, score.trials, level)
+        if most < self.limits.success:
+            return f"success below {most:.1%}, at least {self.limits.success:.0%}"
+        least = success_lower(score.silent, score.trials, level)
+        if least > self.limits.silent_upper:
+            return (
+                f"silent failures above {least:.2%}, limit "
+                f"{self.limits.silent_upper:.2%}"
+            )
+        return ""
+
+    def misplaced(self, score: Score) -> str:
+        """Return what the place misses for certain, "" if nothing."""
+        if self.one_way(score):
+            return "tells the place in one direction only, both are needed"
+        if above(score.need_lower_um, self.case.tolerance_um):
+            return (
+                f"2 sigma + |bias| above {score.need_lower_um:.3g} um, tolerance "
+                f"{self.case.tolerance_um:.3g} um"
+            )
+        return ""
+
+    def turned(self, score: Score) -> str:
+        """Return what the angle misses for certain, "" if nothing."""
+        limit = self.case.tolerance_theta_rad
+        if limit is None or not score.success:
+            return ""
+        if not score.angles:
+            return "" if self.in_set else "gives no angle, which is needed"
+        if score.theta is not None and above(score.theta.need_lower, limit):
+            return (
+                f"2 sigma + |bias| of the angle above {score.theta.need_lower:.3g} "
+                f"rad, tolerance {limit:.3g} rad"
+            )
+        return ""
+
+    def dominated(self, score: Score, left: Sequence[Score]) -> str:
+        """Return which other chain makes this one superfluous, "" if none."""
+        for other in left:
+            if (
+                other.chain != score.chain
+                and other.chain[0] == score.chain[0]
+                and self.meets(other)
+                and at_most(other.cost, score.cost)
+                and other.success >= score.success
+                and other.silent <= score.silent
+                and self.surely_finer(other, score)
+            ):
+                return f"{' > '.join(other.chain)} is no dearer and more accurate"
+        return ""
+
+    def meets(self, score: Score) -> bool:
+        """Return whether the chain has met all limits so far, the needs for certain."""
+        return (
+            score.success >= self.limits.success * score.trials
+            and (not score.silent or score.silent_upper <= self.limits.silent_upper)
+            and at_most(self.use(score), 1)
+        )
+
+    def one_way(self, score: Score) -> bool:
+        """Return whether a direction of the place that is needed is not told."""
+        return score.axis_rad is not None and not self.in_set
+
+    def surely_finer(self, one: Score, other: Score) -> bool:
+        """Return whether one chain's need is below the other's for certain.
+
+        Needs along different directions do not compare.
+        """
+        if (one.axis_rad is None) != (other.axis_rad is None):
+            return False
+        if one.need_upper_um > other.need_lower_um:
+            return False
+        if self.case.tolerance_theta_rad is None:
+            return True
+        return one.theta is not None and (
+            other.theta is None or one.theta.need_upper <= other.theta.need_lower
+        )
+
+    def use(self, score: Score) -> float:
+        """Return the largest share of the tighter tolerance that is not refuted."""
+        if self.one_way(score):
+            return math.inf
+        place = score.need_upper_um / self.case.tolerance_um
+        limit = self.case.tolerance_theta_rad
+        if limit is None:
+            return place
+        return max(place, _most(score, score.theta) / limit)
+
+    def is_decided(self, left: Sequence[Score]) -> bool:
+        """Return whether more trials cannot change the choice."""
+        if not left:
+            return True
+        first = by_cost(left)[0]
+        return (
+            first.success_lower >= self.limits.success
+            and first.silent_upper <= self.limits.silent_upper
+            and at_most(self.use(first), self.limits.roomy)
+        )
+
+
+def _most(score: Score, theta: Estimate | None) -> float:
+    """Return the largest need of the angle; inf where it is not always given."""
+    if theta is None or score.angles < score.success:
+        return math.inf
+    return theta.need_upper

@@ -1,0 +1,271 @@
+"""All routines that may find a look's target, raced against each other."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+from featuresel.features.completeness import seen_share
+from featuresel.limits.place_limit import limit_um
+from featuresel.look.nominal import nominal_render
+from featuresel.look.scenario import LookCase
+from featuresel.routines import Artifact, Failure, load
+from featuresel.selection.constraints import Constraints
+from featuresel.selection.race import Race, race, round_ends
+from featuresel.selection.select import Limits, Selection, select
+from featuresel.selection.undecided import chains_ahead
+from featuresel.trials.chains import Chain, chains, routines
+from featuresel.trials.outcomes import Outcomes
+from featuresel.trials.score import Score
+from featuresel.trials.trial_cache import Known, Looks
+from featuresel.trials.trials import Map, Prepared, prepare
+
+ROUNDS = (8, 24, 64, 304, 1024)  # trials at the end of each; most chains leave early
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Contest:
+    """What the race over one look showed, and who won."""
+
+    prepared: Prepared
+    outcomes: Outcomes
+    scores: tuple[Score, ...]  # of every chain, by the trials that it had
+    selection: Selection
+    limit_um: float | None  # Cramer-Rao, the worse axis; None: none, or not asked for
+    visible: float | None  # share of the target's edges; None: not known
+
+
+def compete(
+    case: LookCase,
+    *,
+    root_seed: int,
+    most: int,
+    limits: Limits | None = None,
+    thorough: bool = False,
+    to_the_end: bool = False,
+    limited: bool = True,
+    in_set: bool = False,
+    map: Map = map,  # noqa: A002 - it is the builtin, or a pool's
+    looks: Looks | None = None,
+) -> Contest:
+    """Return the chain to measure a look with, and what was tried to find it.
+
+    A target that is hidden, or whose angle cannot be told, gets the trials of one round
+    only: no chain can pass. Routines that are dear to prepare take part where the
+    others leave no room: where none passes, or the chosen one uses more than
+    `Limits.roomy` of a tolerance. Below that a dearer one is never chosen. They race by
+    themselves on the same trials; the bounds count the rounds of both races.
+
+    Parameters
+    ----------
+    case : LookCase
+        The look.
+    root_seed : int
+        Root of all seeds.
+    most : int
+        Trials of a chain that stays in the race to its end.
+    limits : Limits, optional
+        What a chain must meet, as in `featuresel.selection.select.select`.
+    thorough : bool
+        Whether dear routines take part in any case, and `to_the_end`.
+    to_the_end : bool
+        Whether each chain that is not out has all trials; else one waits behind a
+        cheaper one that leaves room.
+    limited : bool
+        Whether the Cramer-Rao limit is computed: it takes two dozen images.
+    in_set : bool
+        As in `featuresel.selection.select.select`.
+    map : callable
+        As in `featuresel.trials.trials.run`.
+    looks : Looks, optional
+        What is known from a contest over the same look that had to meet something else;
+        takes what is found.
+    """
+    bounds = limits or Limits()
+    known = (looks or Looks()).of(case, root_seed)
+    visible = _visible(case, known)
+    hopeless = not is_fit(case, visible, bounds)
+    once = thorough or hopeless
+    judge = _Judge(
+        case=case,
+        root_seed=root_seed,
+        most=min(most, ROUNDS[0]) if hopeless else most,
+        limits=bounds,
+        in_set=in_set,
+        map=map,
+        races=1 if once else 2,
+        to_the_end=thorough or to_the_end,
+        limit_um=_limit_um(case, known) if limited and not hopeless else None,
+        visible=visible,
+        known=known,
+    )
+    found = judge.contest(judge.ready(dear=thorough and not hopeless))
+    if once or is_roomy(case, found.selection, judge.limits):
+        return found
+    return judge.with_dear(found)
+
+
+def _visible(case: LookCase, known: Known) -> float | None:
+    """Return the share of the target's edges that is seen; None: not known."""
+    return known.fact(
+        "visible", lambda: seen_share(case.target, nominal_render(case).veil())
+    )
+
+
+def _limit_um(case: LookCase, known: Known) -> float | None:
+    """Return the Cramer-Rao limit of the target's place, the worse axis."""
+    return known.fact("limit_um", lambda: limit_um(case))
+
+
+def is_roomy(case: LookCase, found: Selection, limits: Limits | None = None) -> bool:
+    """Return whether the chosen chain leaves room in every tolerance."""
+    if found.chosen is None:
+        return False
+    return _task(case, limits or Limits()).is_roomy(found.chosen)
+
+
+def is_fit(case: LookCase, visible: float | None, limits: Limits | None = None) -> bool:
+    """Return whether a chain can pass at all: the target is seen, its angle told."""
+    return not _task(case, limits or Limits(), visible).unfit()
+
+
+def _task(case: LookCase, limits: Limits, visible: float | None = None) -> Constraints:
+    """Return what a chain has to meet on a look."""
+    return Constraints(
+        tolerance_um=case.tolerance_um,
+        tolerance_theta_rad=case.tolerance_theta_rad,
+        limits=limits,
+        target=case.target,
+        visible=visible,
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Judge:
+    """One look's races and the choice among their scores."""
+
+    case: LookCase
+    root_seed: int
+    most: int
+    limits: Limits
+    in_set: bool
+    map: Map
+    races: int  # at most
+    to_the_end: bool  # all chains have all trials, whatever the choice hangs on
+    limit_um: float | None
+    visible: float | None
+    known: Known
+
+    def ready(self, *, dear: bool = True) -> Prepared:
+        """Return routines prepared once, and the chains worth trying."""
+        found = make_ready(self.case, dear=dear, known=self.known.artifacts)
+        self.known.artifacts.update(found.artifacts)
+        return found
+
+    def with_dear(self, found: Contest) -> Contest:
+        """Return a contest after the race of those that were too dear for it."""
+        ready = self.ready()
+        fresh = tuple(c for c in ready.chains if c not in found.prepared.chains)
+        return self.contest(replace(ready, chains=fresh), found) if fresh else found
+
+    def contest(self, ready: Prepared, before: Contest | None = None) -> Contest:
+        """Return the choice among new chains and those of an earlier contest."""
+        raced = self.race(ready, before)
+        outcomes, chains_, artifacts = raced.outcomes, ready.chains, ready.artifacts
+        scores = tuple(replace(s, limit_um=self.limit_um) for s in raced.scores)
+        if before is not None:
+            outcomes = before.outcomes + outcomes
+            chains_ = before.prepared.chains + chains_
+            artifacts = {**before.prepared.artifacts, **artifacts}
+            scores = before.scores + scores
+        return Contest(
+            prepared=Prepared(chains=chains_, artifacts=artifacts),
+            outcomes=outcomes,
+            scores=scores,
+            selection=self.select(scores),
+            limit_um=self.limit_um,
+            visible=self.visible,
+        )
+
+    def race(self, ready: Prepared, before: Contest | None) -> Race:
+        """Return the outcomes of chains, as far as any of them may be chosen."""
+        return race(
+            self.case,
+            ready,
+            root_seed=self.root_seed,
+            most=self.most,
+            limits=self.limits,
+            rounds=ROUNDS,
+            peeks=self.races * len(round_ends(ROUNDS, self.most)),
+            in_set=self.in_set,
+            ahead=None if self.to_the_end else partial(self.ahead, before),
+            map=self.map,
+            known=self.known,
+        )
+
+    def ahead(
+        self, before: Contest | None, scores: Sequence[Score]
+    ) -> frozenset[Chain]:
+        """Return the chains that the choice hangs on, an earlier contest's included."""
+        whole = [*(before.scores if before else ()), *scores]
+        task = _task(self.case, self.limits, self.visible)
+        return chains_ahead(whole, self.select(whole), task)
+
+    def select(self, scores: Sequence[Score]) -> Selection:
+        """Return the choice."""
+        return select(
+            scores,
+            tolerance_um=self.case.tolerance_um,
+            tolerance_theta_rad=self.case.tolerance_theta_rad,
+            limits=self.limits,
+            target=self.case.target,
+            visible=self.visible,
+            in_set=self.in_set,
+        )
+
+
+def make_ready(
+    case: LookCase,
+    *,
+    dear: bool = True,
+    controls: bool = False,
+    known: Mapping[str, Artifact | Failure] | None = None,
+) -> Prepared:
+    """Return every routine prepared once, and the chains worth trying by their cost.
+
+    Parameters
+    ----------
+    case : LookCase
+        The look.
+    dear : bool
+        Whether routines that are dear to prepare are among them.
+    controls : bool
+        Whether known-bad ones are.
+    known : mapping of str to Artifact or Failure, optional
+        Routines that are prepared already.
+    """
+    names = [
+        name
+        for name in routines(case.target, controls=controls)
+        if dear or not load(name).DEAR
+    ]
+    ready = {name: found for name, found in (known or {}).items() if name in names}
+    fresh = prepare(case, [(name,) for name in names if name not in ready])
+    ready |= fresh.artifacts
+    found = chains(case.target, costs=_costs(case, names, ready), controls=controls)
+    if not found:  # nothing could be prepared: the trials say of each why
+        found = chains(case.target, costs=dict.fromkeys(names, 1.0))
+    return Prepared(chains=found, artifacts=ready)
+
+
+def _costs(
+    case: LookCase, names: Sequence[str], ready: Mapping[str, Artifact | Failure]
+) -> dict[str, float]:
+    """Return what each routine costs that could be prepared."""
+    pixels = case.window.rows * case.window.columns
+    return {
+        name: load(name).cost(artifact, pixels)
+        for name in names
+        if not isinstance(artifact := ready[name], Failure)
+    }

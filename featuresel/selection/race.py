@@ -1,0 +1,152 @@
+"""Trials in rounds: chains that cannot be chosen any more are tried no further."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+from featuresel.look.design import design
+from featuresel.look.scenario import LookCase
+from featuresel.selection.constraints import Limits
+from featuresel.selection.elimination import Verdicts
+from featuresel.selection.race_schedule import Ahead, Heats
+from featuresel.trials.chains import Chain
+from featuresel.trials.outcomes import Outcomes
+from featuresel.trials.score import Score, score
+from featuresel.trials.trial_cache import Known
+from featuresel.trials.trials import Curves, Map, Prepared, run
+
+ROUNDS = (32, 256, 1024)  # trials at the end of each
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Race:
+    """What the rounds showed."""
+
+    outcomes: Outcomes  # round by round, each trial by trial
+    scores: tuple[Score, ...]  # of every chain, by the trials that it had
+    trials: Mapping[Chain, int]  # how many that were
+    dropped: tuple[tuple[Chain, str], ...]  # why a chain was, in the order it happened
+    peeks: int  # how often outcomes could decide on trials: bounds hold for each
+
+
+def race(
+    case: LookCase,
+    prepared: Prepared,
+    *,
+    root_seed: int,
+    most: int,
+    limits: Limits | None = None,
+    rounds: Sequence[int] = ROUNDS,
+    peeks: int | None = None,
+    in_set: bool = False,
+    ahead: Ahead | None = None,
+    map: Map = map,  # noqa: A002 - it is the builtin, or a pool's
+    curves: Curves | None = None,
+    known: Known | None = None,
+) -> Race:
+    """Return the outcomes of chains that are tried while they may be chosen.
+
+    All chains see the same images (common random numbers), those of
+    `featuresel.look.design.design`. After each round a chain is dropped if
+
+    - the upper bound of its success rate is below the limit,
+    - the lower bound of its silent failures is above the limit,
+    - the lower bound of what it needs (2 sigma + |bias|) is above a tolerance, or it
+      never gave an angle that is needed, or told the place in one direction only where
+      both are, or
+    - another that begins with the same routine and itself meets the limits is no
+      dearer, surely more accurate, and was on the same trials right no less often and
+      silently wrong no more often. One that begins with another routine is kept: it
+      may be the fallback.
+
+    After `featuresel.selection.race_schedule.SHOWN` trials only those chains go on that
+    `ahead` tells; the others follow where that changes.
+
+    The race ends when no chain is left, after `most` trials, or when a chain is proved
+    good enough with room to spare and none that is cheaper is left.
+
+    Parameters
+    ----------
+    case, prepared
+        The look, and its chains and artifacts.
+    root_seed : int
+        Root of all seeds.
+    most : int
+        Trials of a chain that stays to the end.
+    limits : Limits, optional
+        What a chain must meet, as in `featuresel.selection.select.select`.
+    rounds : sequence of int
+        Trials at the end of each round, rising; those below `most` count.
+    peeks : int, optional
+        How often outcomes may decide on trials, at least the number of rounds, which is
+        the default. Where one race's outcomes decide whether another is run, both want
+        the rounds of both: the bounds of whichever chain wins then hold.
+    in_set : bool
+        As in `featuresel.selection.select.select`.
+    ahead : callable, optional
+        Returns the chains that the choice hangs on by the scores so far, as
+        `featuresel.selection.undecided.chains_ahead` does. Without it that is all.
+    map, curves, known
+        As in `featuresel.trials.trials.run`.
+
+    Returns
+    -------
+    Race
+        It depends on the case, chains, seed, rounds, peeks, limits and `ahead` alone.
+        Each bound in a score holds at all `peeks` at once, at `CONFIDENCE` (union
+        bound); a chain that meets all limits is dropped by the first three tests with a
+        probability of 1 - `CONFIDENCE` at most.
+
+    Raises
+    ------
+    ValueError
+        If the rounds do not rise, `most` is out of range, or `peeks` are fewer than the
+        rounds.
+
+    References
+    ----------
+    Maron & Moore (1997), The racing algorithm, Artificial Intelligence Review 11.
+    """
+    ends = round_ends(rounds, most)
+    peeks = _peeks(ends, peeks)
+    verdicts = Verdicts(
+        case=case, limits=limits or Limits(), peeks=peeks, in_set=in_set
+    )
+    heats = Heats(
+        prepared=prepared,
+        trials=design(case, most, root_seed),
+        run=partial(run, case, map=map, curves=curves, known=known or Known()),
+        scored=verdicts.scores,
+        judged=partial(score, case, peeks=peeks, curves=curves),
+        ahead=ahead,
+    )
+    for end in ends:
+        scores = heats.round(end)
+        if verdicts.is_decided(heats.left(scores, verdicts.fallen(scores))):
+            break
+    found = score(case, prepared, heats.outcomes, peeks=peeks, curves=curves)
+    return Race(
+        outcomes=heats.outcomes,
+        scores=found,
+        trials={s.chain: s.trials for s in found},
+        dropped=tuple(heats.dropped),
+        peeks=peeks,
+    )
+
+
+def round_ends(rounds: Sequence[int], most: int) -> tuple[int, ...]:
+    """Return the trials at the end of each round within `most`, the last."""
+    if any(b <= a for a, b in zip((0, *rounds), rounds, strict=False)):
+        raise ValueError(f"rounds must rise from 1, got {tuple(rounds)}")
+    return (*(end for end in rounds if end < most), most)
+
+
+def _peeks(ends: Sequence[int], peeks: int | None) -> int:
+    """Return how often outcomes may decide on trials, at least once a round."""
+    if peeks is None:
+        return len(ends)
+    if peeks < len(ends):
+        raise ValueError(f"need a peek for each of {len(ends)} rounds, got {peeks}")
+    return peeks

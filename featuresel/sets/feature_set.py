@@ -1,0 +1,197 @@
+"""The set of features that tells a part's pose best, and why the others are out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from itertools import combinations
+
+from featuresel.sets.pose_covariance import Sight, jacobian
+from featuresel.sets.pose_requirement import Known, Need
+from featuresel.sets.set_search import Search
+from optics.outline.tolerant_order import at_most, least
+
+_MORE = 2  # features more than allowed that relaxations are tried with
+_ROUND = 1.001  # limits are said with three digits and have to hold
+
+Changes = tuple[tuple[str, float], ...]  # of a need, by its field
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FeatureSet:
+    """A set of features, best first as they were taken, and its standing."""
+
+    names: tuple[str, ...]
+    known: Known
+    # with the worst feature dropped; infinite for a single one
+    dropped_um: float
+    dropped_theta_rad: float
+    cost: float
+    qualifies: bool
+    reasons: tuple[tuple[str, str], ...]  # per feature, in the order given
+    relaxations: tuple[str, ...]  # each is enough; or what is missing; () if it is good
+
+
+def choose_set(sights: Sequence[Sight], need: Need) -> FeatureSet:
+    """Return the smallest set that is good enough, the most telling of its size.
+
+    For each size from one up, features are taken greedily by the determinant of the
+    pose's covariance, rotation scaled by the part's radius, then exchanged one by one
+    while that gets smaller. Within `MARGIN` the cheaper wins, then the first by name.
+    If the best set of a size fails, exchanges that bring it nearer to the limits
+    follow. If no size is good enough, the set that comes nearest is returned with what
+    to relax.
+
+    Spreads of features are taken as independent: what moves all of them together, as a
+    shift of the whole image does, is no spread and belongs to the error budget.
+
+    Parameters
+    ----------
+    sights : sequence of Sight
+        At least one; names differ.
+    need : Need
+        Limits of the set.
+
+    Raises
+    ------
+    ValueError
+        If there is no sight or two share a name.
+
+    References
+    ----------
+    D-optimal design with exchanges: Fedorov (1972), Mitchell (1974). The criteria of
+    resolution and conditioning: Feddema, Lee & Mitchell (1991).
+    """
+    names = [sight.name for sight in sights]
+    if not names or len(set(names)) < len(names):
+        raise ValueError(f"sights must have names that differ, got {names}")
+    search = Search.of(sights, need)
+    return _result(search, search.chosen())
+
+
+def _result(search: Search, taken: tuple[int, ...]) -> FeatureSet:
+    """Return the set with its standing."""
+    found, dropped = search.known(taken), search.dropped(taken)
+    qualifies = at_most(search.excess(taken), 1)
+    return FeatureSet(
+        names=tuple(search.sights[k].name for k in taken),
+        known=found,
+        dropped_um=max(d.sigma_um for d in dropped),
+        dropped_theta_rad=max(d.sigma_theta_rad for d in dropped),
+        cost=search.cost(taken),
+        qualifies=qualifies,
+        reasons=tuple(
+            (sight.name, _reason(search, k, taken))
+            for k, sight in enumerate(search.sights)
+        ),
+        relaxations=() if qualifies else _relaxations(search, taken),
+    )
+
+
+def _reason(search: Search, place: int, taken: tuple[int, ...]) -> str:
+    """Return why a feature is in the set or not, with numbers."""
+    sight, with_all = search.sights[place], search.known(taken)
+    if place in taken:
+        rest = search.known([k for k in taken if k != place])
+        return f"taken: without it {_said(search, rest)}"
+    if not jacobian([sight], search.need.radius_um).any():
+        return "left out: it tells nothing of the pose"
+    more = search.known((*taken, place))
+    if len(taken) < search.need.most:
+        return (
+            f"left out: with it {_said(search, more)} instead of "
+            f"{_said(search, with_all)}, for cost {sight.cost:.3g}"
+        )
+    ways = [(*taken[:at], place, *taken[at + 1 :]) for at in range(len(taken))]
+    told = [-value for value in search.tells(ways).tolist()]
+    instead = ways[least(range(len(ways)), told.__getitem__, scale=1.0)]
+    return (
+        f"left out: in place of {_swapped(search, taken, instead)} "
+        f"{_said(search, search.known(instead))} instead of {_said(search, with_all)}"
+    )
+
+
+def _swapped(search: Search, taken: Sequence[int], instead: Sequence[int]) -> str:
+    """Return the name of the feature that an exchange takes out."""
+    return search.sights[next(k for k in taken if k not in instead)].name
+
+
+def _said(search: Search, found: Known) -> str:
+    """Return the sigmas in words."""
+    words = f"sigma is {found.sigma_um:.3g} um"
+    if search.need.sigma_theta_rad is not None:
+        words += f" and {found.sigma_theta_rad:.3g} rad"
+    return words
+
+
+def _relaxations(search: Search, taken: tuple[int, ...]) -> tuple[str, ...]:
+    """Return what would let a set qualify: one change each, or two where one is none.
+
+    Every way is tried. If none does, what is missing is said.
+    """
+    ways = _ways(search, taken)
+    for together in (1, 2):
+        enough = [
+            " and ".join(words for words, _ in some)
+            for some in combinations(ways, together)
+            if _would_do(search, {k: v for _, change in some for k, v in change})
+        ]
+        if enough:
+            return tuple(enough)
+    return _missing(search)
+
+
+def _ways(search: Search, taken: tuple[int, ...]) -> list[tuple[str, Changes]]:
+    """Return changes of the limits, in words and as they are."""
+    need, found = search.need, search.known(taken)
+    dropped = search.dropped(taken) if need.redundant else []
+    ways: list[tuple[str, Changes]] = []
+    if need.redundant:
+        ways.append(("a set that needs all its features", (("redundant", False),)))
+    more = min(need.most + _MORE, len(search.sights))
+    if more > need.most:
+        ways.append((f"up to {more} features", (("most", more),)))
+    if need.conditioning < found.conditioning < math.inf:
+        limit = found.conditioning * _ROUND
+        ways.append((f"conditioning up to {limit:.3g}", (("conditioning", limit),)))
+    # as the set is, and as it is without its best feature
+    for some in ([found], [found, *dropped]):
+        way = _looser(need, some)
+        if way not in ways and way[1]:
+            ways.append(way)
+    return ways
+
+
+def _looser(need: Need, some: Sequence[Known]) -> tuple[str, Changes]:
+    """Return the sigmas that all of `some` meet; no change if those are infinite."""
+    place = max(known.sigma_um for known in some) * _ROUND
+    turn = max(known.sigma_theta_rad for known in some) * _ROUND
+    changes: list[tuple[str, float]] = []
+    words = []
+    if need.sigma_um < place < math.inf:
+        changes.append(("sigma_um", place))
+        words.append(f"sigma up to {place:.3g} um")
+    wanted = need.sigma_theta_rad
+    if wanted is not None and wanted < turn < math.inf:
+        changes.append(("sigma_theta_rad", turn))
+        words.append(f"sigma up to {turn:.3g} rad")
+    return " and ".join(words), tuple(changes)
+
+
+def _would_do(search: Search, changes: Mapping[str, float]) -> bool:
+    """Return whether a set qualifies under other limits."""
+    limits = {f.name: getattr(search.need, f.name) for f in fields(search.need)}
+    search = replace(search, need=Need(**{**limits, **changes}))
+    return at_most(search.excess(search.chosen()), 1)
+
+
+def _missing(search: Search) -> tuple[str, ...]:
+    """Return what no feature tells."""
+    found = search.known(range(len(search.sights)))
+    missing = []
+    if math.isinf(found.sigma_um):
+        missing.append("a feature that tells the other direction of the place")
+    if search.need.sigma_theta_rad is not None and math.isinf(found.sigma_theta_rad):
+        missing.append("a feature that tells the angle, or one farther away")
+    return tuple(missing) or ("a second feature for whatever is told once",)

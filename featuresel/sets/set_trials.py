@@ -1,0 +1,147 @@
+"""Trials of several features measured on one image: what they tell together."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+from featuresel.look.design import Trial
+from featuresel.look.perturb import image
+from featuresel.look.reference_point import Located, located
+from featuresel.look.scenario import LookCase
+from featuresel.routines import Failure, FloatArray
+from featuresel.routines.fusion import Believed, Seen, fuse
+from featuresel.trials.chains import Chain
+from featuresel.trials.outcomes import Outcome
+from featuresel.trials.score import Score, chain_cost, score_chain
+from featuresel.trials.trials import Map, Prepared, follow, outcome_of
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Member:
+    """A feature of a set, with the chain that measures it."""
+
+    case: LookCase  # a look at the feature itself, through the same region
+    prepared: Prepared  # of its one chain
+    score: Score  # of that chain, by the feature's own trials
+    offset_um: tuple[float, float]  # from the set's point, in the part's frame
+    sigma_um: float  # of its place per axis, what the part's making adds in it
+
+    @property
+    def name(self) -> str:
+        """Return the feature's name."""
+        return self.case.target.name
+
+    @property
+    def chain(self) -> Chain:
+        """Return the routines that measure it."""
+        return self.prepared.chains[0]
+
+
+def score_set(
+    case: LookCase,
+    members: Sequence[Member],
+    trials: Sequence[Trial],
+    *,
+    least: int,
+    map: Map = map,  # noqa: A002 - it is the builtin, or a pool's
+) -> Score:
+    """Return what the members tell together of the case's target, by fresh trials.
+
+    Parameters
+    ----------
+    case : LookCase
+        The look: its target is the point that is wanted.
+    members : sequence of Member
+        At least one; their cases differ from `case` in the target alone.
+    trials : sequence of Trial
+        Of `case`, see `featuresel.look.design.design`.
+    least : int
+        Features that must answer for the set to answer.
+    map : callable
+        As in `featuresel.trials.trials.run`; gets one trial at a time.
+
+    Returns
+    -------
+    Score
+        Of a chain that names the features; each trial's errors are of the pose that
+        `featuresel.routines.fusion.fuse` makes of those that answered.
+
+    Raises
+    ------
+    ValueError
+        If there is no member or no trial.
+    """
+    if not members or not trials:
+        raise ValueError("a set needs members and trials")
+    outcomes = tuple(map(partial(_tried, case, tuple(members), least), trials))
+    cost = sum(chain_cost(m.case, m.prepared, m.chain) for m in members)
+    return score_chain(case, _chain(members), outcomes, cost)
+
+
+def _chain(members: Sequence[Member]) -> Chain:
+    """Return the features' names in place of routines."""
+    return tuple(member.name for member in members)
+
+
+def _tried(
+    case: LookCase, members: Sequence[Member], least: int, trial: Trial
+) -> Outcome:
+    """Return what the set says of one trial."""
+    picture = image(case, trial)
+    found = [_seen(member, picture) for member in members]
+    answered = [seen for seen in found if isinstance(seen, Seen)]
+    if len(answered) < least:
+        missed = next(seen for seen in found if isinstance(seen, Failure))
+        return outcome_of(case, trial, _chain(members), missed)
+    fused = fuse(answered, _believed(case))
+    if isinstance(fused, Failure):
+        return outcome_of(case, trial, _chain(members), fused)
+    place = Located(
+        x_um=fused.x_um, y_um=fused.y_um, theta_rad=fused.theta_rad, axis_rad=None
+    )
+    return replace(
+        outcome_of(case, trial, _chain(members), place),
+        spread_um=fused.sigma_um,
+        spread_theta_rad=fused.sigma_theta_rad,
+    )
+
+
+def _believed(case: LookCase) -> Believed | None:
+    """Return the angle that a look starts with, None if it is any."""
+    if case.theta_any:
+        return None
+    return Believed(
+        theta_rad=case.theta_rad, sigma_rad=case.spread.pose_sigma_theta_rad
+    )
+
+
+def _seen(member: Member, picture: FloatArray) -> Seen | Failure:
+    """Return a feature as one image shows it, its mean error taken off."""
+    case = member.case
+    found = follow(case, member.prepared, member.chain, picture, {})
+    if isinstance(found, Failure):
+        return found
+    place = located(case, found)
+    if isinstance(place, Failure):
+        return place
+    turn = case.theta_rad if place.theta_rad is None else place.theta_rad
+    x, y = member.score.bias_um or (0.0, 0.0)
+    if place.theta_rad is None and case.theta_any:
+        x, y = 0.0, 0.0  # which way it points is not known
+    c, s = math.cos(turn), math.sin(turn)
+    # what is left of the angle's bias counts as spread, as it does in the search
+    sigma_theta = math.hypot(
+        member.score.sigma_theta_rad or 0.0, member.score.bias_theta_rad or 0.0
+    )
+    return Seen(
+        x_um=place.x_um - (c * x - s * y),
+        y_um=place.y_um - (s * x + c * y),
+        sigma_um=member.sigma_um,
+        offset_um=member.offset_um,
+        axis_rad=place.axis_rad,
+        theta_rad=place.theta_rad,
+        sigma_theta_rad=sigma_theta or None,
+    )

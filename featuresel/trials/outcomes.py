@@ -1,0 +1,215 @@
+"""What chains said of trials, as numbers in rows: a fifth of what the records take."""
+
+from __future__ import annotations
+
+import math
+import operator
+from array import array
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from typing import overload
+
+import numpy as np
+import numpy.typing as npt
+
+from featuresel.trials.chains import Chain
+
+FloatArray = npt.NDArray[np.float64]
+
+_AT_ONCE = 1024  # rows that are read as Python's numbers at a time
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outcome:
+    """What one chain said of one trial; errors are measured - true."""
+
+    chain: Chain
+    trial: int
+    failure: str | None  # code; None where it answered
+    world_um: tuple[float, float] | None
+    target_um: tuple[float, float] | None  # the same in the target's true frame
+    theta_rad: float | None  # None: no angle given
+    score: float | None
+    spread_um: float | None  # the chain's own estimate
+    spread_theta_rad: float | None = None
+    # the one direction, in the target's true frame, in which the place is known: the
+    # errors above are the part along it
+    axis_rad: float | None = None
+    depth_um: float | None = None  # how far out of focus the chain says it is
+    z_um: float | None = None  # error of that; one image does not tell the sign
+    zoom: float | None = None  # error of the ratio to nominal
+
+    @property
+    def distance_um(self) -> float:
+        """Return the length of the error, infinite where there is no answer."""
+        return math.inf if self.world_um is None else math.hypot(*self.world_um)
+
+
+# A row: numbers of the chain and of the failure's code or -1, the trial, which of the
+# fields below are given (a bit each), and these, 0 where they are not.
+_PAIRS = ("world_um", "target_um")
+_SINGLES = (
+    "theta_rad", "score", "spread_um", "spread_theta_rad", "axis_rad", "depth_um",
+    "z_um", "zoom",
+)  # fmt: skip
+_FIELDS = (*_PAIRS, *_SINGLES)
+_COLUMNS = 4 + 2 * len(_PAIRS) + len(_SINGLES)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Outcomes(Sequence[Outcome]):
+    """Outcomes in order; each is made when it is asked for."""
+
+    chains: tuple[Chain, ...]
+    codes: tuple[str, ...]  # of failures
+    rows: FloatArray  # (N, 16)
+
+    @classmethod
+    def of(cls, outcomes: Iterable[Outcome] = ()) -> Outcomes:
+        """Return outcomes as rows."""
+        if isinstance(outcomes, Outcomes):
+            return outcomes
+        book = Book()
+        for outcome in outcomes:
+            book.add(outcome)
+        return book.all()
+
+    def __len__(self) -> int:
+        """Return how many outcomes there are."""
+        return len(self.rows)
+
+    @overload
+    def __getitem__(self, at: int) -> Outcome: ...
+
+    @overload
+    def __getitem__(self, at: slice) -> Outcomes: ...
+
+    def __getitem__(self, at: int | slice) -> Outcome | Outcomes:
+        """Return an outcome, or some of them."""
+        if isinstance(at, slice):
+            return replace(self, rows=self.rows[at])
+        return self._made(self.rows[at].tolist())
+
+    def __iter__(self) -> Iterator[Outcome]:
+        """Yield the outcomes."""
+        for start in range(0, len(self), _AT_ONCE):
+            yield from map(self._made, self.rows[start : start + _AT_ONCE].tolist())
+
+    def __eq__(self, other: object) -> bool:
+        """Return whether the other ones are the same, in the same order."""
+        if not isinstance(other, Outcomes):
+            return NotImplemented
+        return len(self) == len(other) and all(map(operator.eq, self, other))
+
+    __hash__ = None  # type: ignore[assignment]  # as of all that compares arrays
+
+    def __add__(self, other: Outcomes) -> Outcomes:
+        """Return these outcomes, and the other ones after them."""
+        if not (len(self) and len(other)):
+            return self if len(self) else other
+        chains = tuple(dict.fromkeys(self.chains + other.chains))
+        codes = tuple(dict.fromkeys(self.codes + other.codes))
+        both = [_numbered(each, chains, codes) for each in (self, other)]
+        return Outcomes(chains=chains, codes=codes, rows=np.concatenate(both))
+
+    def by(self, chain: Chain) -> Outcomes:
+        """Return those of one chain."""
+        if self.chains == (chain,):
+            return self
+        number = self.chains.index(chain) if chain in self.chains else -1
+        return replace(self, rows=self.rows[self.rows[:, 0] == number])
+
+    def only(self, is_wanted: Callable[[Outcome], bool]) -> Outcomes:
+        """Return those for which a test holds."""
+        found = np.fromiter(map(is_wanted, self), dtype=bool, count=len(self))
+        return replace(self, rows=self.rows[found])
+
+    def _made(self, row: Sequence[float]) -> Outcome:
+        """Return the outcome of a row."""
+        chain, code, trial, given = map(int, row[:4])
+        values = (tuple(row[4:6]), tuple(row[6:8]), *row[8:])
+        fields = {
+            name: value if given >> bit & 1 else None
+            for bit, (name, value) in enumerate(zip(_FIELDS, values, strict=True))
+        }
+        return Outcome(
+            chain=self.chains[chain],
+            trial=trial,
+            failure=None if code < 0 else self.codes[code],
+            **fields,  # type: ignore[arg-type]  # mypy knows no names of fields
+        )
+
+
+def _numbered(
+    outcomes: Outcomes, chains: tuple[Chain, ...], codes: tuple[str, ...]
+) -> FloatArray:
+    """Return rows by the numbers that chains and codes have elsewhere."""
+    if (outcomes.chains, outcomes.codes) == (chains, codes):
+        return outcomes.rows
+    rows = outcomes.rows.copy()
+    names = (outcomes.chains, chains), (outcomes.codes, codes)
+    for column, (here, there) in enumerate(names):
+        numbers = np.array([*map(there.index, here), -1])  # at -1: no code
+        rows[:, column] = numbers[rows[:, column].astype(np.intp)]
+    return rows
+
+
+@dataclass(slots=True)
+class Book:
+    """Outcomes as they are found, by chain and trial."""
+
+    chains: dict[Chain, int] = field(default_factory=dict)
+    codes: dict[str, int] = field(default_factory=dict)
+    _numbers: array[float] = field(default_factory=lambda: array("d"))
+    # by chain: the row of each trial, -1 where there is none
+    _places: dict[Chain, array[int]] = field(default_factory=dict)
+
+    def __contains__(self, key: tuple[Chain, int]) -> bool:
+        """Return whether there is an outcome of a chain and a trial."""
+        chain, trial = key
+        places = self._places.get(chain, ())
+        return trial < len(places) and places[trial] >= 0
+
+    def add(self, outcome: Outcome) -> None:
+        """Write an outcome down."""
+        row = array("d", self._row(outcome))  # whole: what is no number adds nothing
+        places = self._places.setdefault(outcome.chain, array("i"))
+        places.extend([-1] * (outcome.trial + 1 - len(places)))
+        places[outcome.trial] = len(self._numbers) // _COLUMNS
+        self._numbers.extend(row)
+
+    def all(self) -> Outcomes:
+        """Return all outcomes, in the order in which they were written down."""
+        return self._outcomes(slice(None))
+
+    def pick(self, keys: Iterable[tuple[Chain, int]]) -> Outcomes:
+        """Return outcomes by chain and trial; raise KeyError where there is none."""
+        return self._outcomes(np.fromiter(map(self._place, keys), dtype=np.intp))
+
+    def _place(self, key: tuple[Chain, int]) -> int:
+        """Return the row of an outcome."""
+        if key not in self:
+            raise KeyError(key)
+        chain, trial = key
+        return self._places[chain][trial]
+
+    def _outcomes(self, which: slice | npt.NDArray[np.intp]) -> Outcomes:
+        rows = np.asarray(self._numbers, dtype=np.float64).reshape(-1, _COLUMNS)
+        return Outcomes(
+            chains=tuple(self.chains), codes=tuple(self.codes), rows=rows[which].copy()
+        )
+
+    def _row(self, outcome: Outcome) -> Iterator[float]:
+        """Yield the numbers of an outcome."""
+        yield self.chains.setdefault(outcome.chain, len(self.chains))
+        code = outcome.failure
+        yield -1 if code is None else self.codes.setdefault(code, len(self.codes))
+        yield outcome.trial
+        yield sum(
+            1 << k for k, n in enumerate(_FIELDS) if getattr(outcome, n) is not None
+        )
+        for name in _PAIRS:
+            yield from getattr(outcome, name) or (0.0, 0.0)
+        for name in _SINGLES:
+            value = getattr(outcome, name)
+            yield 0.0 if value is None else value

@@ -1,0 +1,229 @@
+"""How far one setting of a look may drift before what it is asked for fails."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Literal, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from featuresel.features.factorial_design import words
+from featuresel.look.design import Trial
+from featuresel.look.focus_series import Pictures, one_by_one, posed, through_focus
+from featuresel.look.scenario import LookCase
+from featuresel.trials.bias import BiasCurve
+from featuresel.trials.outcomes import Outcome
+from featuresel.trials.trials import Prepared, measure_picture
+
+BytesArray = npt.NDArray[np.uint8]
+Setting = Literal["focus", "zoom", "light", "gradient", "pose"]
+
+# Steps outward from nominal; the zoom's and the light's are of their ratio. A drift
+# beyond the last is no drift any more.
+FOCUS_UM = (1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0, 13.0, 16.0, 20.0, 25.0, 32.0, 40.0)
+ZOOM = (0.002, 0.004, 0.006, 0.008, 0.01, 0.015, 0.02, 0.03, 0.05)
+DARKER = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.85, 0.9, 0.95, 0.97, 0.98)
+BRIGHTER = (0.1, 0.2, 0.3, 0.4, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0)
+GRADIENT = (0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0)
+POSE_UM = (1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0, 13.0, 16.0, 20.0, 25.0, 32.0, 40.0)
+STRIDE = 4  # steps taken at once; shorter gaps of failures may be passed over
+GOLDEN_RAD = math.pi * (3 - math.sqrt(5))  # turns that never repeat
+
+
+class Passes(Protocol):
+    """Whether one draw alone is well: a drift is borne only where all are."""
+
+    def __call__(self, outcome: Outcome, /) -> bool:
+        """Return whether the draw may be part of a drift that is borne; picklable."""
+        ...
+
+
+class Holds(Protocol):
+    """Whether a drift is still borne, from what its draws measured together."""
+
+    def __call__(self, drift: float, found: Sequence[Outcome], /) -> bool:
+        """Return whether all is well at `drift`; picklable."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Direction:
+    """One way for a setting to drift: which, and to which side."""
+
+    setting: Setting
+    sign: Literal[-1, 1]
+
+    @property
+    def drifts(self) -> tuple[float, ...]:
+        """Return the drifts tried, outward; um, or a change of the ratio to nominal."""
+        steps: Mapping[str, tuple[float, ...]] = {
+            "focus": FOCUS_UM,
+            "zoom": ZOOM,
+            "light": DARKER if self.sign < 0 else BRIGHTER,
+            "gradient": GRADIENT,
+            "pose": POSE_UM,
+        }
+        return tuple(self.sign * step for step in steps[self.setting])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Reached:
+    """The last drift that is borne, and what the camera shows there."""
+
+    drift: float  # 0 if none is borne
+    picture: BytesArray | None  # 8 bit, of the first draw; None: none is borne
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Search:
+    """One chain of a look, asked how far settings may drift."""
+
+    case: LookCase
+    prepared: Prepared  # the chain alone
+    root_seed: int
+    draws: int  # noisy images at each drift
+    curve: BiasCurve | None = None  # taken off the places that the chain finds
+
+    def __post_init__(self) -> None:
+        if self.draws < 1:
+            raise ValueError(f"draws must be at least 1, got {self.draws}")
+        if len(self.prepared.chains) != 1:
+            raise ValueError(f"one chain is asked, got {self.prepared.chains}")
+
+    def reach(
+        self, direction: Direction, passes: Passes, holds: Holds | None = None
+    ) -> float:
+        """Return the last drift in one direction that is borne, 0 if none is.
+
+        As `reached`, without the picture.
+        """
+        return self.reached(direction, passes, holds).drift
+
+    def reached(
+        self, direction: Direction, passes: Passes, holds: Holds | None = None
+    ) -> Reached:
+        """Return the last drift in one direction that is borne, with a picture.
+
+        The target lies at as many random places of its pose spread as there are
+        draws, the same at all drifts. A drift is borne where every draw passes and all
+        of them together hold; after one that does not pass no other is made. Which
+        drifts are tried says `last_held`.
+        """
+        shown: dict[int, BytesArray] = {}
+        drifts = direction.drifts
+        trials = {drift: self._trials(direction, drift) for drift in drifts}
+        pictures = self._pictures(direction, trials[drifts[-1]])
+
+        def held(step: int) -> bool:
+            tried, found = trials[drifts[step]], []
+            for trial, picture in zip(tried, pictures(tried), strict=True):
+                shown.setdefault(step, _eight_bit(picture))
+                found.append(self._outcome(trial, picture))
+                if not passes(found[-1]):
+                    return False
+            return holds is None or holds(drifts[step], found)
+
+        last = last_held(len(drifts), held)
+        return Reached(
+            drift=drifts[last] if last >= 0 else 0.0, picture=shown.get(last)
+        )
+
+    def _pictures(self, direction: Direction, farthest: Sequence[Trial]) -> Pictures:
+        """Return what makes the images of one direction."""
+        if direction.setting == "focus" and self.case.shares_spectra:
+            return through_focus(self.case, farthest)
+        shared = None
+        if direction.setting != "pose":
+            shared = posed(self.case, farthest)
+        return shared or partial(one_by_one, self.case)
+
+    def _outcome(self, trial: Trial, picture: np.ndarray) -> Outcome:
+        """Return what the chain says of one picture."""
+        curves = {} if self.curve is None else {self.prepared.chains[0]: self.curve}
+        (found,) = measure_picture(self.case, self.prepared, trial, picture, curves)
+        return found
+
+    def _trials(self, direction: Direction, drift: float) -> list[Trial]:
+        """Return the trials of one drift."""
+        name = direction.setting
+        return [_drifted(self._trial(name, drift, k), name, drift)
+                for k in range(self.draws)]  # fmt: skip
+
+    def _trial(self, name: str, drift: float, draw: int) -> Trial:
+        """Return a nominal trial; the draw alone decides where the target is."""
+        case, root = self.case, self.root_seed
+        seed = (root, *words(f"{case.key}/usable {name} {drift:g} {draw}"))
+        place = (root, *words(f"{case.key}/usable {draw}"))
+        rng = np.random.default_rng(np.random.SeedSequence(place))
+        dx, dy, turn = np.clip(rng.standard_normal(3), -2, 2)
+        theta = float(turn) * case.spread.pose_sigma_theta_rad
+        if case.theta_any:
+            theta = float(rng.uniform(-math.pi, math.pi))
+        return Trial(
+            index=draw,
+            dx_um=float(dx) * case.spread.pose_sigma_xy_um,
+            dy_um=float(dy) * case.spread.pose_sigma_xy_um,
+            dtheta_rad=theta,
+            dz_um=0.0,
+            magnification=1.0,
+            gain=1.0,
+            gradient_x=0.0,
+            gradient_y=0.0,
+            model=case.model,
+            seed=seed,
+        )
+
+
+def last_held(count: int, holds: Callable[[int], bool]) -> int:
+    """Return the last of `count` steps before the first that does not hold.
+
+    Parameters
+    ----------
+    count : int
+        How many steps there are, numbered from 0 outward.
+    holds : callable
+        Whether a step holds; asked of six of thirteen at most.
+
+    Returns
+    -------
+    int
+        -1 if no step holds. Every `STRIDE`-th and the last are tried outward until one
+        fails, then the steps since the one before are halved. The step returned holds
+        and the next one does not; `STRIDE` or more failing in a row are never passed
+        over, fewer may be where steps beyond hold again.
+    """
+    good, bad = -1, count
+    for step in (*range(STRIDE - 1, count - 1, STRIDE), count - 1):
+        if not holds(step):
+            bad = step
+            break
+        good = step
+    while bad - good > 1:
+        middle = (good + bad) // 2
+        good, bad = (middle, bad) if holds(middle) else (good, middle)
+    return good
+
+
+def _eight_bit(picture: np.ndarray) -> BytesArray:
+    """Return a picture in 0..1 as 8 bit."""
+    found: BytesArray = np.clip(np.rint(picture * 255), 0, 255).astype(np.uint8)
+    return found
+
+
+def _drifted(trial: Trial, setting: Setting, drift: float) -> Trial:
+    """Return a trial with one setting off; draws take a direction of their own."""
+    if setting == "focus":
+        return replace(trial, dz_um=drift)
+    if setting == "zoom":
+        return replace(trial, magnification=1 + drift)
+    if setting == "light":
+        return replace(trial, gain=1 + drift)
+    angle = trial.index * GOLDEN_RAD
+    x, y = drift * math.cos(angle), drift * math.sin(angle)
+    if setting == "gradient":
+        return replace(trial, gradient_x=x, gradient_y=y)
+    return replace(trial, dx_um=trial.dx_um + x, dy_um=trial.dy_um + y)

@@ -1,0 +1,326 @@
+"""Chains of routines tried on the same perturbed images."""
+
+from __future__ import annotations
+
+import math
+from array import array
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Protocol, TypeVar
+
+from featuresel.look.design import Trial
+from featuresel.look.nominal import nominal_render
+from featuresel.look.perturb import counts, image
+from featuresel.look.reference_point import Located, along, located
+from featuresel.look.scenario import LookCase
+from featuresel.routines import (
+    Artifact,
+    Failure,
+    FloatArray,
+    Guess,
+    Measurement,
+    load,
+)
+from featuresel.routines.chain import Progress, advance
+from featuresel.trials.bias import BiasCurve, unbiased
+from featuresel.trials.chains import Chain
+from featuresel.trials.outcomes import Outcome, Outcomes
+from featuresel.trials.trial_cache import Known
+from optics.lens.sensor import CountArray, to_unit
+
+_CHUNK = 2  # trials handed to one worker at a time: 24 keep 4 workers busy to the end
+_AT_ONCE = 512  # trials made and handed out before their outcomes are waited for
+
+# An answer more than this many tolerances off is wrong. A chain that only just passes
+# (2 sigma + bias = tolerance) comes there by 4 sigma, so what is counted are outliers,
+# not the spread the error budget has already.
+WRONG_TOLERANCES = 2.0
+
+A = TypeVar("A")
+B = TypeVar("B")
+Curves = Mapping[Chain, BiasCurve]
+
+
+class Map(Protocol):
+    """What `run` needs of `map`: order kept, any workers."""
+
+    def __call__(
+        self, function: Callable[[A], B], items: Iterable[A], /
+    ) -> Iterable[B]:
+        """Return `function` of each item, in order."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Prepared:
+    """Routines made ready for one look; a routine that could not be is a Failure."""
+
+    chains: tuple[Chain, ...]
+    artifacts: Mapping[str, Artifact | Failure]
+
+
+def prepare(case: LookCase, chains: Sequence[Chain]) -> Prepared:
+    """Return each routine of `chains` prepared once, on the nominal image."""
+    names = sorted({name for chain in chains for name in chain})
+    render = nominal_render(case)
+    artifacts: dict[str, Artifact | Failure] = {}
+    for name in names:
+        routine = load(name)
+        if case.target.kind not in routine.KINDS:
+            message = f"{name} cannot look for {case.target.kind}"
+            artifacts[name] = Failure(code="wrong_kind", message=message)
+        else:
+            artifacts[name] = routine.prepare(render, case.target)
+    return Prepared(chains=tuple(chains), artifacts=artifacts)
+
+
+def start(case: LookCase) -> Guess:
+    """Return where a look starts: the nominal place, and the angle if it is known."""
+    theta = None if case.theta_any else case.target.theta_rad
+    return Guess(
+        column=case.target.column,
+        row=case.target.row,
+        theta_rad=theta,
+        theta_assumed=True,
+    )
+
+
+def run(
+    case: LookCase,
+    prepared: Prepared,
+    trials: Sequence[Trial],
+    map: Map = map,  # noqa: A002 - it is the builtin, or a pool's
+    curves: Curves | None = None,
+    known: Known | None = None,
+) -> Outcomes:
+    """Return what every chain said of every trial, trial by trial.
+
+    Parameters
+    ----------
+    case : LookCase
+        The look.
+    prepared : Prepared
+        Its chains and artifacts.
+    trials : sequence of Trial
+        From `featuresel.look.design.design`.
+    map : callable
+        Stands in for the builtin; gets a picklable function and chunks of trials, so
+        that a process pool's `map` can do the work. The result does not depend on it.
+    curves : mapping of Chain to BiasCurve, optional
+        What is taken off the places that a chain finds, by
+        `featuresel.trials.bias_prediction.predict_bias`.
+    known : Known, optional
+        What is known of the look already, with the same artifacts and without curves:
+        no chain measures a trial twice. Takes what is found.
+
+    Returns
+    -------
+    Outcomes
+        Each image is made once and every chain measures it.
+    """
+    if curves:
+        known = None
+    seen = known or Known()
+    work = partial(_run_chunk, case, prepared, curves or {}, known is not None)
+    order = array("i")
+    for first in range(0, len(trials), _AT_ONCE):
+        some = [_asked(prepared, t, seen) for t in trials[first : first + _AT_ONCE]]
+        order.extend(each.trial.index for each in some)
+        some = [each for each in some if each.chains]
+        chunks = [tuple(some[i : i + _CHUNK]) for i in range(0, len(some), _CHUNK)]
+        for chunk in map(work, chunks):
+            for outcomes, picture in chunk:
+                for outcome in outcomes:
+                    seen.outcomes.add(outcome)
+                seen.keep(outcomes[0].trial, picture)
+    return seen.outcomes.pick(
+        (chain, index) for index in order for chain in prepared.chains
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Asked:
+    """A trial, the chains that are to measure it, and its picture if that is known."""
+
+    trial: Trial
+    chains: tuple[Chain, ...]
+    picture: CountArray | None
+
+
+def _asked(prepared: Prepared, trial: Trial, seen: Known) -> _Asked:
+    """Return what is not known of a trial yet."""
+    return _Asked(
+        trial=trial,
+        chains=tuple(
+            chain
+            for chain in prepared.chains
+            if (chain, trial.index) not in seen.outcomes
+        ),
+        picture=seen.pictures.get(trial.index),
+    )
+
+
+def measure_trial(
+    case: LookCase, prepared: Prepared, trial: Trial, curves: Curves | None = None
+) -> tuple[Outcome, ...]:
+    """Return what each chain says of one trial's image."""
+    return measure_picture(case, prepared, trial, image(case, trial), curves)
+
+
+def measure_picture(
+    case: LookCase,
+    prepared: Prepared,
+    trial: Trial,
+    picture: FloatArray,
+    curves: Curves | None = None,
+) -> tuple[Outcome, ...]:
+    """Return what each chain says of an image of the region in which `trial` holds."""
+    done: dict[Chain, Progress | Failure] = {}
+    known = curves or {}
+    return tuple(
+        _outcome(
+            case,
+            trial,
+            chain,
+            follow(case, prepared, chain, picture, done),
+            known.get(chain),
+        )
+        for chain in prepared.chains
+    )
+
+
+def follow(
+    case: LookCase,
+    prepared: Prepared,
+    chain: Chain,
+    picture: FloatArray,
+    done: dict[Chain, Progress | Failure],
+) -> Measurement | Failure:
+    """Return what `measure_chain` would, doing a beginning that chains share once.
+
+    `done` holds the beginnings done on this image so far, and takes what is added.
+    """
+    progress = Progress(guess=start(case))
+    for length, name in enumerate(chain, 1):
+        beginning = chain[:length]
+        if beginning not in done:
+            done[beginning] = _step(prepared, name, picture, progress)
+        after = done[beginning]
+        if isinstance(after, Failure):
+            return after
+        progress = after
+    assert progress.found is not None  # noqa: S101 - a chain has a routine
+    return progress.found
+
+
+def _step(
+    prepared: Prepared, name: str, picture: FloatArray, progress: Progress
+) -> Progress | Failure:
+    """Return the state after one routine, which may not even be prepared."""
+    artifact = prepared.artifacts[name]
+    if isinstance(artifact, Failure):
+        return Failure(code="not_prepared", message=f"{name}: {artifact.message}")
+    return advance(picture, name, artifact, progress)
+
+
+def _run_chunk(
+    case: LookCase,
+    prepared: Prepared,
+    curves: Curves,
+    keeps: bool,  # noqa: FBT001 - a partial's
+    asked: Sequence[_Asked],
+) -> list[tuple[tuple[Outcome, ...], CountArray | None]]:
+    """Return the outcomes of some trials, in order, and pictures that are new."""
+    found = []
+    for each in asked:
+        picture = each.picture
+        if picture is None:
+            picture = counts(case, each.trial)
+        outcomes = measure_picture(
+            case,
+            replace(prepared, chains=each.chains),
+            each.trial,
+            to_unit(picture, case.sensor.bits),
+            curves,
+        )
+        fresh = picture if keeps and each.picture is None else None
+        found.append((outcomes, fresh))
+    return found
+
+
+def _outcome(
+    case: LookCase,
+    trial: Trial,
+    chain: Chain,
+    found: Measurement | Failure,
+    curve: BiasCurve | None,
+) -> Outcome:
+    """Return the errors of a measurement, and what the chain says of itself."""
+    if isinstance(found, Failure):
+        return outcome_of(case, trial, chain, found)
+    place = located(case, found)
+    if isinstance(place, Failure):
+        return outcome_of(case, trial, chain, place)
+    depth = None if found.z_um is None else abs(found.z_um)
+    if curve is not None:
+        place = unbiased(case, place, curve, depth)
+    return replace(
+        outcome_of(case, trial, chain, place),
+        score=found.score,
+        spread_um=found.spread_px * case.microscope.um_per_px,
+        spread_theta_rad=found.spread_theta_rad,
+        depth_um=depth,
+        z_um=None if depth is None else depth - abs(trial.dz_um),
+        zoom=None if found.zoom is None else found.zoom - trial.magnification,
+    )
+
+
+def outcome_of(
+    case: LookCase, trial: Trial, chain: Chain, place: Located | Failure
+) -> Outcome:
+    """Return the errors of a place in the world's and the target's axes."""
+    empty = Outcome(
+        chain=chain,
+        trial=trial.index,
+        failure=place.code if isinstance(place, Failure) else None,
+        world_um=None,
+        target_um=None,
+        theta_rad=None,
+        score=None,
+        spread_um=None,
+    )
+    if isinstance(place, Failure):
+        return empty
+    off = (place.x_um - case.x_um - trial.dx_um, place.y_um - case.y_um - trial.dy_um)
+    ex, ey = along(off, place.axis_rad)
+    theta = case.theta_rad + trial.dtheta_rad
+    c, s = math.cos(theta), math.sin(theta)
+    turned, axis = None, place.axis_rad
+    if place.theta_rad is not None:
+        turned = math.remainder(place.theta_rad - theta, period_rad(case))
+    return replace(
+        empty,
+        world_um=(ex, ey),
+        target_um=(c * ex + s * ey, -s * ex + c * ey),
+        theta_rad=turned,
+        axis_rad=None if axis is None else math.remainder(axis - theta, 2 * math.pi),
+    )
+
+
+def period_rad(case: LookCase) -> float:
+    """Return the turn that leaves the target the same; a notch makes it a full one."""
+    fold = case.target.symmetry if case.target.kind == "outline" else 1
+    return 2 * math.pi / max(fold, 1)
+
+
+def is_wrong(case: LookCase, outcome: Outcome) -> bool:
+    """Return whether the chain answered, but more than two tolerances off."""
+    if outcome.failure is not None:
+        return False
+    if outcome.distance_um > WRONG_TOLERANCES * case.tolerance_um:
+        return True
+    limit = case.tolerance_theta_rad
+    if limit is None or outcome.theta_rad is None:
+        return False
+    return abs(outcome.theta_rad) > WRONG_TOLERANCES * limit

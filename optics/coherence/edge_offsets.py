@@ -1,0 +1,213 @@
+"""Edges moved by partly coherent light: by how much, and what ignoring it costs."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.interpolate import RegularGridInterpolator
+
+from optics.coherence.edge_table import COHERENCE, CONTRAST, EDGES, WAVES
+from optics.outline.clip import to_edges
+from optics.outline.outline import JOIN_UM, Arc, Outline, Ring
+from optics.render.spectrum import boundary_nodes
+from optics.transfer.microscope import Microscope
+
+FloatArray = npt.NDArray[np.float64]
+
+EDGE_WAVES = WAVES[-1]  # |W20| up to which edges are predicted
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FeatureOffset:
+    """How one ring of an outline seems to move in partly coherent light."""
+
+    ring: int  # index into the outline's rings
+    edge_um: float  # outwards from the body's material; negative: it looks smaller
+    radius_um: float | None  # change of the radius where the ring is a circle
+    center_um: tuple[float, float]  # shift of the enclosed area's centroid
+
+
+def amplitude_contrast(one: float, other: float) -> float:
+    """Return 1 - dark / bright of the amplitudes of two reflectances, 0..1.
+
+    Raises
+    ------
+    ValueError
+        If a reflectance is negative or not finite, or both are 0.
+    """
+    dark, bright = sorted((one, other))
+    if not (dark >= 0 and bright > 0 and math.isfinite(bright)):
+        raise ValueError(f"reflectances must be >= 0 and not both 0: {one}, {other}")
+    return 1 - math.sqrt(dark / bright)
+
+
+def edge_offset_um(
+    coherence: float, microscope: Microscope, contrast: float, defocus_um: float = 0.0
+) -> float:
+    """Return how far the 50 % point of an edge lies from where the edge is, um.
+
+    Parameters
+    ----------
+    coherence : float
+        Aperture of the condenser over that of the objective; 0 stands for incoherent
+        light, as in a workcell, whose edges stay.
+    microscope : Microscope
+        The optical setting.
+    contrast : float
+        Of the amplitudes, see `amplitude_contrast`; 0..1.
+    defocus_um : float
+        Height of the edge minus that of the plane in focus, either sign.
+
+    Returns
+    -------
+    float
+        Into the bright side, >= 0. From a table of straight edges between equal phases
+        with a quadratic defocus phase, rim-matched, read by piecewise cubics; above its
+        last coherence the offset falls as 1 / coherence. Between its entries it errs by
+        up to .006 wavelength / A within one wave of defocus and by .04 beyond, both
+        measured by `benchmarks.optics.coherence`. The pixel's width is left out.
+
+    Raises
+    ------
+    ValueError
+        If `coherence` is negative, `contrast` outside 0..1, a number not finite, or
+        the defocus beyond `EDGE_WAVES`, where fringes make 50 % arbitrary.
+    """
+    waves = _checked(coherence, microscope, contrast, defocus_um)
+    if coherence == 0:
+        return 0.0
+    held = min(coherence, COHERENCE[-1])
+    per_contrast = float(_OFFSET((held, waves, contrast)))
+    airy = microscope.wavelength_um / microscope.aperture
+    return per_contrast * contrast * held / coherence * airy
+
+
+def coherence_error(
+    coherence: float,
+    microscope: Microscope,
+    contrast: float = 1.0,
+    defocus_um: float = 0.0,
+) -> float:
+    """Return what the incoherent image of a straight edge errs by, of the step.
+
+    Arguments and errors as in `edge_offset_um`. The largest of the table's entries
+    around coherence and defocus. A step's image is a blend of a weak edge's and of
+    one over black, the latter's share c / (2 - c) at a contrast c; so the largest error
+    is convex over that share, and read linearly it is not too small. Edges closer than
+    a few wavelengths over A, and corners, add up: see
+    `optics.coherence.coherence_bound`.
+    """
+    waves = _checked(coherence, microscope, contrast, defocus_um)
+    if coherence == 0:
+        return 0.0
+    held = min(coherence, COHERENCE[-1])
+    around = _ERROR[_around(COHERENCE, held), _around(WAVES, waves)].max(axis=(0, 1))
+    share = contrast / (2 - contrast)
+    return float(np.interp(share, _SHARE, around)) * held / coherence
+
+
+def feature_offsets(
+    outline: Outline,
+    coherence: float,
+    microscope: Microscope,
+    *,
+    reflectance: float,
+    background: float,
+    defocus_um: float = 0.0,
+) -> tuple[FeatureOffset, ...]:
+    """Return how the rings of a body seem to move, to first order in the offset.
+
+    Parameters
+    ----------
+    outline : Outline
+        The body, um.
+    coherence, microscope, defocus_um
+        As in `edge_offset_um`.
+    reflectance, background : float
+        Of the body and of what lies around it; the brighter one shrinks.
+
+    Returns
+    -------
+    tuple of FeatureOffset
+        One a ring. Centroids of rings with a centre of symmetry stay. Straight edges
+        are assumed: radii and distances must be well above wavelength / A.
+
+    Raises
+    ------
+    ValueError
+        As `edge_offset_um`, or if a reflectance is negative or not finite.
+    """
+    grown = 0.0
+    if reflectance != background:
+        contrast = amplitude_contrast(reflectance, background)
+        moved = edge_offset_um(coherence, microscope, contrast, defocus_um)
+        grown = -moved if reflectance > background else moved
+    return tuple(_feature(i, ring, grown) for i, ring in enumerate(outline.rings))
+
+
+def _feature(index: int, ring: Ring, grown_um: float) -> FeatureOffset:
+    """Return what a body grown by a distance makes of one ring."""
+    area = ring.signed_area_um2
+    outwards = grown_um if area > 0 else -grown_um  # from the enclosed area
+    x, y, dx, dy = boundary_nodes(to_edges(Outline(rings=(ring,))), 0.0)
+    length = np.hypot(dx, dy)
+    cx = float(x**2 @ dy) / (2 * area)
+    cy = -float(y**2 @ dx) / (2 * area)
+    share = outwards / abs(area)
+    shift = (share * float((x - cx) @ length), share * float((y - cy) @ length))
+    return FeatureOffset(
+        ring=index,
+        edge_um=grown_um,
+        radius_um=outwards if _is_circle(ring) else None,
+        center_um=shift,
+    )
+
+
+def _is_circle(ring: Ring) -> bool:
+    """Return whether all edges are arcs of one circle, run once."""
+    arcs = [edge for edge in ring.edges if isinstance(edge, Arc)]
+    if len(arcs) < len(ring.edges):
+        return False
+    first = arcs[0]
+    same = all(
+        math.dist(arc.center, first.center) <= JOIN_UM
+        and abs(arc.radius_um - first.radius_um) <= JOIN_UM
+        for arc in arcs
+    )
+    return same and abs(abs(sum(a.sweep_rad for a in arcs)) - 2 * math.pi) < 1e-6
+
+
+def _checked(
+    coherence: float, microscope: Microscope, contrast: float, defocus_um: float
+) -> float:
+    """Refuse what the table does not hold; return |W20| in waves."""
+    if not (coherence >= 0 and math.isfinite(coherence)):
+        raise ValueError(f"coherence must be finite and >= 0, got {coherence}")
+    if not 0 <= contrast <= 1:
+        raise ValueError(f"contrast must be in 0..1, got {contrast}")
+    waves = abs(microscope.rim_w20_um(defocus_um)) / microscope.wavelength_um
+    if not waves <= EDGE_WAVES:  # also refuses nan
+        raise ValueError(
+            f"defocus_um must stay within {EDGE_WAVES} waves, got {defocus_um} um, "
+            f"{waves:.3g} waves"
+        )
+    return waves
+
+
+def _around(axis: tuple[float, ...], value: float) -> slice:
+    """Return the one or two places of `axis` at or about a value."""
+    below = int(np.searchsorted(axis, value, side="right")) - 1
+    return slice(below, below + (1 if axis[below] == value else 2))
+
+
+_SHAPE = (len(COHERENCE), len(WAVES), 2, len(CONTRAST))
+_TABLE: FloatArray = np.array(EDGES).reshape(_SHAPE)
+_ERROR: FloatArray = _TABLE[:, :, 1]
+_SHARE: FloatArray = np.array(CONTRAST) / (2 - np.array(CONTRAST))  # of the full edge
+# monotone between entries, so that the bend at a coherence of 1 does not overshoot
+_OFFSET = RegularGridInterpolator(
+    (COHERENCE, WAVES, CONTRAST), _TABLE[:, :, 0], method="pchip"
+)

@@ -1,0 +1,231 @@
+"""What layers of different height cost an image, by how they are laid over each other.
+
+Blending errs where the same rays pass near edges of two layers. That is measured here
+on the scene itself, at points where such edges meet, by rays that are displaced by the
+Airy pattern as well. Rays know nothing of diffraction on the way from one layer to the
+next; a bound of that comes on top.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from optics.layers.layer_edges import Face, Points, faces, meeting_points
+from optics.layers.ray_probes import probe_error, probes
+from optics.outline.tolerant_order import at_most, least
+from optics.render.fidelity import rounded_up
+from optics.render.scene import Scene, Window
+from optics.render.view_range import full
+from optics.transfer.microscope import Microscope
+
+FloatArray = npt.NDArray[np.float64]
+
+TREATMENTS = ("blend", "occluded")  # the cheapest first
+# Largest difference between a wave calculation of two straight edges and traced rays,
+# of unit contrast (`benchmarks.optics.layers`); heights in n wavelength / A**2 from
+# focus, distances beyond both blurs in wavelength / A.
+_MOST = 0.105  # where one of the two is near focus: half of the pupil is cut off
+_FALL = 0.137  # over the root of the smaller of the two heights
+_CLOSE = 0.168  # times the root of the distance between the layers
+_APART = 1.1  # per root of 1 + that distance
+# Where several edges are near: power of their lengths, each counted up to 4, the most
+# that two bars have (`benchmarks.optics.layers`).
+_CROWDED, _CROWD = 0.4, 4.0
+# Rays and cells of `occluded` with the usual settings (`benchmarks.optics.layers`), and
+# what a cell costs that two sharp edges share (tested).
+_TRACED, _SHARED = 0.012, 0.025
+_FIRST, _FINAL = 128, 1024  # rays a point: for all of them, and for the worst ones
+_WORST = 120  # points that are looked at again
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LayerRefusal:
+    """A cheaper treatment that was tried and not taken."""
+
+    treatment: str
+    predicted_error: float  # share of full scale
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LayerChoice:
+    """How layers are laid over each other, and the largest error that makes."""
+
+    treatment: str  # one of `TREATMENTS`
+    predicted_error: float  # share of full scale
+    limit: float
+    refused: tuple[LayerRefusal, ...]
+
+    @property
+    def keeps_limit(self) -> bool:
+        """Return whether the predicted error is within the limit."""
+        return at_most(self.predicted_error, self.limit)
+
+
+def choose_layers(
+    scene: Scene,
+    microscope: Microscope,
+    *,
+    focus_um: Sequence[float],
+    limit: float,
+    window: Window | None = None,
+) -> LayerChoice:
+    """Return the cheapest treatment whose predicted error fits, else the best one.
+
+    Parameters
+    ----------
+    scene, microscope, window
+        As in `layer_error`.
+    focus_um : sequence of float
+        World heights in focus that the choice must hold for, at least one.
+    limit : float
+        Image error that may be made, share of full scale.
+
+    Raises
+    ------
+    ValueError
+        If `limit` is not positive and finite, or no focus is given.
+    """
+    if not (limit > 0 and math.isfinite(limit)):
+        raise ValueError(f"limit must be positive and finite, got {limit}")
+    if not focus_um:
+        raise ValueError("focus_um must hold at least one height")
+    tried: list[LayerRefusal] = []
+    for treatment in TREATMENTS:
+        errors = [
+            layer_error(
+                scene, microscope, focus_um=z, treatment=treatment, window=window
+            )
+            for z in focus_um
+        ]
+        tried.append(LayerRefusal(treatment=treatment, predicted_error=max(errors)))
+        if at_most(tried[-1].predicted_error, limit):
+            break
+    # the cheaper of two that err alike comes first
+    best = next((t for t in tried if at_most(t.predicted_error, limit)), None)
+    best = best or least(tried, lambda t: t.predicted_error)
+    return LayerChoice(
+        treatment=best.treatment,
+        predicted_error=best.predicted_error,
+        limit=limit,
+        refused=tuple(t for t in tried if t is not best),
+    )
+
+
+def layer_error(
+    scene: Scene,
+    microscope: Microscope,
+    *,
+    focus_um: float,
+    treatment: str,
+    window: Window | None = None,
+) -> float:
+    """Return the largest image error that a treatment of layers is predicted to make.
+
+    Parameters
+    ----------
+    scene : Scene
+        What is rendered.
+    microscope : Microscope
+        The optical setting.
+    focus_um : float
+        World height of the plane in focus.
+    treatment : str
+        "blend" for `optics.render.render`, "occluded" for
+        `optics.layers.occlusion.occluded` with its usual settings. There is none for
+        layers within a depth of field, which `occluded` hides before it blurs.
+    window : Window, optional
+        The part of the frame that matters. Default: all.
+
+    Returns
+    -------
+    float
+        Share of full scale, two digits, rounded up; 0 where no edges of two heights
+        come near the window.
+
+    Raises
+    ------
+    ValueError
+        If the treatment is unknown or the focus not finite.
+
+    Notes
+    -----
+    Diffraction: at most .105 where a layer near focus meets one that is not, as the
+    edge of one cuts the pupil through which the other is seen. It falls with the root
+    of the height of the layer nearer to focus, and with the gap between edges.
+    """
+    if treatment not in TREATMENTS:
+        raise ValueError(
+            f"treatment must be one of {', '.join(TREATMENTS)}, got {treatment!r}"
+        )
+    if not math.isfinite(focus_um):
+        raise ValueError(f"focus_um must be finite, got {focus_um}")
+    found = faces(scene, microscope, focus_um, window or full(microscope))
+    points = meeting_points(found, microscope, window or full(microscope))
+    if not len(points.at_um):
+        return 0.0
+    rest = diffraction_error(found, points, microscope, traced=treatment != "blend")
+    if treatment != "blend":
+        return rounded_up(float(rest.max()))
+    return rounded_up(_blend_error(scene, microscope, found, points.at_um, rest))
+
+
+def _blend_error(
+    scene: Scene,
+    microscope: Microscope,
+    found: Sequence[Face],
+    at_um: FloatArray,
+    rest: FloatArray,
+) -> float:
+    """Return the largest error of blending at points, with the rest's added."""
+    rasters = probes(microscope, found, at_um)
+    first = rest + probe_error(
+        rasters, scene.background, microscope, at_um, _FIRST, fine=False
+    )
+    worst = np.argsort(-first, kind="stable")[:_WORST]
+    again = probe_error(
+        rasters, scene.background, microscope, at_um[worst], _FINAL, fine=True
+    )
+    return float((rest[worst] + again).max())
+
+
+def diffraction_error(
+    found: Sequence[Face], points: Points, microscope: Microscope, *, traced: bool
+) -> FloatArray:
+    """Return a bound of what traced rays lack, at points near edges, (N,).
+
+    Parameters
+    ----------
+    found : sequence of Face
+        The scene's faces, the lowest first.
+    points : Points
+        Where edges meet.
+    microscope : Microscope
+        The optical setting.
+    traced : bool
+        Whether to add what the number of rays and the cells of `occluded` cost.
+    """
+    airy = microscope.wavelength_um / microscope.aperture
+    total = np.zeros(len(points.at_um))
+    for (i, low), (j, high) in itertools.combinations(enumerate(found), 2):
+        depths = [2 * microscope.rim_w20_um(f.z_um) / microscope.wavelength_um
+                  for f in (low, high)]  # fmt: skip
+        apart = depths[1] - depths[0]
+        most = min(_MOST, _CLOSE * math.sqrt(apart))
+        nearer = min(abs(depths[0]), abs(depths[1]))
+        if nearer > 0:
+            most = min(most, _FALL / math.sqrt(nearer))
+        beyond = points.away_um[i] + points.away_um[j] - low.blur_um - high.blur_um
+        beyond = np.maximum(beyond, 0) / airy / math.sqrt(1 + apart)
+        crowd = np.clip(points.crowding[[i, j]], 1, _CROWD)
+        each = most * crowd.prod(axis=0) ** _CROWDED
+        if traced:
+            sharp = low.blur_um + high.blur_um < airy
+            each += _TRACED + _SHARED * sharp
+        total += low.step * each / (1 + _APART * beyond)
+    return total

@@ -1,0 +1,331 @@
+"""Layers that hide one another ray by ray, where blending blurred layers is not enough.
+
+Blending takes the mean over the pupil of a product of two layers for the product of
+their means. Here the difference is traced along rays and put in where blurred edges of
+layers of different height meet.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+from scipy import fft
+
+from optics.layers.rays import (
+    Grid,
+    Sheet,
+    Traced,
+    hard,
+    laid,
+    reach_cells,
+    sheets,
+    slopes,
+    trace,
+)
+from optics.layers.shade import light_share
+from optics.render.pixels import axis_px
+from optics.render.render import Covered, cover, render
+from optics.render.scene import Illumination, Layer, Scene, Window
+from optics.transfer.microscope import Microscope
+from optics.transfer.models import tabulate
+from optics.transfer.otf import diffraction
+
+FloatArray = npt.NDArray[np.float64]
+# the layers blurred by the law at the pixels of a finer microscope
+Blurred = Callable[[Microscope, Window], Sequence[Covered]]
+
+SAMPLES = 256  # rays a cell
+# Coverage this close to 0 or 1 counts as uniform: what two layers hide of each other
+# differs from the product by at most the smaller of the two.
+_UNIFORM = 0.005
+_TAIL = 12.0  # wavelengths over A around the crop, for the in-focus filter
+# Cells are this share of wavelength / A at least, or of how far rays part between
+# neighbouring layers; products of coverages are wrong in cells that two edges share.
+_FINE, _COARSE, _PARTING = 0.12, 0.5, 1 / 40
+
+
+def occluded(
+    scene: Scene,
+    microscope: Microscope,
+    *,
+    focus_um: float,
+    model: str = "exact",
+    window: Window | None = None,
+    light: Illumination | None = None,
+    shift_um: tuple[float, float] = (0.0, 0.0),
+    samples: int = SAMPLES,
+    step_um: float | None = None,
+    lamp_aperture: float | None = None,
+) -> FloatArray:
+    """Return the noise-free image of a scene whose layers hide one another.
+
+    Parameters
+    ----------
+    scene, microscope, focus_um, model, window, light, shift_um
+        As in `optics.render.render.render`.
+    samples : int
+        Rays through each cell.
+    step_um : float, optional
+        Largest side of a cell; a pixel is cut into whole cells. Default: by the
+        wavelength and the heights.
+    lamp_aperture : float, optional
+        Numerical aperture of light that comes through the objective (coaxial): higher
+        bodies then shade the faces below, but not the background, which has no
+        height. Default: light from all around, and no shade.
+
+    Returns
+    -------
+    (rows, columns) float64 array
+        Share of full scale, not clipped. As `render` where no blurred edges of two
+        heights meet and nothing is shaded.
+
+    Raises
+    ------
+    ValueError
+        As in `render`, or if `samples` is below 1.
+
+    Notes
+    -----
+    With B the layers blurred by the law, G their means over rays, M the mean over rays
+    of the hard layers laid over each other, and D the in-focus filter, the image is
+    blend(B) + D[M] - blend(D[G]). That is blend(B) wherever only one layer is not
+    uniform; D[layers laid over each other] where all are in focus; and M for a
+    wavelength of 0.
+    """
+    frame = window or Window(
+        row=0, column=0, rows=microscope.height_px, columns=microscope.width_px
+    )
+
+    def blurred(setting: Microscope, cut: Window) -> Sequence[Covered]:
+        return cover(
+            scene.layers,
+            setting,
+            focus_um=focus_um,
+            model=model,
+            window=cut,
+            shift_um=shift_um,
+        )
+
+    lit = render(
+        Scene(layers=(), background=1.0),
+        microscope,
+        focus_um=focus_um,
+        model=model,
+        window=frame,
+        light=light,
+    )
+    stack = _sheets(blurred(microscope, frame))
+    image = laid(stack, scene.background, (frame.rows, frame.columns))
+    part = meeting(stack) if lamp_aperture is None else _all(image, stack)
+    if part is not None:
+        tracing = Tracing(
+            scene=scene,
+            microscope=microscope,
+            focus_um=focus_um,
+            model=model,
+            tangents=slopes(microscope, samples),
+            step_um=step_um or cell_um(scene.layers, microscope),
+            shift_um=shift_um,
+            lamp_aperture=lamp_aperture,
+        )
+        image[part] = tracing.image(_piece(frame, part), blurred)
+    return image * lit
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tracing:
+    """Everything a traced image depends on but its window."""
+
+    scene: Scene
+    microscope: Microscope
+    focus_um: float
+    model: str
+    tangents: FloatArray  # (N, 2), of the rays
+    step_um: float  # largest side of a cell
+    shift_um: tuple[float, float] = (0.0, 0.0)
+    lamp_aperture: float | None = None
+
+    def image(self, crop: Window, blurred: Blurred) -> FloatArray:
+        """Return the image of a crop, (rows, columns), all of it traced."""
+        m, scene = self.microscope, self.scene
+        cut = _cut(m, crop, self.step_um, self.shift_um)
+        h = cut.grid.step_um
+        rim = math.ceil(_TAIL * m.wavelength_um / m.aperture / h)
+        wide = cut.grid.grown(rim)
+        inner = (slice(rim, -rim), slice(rim, -rim))
+        stack = hard(scene.layers, wide, m, self.focus_um)
+        law = _sheets(blurred(cut.fine, cut.window))
+        if self.lamp_aperture is not None:
+            lamp = replace(m, aperture=self.lamp_aperture)
+            dark = self._shaded(stack, wide, lamp)
+            law = [
+                replace(sheet, sends=sheet.sends - self._blur(loss, sheet.z_um, rim, h))
+                for sheet, loss in zip(law, dark, strict=True)
+            ]
+            stack = [
+                replace(sheet, sends=sheet.sends - loss)
+                for sheet, loss in zip(stack, dark, strict=True)
+            ]
+        found = trace(
+            stack, scene.background, wide.shape, h, self.tangents, self.focus_um
+        )
+        extra = _hidden(found, scene.background, m, h)[inner]
+        image = laid(law, scene.background, extra.shape) + extra
+        return _pixels(image, cut.per_px, m)
+
+    def _shaded(
+        self, stack: Sequence[Sheet], grid: Grid, lamp: Microscope
+    ) -> list[FloatArray]:
+        """Return what each sheet sends less for the shade of higher ones."""
+        found = []
+        for sheet in stack:
+            by = (sheet.covers.shape[0] - grid.shape[0]) // 2
+            share = light_share(
+                self.scene.layers,
+                lamp,
+                grid.grown(by),
+                sheet.z_um,
+                samples=len(self.tangents),
+            )
+            found.append(sheet.sends * (1 - share))
+        return found
+
+    def _blur(
+        self, values: FloatArray, z_um: float, rim: int, step_um: float
+    ) -> FloatArray:
+        """Blur a raster by the law; what lies `rim` cells within the crop's grid."""
+        m = self.microscope
+        z_um -= self.focus_um
+        table = tabulate(self.model, m, z_um)
+        x = _frequencies(values.shape, step_um) / m.cutoff_per_um
+        gain = np.where(x < 1, table.read(np.minimum(x, 1.0)), 0.0)
+        by = rim + reach_cells(z_um, m, step_um)
+        return _filtered(values, gain)[by:-by, by:-by]
+
+
+def meeting(stack: Sequence[Sheet]) -> tuple[slice, slice] | None:
+    """Return the rows and columns where blurred edges of two sheets meet, or None."""
+    if len(stack) < 2:
+        return None
+    edges = [(s.covers > _UNIFORM) & (s.covers < 1 - _UNIFORM) for s in stack]
+    both = np.sum(edges, axis=0) >= 2
+    if not both.any():
+        return None
+    rows, columns = np.flatnonzero(both.any(axis=1)), np.flatnonzero(both.any(axis=0))
+    return slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
+
+
+def _all(image: FloatArray, stack: Sequence[Sheet]) -> tuple[slice, slice] | None:
+    """Return all rows and columns, or None where nothing can shade."""
+    if len(stack) < 2:
+        return None
+    return slice(0, image.shape[0]), slice(0, image.shape[1])
+
+
+def _piece(frame: Window, part: tuple[slice, slice]) -> Window:
+    """Return a part of a window's rows and columns as a window."""
+    return Window(
+        row=frame.row + part[0].start,
+        column=frame.column + part[1].start,
+        rows=part[0].stop - part[0].start,
+        columns=part[1].stop - part[1].start,
+    )
+
+
+def _sheets(covered: Sequence[Covered]) -> list[Sheet]:
+    return sheets([c.layer for c in covered], [c.coverage for c in covered])
+
+
+def cell_um(layers: Sequence[Layer], microscope: Microscope) -> float:
+    """Return the largest side of a cell that a scene bears, um."""
+    airy = microscope.wavelength_um / microscope.aperture
+    heights = sorted({layer.z_um for layer in layers})
+    gaps = np.diff(np.array(heights, dtype=np.float64))
+    parting = microscope.blur_diameter_um(float(gaps.min(initial=math.inf)))
+    return min(max(_FINE * airy, parting * _PARTING), _COARSE * airy)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Cells:
+    """The cells of a crop: whole numbers of them a pixel."""
+
+    per_px: int
+    fine: Microscope  # whose pixels are the cells
+    window: Window  # of `fine`
+    grid: Grid
+
+
+def _cut(
+    microscope: Microscope,
+    crop: Window,
+    step_um: float,
+    shift_um: tuple[float, float],
+) -> _Cells:
+    """Cut the pixels of `crop` into cells."""
+    n = math.ceil(microscope.um_per_px / step_um - 1e-9)
+    fine = replace(
+        microscope,
+        magnification=microscope.magnification * n,
+        width_px=microscope.width_px * n,
+        height_px=microscope.height_px * n,
+        fill_factor=1.0,
+    )
+    window = Window(
+        row=crop.row * n,
+        column=crop.column * n,
+        rows=crop.rows * n,
+        columns=crop.columns * n,
+    )
+    cx, cy = axis_px(fine)
+    h = fine.um_per_px
+    grid = Grid(
+        left_um=(window.column - 0.5 - cx) * h - shift_um[0],
+        top_um=(cy - window.row + 0.5) * h - shift_um[1],
+        step_um=h,
+        shape=(window.rows, window.columns),
+    )
+    return _Cells(per_px=n, fine=fine, window=window, grid=grid)
+
+
+def _hidden(
+    found: Traced, background: float, microscope: Microscope, step_um: float
+) -> FloatArray:
+    """Return D[M] - blend(D[G])."""
+    share = _frequencies(found.image.shape, step_um) / microscope.cutoff_per_um
+    gain = diffraction(share)
+    alone = [
+        Sheet(
+            z_um=sheet.z_um,
+            covers=_filtered(sheet.covers, gain),
+            sends=_filtered(sheet.sends, gain),
+        )
+        for sheet in found.stack
+    ]
+    return _filtered(found.image, gain) - laid(alone, background, found.image.shape)
+
+
+def _frequencies(shape: tuple[int, ...], step_um: float) -> FloatArray:
+    """Return the radial frequencies of a cosine transform, cycles/um."""
+    v, u = (np.arange(size) / (2 * size * step_um) for size in shape)
+    return np.hypot(u, v[:, None])
+
+
+def _filtered(values: npt.NDArray[np.floating], gain: FloatArray) -> FloatArray:
+    """Filter an array that is continued by its mirror images."""
+    image: FloatArray = fft.idctn(fft.dctn(values.astype(np.float64)) * gain)
+    return image
+
+
+def _pixels(image: FloatArray, per_px: int, microscope: Microscope) -> FloatArray:
+    """Return the means of cells over the light-sensitive squares of pixels."""
+    edges = np.linspace(-0.5, 0.5, per_px + 1)
+    half = math.sqrt(microscope.fill_factor) / 2
+    weight = np.diff(np.clip(edges, -half, half)) / (2 * half)
+    rows, columns = (size // per_px for size in image.shape)
+    blocks = image.reshape(rows, per_px, columns, per_px)
+    found: FloatArray = np.einsum("aibj,i,j->ab", blocks, weight, weight)
+    return found

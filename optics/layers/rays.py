@@ -1,0 +1,220 @@
+"""Rays through a pupil: where each meets the layers of a scene, and what it sees.
+
+A ray through a point of the plane in focus meets a layer `z` above it at z times its
+slope to the side. The layers are hard here, rasters of area coverage on fine cells.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from optics.outline.scanlines import cells
+from optics.render.scene import Layer
+from optics.transfer.microscope import Microscope
+
+FloatArray = npt.NDArray[np.float64]
+Float32Array = npt.NDArray[np.float32]
+
+_GOLDEN_RAD = math.pi * (1 + math.sqrt(5))
+# Coverages of one height add up to 1 at most unless bodies overlap; the rest is error
+# of the band and the margin, as in `optics.render.render`.
+_SHARED = 0.01
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Grid:
+    """A rectangle of fine cells, rows going down."""
+
+    left_um: float
+    top_um: float
+    step_um: float
+    shape: tuple[int, int]
+
+    def grown(self, by: int) -> Grid:
+        """Return the grid with `by` more cells on every side."""
+        rows, columns = self.shape
+        return Grid(
+            left_um=self.left_um - by * self.step_um,
+            top_um=self.top_um + by * self.step_um,
+            step_um=self.step_um,
+            shape=(rows + 2 * by, columns + 2 * by),
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sheet:
+    """All layers of one height: what they cover, and what they send back."""
+
+    z_um: float
+    covers: FloatArray | Float32Array  # (rows, columns), 0..1
+    sends: FloatArray | Float32Array  # (rows, columns), reflectance times coverage
+
+
+def slopes(microscope: Microscope, count: int) -> FloatArray:
+    """Return slopes of rays that fill the pupil evenly.
+
+    Parameters
+    ----------
+    microscope : Microscope
+        The optical setting.
+    count : int
+        How many, at least 1.
+
+    Returns
+    -------
+    (count, 2) float64 array
+        Tangents along x and y, of equal weight: rho A / sqrt(n**2 - A**2 rho**2) at
+        the points of a golden spiral over the pupil's area.
+
+    References
+    ----------
+    Vogel (1979), Math. Biosci. 44, 179, for the spiral.
+    """
+    if count < 1:
+        raise ValueError(f"count must be at least 1, got {count}")
+    i = np.arange(count) + 0.5
+    s = microscope.aperture * np.sqrt(i / count)
+    tangent = s / np.sqrt(microscope.medium_index**2 - s**2)
+    turn = _GOLDEN_RAD * i
+    return np.stack([tangent * np.cos(turn), tangent * np.sin(turn)], axis=1)
+
+
+def sheets(
+    layers: Sequence[Layer], covers: Sequence[FloatArray | Float32Array]
+) -> list[Sheet]:
+    """Gather layers and their coverages by height, the lowest first.
+
+    Where bodies of one height overlap, the last by name is in front.
+    """
+    pairs = sorted(
+        zip(layers, covers, strict=True), key=lambda p: (p[0].z_um, p[0].name)
+    )
+    found = []
+    for z_um, group in itertools.groupby(pairs, key=lambda p: p[0].z_um):
+        found.append(_joined(z_um, list(group)))
+    return found
+
+
+def _joined(z_um: float, group: list[tuple[Layer, FloatArray | Float32Array]]) -> Sheet:
+    """Join the layers of one height; side by side they add up."""
+    first, cover = group[0]
+    covers, sends = cover, first.reflectance * cover
+    total = np.sum([c for _, c in group], axis=0)
+    side_by_side = float(total.max()) <= 1 + _SHARED
+    for layer, cover in group[1:]:
+        hidden = 0.0 if side_by_side else cover
+        covers = covers * (1 - hidden) + cover
+        sends = sends * (1 - hidden) + layer.reflectance * cover
+    return Sheet(z_um=z_um, covers=covers, sends=sends)
+
+
+def laid(
+    stack: Sequence[Sheet], background: float, shape: tuple[int, ...]
+) -> FloatArray:
+    """Return sheets laid over a background from the lowest to the highest."""
+    image = np.full(shape, background)
+    for sheet in stack:
+        image *= 1 - sheet.covers
+        image += sheet.sends
+    return image
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Traced:
+    """Means over rays at the cells of a grid in the plane in focus."""
+
+    image: FloatArray  # of the layers, each hiding those below
+    stack: tuple[Sheet, ...]  # of each sheet alone
+
+
+def reach_cells(z_um: float, microscope: Microscope, step_um: float) -> int:
+    """Return how many cells sideways the marginal ray meets a sheet."""
+    return math.ceil(microscope.blur_diameter_um(z_um) / 2 / step_um)
+
+
+def hard(
+    layers: Sequence[Layer], grid: Grid, microscope: Microscope, focus_um: float
+) -> list[Sheet]:
+    """Return rasters of layers by height, each wider than `grid` by its blur."""
+    found = []
+    for z_um in sorted({layer.z_um for layer in layers}):
+        own = [layer for layer in layers if layer.z_um == z_um]
+        by = reach_cells(z_um - focus_um, microscope, grid.step_um)
+        wide = grid.grown(by)
+        rasters = [
+            cells(
+                layer.outline, wide.left_um, wide.top_um, wide.step_um, wide.shape
+            ).astype(np.float32)
+            for layer in own
+        ]
+        found.extend(sheets(own, rasters))
+    return found
+
+
+def trace(
+    stack: Sequence[Sheet],
+    background: float,
+    shape: tuple[int, int],
+    step_um: float,
+    tangents: FloatArray,
+    focus_um: float,
+) -> Traced:
+    """Return what rays through the cells of a grid see.
+
+    Parameters
+    ----------
+    stack : sequence of Sheet
+        From `hard`, the lowest first.
+    background : float
+        Reflectance below everything.
+    shape : (rows, columns)
+        The grid.
+    step_um : float
+        Side of a cell; rays are moved to the nearest cell of each sheet.
+    tangents : (N, 2) float64 array
+        Slopes of the rays.
+    focus_um : float
+        World height of the grid.
+    """
+    image = np.zeros(shape)
+    sums = np.zeros((len(stack), 2, *shape))  # of covers and sends
+    for tangent in tangents:
+        seen = np.full(shape, background, dtype=np.float32)
+        views = _moved(stack, tangent / step_um, shape, focus_um)
+        for i, (covers, sends) in enumerate(views):
+            seen *= 1 - covers
+            seen += sends
+            sums[i, 0] += covers
+            sums[i, 1] += sends
+        image += seen
+    share = 1 / len(tangents)
+    means = tuple(
+        Sheet(z_um=sheet.z_um, covers=covers * share, sends=sends * share)
+        for sheet, (covers, sends) in zip(stack, sums, strict=True)
+    )
+    return Traced(image=image * share, stack=means)
+
+
+def _moved(
+    stack: Sequence[Sheet],
+    tangent: FloatArray,
+    shape: tuple[int, int],
+    focus_um: float,
+) -> Iterator[tuple[FloatArray | Float32Array, FloatArray | Float32Array]]:
+    """Yield each sheet's rasters where the rays of one slope meet it."""
+    rows, columns = shape
+    for sheet in stack:
+        by = (sheet.covers.shape[0] - rows) // 2
+        z = sheet.z_um - focus_um
+        across, up = round(z * float(tangent[0])), round(z * float(tangent[1]))
+        part = (
+            slice(by - up, by - up + rows),
+            slice(by + across, by + across + columns),
+        )
+        yield sheet.covers[part], sheet.sends[part]

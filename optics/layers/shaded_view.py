@@ -1,0 +1,190 @@
+"""How shaded faces are seen: blurred together with the light on them, at the pixels."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from optics.layers.coaxial_light import Light, area_um, fine_um, places_um
+from optics.layers.lattice import Lattice, blur
+from optics.layers.shade_and_occlusion import crossed
+from optics.render.render import Covered
+from optics.render.scene import Scene, Window
+from optics.transfer.microscope import Microscope
+
+FloatArray = npt.NDArray[np.float64]
+
+# Points of the rays' lattice: this many in the blur's radius of what hides, and of what
+# is shaded, where 64 rays lie no closer; `benchmarks/optics/shading.py` tells what they
+# leave.
+_HIDING, _SHADED = 3, 8
+_WIDEST = 300  # points aside that a ray may meet a layer: a limit to memory
+_STEPS = 4  # an octave of distances between points
+_UNIFORM = 0.005  # a coverage this close to 0 or 1, as in `optics.layers.occlusion`
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Face:
+    """A height that is shaded: the light on it, and how it is seen."""
+
+    light: Light
+    lattice: Lattice
+    share: FloatArray  # of the light, at the points of the lattice
+    blurred: FloatArray  # the same blurred, and averaged over pixels
+    seen: FloatArray  # that at the pixels
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sight:
+    """What an image depends on but its layers and their light."""
+
+    microscope: Microscope
+    focus_um: float
+    model: str
+    frame: Window
+    shift_um: tuple[float, float]
+
+    def face(self, light: Light) -> Face:
+        """Return how a height is seen that has at least one shade."""
+        m, z_um = self.microscope, light.z_um - self.focus_um
+        area = area_um(m, self.frame, self.shift_um, z_um)
+        lattice = Lattice.over(area, light.step_um)
+        share = light.on(lattice)
+        blurred = blur(share, lattice.step_um, m, self.model, z_um)
+        seen = self._at_pixels(blurred, lattice)
+        return Face(
+            light=light, lattice=lattice, share=share, blurred=blurred, seen=seen
+        )
+
+    def lit(self, covered: Covered, face: Face) -> FloatArray:
+        """Return a layer blurred together with the light on it, at the pixels.
+
+        The blur of the product is that of each multiplied, and on the lattice what it
+        differs by, if the light changes within what a pixel or the lens resolves. Of
+        faces far out of focus `lacking` has that.
+        """
+        found = covered.coverage * face.seen
+        step = face.lattice.step_um
+        if not self._is_thin(face.light):
+            return found
+        inside = face.lattice.cells(covered.layer)
+        z_um = face.light.z_um - self.focus_um
+        both, alone = blur(
+            np.stack([inside * face.share, inside]),
+            step,
+            self.microscope,
+            self.model,
+            z_um,
+        )
+        found += self._at_pixels(both - alone * face.blurred, face.lattice)
+        return found
+
+    def lacking(
+        self, scene: Scene, covered: Sequence[Covered], faces: Sequence[Face]
+    ) -> FloatArray:
+        """Return what shaded layers lack if each is blended alone, at the pixels."""
+        lights = [face.light for face in faces]
+        traced = [each for each in lights if self._is_wide(each) or self._is_thin(each)]
+        low = [light for light in traced if light.z_um < self.focus_um]
+        high = [light for light in traced if light.z_um >= self.focus_um]
+        seen = [c for c in covered if c.coverage.any()]
+        change = np.zeros((self.frame.rows, self.frame.columns))
+        for side in (low, high):
+            if side:
+                change += self._on_one_side(scene, seen, side)
+        return change
+
+    def _on_one_side(
+        self, scene: Scene, seen: Sequence[Covered], traced: Sequence[Light]
+    ) -> FloatArray:
+        """Return what faces on one side of the focus lack.
+
+        What lies near the focus hides sharply on points as far apart as the faces bear;
+        finer ones are taken about its edges alone.
+        """
+        fine = 2 * fine_um(self.microscope)
+        step = min(
+            max(light.step_um, self._reach_um(light.z_um) / _SHADED) for light in traced
+        )
+        if step <= fine:
+            return self.blended_lacks(scene, seen, traced, -1.0, step)
+        change = self.blended_lacks(scene, seen, traced, step, step)
+        near = [c for c in seen if fine < self._reach_um(c.layer.z_um) <= step]
+        part = _edges([c.coverage for c in near])
+        if part is None:
+            return change
+        rows, columns = part
+        window = Window(
+            row=self.frame.row + rows.start,
+            column=self.frame.column + columns.start,
+            rows=rows.stop - rows.start,
+            columns=columns.stop - columns.start,
+        )
+        cut = [replace(c, coverage=c.coverage[part]) for c in seen]
+        about = replace(self, frame=window)
+        change[part] = about.blended_lacks(scene, cut, traced, fine, step)
+        return change
+
+    def blended_lacks(
+        self,
+        scene: Scene,
+        seen: Sequence[Covered],
+        traced: Sequence[Light],
+        sharp_um: float,
+        step_um: float,
+    ) -> FloatArray:
+        """Return what faces lack if what is blurred by `sharp_um` hides sharply."""
+        m = self.microscope
+        soft = [c.layer for c in seen if self._reach_um(c.layer.z_um) > sharp_um]
+        heights = [layer.z_um for layer in soft]
+        steps = [self._reach_um(z_um) / _HIDING for z_um in heights]
+        widest = max(self._reach_um(z) for z in (*heights, *(x.z_um for x in traced)))
+        step = max(min(step_um, *steps, math.inf), 2 * fine_um(m), widest / _WIDEST)
+        # images of nearly the same blur share their points
+        step = 2.0 ** (math.floor(_STEPS * math.log2(step)) / _STEPS)
+        lattice = Lattice.over(area_um(m, self.frame, self.shift_um, 0.0), step)
+        plane = None
+        if scene.background_z_um is not None:
+            plane = scene.background, scene.background_z_um
+        found = {light.z_um: light for light in traced}
+        thin = {light.z_um for light in traced if self._is_thin(light)}
+        values = crossed(
+            soft, plane, found, lattice, m, focus_um=self.focus_um, known=thin
+        )
+        change = self._at_pixels(values, lattice)
+        for each in seen:
+            z_um = each.layer.z_um
+            if self._reach_um(z_um) <= sharp_um and z_um > traced[-1].z_um:
+                change *= 1 - each.coverage
+        return change
+
+    def _is_wide(self, light: Light) -> bool:
+        """Tell whether rays from one point meet different light at a height."""
+        least = max(light.step_um / 2, 2 * fine_um(self.microscope))
+        return self._reach_um(light.z_um) > least
+
+    def _is_thin(self, light: Light) -> bool:
+        """Tell whether the light changes within what a pixel or the lens resolves."""
+        return light.step_um < 2 * fine_um(self.microscope) and not self._is_wide(light)
+
+    def _reach_um(self, z_um: float) -> float:
+        """Return how far aside rays through one point of the image meet a height."""
+        return self.microscope.blur_diameter_um(z_um - self.focus_um) / 2
+
+    def _at_pixels(self, values: FloatArray, lattice: Lattice) -> FloatArray:
+        x, y = places_um(self.microscope, self.frame, self.shift_um)
+        return lattice.read(values, x, y)
+
+
+def _edges(coverages: Sequence[FloatArray]) -> tuple[slice, slice] | None:
+    """Return the rows and columns where layers cover in part, None if they do not."""
+    partly = [(c > _UNIFORM) & (c < 1 - _UNIFORM) for c in coverages]
+    if not partly or not np.any(partly):
+        return None
+    both = np.any(partly, axis=0)
+    rows, columns = np.flatnonzero(both.any(axis=1)), np.flatnonzero(both.any(axis=0))
+    return slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)

@@ -1,0 +1,229 @@
+"""Scenes transformed once for many images: focus, shift and zoom change, parts stay."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from optics.outline.clip import to_edges
+from optics.render.layer_blending import Patch, lay, light_up
+from optics.render.sampling import Sampling
+from optics.render.scene import Illumination, Scene, Window
+from optics.render.tiled_layer import Part, make_part
+from optics.render.view_range import Range, View, full
+from optics.transfer.microscope import Microscope
+from optics.transfer.models import find_model
+
+FloatArray = npt.NDArray[np.float64]
+
+_PLAIN = Illumination()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Prepared:
+    """A scene with the spectra of its parts, see `prepare`."""
+
+    scene: Scene
+    microscope: Microscope
+    window: Window
+    reach: Range
+    model: str
+    sampling: Sampling
+    parts: tuple[Part, ...]  # those that come near the window
+    shift_um: tuple[float, float]
+
+    def image(
+        self,
+        *,
+        focus_um: float,
+        shift_um: tuple[float, float] = (0.0, 0.0),
+        zoom: float = 1.0,
+        light: Illumination = _PLAIN,
+        also: Sequence[Patch] = (),
+    ) -> FloatArray:
+        """Return one noise-free image.
+
+        Parameters
+        ----------
+        focus_um : float
+            World height of the plane in focus.
+        shift_um : (x, y)
+            Displacement of the whole image, um in object space.
+        zoom : float
+            Magnification over that of the microscope; other zooms than 1 take a few
+            times as long, as no fast transform fits their pixels.
+        light : Illumination
+            Gain and gradient of the light.
+        also : sequence of Patch
+            More layers, by `patches` of another scene at the same focus and zoom.
+
+        Returns
+        -------
+        (rows, columns) float64 array
+            As `optics.render.render.render`, within the predicted errors.
+
+        Raises
+        ------
+        ValueError
+            If the image lies beyond the prepared range.
+        """
+        view = self._view(focus_um, shift_um, zoom)
+        image = np.empty((self.window.rows, self.window.columns))
+        self.draw(image, view, also)
+        light_up(image, self.microscope, self.window, light)
+        return image
+
+    def patches(
+        self,
+        *,
+        focus_um: float,
+        shift_um: tuple[float, float] = (0.0, 0.0),
+        zoom: float = 1.0,
+    ) -> tuple[Patch, ...]:
+        """Return the layers blurred, for images that share them; as in `image`."""
+        view = self._view(focus_um, shift_um, zoom)
+        found = (part.patch(self.window, view) for part in self.parts)
+        return tuple(
+            replace(patch, coverage=patch.coverage.copy())
+            for patch in found
+            if patch is not None
+        )
+
+    def draw(self, image: FloatArray, view: View, also: Sequence[Patch] = ()) -> None:
+        """Write the unlit image of a view into (rows, columns), in place."""
+        found = (part.patch(self.window, view) for part in self.parts)
+        fresh = [patch for patch in found if patch is not None]
+        lay(image, [*also, *fresh], self.scene.background)
+
+    def _view(
+        self, focus_um: float, shift_um: tuple[float, float], zoom: float
+    ) -> View:
+        """Return a view; ValueError beyond the prepared range."""
+        if not self.reach.holds(focus_um, shift_um, zoom):
+            raise ValueError(
+                f"prepared for {self.reach}, got focus_um {focus_um}, "
+                f"shift_um {shift_um}, zoom {zoom}"
+            )
+        return View(
+            microscope=self.microscope, focus_um=focus_um, shift_um=shift_um, zoom=zoom
+        )
+
+    def under(self, model: str) -> Prepared:
+        """Return the scene under another defocus law, with the same spectra.
+
+        Raises
+        ------
+        ValueError
+            If the law is unknown, or reaches beyond the band as it does not diffract.
+        """
+        if find_model(self.model).diffracts and not find_model(model).diffracts:
+            raise ValueError(f"prepared for {self.model}, the band of {model} is wider")
+        parts = tuple(part.under(model) for part in self.parts)
+        return replace(self, model=model, parts=parts)
+
+    def turned(
+        self, theta_rad: float, *, names: Collection[str] | None = None
+    ) -> Prepared:
+        """Return the scene with layers turned about the world's origin.
+
+        Their edges are turned and transformed again, the others' spectra are kept.
+
+        Parameters
+        ----------
+        theta_rad : float
+            Counter-clockwise.
+        names : collection of str, optional
+            Of the layers that turn. Default: all.
+        """
+        parts = []
+        for layer in self.scene.layers:
+            old = [part for part in self.parts if part.layer is layer]
+            if names is not None and layer.name not in names:
+                parts += old
+                continue
+            edges = old[0].edges if old else to_edges(layer.outline)
+            new = make_part(
+                layer,
+                edges.placed(0.0, 0.0, theta_rad),
+                self.microscope,
+                reach=self.reach,
+                model=self.model,
+                window=self.window,
+                sampling=self.sampling,
+                shift_um=self.shift_um,
+            )
+            parts += [new] if new else []
+        return replace(self, parts=tuple(parts))
+
+
+def prepare(
+    scene: Scene,
+    microscope: Microscope,
+    reach: Range,
+    *,
+    model: str = "exact",
+    window: Window | None = None,
+    sampling: Sampling | None = None,
+    shift_um: tuple[float, float] = (0.0, 0.0),
+) -> Prepared:
+    """Return a scene ready for many images.
+
+    Parameters
+    ----------
+    scene : Scene
+        Layers in the world frame over a uniform background.
+    microscope : Microscope
+        The optical setting; the camera's axis is the world's origin.
+    reach : Range
+        Focus heights, shifts and zooms that will be asked for: they decide about tile
+        and band, so a wide range makes every image slower.
+    model : str
+        The defocus law, a key of `optics.transfer.models.MODELS`.
+    window : Window, optional
+        The part of the frame wanted. Default: all.
+    sampling : Sampling, optional
+        Band, margin and precision to compute with; by default the usual ones in
+        single precision.
+    shift_um : (x, y)
+        Displacement from which the images' own are counted.
+
+    Returns
+    -------
+    Prepared
+        One spectrum for each layer near the window. A focus plane is another gain, a
+        shift a phase ramp, a zoom other sampling points of that spectrum.
+
+    Raises
+    ------
+    ValueError
+        If the model is unknown.
+    """
+    find_model(model)
+    frame = window or full(microscope)
+    chosen = sampling or Sampling(single=True)
+    found = (
+        make_part(
+            layer,
+            to_edges(layer.outline),
+            microscope,
+            reach=reach,
+            model=model,
+            window=frame,
+            sampling=chosen,
+            shift_um=shift_um,
+        )
+        for layer in scene.layers
+    )
+    return Prepared(
+        scene=scene,
+        microscope=microscope,
+        window=frame,
+        reach=reach,
+        model=model,
+        sampling=chosen,
+        parts=tuple(part for part in found if part is not None),
+        shift_um=shift_um,
+    )

@@ -1,0 +1,221 @@
+"""Scene to image: what the camera sees, without noise."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+import numpy.typing as npt
+
+from optics.outline.clip import to_edges
+from optics.render.layer_blending import Patch, lay, light_up
+from optics.render.prepared_scene import prepare
+from optics.render.sampling import Sampling
+from optics.render.scene import Illumination, Layer, Scene, Window
+from optics.render.tiled_layer import make_part
+from optics.render.view_range import Range, View, full
+from optics.transfer.lru import Recent
+from optics.transfer.microscope import Microscope
+from optics.transfer.models import find_model
+
+FloatArray = npt.NDArray[np.float64]
+
+_USUAL = Sampling()
+_SINGLE = Sampling(single=True)
+_RECENT_BYTES = 1 << 24  # of blurred layers: images of one pose beside other things
+
+
+def render(
+    scene: Scene,
+    microscope: Microscope,
+    *,
+    focus_um: float,
+    model: str = "exact",
+    window: Window | None = None,
+    light: Illumination | None = None,
+    shift_um: tuple[float, float] = (0.0, 0.0),
+    also: Sequence[Covered] = (),
+    sampling: Sampling = _USUAL,
+) -> FloatArray:
+    """Return the noise-free image of a scene.
+
+    Parameters
+    ----------
+    scene : Scene
+        Layers in the world frame over a uniform background.
+    microscope : Microscope
+        The optical setting; the camera's axis is the world's origin.
+    focus_um : float
+        World height of the plane in focus.
+    model : str
+        The defocus law, a key of `optics.transfer.models.MODELS`.
+    window : Window, optional
+        The part of the frame wanted; it may reach beyond the frame. Default: all.
+    light : Illumination, optional
+        Gain and gradient of the light; the gradient refers to the full field.
+    shift_um : (x, y)
+        Displacement of the whole image, um in object space.
+    also : sequence of Covered
+        More layers of the scene, blurred already by `cover` with the same arguments.
+    sampling : Sampling
+        Band and margin to compute with.
+
+    Returns
+    -------
+    (rows, columns) float64 array
+        Share of full scale, not clipped; pixels are integrals over their area.
+
+    Raises
+    ------
+    ValueError
+        If the model is unknown or a number is not finite.
+
+    Notes
+    -----
+    Layers are blurred each with its own defocus and blended from the lowest to the
+    highest, image = (1 - a) image + reflectance a. Layers of equal height share one
+    step. Errors of band and margin: `optics.render.sampling`.
+    """
+    frame = window or full(microscope)
+    fresh = cover(
+        scene.layers,
+        microscope,
+        focus_um=focus_um,
+        model=model,
+        window=frame,
+        shift_um=shift_um,
+        sampling=sampling,
+    )
+    whole = slice(None)
+    patches = [
+        Patch(layer=c.layer, rows=whole, columns=whole, coverage=c.coverage)
+        for c in (*also, *fresh)
+    ]
+    image = np.empty((frame.rows, frame.columns))
+    lay(image, patches, scene.background)
+    light_up(image, microscope, frame, light or Illumination())
+    return image
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Covered:
+    """A layer with its blurred indicator at the pixels of a window."""
+
+    layer: Layer
+    coverage: FloatArray  # (rows, columns), 0..1 but for errors of band and margin
+
+
+_RECENT: Recent[Covered] = Recent(_RECENT_BYTES, lambda found: found.coverage.nbytes)
+
+
+def cover(
+    layers: Sequence[Layer],
+    microscope: Microscope,
+    *,
+    focus_um: float,
+    model: str = "exact",
+    window: Window | None = None,
+    shift_um: tuple[float, float] = (0.0, 0.0),
+    sampling: Sampling = _USUAL,
+) -> tuple[Covered, ...]:
+    """Return layers blurred, for images that share them; arguments as in `render`.
+
+    Their coverage is not to be changed: what was asked for not long ago is given again.
+    """
+    find_model(model)
+    _check((focus_um,), shift_um)
+    frame = window or full(microscope)
+    settings = (microscope, focus_um, model, frame, shift_um, sampling)
+    return tuple(
+        _RECENT.get((layer, *settings), partial(_covered, layer, *settings))
+        for layer in layers
+    )
+
+
+def _covered(
+    layer: Layer,
+    microscope: Microscope,
+    focus_um: float,
+    model: str,
+    frame: Window,
+    shift_um: tuple[float, float],
+    sampling: Sampling,
+) -> Covered:
+    """Return one layer blurred."""
+    part = make_part(
+        layer,
+        to_edges(layer.outline),
+        microscope,
+        reach=Range(focus_um=(focus_um, focus_um)),
+        model=model,
+        window=frame,
+        sampling=sampling,
+        shift_um=shift_um,
+    )
+    coverage = np.zeros((frame.rows, frame.columns))
+    view = View(microscope=microscope, focus_um=focus_um)
+    patch = None if part is None else part.patch(frame, view)
+    if patch is not None:
+        coverage[patch.rows, patch.columns] = patch.coverage
+    coverage.setflags(write=False)
+    return Covered(layer=layer, coverage=coverage)
+
+
+def render_stack(
+    scene: Scene,
+    microscope: Microscope,
+    *,
+    focus_um: Sequence[float],
+    model: str = "exact",
+    window: Window | None = None,
+    light: Illumination | None = None,
+    shift_um: tuple[float, float] = (0.0, 0.0),
+    sampling: Sampling = _SINGLE,
+    out: FloatArray | None = None,
+) -> FloatArray:
+    """Return images of a scene at several focus heights, (planes, rows, columns).
+
+    They are put into `out` if that is given: a new array's pages take time. Spectra are
+    computed once for all planes; else like `render`. The margin is that of the plane
+    most out of focus and the precision single, so a plane agrees with `render` within
+    the predicted errors, not bit by bit.
+    """
+    find_model(model)
+    _check(focus_um, shift_um)
+    frame = window or full(microscope)
+    still = prepare(
+        scene,
+        microscope,
+        Range(focus_um=(min(focus_um), max(focus_um))),
+        model=model,
+        window=frame,
+        sampling=sampling,
+        shift_um=shift_um,
+    )
+    images = _stack_of((len(focus_um), frame.rows, frame.columns), out)
+    top = max((layer.z_um for layer in scene.layers), default=0.0)
+    # planes at one distance from a layer share its gain
+    for index in sorted(range(len(focus_um)), key=lambda i: abs(focus_um[i] - top)):
+        still.draw(images[index], View(microscope=microscope, focus_um=focus_um[index]))
+    light_up(images, microscope, frame, light or Illumination())
+    return images
+
+
+def _stack_of(shape: tuple[int, int, int], out: FloatArray | None) -> FloatArray:
+    """Return `out` if it can hold a stack, or a new array."""
+    if out is None:
+        return np.empty(shape)
+    if out.shape != shape or out.dtype != np.float64:
+        raise ValueError(f"out must be float64 {shape}, got {out.dtype} {out.shape}")
+    return out
+
+
+def _check(focus_um: Sequence[float], shift_um: tuple[float, float]) -> None:
+    if not focus_um:
+        raise ValueError("focus_um must hold at least one height")
+    for name, values in (("focus_um", focus_um), ("shift_um", shift_um)):
+        if not all(math.isfinite(value) for value in values):
+            raise ValueError(f"{name} must be finite, got {values}")

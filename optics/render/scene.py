@@ -1,0 +1,74 @@
+"""The language the renderer accepts: layers by height, background, light, window."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from optics.outline.outline import Outline
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Layer:
+    """The top face of one body: what is bright, where, and at what height."""
+
+    name: str
+    outline: Outline  # in the world frame, um
+    z_um: float  # world height of the face
+    reflectance: float  # share of the light sent back [1]
+
+    def __post_init__(self) -> None:
+        if not math.isfinite(self.z_um):
+            raise ValueError(f"z_um must be finite, got {self.z_um}")
+        if not 0 <= self.reflectance <= 1:
+            raise ValueError(f"reflectance must be in 0..1, got {self.reflectance}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Illumination:
+    """Brightness of the light and its change across the field.
+
+    Intensity is multiplied by `gain (1 + gradient_x x/W + gradient_y y/H)` with (x, y)
+    in um from the optical axis and W x H the field of view, so `gradient_x` is the
+    relative change from the left to the right border.
+    """
+
+    gain: float = 1.0
+    gradient_x: float = 0.0
+    gradient_y: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not (self.gain >= 0 and math.isfinite(self.gain)):
+            raise ValueError(f"gain must be finite and not negative, got {self.gain}")
+        if not abs(self.gradient_x) + abs(self.gradient_y) <= 2:
+            raise ValueError("the gradients must not make the light negative")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scene:
+    """Layers over a uniform background; the order of `layers` does not matter."""
+
+    layers: tuple[Layer, ...]
+    background: float  # reflectance of the plane below everything [1]
+    background_z_um: float | None = None  # its world height; None: never shaded
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.background <= 1:
+            raise ValueError(f"background must be in 0..1, got {self.background}")
+        z_um = self.background_z_um
+        if z_um is not None and not math.isfinite(z_um):
+            raise ValueError(f"background_z_um must be finite, got {z_um}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Window:
+    """A rectangle of the camera frame, px: rows go down, (0, 0) is the top left."""
+
+    row: int
+    column: int
+    rows: int
+    columns: int
+
+    def __post_init__(self) -> None:
+        if self.rows < 1 or self.columns < 1:
+            raise ValueError(f"a window needs at least one pixel, got {self}")

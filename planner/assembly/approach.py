@@ -1,0 +1,143 @@
+"""The first approach of an alignment: where it ends, and a way that touches nothing."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from planner.assembly.assembly import (
+    Axis4,
+    Carrier,
+    Place,
+    State,
+    axes_of,
+    carrier_pose,
+    locate_place,
+    owner_of,
+)
+from planner.assembly.swept_volume import SIGMAS, Box, sweep_hits
+from planner.source.diagnostics import Report
+from planner.task.task import Step, Task
+
+# Order of the axes in the first approach of an alignment, cheapest first.
+PATHS = (("xy",), ("x", "y"), ("y", "x"))
+
+
+def approach(
+    task: Task, state: State, step: Step, report: Report
+) -> tuple[State, tuple[str, ...]]:
+    """Return the state with the target at its goal, and a path that touches nothing.
+
+    It is turned to its goal, too, where the step states how closely.
+    """
+    target = locate_place(task, state, step.target or "")
+    goal = locate_place(task, state, step.to or "")
+    turn_rad = 0.0
+    if step.tolerance_theta_rad is not None:
+        off_rad = goal.pose.theta_rad - target.pose.theta_rad
+        turn_rad = math.remainder(off_rad, math.tau)
+    readings = _readings(task, state, target, goal, turn_rad)
+    after = _aligned(task, state, target, goal, readings)
+    hits = {path: _path_hits(task, state, target, readings, path) for path in PATHS}
+    for path in PATHS:
+        if not hits[path]:
+            return after, path
+    moving, still = hits[PATHS[0]][0]
+    report.refuse(
+        "MP303",
+        step.where,
+        f"step {step.id!r}: {moving} would touch {still} at 2 sigma on every path to "
+        f"{step.to} (straight, x then y, y then x)",
+        _way_out(task, moving, still),
+    )
+    return after, PATHS[0]
+
+
+def _way_out(task: Task, moving: str, still: str) -> str:
+    """Return what may clear the way: only open fingers can be opened further."""
+    tools = {owner_of(name) for name in (moving, still)} & set(task.workcell.tools)
+    if tools:
+        return "open the jaws further, or start from another side"
+    return (
+        "pass above: move the stage or robot in z in an earlier step, or start from "
+        "another side"
+    )
+
+
+def _readings(
+    task: Task, state: State, target: Place, goal: Place, turn_rad: float
+) -> Axis4:
+    """Return the readings that bring the target to its goal, turned by `turn_rad`.
+
+    The turn swings it about the axis, which x and y make up for.
+    """
+    axis = state.stage if target.carrier == "stage" else state.robot
+    turned = replace(axis, theta_rad=axis.theta_rad + turn_rad)
+    local = carrier_pose(task, state, target.carrier).inverse().compose(target.pose)
+    there = _carried(state, target.carrier, turned)
+    swung = carrier_pose(task, there, target.carrier).compose(local)
+    return replace(
+        turned,
+        x_um=turned.x_um + goal.pose.x_um - swung.x_um,
+        y_um=turned.y_um + goal.pose.y_um - swung.y_um,
+    )
+
+
+def _aligned(
+    task: Task, state: State, target: Place, goal: Place, readings: Axis4
+) -> State:
+    """Return the state after the carrier of `target` went to `readings`."""
+    moved = _carried(state, target.carrier, readings)
+    if target.carrier == "robot":
+        return moved
+    axes = axes_of(task, target.carrier)
+    spread = math.hypot(goal.sigma_xy_um, axes.repeatability_xy_um)
+    return replace(
+        moved,
+        stage_sigma_um=math.hypot(spread, target.sigma_xy_um),
+        pinned={target.owner: spread},
+    )
+
+
+def _path_hits(
+    task: Task,
+    state: State,
+    target: Place,
+    readings: Axis4,
+    path: tuple[str, ...],
+) -> tuple[tuple[str, str], ...]:
+    """Return the pairs that would touch on the way.
+
+    The target starts anywhere within two sigma of its nominal place and ends at the
+    goal: each leg takes up the deviation along its own axes. The first leg turns.
+    """
+    rest = axes_of(task, target.carrier).repeatability_xy_um * SIGMAS
+    left = [SIGMAS * target.sigma_xy_um] * 2
+    axis = state.stage if target.carrier == "stage" else state.robot
+    here, found = state, []
+    for leg in path:
+        deviation: Box = (-left[0], -left[1], left[0], left[1])
+        axis = replace(
+            axis,
+            x_um=readings.x_um if "x" in leg else axis.x_um,
+            y_um=readings.y_um if "y" in leg else axis.y_um,
+            theta_rad=readings.theta_rad,
+        )
+        there = _carried(here, target.carrier, axis)
+        hits = sweep_hits(
+            task, here, there, carrier=target.carrier, deviation=deviation
+        )
+        found += [(hit.moving, hit.still) for hit in hits]
+        left = [
+            rest if name in leg else value
+            for name, value in zip("xy", left, strict=True)
+        ]
+        here = there
+    return tuple(found)
+
+
+def _carried(state: State, carrier: Carrier, readings: Axis4) -> State:
+    """Return the state with one carrier at other readings."""
+    if carrier == "robot":
+        return replace(state, robot=readings)
+    return replace(state, stage=readings)

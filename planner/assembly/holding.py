@@ -1,0 +1,264 @@
+"""Taking a part between the jaws, and letting go of it."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass, replace
+
+from optics.outline.outline import Outline, place
+from optics.outline.tolerant_order import least
+from planner.assembly.assembly import (
+    PartState,
+    State,
+    carrier_pose,
+    locate_place,
+    owner_of,
+    part_pose,
+    part_sigma_um,
+    part_z_um,
+    stage_pose,
+    with_part,
+)
+from planner.assembly.jaw_sweep import report_jaws
+from planner.assembly.resting import report_resting
+from planner.assembly.shapes import hull, squeeze_minima_rad, squeeze_width_um
+from planner.assembly.swept_volume import SIGMAS
+from planner.source.diagnostics import Report
+from planner.task.task import Step, Task
+from schemas.pose import Pose
+
+TAIL_SIGMAS = 9.0  # beyond, a normal tail is below 1e-18 and a double adds nothing
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Between:
+    """A part between open jaws, about to be squeezed."""
+
+    local: Pose  # of the part in the tool's frame, nominal
+    turn_rad: float  # of the part in the tool's frame once it lies flat
+    width_um: float  # along x, at that turn
+    half_room_um: float  # half of what the jaws leave open around that width
+    sigma_um: float  # spread of the part's place, per axis
+    middle_um: tuple[float, float]  # of its extents from its origin, at that turn
+
+    @property
+    def room_um(self) -> float:
+        """Return what is left on the narrower side."""
+        return self.half_room_um - abs(self.offset_um)
+
+    @property
+    def offset_um(self) -> float:
+        """Return how far its middle is off that of the jaws, across them."""
+        return self.local.x_um + self.middle_um[0]
+
+    @property
+    def along_um(self) -> float:
+        """Return how far its middle is behind the grip."""
+        return self.local.y_um + self.middle_um[1]
+
+
+def between_jaws(task: Task, state: State, step: Step) -> Between:
+    """Return how the part of a grasp stands between the jaws before they close."""
+    name, tool = owner_of(step.target or ""), step.tool or ""
+    outline = task.parts[name].outline
+    grip = locate_place(task, state, f"{tool}.grip").pose
+    local = grip.inverse().compose(part_pose(task, state, name))
+    turn = _nearest(squeeze_minima_rad(outline), local.theta_rad)
+    width = squeeze_width_um(outline, turn)
+    return Between(
+        local=local,
+        turn_rad=turn,
+        width_um=width,
+        half_room_um=(state.opening_um - width) / 2,
+        sigma_um=part_sigma_um(state, name),
+        middle_um=_middle_um(outline, turn),
+    )
+
+
+def _middle_um(outline: Outline, turn_rad: float) -> tuple[float, float]:
+    """Return the middle of an outline's extents once it is turned."""
+    x0, y0, x1, y1 = hull(place(outline, 0.0, 0.0, turn_rad)).bounds
+    return ((x0 + x1) / 2, (y0 + y1) / 2)
+
+
+def grasp(task: Task, state: State, step: Step, report: Report) -> State:
+    """Return the state with the part between the jaws, centred and turned flat."""
+    name = owner_of(step.target or "")
+    stands = between_jaws(task, state, step)
+    _check_grasp(task, state, step, report, stands)
+    report_jaws(task, state, step, step.opening_um or 0.0, report)
+    held = PartState(
+        carrier="robot",
+        pose=Pose(
+            x_um=0.0 - stands.middle_um[0],
+            y_um=stands.local.y_um,
+            theta_rad=stands.turn_rad,
+        ),
+        z_um=state.parts[name].z_um
+        + state.stage.z_um
+        + task.workcell.stage.datum_z_um
+        - state.robot.z_um,
+        sigma_xy_um=stands.sigma_um,
+        sigma_z_um=task.workcell.stage.axes.repeatability_z_um,
+        sigma_theta_rad=_held_sigma_rad(task, state, name, stands.local.theta_rad),
+    )
+    lost = frozenset(n for n in state.located if owner_of(n) != name)
+    return replace(
+        with_part(state, name, held),
+        held=name,
+        opening_um=step.opening_um or 0.0,
+        located=lost,
+        pinned={k: v for k, v in state.pinned.items() if k != name},
+    )
+
+
+def _held_sigma_rad(task: Task, state: State, name: str, theta_rad: float) -> float:
+    """Return the spread of a part's angle once flat jaws have turned it.
+
+    It lies flat as `squeeze_minima_rad` says, but one start may end in another minimum
+    than the next. What no jaw turns, and any angle, stays as uncertain as it was.
+    """
+    sigma = state.parts[name].sigma_theta_rad
+    robot = task.workcell.robot.axes.repeatability_theta_rad
+    minima = squeeze_minima_rad(task.parts[name].outline)
+    if sigma >= math.pi:
+        return math.pi
+    before = math.hypot(sigma, robot, task.workcell.stage.axes.repeatability_theta_rad)
+    if not minima:
+        return min(before, math.pi)
+    return math.hypot(settled_sigma_rad(minima, theta_rad, before), robot)
+
+
+def settled_sigma_rad(
+    minima: tuple[float, ...], theta_rad: float, sigma_rad: float
+) -> float:
+    """Return the spread about the nearest minimum of a turn that ends in one of them.
+
+    Parameters
+    ----------
+    minima : tuple of float
+        Turns in [0, pi), repeated every half turn.
+    theta_rad, sigma_rad : float
+        Where the turn starts: normal about `theta_rad`.
+
+    Returns
+    -------
+    float
+        Root mean square of (minimum reached - minimum nearest to `theta_rad`). Each
+        start goes to the minimum nearest to it.
+    """
+    reach = math.ceil(TAIL_SIGMAS * sigma_rad / math.pi) + 1
+    base = theta_rad - math.fmod(theta_rad, math.pi)
+    turns = sorted(
+        base + m + k * math.pi for k in range(-reach, reach + 1) for m in minima
+    )
+    cuts = [(a + b) / 2 for a, b in itertools.pairwise(turns)]
+    below = [0.0, *(_below(cut - theta_rad, sigma_rad) for cut in cuts), 1.0]
+    nearest = least(turns, lambda turn: abs(turn - theta_rad), scale=1.0)
+    return math.sqrt(
+        sum(
+            (high - low) * (turn - nearest) ** 2
+            for turn, (low, high) in zip(turns, itertools.pairwise(below), strict=True)
+        )
+    )
+
+
+def _below(offset_rad: float, sigma_rad: float) -> float:
+    """Return the chance that a normal deviation stays below `offset_rad`."""
+    if sigma_rad <= 0:
+        return float(offset_rad > 0)
+    return math.erfc(-offset_rad / sigma_rad / math.sqrt(2)) / 2
+
+
+def _check_grasp(
+    task: Task, state: State, step: Step, report: Report, stands: Between
+) -> None:
+    """Report jaws that cannot close on the part."""
+    name = owner_of(step.target or "")
+    where = step.spans.get("opening_um", step.where)
+    width, room = stands.width_um, stands.room_um
+    opening = step.opening_um or 0.0
+    if opening >= width:
+        report.refuse(
+            "MP304",
+            where,
+            f"step {step.id!r}: jaws closed to {opening:g} um do not hold {name}, "
+            f"which is {width:.4g} um wide where it is narrowest",
+            f"close to less than {width:.4g} um",
+        )
+    spread = SIGMAS * stands.sigma_um
+    if room < spread:
+        report.refuse(
+            "MP304",
+            step.where,
+            f"step {step.id!r}: {name} ({width:.4g} um) between jaws "
+            f"{state.opening_um:g} um apart leaves {room:.3g} um a side, "
+            f"{spread:.3g} um needed at 2 sigma",
+            "open the jaws further before, or align more finely",
+        )
+    _check_reach(task, state, step, report, stands)
+
+
+def _check_reach(
+    task: Task, state: State, step: Step, report: Report, stands: Between
+) -> None:
+    """Report fingers that close before, behind or above the part's middle.
+
+    By what the part covers: its origin may be anywhere.
+    """
+    name, tool = owner_of(step.target or ""), task.workcell.tools[step.tool or ""]
+    low_um = part_z_um(task, state, name)
+    high_um = low_um + task.parts[name].thickness_um
+    bottom_um, top_um = state.robot.z_um, state.robot.z_um + tool.thickness_um
+    if high_um <= bottom_um or low_um >= top_um:
+        report.refuse(
+            "MP305",
+            step.where,
+            f"step {step.id!r}: the fingers are {bottom_um:.4g} to {top_um:.4g} um "
+            f"high, {name} {low_um:.4g} to {high_um:.4g} um",
+            "bring them to its height first",
+        )
+    behind_um = stands.along_um + tool.grip_from_tip_um
+    if not 0 <= behind_um <= tool.length_um:
+        report.refuse(
+            "MP305",
+            step.where,
+            f"step {step.id!r}: the middle of {name} lies {-behind_um:.3g} um before "
+            f"the tips of fingers {tool.length_um:g} um long",
+            f"align it to {tool.name}.grip first",
+        )
+
+
+def release(task: Task, state: State, step: Step, report: Report) -> State:
+    """Return the state with the part left where it is, on the stage."""
+    name = owner_of(step.target or "")
+    part = state.parts[name]
+    opening = step.opening_um or state.opening_um
+    report_jaws(task, state, step, opening, report)
+    report_resting(task, state, step, name, report)
+    world = carrier_pose(task, state, "robot").compose(part.pose)
+    left = replace(
+        part,
+        carrier="stage",
+        pose=stage_pose(task, state.stage).inverse().compose(world),
+        z_um=state.robot.z_um
+        + part.z_um
+        - state.stage.z_um
+        - task.workcell.stage.datum_z_um,
+    )
+    pinned = {**state.pinned, name: part_sigma_um(state, name)}
+    opened = replace(state, held=None, opening_um=opening, pinned=pinned)
+    return with_part(opened, name, left)
+
+
+def _nearest(turns: tuple[float, ...], theta_rad: float) -> float:
+    """Return the turn (modulo pi) nearest to `theta_rad`; itself if there is none."""
+    if not turns:
+        return theta_rad
+
+    def away(turn: float) -> float:
+        return math.remainder(turn - theta_rad, math.pi)
+
+    # midway between two, the one clockwise
+    return theta_rad + least(sorted(map(away, turns)), abs, scale=1.0)

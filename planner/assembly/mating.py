@@ -1,0 +1,170 @@
+"""How a hole and a shaft mate: class of fit, capture radius, tilt and wedging.
+
+Pure geometry over the tolerances; how likely the parts find each other is for
+`planner.checks`. Edges are off by at most the profile tolerance, walls lean by at most
+the taper: in which direction is not known, so each takes from the clearance.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from planner.assembly.assembly import State, part_z_um
+from planner.task.task import Step, Task
+from schemas.plan.verdicts import FitClass, FitVerdict
+
+# Tilts of the axes are taken at this many sigmas where a limit must hold.
+TILT_SIGMAS = 3.0
+PER_TAPER_UM = 100.0  # `taper_um_per_100um`
+SAME_UM = 1e-9  # sizes closer than this are equal
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mating:
+    """A round hole over a round shaft; widths are diameters as drawn."""
+
+    hole_um: float
+    shaft_um: float
+    tolerance_um: float  # of the clearance: both edges of both parts
+    taper_um: float  # what leaning walls may take of the clearance
+    engaged_um: float  # length along which hole and shaft overlap at the end
+    friction: float
+
+    @property
+    def clearance_um(self) -> tuple[float, float, float]:
+        """Return the least, drawn and greatest difference of the diameters."""
+        drawn = self.hole_um - self.shaft_um
+        return (
+            drawn - self.tolerance_um - self.taper_um,
+            drawn,
+            drawn + self.tolerance_um,
+        )
+
+    @property
+    def fit_class(self) -> FitClass:
+        """Return whether all, some or none of the parts as made go together.
+
+        The terms of ISO 286-1:2010, over the whole range of sizes.
+        """
+        least, _, most = self.clearance_um
+        if least > SAME_UM:
+            return "clearance"
+        return "transition" if most > SAME_UM else "interference"
+
+    def tilt_limit_rad(self, clearance_um: float) -> float | None:
+        """Return the tilt at which the shaft touches both ends of the hole.
+
+        c / L for small angles, None where nothing is engaged yet.
+        """
+        if self.engaged_um <= 0:
+            return None
+        return max(clearance_um, 0.0) / self.engaged_um
+
+    def wedging_rad(self, clearance_um: float) -> float | None:
+        """Return the tilt below which two-point contact cannot wedge.
+
+        (c / D) / mu, None without friction. Two contacts hold a part by themselves
+        only if the line between them lies in both friction cones: its slope over the
+        hole's width, depth / D, must be below mu. Tilted by t, a shaft touches both
+        sides at a depth of c / t. The exact slope is (c / D - (1 - cos t)) / sin t, and
+        one cone is turned by t: both only raise the limit.
+
+        References
+        ----------
+        Whitney (1982), Quasi-static assembly of compliantly supported rigid parts, J.
+        Dyn. Syst. Meas. Control 104, 65-77: the conditions of geometry and force.
+        """
+        if self.friction <= 0:
+            return None
+        return max(clearance_um, 0.0) / self.hole_um / self.friction
+
+    def may_wedge(self, clearance_um: float, tilt_rad: float) -> bool:
+        """Return whether a tilt brings two-point contact that may hold by itself.
+
+        Below the tilt limit a hole shorter than the wedging depth is never touched on
+        both sides.
+        """
+        limits = self.wedging_rad(clearance_um), self.tilt_limit_rad(clearance_um)
+        return all(limit is not None and tilt_rad >= limit for limit in limits)
+
+    @property
+    def wedging_depth_um(self) -> float:
+        """Return how deep the shaft must be for geometry alone to rule out wedging.
+
+        c / l falls below (c / D) / mu where l > mu D.
+        """
+        return self.friction * self.hole_um
+
+
+def mating_of(task: Task, step: Step, after: State) -> Mating | None:
+    """Return how the parts of an insertion mate, None if they are not round."""
+    hole_part, _, hole = (step.target or "").partition(".")
+    shaft_part, _, shaft = (step.onto or "").partition(".")
+    feature = task.parts[hole_part].features.get(hole)
+    post = task.parts[shaft_part].posts.get(shaft)
+    if feature is None or feature.kind != "circle" or post is None:
+        return None
+    engaged_um = _engaged_um(task, after, hole_part, (shaft_part, shaft))
+    lean = sum(task.parts[n].taper_um_per_100um for n in (hole_part, shaft_part))
+    edges_um = task.parts[hole_part].profile_tolerance_um + post.profile_tolerance_um
+    return Mating(
+        hole_um=2 * feature.radius_um,
+        shaft_um=2 * post.radius_um,
+        tolerance_um=2 * edges_um,
+        taper_um=2 * lean * engaged_um / PER_TAPER_UM,
+        engaged_um=engaged_um,
+        friction=task.environment.friction,
+    )
+
+
+def _engaged_um(task: Task, after: State, hole: str, shaft: tuple[str, str]) -> float:
+    """Return the overlap in height of a part and a post once the moves are done."""
+    owner, post = task.parts[shaft[0]], task.parts[shaft[0]].posts[shaft[1]]
+    low = part_z_um(task, after, hole)
+    foot = part_z_um(task, after, shaft[0]) + owner.thickness_um
+    top = min(low + task.parts[hole].thickness_um, foot + post.height_um)
+    return max(top - max(low, foot), 0.0)
+
+
+def fit_verdict(mating: Mating, tilt_sigma_rad: float) -> FitVerdict:
+    """Return what the plan says of a fit.
+
+    `tilt_sigma_rad` is what the workcell states of the axes; how the part sits in the
+    jaws adds to it and is not known.
+    """
+    least, drawn, most = mating.clearance_um
+    tilt = TILT_SIGMAS * tilt_sigma_rad
+    return FitVerdict(
+        hole_um=mating.hole_um,
+        shaft_um=mating.shaft_um,
+        fit=mating.fit_class,
+        clearance_um=(least, drawn, most),
+        capture_um=(max(least, 0) / 2, max(drawn, 0) / 2, max(most, 0) / 2),
+        taper_um=mating.taper_um,
+        engaged_um=mating.engaged_um,
+        tilt_limit_rad=mating.tilt_limit_rad(least),
+        tilt_rad=tilt,
+        tilt_takes_um=mating.engaged_um * math.tan(tilt),
+        wedging_rad=mating.wedging_rad(least),
+        wedging_depth_um=mating.wedging_depth_um,
+        may_wedge=mating.may_wedge(least, tilt),
+    )
+
+
+def fit_words(step: str, found: FitVerdict) -> str:
+    """Return a fit in words, every number with its unit."""
+    least, drawn, most = found.clearance_um
+    words = (
+        f"step {step!r}: {found.fit} fit, {found.hole_um:.4g} um over "
+        f"{found.shaft_um:.4g} um: clearance {least:.3g}..{most:.3g} um, drawn "
+        f"{drawn:.3g} um; the hole finds any shaft up to {found.capture_um[0]:.3g} um "
+        "off (the least capture radius)"
+    )
+    if found.tilt_limit_rad is None:
+        return words + "; nothing is engaged once the moves are done"
+    words += f" that leans up to {1e3 * found.tilt_limit_rad:.3g} mrad where it is "
+    words += f"{found.engaged_um:.4g} um deep"
+    if found.wedging_rad is None:
+        return words + "; no friction, no wedging"
+    return words + f"; it cannot wedge below {1e3 * found.wedging_rad:.3g} mrad"

@@ -1,0 +1,192 @@
+"""The seven verbs as a state machine: what each step does to the assembly state."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+from planner.assembly.approach import approach
+from planner.assembly.assembly import (
+    State,
+    initial,
+    locate_place,
+    owner_of,
+)
+from planner.assembly.certain_starts import report_certain
+from planner.assembly.holding import grasp, release
+from planner.assembly.moves import apply_move
+from planner.assembly.unused import report_faces, report_unused
+from planner.source.diagnostics import Report
+from planner.task.task import Move, Reading, Step, Task
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StepState:
+    """One step with the world before it, while it looks, and after it."""
+
+    step: Step
+    moves: tuple[Move, ...]  # the view's stage move first, then the step's own
+    before: State
+    at_look: State  # after the moves; for an alignment, after its approach
+    after: State
+    path: tuple[str, ...]  # of an alignment's approach; else ()
+
+
+def unfold(task: Task, report: Report) -> tuple[StepState, ...]:
+    """Return the states of every step, up to the first that cannot happen.
+
+    Steps out of order are errors; motions that would touch something and grasps that
+    cannot close are reasons why the task cannot be done. What has no effect is said.
+    """
+    state, found = initial(task), []
+    report_faces(task, report)
+    report_certain(task, report)
+    for tool in list(task.tool_starts.values())[1:]:
+        message = (
+            f"{tool.name} is a second tool on the robot; one at a time is modelled"
+        )
+        report.error("MP301", tool.where, message, "leave it out of start")
+    for step in task.steps:
+        if not _possible(task, state, step, report):
+            break
+        report_unused(task, state, step, report)
+        found.append(_unfold_step(task, state, step, report))
+        state = found[-1].after
+    return tuple(found)
+
+
+def _unfold_step(task: Task, state: State, step: Step, report: Report) -> StepState:
+    """Return the states of one possible step."""
+    moves = (
+        step.move if step.verb == "insert" else (*_view(task, state, step), *step.move)
+    )
+    placed = state
+    for move in moves:
+        if step.verb != "insert":
+            placed = apply_move(task, placed, move, step, report)
+    path: tuple[str, ...] = ()
+    at_look = placed
+    if step.verb == "align":
+        at_look, path = approach(task, placed, step, report)
+    after = _ACTIONS[step.verb](task, at_look, step, report)
+    return StepState(
+        step=step,
+        moves=() if step.verb == "insert" else moves,
+        before=state,
+        at_look=at_look,
+        after=after,
+        path=path,
+    )
+
+
+def _possible(task: Task, state: State, step: Step, report: Report) -> bool:
+    """Report and return False if the step's order makes no sense."""
+    owner = owner_of(step.target or "")
+    needs: Mapping[str, tuple[bool, str]] = {
+        "grasp": (state.held is None, f"the tool already holds {state.held}"),
+        "insert": (state.held == owner, f"{owner} is not held by the tool"),
+        "release": (state.held == owner, f"{owner} is not held by the tool"),
+    }
+    ok, why = needs.get(step.verb, (True, ""))
+    if not ok:
+        hint = (
+            "grasp it in an earlier step" if step.verb != "grasp" else "release first"
+        )
+        report.error(
+            "MP301", step.where, f"step {step.id!r} cannot happen: {why}", hint
+        )
+        return False
+    if step.verb == "align" and step.to is not None:
+        return _possible_align(task, state, step, report)
+    return True
+
+
+def _possible_align(task: Task, state: State, step: Step, report: Report) -> bool:
+    """Report an alignment of things nobody has measured, or that move together."""
+    target, to = step.target or "", step.to or ""
+    for name in (target, to):
+        if not _located(state, name):
+            report.error(
+                "MP302",
+                step.spans.get("to" if name == to else "target", step.where),
+                f"step {step.id!r} aligns {name!r}, which no earlier step has located "
+                "since it last changed hands",
+                f"add a step 'do: locate, target: {name}' before it",
+            )
+            return False
+    carriers = {locate_place(task, state, name).carrier for name in (target, to)}
+    if len(carriers) == 1:
+        (carrier,) = carriers
+        report.error(
+            "MP301",
+            step.where,
+            f"step {step.id!r} cannot happen: {target} and {to} are both on the "
+            f"{carrier} and move together",
+            "grasp one of them in an earlier step"
+            if carrier == "stage"
+            else "align to something on the stage",
+        )
+        return False
+    return True
+
+
+def _located(state: State, name: str) -> bool:
+    """Return whether the thing, or the part or tool it belongs to, was measured."""
+    owner = owner_of(name)
+    return any(owner_of(seen) == owner for seen in state.located)
+
+
+def _view(task: Task, state: State, step: Step) -> tuple[Move, ...]:
+    """Return the stage move that brings the target's nominal place to `view_um`."""
+    if step.view_um is None or step.target is None:
+        return ()
+    place = locate_place(task, state, step.target)
+    if place.carrier != "stage":
+        return ()
+    to = Reading(
+        x_um=state.stage.x_um + step.view_um[0] - place.pose.x_um,
+        y_um=state.stage.y_um + step.view_um[1] - place.pose.y_um,
+    )
+    if (to.x_um, to.y_um) == (state.stage.x_um, state.stage.y_um):
+        return ()
+    return (Move(axes="stage", to=to, where=step.spans.get("view_um", step.where)),)
+
+
+def _locate(task: Task, state: State, step: Step, report: Report) -> State:  # noqa: ARG001
+    """Return the state with the target known.
+
+    A look at the tool, or at what it holds, sees how its angle swung the grip.
+    """
+    carrier = locate_place(task, state, step.target or "").carrier
+    rest_um = task.workcell.robot.axes.repeatability_xy_um
+    tip_um = rest_um if carrier == "robot" else state.tip_sigma_um
+    located = state.located | {step.target or ""}
+    return replace(state, located=located, tip_sigma_um=tip_um)
+
+
+def _keep(task: Task, state: State, step: Step, report: Report) -> State:  # noqa: ARG001
+    """Return the state unchanged."""
+    return state
+
+
+def _insert(task: Task, state: State, step: Step, report: Report) -> State:
+    """Return the state after the insertion's own moves."""
+    exempt = frozenset(
+        {frozenset((owner_of(step.target or ""), owner_of(step.onto or "")))}
+    )
+    for move in step.move:
+        state = apply_move(task, state, move, step, report, exempt)
+    return state
+
+
+Act = Callable[[Task, State, Step, Report], State]
+
+_ACTIONS: Mapping[str, Act] = {
+    "locate": _locate,
+    "align": _keep,
+    "grasp": grasp,
+    "move": _keep,
+    "insert": _insert,
+    "release": release,
+    "verify": _keep,
+}

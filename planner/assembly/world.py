@@ -1,0 +1,193 @@
+"""The world that the simulated cell starts from, taken from task and workcell."""
+
+from __future__ import annotations
+
+from optics.lens.lens import LensErrors
+from optics.outline.outline import Outline, Segment
+from planner.assembly.assembly import Axis4, Carrier, State
+from planner.assembly.shapes import squeeze_minima_rad
+from planner.task.task import Part, Task
+from planner.task.workcell import Axes, Interval, Tool
+from schemas.files.world import (
+    World,
+    WorldAxes,
+    WorldHole,
+    WorldLens,
+    WorldOptics,
+    WorldOutline,
+    WorldPart,
+    WorldPost,
+    WorldRing,
+    WorldTool,
+)
+from schemas.plan import AxisMove
+from schemas.pose import Pose
+
+
+def build_world(task: Task, start: State) -> World:
+    """Return everything the simulated cell contains."""
+    cell = task.workcell
+    return World(
+        name=task.name,
+        optics=_optics(task),
+        stage=_axes("stage", cell.stage.axes, start.stage),
+        stage_datum_z_um=cell.stage.datum_z_um,
+        stage_reflectance=cell.stage.reflectance,
+        stage_theta_axis_um=cell.stage.theta_axis_um,
+        stage_tilt_sigma_rad=cell.stage.axis_tilt_sigma_rad,
+        stage_drift_um_per_min=cell.stage.drift_um_per_min,
+        robot=_axes("robot", cell.robot.axes, start.robot),
+        robot_theta_axis_to_tip_um=cell.robot.theta_axis_to_tip_um,
+        parts=tuple(_part(task, task.parts[name]) for name in sorted(start.parts)),
+        tools=tuple(
+            _tool(cell.tools[name], task.tool_starts[name].opening_um)
+            for name in sorted(task.tool_starts)
+        ),
+    )
+
+
+def world_outline(outline: Outline) -> WorldOutline:
+    """Return an outline as plain numbers, arcs kept."""
+    return WorldOutline(
+        rings=tuple(
+            WorldRing(
+                layer=ring.layer,
+                edges=tuple(
+                    (*edge.start, *edge.end)
+                    if isinstance(edge, Segment)
+                    else (
+                        *edge.center,
+                        edge.radius_um,
+                        edge.start_rad,
+                        edge.sweep_rad,
+                    )
+                    for edge in ring.edges
+                ),
+            )
+            for ring in outline.rings
+        )
+    )
+
+
+def _part(task: Task, part: Part) -> WorldPart:
+    """Return a part with its holes, posts and start."""
+    start = task.part_starts[part.name]
+    return WorldPart(
+        name=part.name,
+        outline=world_outline(part.outline),
+        thickness_um=part.thickness_um,
+        reflectance=part.reflectance,
+        profile_tolerance_um=part.profile_tolerance_um,
+        posts=tuple(
+            WorldPost(
+                name=f"{part.name}.{post.name}",
+                outline=world_outline(post.outline),
+                height_um=post.height_um,
+                reflectance=post.reflectance,
+                center_um=post.center_um,
+                radius_um=post.radius_um,
+                profile_tolerance_um=post.profile_tolerance_um,
+            )
+            for post in part.posts.values()
+        ),
+        holes=tuple(
+            WorldHole(
+                name=f"{part.name}.{feature.name}",
+                center_um=feature.center_um,
+                radius_um=feature.radius_um,
+            )
+            for feature in part.features.values()
+            if feature.kind == "circle" and feature.hole
+        ),
+        hull_minima_rad=squeeze_minima_rad(part.outline),
+        start=Pose(x_um=start.x_um, y_um=start.y_um, theta_rad=start.theta_rad),
+        theta_any=start.theta_any,
+        sigma_xy_um=start.sigma_xy_um,
+        sigma_theta_rad=start.sigma_theta_rad,
+    )
+
+
+def _tool(tool: Tool, opening_um: float) -> WorldTool:
+    """Return a tool with its jaws closed in the drawing."""
+    return WorldTool(
+        name=tool.name,
+        left=world_outline(tool.left),
+        right=world_outline(tool.right),
+        thickness_um=tool.thickness_um,
+        reflectance=tool.reflectance,
+        opening_um=tool.opening_um,
+        start_opening_um=opening_um,
+        stick_probability=tool.stick_probability,
+    )
+
+
+def _axes(name: Carrier, axes: Axes, start: Axis4) -> WorldAxes:
+    """Return one axis group with its start readings."""
+    limits: dict[str, Interval] = {key: axes.limits[key] for key in sorted(axes.limits)}
+    return WorldAxes(
+        start=AxisMove(
+            axes=name,
+            x_um=start.x_um,
+            y_um=start.y_um,
+            z_um=start.z_um,
+            theta_rad=start.theta_rad,
+        ),
+        repeatability_xy_um=axes.repeatability_xy_um,
+        repeatability_z_um=axes.repeatability_z_um,
+        repeatability_theta_rad=axes.repeatability_theta_rad,
+        limits=limits,
+        speed_xy_um_per_s=axes.speed_xy_um_per_s,
+        speed_z_um_per_s=axes.speed_z_um_per_s,
+        speed_theta_rad_per_s=axes.speed_theta_rad_per_s,
+        settle_s=axes.settle_s,
+    )
+
+
+def _optics(task: Task) -> WorldOptics:
+    """Return microscope and camera."""
+    optics, camera = task.workcell.optics, task.workcell.camera
+    return WorldOptics(
+        magnification=optics.magnification,
+        apertures=optics.apertures,
+        wavelength_um=optics.wavelength_um,
+        medium_index=optics.medium_index,
+        pitch_um=camera.pitch_um,
+        width_px=camera.width_px,
+        height_px=camera.height_px,
+        fill_factor=camera.fill_factor,
+        bits=camera.bits,
+        full_well_e=camera.full_well_e,
+        read_noise_e=camera.read_noise_e,
+        zoom_time_s=optics.zoom.time_s,
+        parcentric_sigma_um=optics.zoom.parcentric_sigma_um,
+        scale_sigma=optics.zoom.scale_sigma,
+        focus_um=(optics.focus.min_um, optics.focus.max_um),
+        focus_time_s=optics.focus.time_s,
+        focus_repeatability_um=optics.focus.repeatability_um,
+        lateral_sigma_um_per_um=optics.focus.lateral_sigma_um_per_um,
+        frame_time_s=1 / task.workcell.camera.rate_hz,
+        light=task.workcell.light.level,
+        light_gradient=task.workcell.light.gradient,
+        lens=_lens(optics.lens),
+        lamp_share=_lamp_share(task),
+    )
+
+
+def _lamp_share(task: Task) -> float:
+    """Return the aperture of coaxial light over the lens': see `lens_errors`."""
+    if task.workcell.light.kind != "coaxial":
+        return 0.0
+    return min(task.workcell.optics.coherence or 1.0, 1.0)
+
+
+def _lens(lens: LensErrors) -> WorldLens:
+    """Return the lens' errors; what each cell makes of the unknown is its own."""
+    return WorldLens(
+        distortion=lens.distortion,
+        distortion_sigma=lens.distortion_sigma,
+        lateral_um_per_um=(lens.lateral_x, lens.lateral_y),
+        scale_per_um=lens.scale_per_um,
+        scale_sigma_per_um=lens.scale_sigma_per_um,
+        field_curvature_per_um=lens.field_curvature_per_um,
+        field_curvature_sigma_per_um=lens.field_curvature_sigma_per_um,
+    )

@@ -1,0 +1,131 @@
+"""The inverse question: the largest errors of a look's settings that a step bears."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from functools import partial
+
+from featuresel.trials.tolerance_search import Direction, Search, Setting
+from featuresel.trials.usable_range import alone
+from planner.budget.insertion import Insertion
+from planner.budget.probability_under_drift import Borne, is_placed
+from planner.looks.look_problem import Effects
+from planner.looks.look_record import CompiledLook
+from planner.looks.measures import Measured
+from planner.task.task import Task
+from schemas.plan.verdicts import Allowed
+
+# Fewer tell nothing of their scatter: six degrees of freedom put a sigma to 30 %.
+LEAST_DRAWS = 4
+DIRECTIONS = (
+    Direction("focus", -1),
+    Direction("focus", 1),
+    Direction("zoom", -1),
+    Direction("zoom", 1),
+    Direction("light", -1),
+    Direction("light", 1),
+    Direction("gradient", 1),
+    Direction("pose", 1),
+)
+UNITS = {"focus": "um", "pose": "um"}
+ORDER: tuple[Setting, ...] = ("focus", "zoom", "light", "gradient", "pose")
+
+
+def allowed(
+    task: Task,
+    job: Insertion,
+    goal: float,
+    looks: Iterable[tuple[str, CompiledLook]],
+    effects: Effects,
+) -> tuple[Allowed, ...]:
+    """Return how far each setting of each look may be off, one at a time.
+
+    Parameters
+    ----------
+    task : Task
+        The task.
+    job : Insertion
+        What the looks serve, as it is.
+    goal : float
+        Chance that it must keep; where it has not even that, nothing is allowed.
+    looks : iterable of (term, CompiledLook)
+        The looks, each with the name of its error in the budget.
+    effects : Effects
+        How many images may be spent.
+
+    Returns
+    -------
+    tuple of Allowed
+        Of a look at several features, what each of them bears by itself. Steps are
+        those of `featuresel.trials.tolerance_search`: the next one was not borne.
+    """
+    if goal <= 0 or 1 - job.miss < goal:
+        return ()
+    return tuple(
+        row
+        for term, look in looks
+        for row in _of_look(task, job, goal, term, look, effects)
+    )
+
+
+def _of_look(
+    task: Task,
+    job: Insertion,
+    goal: float,
+    term: str,
+    look: CompiledLook,
+    effects: Effects,
+) -> Iterator[Allowed]:
+    """Yield a row for each setting of one look."""
+    draws = max(effects.effort.range_draws, LEAST_DRAWS)
+    found = [
+        _drifts(task, job, goal, term, each, effects, draws) for each in look.found
+    ]
+    for setting in ORDER:
+        sides = [[drifts[d] for d in DIRECTIONS if d.setting == setting]
+                 for drifts in found]  # fmt: skip
+        least, most = min(max(s) for s in sides), max(min(s) for s in sides)
+        ratio = 1.0 if setting in ("zoom", "light") else 0.0
+        one_sided = len(sides[0]) == 1
+        yield Allowed(
+            error=setting,
+            look=look.look.target,
+            least=0.0 if one_sided else ratio + most,
+            most=ratio + least,
+            unit=UNITS.get(setting, "1"),
+            source=f"{draws} draws a step, all else as it is",
+        )
+
+
+def _drifts(
+    task: Task,
+    job: Insertion,
+    goal: float,
+    term: str,
+    found: Measured,
+    effects: Effects,
+    draws: int,
+) -> dict[Direction, float]:
+    """Return the last drift borne in every direction by one feature of a look."""
+    search = Search(
+        case=found.tried.case,
+        prepared=alone(found.tried.prepared, found.chosen.chain),
+        root_seed=task.seed,
+        draws=draws,
+    )
+    borne = partial(
+        Borne,
+        job=job,
+        goal=goal,
+        term=term,
+        bias_um=found.chosen.bias_um or (0.0, 0.0),
+        lateral_um=task.workcell.optics.focus.lateral_sigma_um_per_um,
+    )
+    asked = [(d, borne(setting=d.setting)) for d in DIRECTIONS]
+    reached = effects.memo.each(_reach, search, asked, effects.map)
+    return dict(zip(DIRECTIONS, reached, strict=True))
+
+
+def _reach(search: Search, asked: tuple[Direction, Borne]) -> float:
+    direction, borne = asked
+    return search.reach(direction, is_placed, borne)

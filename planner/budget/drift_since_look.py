@@ -1,0 +1,146 @@
+"""What moved between the last look at a part and its insertion, and what that costs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+from planner.assembly.assembly import (
+    Carrier,
+    Place,
+    State,
+    axes_of,
+    locate_place,
+    owner_of,
+    robot_pose,
+)
+from planner.assembly.step_states import StepState
+from planner.budget.budget import Sighted
+from planner.task.task import Task
+from schemas.plan import BudgetRow
+
+# A look tells where a part is with the error of the axes as they stood; what moves
+# afterwards loses that error and gets another.
+BEFORE_AND_AFTER = math.sqrt(2)
+
+
+def since_rows(
+    task: Task,
+    states: tuple[StepState, ...],
+    insert: StepState,
+    seen: Sequence[Sighted | None],
+    names: Sequence[str] | None = None,
+) -> tuple[BudgetRow, ...]:
+    """Return the terms of what changed since hole and shaft were looked at.
+
+    Parameters
+    ----------
+    task : Task
+        The task.
+    states : tuple of StepState
+        All steps' states.
+    insert : StepState
+        The insertion.
+    seen : (hole, shaft)
+        The last look at each, None if there was none.
+    names : sequence of str, optional
+        Of what is brought together, if it is not an insertion's target and shaft.
+
+    Returns
+    -------
+    tuple of BudgetRow
+        None for a part whose axes stood still sideways. Turned axes swing it across
+        the lever from their axis; what changed hands lies where the jaws put it.
+    """
+    if names is None:
+        names = (insert.step.target or "", insert.step.onto or "")
+    return tuple(
+        row
+        for name, look in zip(names, seen, strict=True)
+        if look is not None
+        for row in _rows(task, states, insert, name, look)
+    )
+
+
+def _rows(
+    task: Task,
+    states: tuple[StepState, ...],
+    insert: StepState,
+    name: str,
+    look: Sighted,
+) -> Iterator[BudgetRow]:
+    """Yield the terms of one of the two parts."""
+    first = next(i for i, s in enumerate(states) if s.step.id == look.step)
+    later = states[first + 1 : states.index(insert) + 1]
+    place = locate_place(task, insert.before, name)
+    if any(_changes_hands(s, place.owner) for s in later):
+        yield BudgetRow(
+            term=f"place of {place.owner} in the jaws",
+            sigma_um=insert.before.parts[place.owner].sigma_xy_um,
+            source=f"grasped after {look.step!r} looked",
+        )
+    axes, carrier = axes_of(task, place.carrier), place.carrier
+    moved = [side for s in later for side in _moved(task, s, carrier)]
+    if "xy" in moved:
+        yield BudgetRow(
+            term=f"{carrier} moved since the look at {name}",
+            sigma_um=BEFORE_AND_AFTER * axes.repeatability_xy_um,
+            source="workcell repeatability_xy_um before and after",
+        )
+    if "theta" in moved:
+        yield _swing(task, insert.before, place)
+
+
+def _swing(task: Task, state: State, place: Place) -> BudgetRow:
+    """Return what a new error of an angle moves, across the lever."""
+    x_um, y_um = _lever(task, state, place)
+    lever_um = math.hypot(x_um, y_um)
+    sigma_rad = axes_of(task, place.carrier).repeatability_theta_rad
+    return BudgetRow(
+        term=f"{place.carrier} turned since the look at {place.name}",
+        sigma_um=BEFORE_AND_AFTER * sigma_rad * lever_um,
+        source=f"workcell repeatability_theta_arcsec x {lever_um:.4g} um, before and "
+        "after",
+        along_rad=math.atan2(x_um, -y_um) if lever_um > 0 else None,
+    )
+
+
+def _lever(task: Task, state: State, place: Place) -> tuple[float, float]:
+    """Return the way from the axis that turns a place to it, um in the world."""
+    here = place.pose
+    if place.carrier == "stage":
+        axis_x, axis_y = task.workcell.stage.theta_axis_um
+        return (
+            here.x_um - state.stage.x_um - axis_x,
+            here.y_um - state.stage.y_um - axis_y,
+        )
+    grip = robot_pose(state.robot)  # its axis is behind the fingers, at +y
+    axis_x, axis_y = grip.apply(0.0, _axis_from_grip_um(task, state))
+    return (here.x_um - axis_x, here.y_um - axis_y)
+
+
+def _axis_from_grip_um(task: Task, state: State) -> float:
+    """Return how far the robot's theta axis is behind the grip."""
+    tool = task.workcell.tools[state.tool or ""]
+    return task.workcell.robot.theta_axis_to_tip_um - tool.grip_from_tip_um
+
+
+def _changes_hands(step: StepState, owner: str) -> bool:
+    """Return whether a step takes hold of a part."""
+    return step.step.verb == "grasp" and owner_of(step.step.target or "") == owner
+
+
+def _moved(task: Task, step: StepState, carrier: Carrier) -> Iterator[str]:
+    """Yield "xy" and "theta" if a step moves them on what carries the part."""
+    moves = step.moves if step.step.verb != "insert" else step.step.move
+    for move in moves:
+        if move.axes == carrier and not (move.to.x_um is move.to.y_um is None):
+            yield "xy"
+        if move.axes == carrier and move.to.theta_rad is not None:
+            yield "theta"
+    if step.step.verb != "align":
+        return
+    if locate_place(task, step.before, step.step.target or "").carrier == carrier:
+        yield "xy"
+        if step.step.tolerance_theta_rad is not None:
+            yield "theta"

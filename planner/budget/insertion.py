@@ -1,0 +1,225 @@
+"""The chance of one insertion, all of its terms together, and with any one changed."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from planner.budget.probability.ellipse_probability import Spread, beyond_radii
+from planner.budget.probability.fit_probability import Fit, Residual, miss_probability
+from planner.budget.probability.quadrature import cuts_between, nodes_between
+from planner.budget.probability.servo_landing import BODY_SIGMAS, STEP_SIGMAS
+from schemas.plan import BudgetRow
+
+FloatArray = npt.NDArray[np.float64]
+
+SERVO, OFFSET, SIZE, ALL = "servo", "offset", "size", "all"
+# Axes of a covariance closer than this are one: it moves chances by less than 1e-9.
+ROUND = 1e-9
+LEAST_NODES, MOST_NODES = 8, 128
+# Below this share of the wide axis the chance bends too sharply for Hermite nodes.
+SMOOTH = 0.5
+PIECE_NODES = 6
+# How closely the mean over the wide axis is found; chances are quoted to 4 digits.
+CLOSE = 1e-5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Insertion:
+    """A fit and everything that keeps the parts apart sideways."""
+
+    fit: Fit
+    residual: Residual  # what the servo leaves
+    blind: tuple[BudgetRow, ...]  # what it cannot see
+    offset_um: float = 0.0  # that nobody corrects
+    offset_rad: float = 0.0  # its direction in the world, as `along_rad` of the rows
+    # share of alignments that end at their first look, and what those leave
+    early: tuple[float, Residual] | None = None
+
+    @property
+    def left_um(self) -> float:
+        """Return what the servo leaves, root mean square per axis."""
+        shares = [(1.0, self.residual)]
+        if self.early is not None:
+            share, residual = self.early
+            shares = [(1 - share, self.residual), (share, residual)]
+        square = 0.0
+        for share, residual in shares:
+            radii, weights = residual.radii()
+            square += share * float(weights @ radii**2) / 2
+        return math.sqrt(square)
+
+    @property
+    def rest(self) -> Spread:
+        """Return the law of what the servo cannot see, offset included."""
+        off, way = self.offset_um, self.offset_rad
+        middle_um = (off * math.cos(way), off * math.sin(way))
+        law = Spread(middle_um=middle_um, xx_um2=0.0, yy_um2=0.0)
+        for row in self.blind:
+            law = law.plus(Spread.along(row.sigma_um or 0.0, row.along_rad))
+        return law
+
+    @property
+    def miss(self) -> float:
+        """Return the chance that the part does not go in; tails keep their digits.
+
+        What acts along one direction only widens the rest there: the wide axis is
+        averaged over, the narrow one is common to all directions.
+        """
+        if self.early is not None:
+            share, residual = self.early
+            later = replace(self, early=None)
+            early = replace(later, residual=residual)
+            return share * early.miss + (1 - share) * later.miss
+        rest, room = self.rest, self.fit.room
+        narrow, wide, angle = rest.principal
+        if not self._leans:
+            return miss_probability(self.fit, self.residual, wide, abs(self.offset_um))
+        if math.isinf(self.residual.within_um) or self.residual.sigma_um <= 0:
+            left = Spread.along(self.residual.sigma_um, None)
+            return beyond_radii(
+                room.radius_um, room.flat_um, room.reach_um, rest.plus(left)
+            )
+        extra = math.sqrt((wide - narrow) * (wide + narrow))
+        return self._averaged(narrow, extra, angle - self.offset_rad)
+
+    @property
+    def sizes_um(self) -> dict[str, float]:
+        """Return the sizes of what the servo cannot see, by term."""
+        return {row.term: row.sigma_um or 0.0 for row in self.blind}
+
+    def missed_with(self, offset_um: float) -> float:
+        """Return the chance of a miss with one more offset, in the worst direction.
+
+        To an offset that is there already it adds up. Without one the rest is widest
+        along one direction and narrowest across it: the worse of both.
+        """
+        if offset_um == 0 or self.offset_um != 0:
+            return replace(self, offset_um=abs(self.offset_um) + offset_um).miss
+        _, _, angle = self.rest.principal
+        turns = {angle, angle + math.pi / 2} if self._leans else {0.0}
+        return max(
+            replace(self, offset_um=offset_um, offset_rad=turn).miss for turn in turns
+        )
+
+    @property
+    def _leans(self) -> bool:
+        """Return whether the rest depends on the direction."""
+        narrow, wide, _ = self.rest.principal
+        return wide - narrow > ROUND * wide
+
+    def _averaged(self, narrow_um: float, extra_um: float, angle_rad: float) -> float:
+        """Return the mean chance over a shift along the wide axis.
+
+        `angle_rad` is that axis' own, from the offset's direction on.
+        """
+        if narrow_um < SMOOTH * extra_um:
+            shifts, weights = self._pieces(extra_um, angle_rad)
+            return min(1.0, self._mean(shifts, weights, narrow_um, angle_rad))
+        before, count = math.inf, LEAST_NODES
+        while True:
+            nodes, weights = np.polynomial.hermite_e.hermegauss(count)
+            weights = weights / weights.sum()
+            found = self._mean(extra_um * nodes, weights, narrow_um, angle_rad)
+            if abs(found - before) <= CLOSE * found or 2 * count > MOST_NODES:
+                return min(1.0, found)
+            before, count = found, 2 * count
+
+    def _mean(
+        self,
+        shifts_um: FloatArray,
+        weights: FloatArray,
+        narrow_um: float,
+        angle_rad: float,
+    ) -> float:
+        """Return the weighted chance over shifts, (N,) each."""
+        x = self.offset_um + shifts_um * math.cos(angle_rad)
+        off_um = np.hypot(x, shifts_um * math.sin(angle_rad))
+        chances: dict[float, float] = {}  # most come twice, on either side
+        for off in off_um.tolist():
+            if off not in chances:
+                chances[off] = miss_probability(self.fit, self.residual, narrow_um, off)
+        return float(weights @ np.array([chances[off] for off in off_um.tolist()]))
+
+    def _pieces(
+        self, extra_um: float, angle_rad: float
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return shifts and weights between the places where the chance bends.
+
+        It does where the disc that the servo leaves begins or ends to touch a circle.
+        """
+        room, within = self.fit.room, self.residual.within_um
+        sizes = room.radius_um + np.array([-1.0, 0.0, 1.0]) * room.reach_um
+        touch = np.abs(np.concatenate([sizes - within, sizes, sizes + within]))
+        middle = -self.offset_um * math.cos(angle_rad)
+        side = np.sqrt(
+            np.maximum(touch**2 - (self.offset_um * math.sin(angle_rad)) ** 2, 0.0)
+        )
+        body = np.arange(-BODY_SIGMAS, BODY_SIGMAS + 1, STEP_SIGMAS) * extra_um
+        reach = BODY_SIGMAS * extra_um
+        bends = np.concatenate([body, middle - side, middle + side])
+        shifts, weights = nodes_between(cuts_between(-reach, bends, reach), PIECE_NODES)
+        law = weights * np.exp(-((shifts / extra_um) ** 2) / 2)
+        return shifts, law / law.sum()
+
+    def scaled(self, term: str, factor: float) -> Insertion:
+        """Return the same insertion with one term larger or smaller.
+
+        `term` is that of a row in `blind`, or SERVO, OFFSET, SIZE, or ALL of them. A
+        finer stage is also asked to stop closer, in its own sigmas.
+        """
+        if term == ALL:
+            keys = (SERVO, OFFSET, SIZE, *dict.fromkeys(row.term for row in self.blind))
+            found = self
+            for key in keys:
+                found = found.scaled(key, factor)
+            return found
+        if term == SERVO:
+            early = self.early
+            if early is not None:
+                early = (early[0], _scaled(early[1], factor))
+            return replace(self, residual=_scaled(self.residual, factor), early=early)
+        if term == OFFSET:
+            return replace(self, offset_um=self.offset_um * factor)
+        if term == SIZE:
+            return replace(self, fit=_resized(self.fit, factor))
+        known = {row.term: row.sigma_um for row in self.blind}[term]
+        return self if known is None else self.resized(term, factor * known)
+
+    def resized(self, term: str, sigma_um: float) -> Insertion:
+        """Return the same insertion with another size of a term of `blind`."""
+        rows = tuple(
+            replace(row, sigma_um=sigma_um) if row.term == term else row
+            for row in self.blind
+        )
+        return replace(self, blind=rows)
+
+    def widened(self, wider_um: float) -> Insertion:
+        """Return the same insertion with more clearance on the diameter."""
+        fit = replace(self.fit, hole_um=self.fit.hole_um + wider_um / 2)
+        return replace(self, fit=fit)
+
+
+def _scaled(residual: Residual, factor: float) -> Residual:
+    """Return what a finer or coarser servo leaves."""
+    return Residual(
+        sigma_um=residual.sigma_um * factor,
+        within_um=_times(residual.within_um, factor),
+    )
+
+
+def _times(within_um: float, factor: float) -> float:
+    """Return a cut-off scaled; none stays none."""
+    return within_um if math.isinf(within_um) else within_um * factor
+
+
+def _resized(fit: Fit, factor: float) -> Fit:
+    """Return a fit with other tolerances."""
+    return replace(
+        fit,
+        hole_tolerance_um=fit.hole_tolerance_um * factor,
+        shaft_tolerance_um=fit.shaft_tolerance_um * factor,
+    )

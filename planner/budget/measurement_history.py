@@ -1,0 +1,69 @@
+"""What earlier steps leave for later ones."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+from planner.assembly.assembly import owner_of
+from planner.assembly.step_states import StepState
+from planner.budget.budget import Sighted
+from planner.looks.look_record import CompiledLook
+from planner.views.view_times import Setting
+from schemas.plan.verdicts import MethodChoice, MethodName
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Memory:
+    """What earlier steps leave for later ones."""
+
+    magnification: float  # the microscope is at
+    seen: Mapping[str, Sighted]  # owner -> what its last look promised
+    looks: Mapping[str, CompiledLook] = field(default_factory=dict)  # the looks
+    within_um: float  # of the last alignment
+    key: str  # journal key of the step before
+    choice: MethodChoice | None = None  # of the last alignment
+    setting: Setting | None = None  # of the microscope; None: nothing was looked at
+    before: Sighted | None = None  # the look that its first approach went by
+    # owner -> the last look that told its angle
+    angles: Mapping[str, Sighted] = field(default_factory=dict)
+
+
+def remember(
+    memory: Memory, step: str, look: CompiledLook, moved_um: float = 0.0
+) -> Memory:
+    """Return the memory after a look of a step.
+
+    `moved_um` is what moves since its frame add to the place of its target, one sigma.
+    """
+    view, measure = look.look.view, look.look.measure
+    seen = Sighted(
+        name=look.look.target,
+        step=step,
+        sigma_um=math.hypot(look.look.sigma_xy_um, moved_um),
+        steady_um=math.hypot(look.steady_um, moved_um),
+        sigma_theta_rad=look.look.sigma_theta_rad,
+        magnification=view.magnification,
+        focus_um=view.focus_um,
+        distortion_sigma_um=look.distortion_sigma_um,
+        coherence_um=look.coherence_um,
+        place_um=(measure.reference.pose.x_um, measure.reference.pose.y_um),
+    )
+    owner = owner_of(look.look.target)
+    told = {} if seen.sigma_theta_rad is None else {owner: seen}
+    return replace(
+        memory,
+        magnification=view.magnification,
+        setting=Setting(look=look.look.id, view=view),
+        seen={**memory.seen, owner: seen},
+        looks={**memory.looks, owner: look},
+        angles={**memory.angles, **told},
+    )
+
+
+def method_taken(align: StepState, memory: Memory) -> MethodName:
+    """Return how an alignment is run: as was chosen, else as the task says."""
+    if memory.choice is not None:
+        return memory.choice.method
+    return "look_then_move" if align.step.method == "look_then_move" else "servo"

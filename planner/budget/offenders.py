@@ -1,0 +1,227 @@
+"""What an insertion's chance hangs on: offenders, cheapest changes, yield curves."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy import optimize
+
+from optics.outline.tolerant_order import ordered
+from planner.budget.insertion import ALL, OFFSET, SERVO, SIZE, Insertion
+from schemas.plan.verdicts import Change, Offender, YieldCurve, YieldPoint
+
+# Slopes are central differences over this share of a term: chances are right to 1e-12,
+# so that both the curvature (1e-6) and their rounding (1e-9) are out of sight.
+STEP = 1e-3
+# Terms are searched up to this many capture radii, where no insertion succeeds by
+# design, and to this share of what is found.
+MOST_RADII = 10.0
+SHARP = 1e-3
+# Halvings beyond this are no change that anybody makes.
+MOST_HALVINGS = 10.0
+YIELD_POINTS = 9
+# Odds longer than this are certain.
+LEAST_CHANCE = 1e-300
+# Curves run from these shares of the drawn value to those.
+SHAFT_SHARES = (0.0, 1.5)  # of the clearance, taken off the hole's diameter
+TOLERANCE_SHARES = (0.0, 3.0)  # of the tolerance stated
+
+Sizes = Sequence[tuple[str, str, float]]  # name in the budget, key of `scaled`, um
+
+
+def offenders(job: Insertion, sizes: Sizes, goal: float) -> tuple[Offender, ...]:
+    """Return every term that is not zero, by what halving it would gain.
+
+    Parameters
+    ----------
+    job : Insertion
+        As it is.
+    sizes : sequence of (name, key, size)
+        The terms, each with the key that `Insertion.scaled` knows and its size, um.
+    goal : float
+        Chance that the step must reach.
+
+    Returns
+    -------
+    tuple of Offender
+        Of equal gain, by name.
+    """
+    found = [
+        Offender(
+            term=name,
+            size_um=size,
+            slope_per_um=_slope(job, key, size),
+            halved_probability=1 - job.scaled(key, 0.5).miss,
+            largest_um=largest_um(job, key, size, goal),
+        )
+        for name, key, size in sizes
+        if size > 0
+    ]
+    found.sort(key=lambda offender: offender.term)
+    return tuple(ordered(found, lambda o: -o.halved_probability))
+
+
+def changes(
+    job: Insertion,
+    found: Sequence[Offender],
+    goal: float,
+    methods: Sequence[tuple[str, float]] = (),
+    *,
+    widen: str = "widen the hole by {wider:.3g} um",
+) -> tuple[Change, ...]:
+    """Return what would give the goal, the cheapest first; () if it is met.
+
+    A change costs as many halvings of a term, or doublings of the clearance, as it
+    takes; another method costs none. `methods` are others with their chances; `widen`
+    says what a larger radius means, by `half` and by `wider` on the diameter.
+    """
+    if 1 - job.miss >= goal:
+        return ()
+    fits = [
+        Change(what=f"use {name}", halvings=0.0, success_probability=chance)
+        for name, chance in methods
+        if chance >= goal
+    ]
+    for term in found:
+        if term.largest_um is None or term.largest_um <= 0:
+            continue
+        halvings = _halvings(term.size_um / term.largest_um)
+        if 0 < halvings <= MOST_HALVINGS:
+            what = (
+                f"bring {term.term!r} from {term.size_um:.3g} to "
+                f"{term.largest_um:.3g} um"
+            )
+            fits.append(Change(what=what, halvings=halvings, success_probability=goal))
+    fits += _wider(job, goal, widen) + _all_finer(job, goal)
+    # of what costs the same the fewest things come first
+    return tuple(ordered(fits, lambda change: change.halvings, scale=1.0))
+
+
+def yield_over_shaft(job: Insertion) -> YieldCurve:
+    """Return the chance over the shaft's diameter, the hole as it is."""
+    hole = 2 * job.fit.hole_um
+    clearance = hole - 2 * job.fit.shaft_um
+    points = []
+    for share in np.linspace(*SHAFT_SHARES, YIELD_POINTS):
+        shaft = hole - clearance * float(share)
+        fit = replace(job.fit, shaft_um=shaft / 2)
+        points.append(_point(shaft, replace(job, fit=fit)))
+    return YieldCurve(over="diameter of the shaft", points=tuple(points[::-1]))
+
+
+def yield_over_tolerance(job: Insertion) -> YieldCurve:
+    """Return the chance over the larger profile tolerance, both growing alike."""
+    largest = max(job.fit.hole_tolerance_um, job.fit.shaft_tolerance_um)
+    shares = np.linspace(*TOLERANCE_SHARES, YIELD_POINTS)
+    points = [
+        _point(largest * float(share), job.scaled(SIZE, float(share)))
+        for share in (shares if largest > 0 else shares[:1])
+    ]
+    return YieldCurve(over="profile tolerance", points=tuple(points))
+
+
+def sizes_of(job: Insertion, servo: str, offset: str, size: str) -> Sizes:
+    """Return all terms of an insertion under their names in the budget."""
+    tolerance = math.hypot(job.fit.hole_tolerance_um, job.fit.shaft_tolerance_um)
+    return [
+        (servo, SERVO, job.left_um),
+        *((row.term, row.term, row.sigma_um or 0.0) for row in job.blind),
+        (offset, OFFSET, abs(job.offset_um)),
+        (size, SIZE, tolerance / math.sqrt(3)),
+    ]
+
+
+def _point(value_um: float, job: Insertion) -> YieldPoint:
+    return YieldPoint(value_um=value_um, success_probability=1 - job.miss)
+
+
+def _slope(job: Insertion, key: str, size_um: float) -> float:
+    """Return dP/dsize, per um."""
+    more, less = (job.scaled(key, 1 + side * STEP).miss for side in (1, -1))
+    return (less - more) / (2 * STEP * size_um)
+
+
+def largest_um(job: Insertion, key: str, size_um: float, goal: float) -> float | None:
+    """Return the largest size of a term that gives the goal, None if 0 does not."""
+
+    def spare(size: float) -> float:
+        return _spare(job.scaled(key, size / size_um), goal)
+
+    if spare(0.0) < 0:
+        return None
+    most = MOST_RADII * max(job.fit.capture_um, size_um)
+    return most if spare(most) >= 0 else edge(spare, 0.0, most)
+
+
+def _wider(job: Insertion, goal: float, widen: str) -> list[Change]:
+    """Return the least widening of the hole that gives the goal, if any does."""
+    clearance = 2 * job.fit.capture_um
+
+    def short(wider: float) -> float:
+        return -_spare(job.widened(wider), goal)
+
+    most = MOST_RADII * (abs(clearance) + 2 * max(job.rest.principal[1], SHARP))
+    if short(most) > 0:
+        return []
+    wider = edge(short, 0.0, most)
+    wider += SHARP * wider  # the edge is found from below
+    base = max(clearance, SHARP * wider)
+    return [
+        Change(
+            what=widen.format(wider=wider, half=wider / 2),
+            halvings=_halvings((base + wider) / base),
+            success_probability=1 - job.widened(wider).miss,
+        )
+    ]
+
+
+def _all_finer(job: Insertion, goal: float) -> list[Change]:
+    """Return by how much all terms together must shrink, if that gives the goal."""
+
+    def spare(factor: float) -> float:
+        return _spare(job.scaled(ALL, factor), goal)
+
+    if spare(0.0) < 0:
+        return []
+    factor = edge(spare, 0.0, 1.0)
+    if factor <= 0:
+        return []
+    return [
+        Change(
+            what=f"bring every error and tolerance to {100 * factor:.3g} % of itself",
+            halvings=_halvings(1 / factor),
+            success_probability=1 - job.scaled(ALL, factor).miss,
+        )
+    ]
+
+
+def _halvings(ratio: float) -> float:
+    """Return how many halvings a ratio is; sizes are found to SHARP only."""
+    return round(math.log2(ratio), 2)
+
+
+def _spare(job: Insertion, goal: float) -> float:
+    """Return by how much the log odds of success are above those of the goal."""
+    miss = job.miss
+    return _log_odds(1 - miss, miss) - _log_odds(goal, 1 - goal)
+
+
+def _log_odds(hit: float, miss: float) -> float:
+    return math.log(max(hit, LEAST_CHANCE)) - math.log(max(miss, LEAST_CHANCE))
+
+
+def edge(spare: Callable[[float], float], low: float, high: float) -> float:
+    """Return about where `spare` turns negative, from below, to a share of SHARP.
+
+    It is not negative at `low`, and negative at `high` or beyond.
+    """
+    if spare(high) >= 0:
+        return high
+    nothing = low + SHARP**3 * (high - low)  # an edge closer to `low` is there
+    found = float(optimize.brentq(spare, low, high, xtol=nothing, rtol=SHARP / 4))
+    while found > nothing and spare(found) < 0:
+        found *= 1 - SHARP / 2
+    return found if found > nothing else low

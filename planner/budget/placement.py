@@ -1,0 +1,175 @@
+"""What a release puts down where no shaft holds it, and what moved on the way."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import shapely
+
+from planner.assembly.assembly import (
+    Carrier,
+    axes_of,
+    inner_center,
+    owner_of,
+    part_pose,
+)
+from planner.assembly.moves import apply_reading
+from planner.assembly.shapes import hull
+from planner.assembly.step_states import StepState
+from planner.budget.budget import Sighted
+from planner.budget.measurement_history import Memory
+from planner.task.task import Move, Part, Step, Task
+from planner.views.targets import middle_um
+from planner.views.view_times import move_times
+
+Point = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Putting:
+    """A release, the step that checks it, and what brought the part there."""
+
+    task: Task
+    states: tuple[StepState, ...]
+    release: StepState
+    verify: Step
+    align: StepState | None  # None: nothing did, or it was undone
+    since_align: tuple[StepState, ...]  # up to the release
+    since_seen: tuple[StepState, ...]  # the last look at the part, up to the release
+    memory: Memory
+    held: tuple[StepState, ...] = ()  # from the grasp up to the release
+    turned: StepState | None = None  # the last alignment that corrected the angle
+    since_turned: tuple[StepState, ...] = ()  # up to the release
+
+    @property
+    def part(self) -> str:
+        """Return the part that is put down."""
+        return owner_of(self.release.step.target or "")
+
+    @property
+    def seat(self) -> str:
+        """Return the part that it is put beside."""
+        return owner_of(self.verify.on or "")
+
+    @property
+    def seen(self) -> tuple[Sighted | None, Sighted | None]:
+        """Return the last looks at part and seat."""
+        return (self.memory.seen.get(self.part), self.memory.seen.get(self.seat))
+
+    @property
+    def told(self) -> tuple[Sighted | None, Sighted | None]:
+        """Return the last looks that told the angles of part and seat as they are."""
+        return (self._told(self.part), self._told(self.seat))
+
+    def _told(self, name: str) -> Sighted | None:
+        """Return the last look since the grasp that told the angle of a part."""
+        last = self.memory.seen.get(name)
+        if last is None or last.sigma_theta_rad is None:
+            last = self.memory.angles.get(name)
+        held = {here.step.id for here in self.held}
+        return last if last is not None and last.step in held else None
+
+
+def putting_of(
+    task: Task, states: tuple[StepState, ...], here: StepState, memory: Memory
+) -> Putting | None:
+    """Return what is put down by a release, None if no later step states where."""
+    index, part = states.index(here), owner_of(here.step.target or "")
+    verify = _verify_after(task, here.step)
+    if verify is None or verify.on is None:
+        return None
+    taken = max((k for k in range(index) if _is(states[k], "grasp", part)), default=0)
+    held = states[taken:index]
+    if any(_is(state, "insert", part) for state in held):
+        return None
+    pair = {part, owner_of(verify.on)}
+    aligned = [
+        k
+        for k, state in enumerate(held)
+        if state.step.verb == "align" and pair == _owners(state.step)
+    ]
+    turning = [k for k in aligned if held[k].step.tolerance_theta_rad is not None]
+    looked = [
+        k
+        for k, state in enumerate(held)
+        if state.step.verb in ("locate", "align")
+        and owner_of(state.step.target or "") == part
+    ]
+    path = (*held, here)
+    return Putting(
+        task=task,
+        states=states,
+        release=here,
+        verify=verify,
+        align=held[aligned[-1]] if aligned else None,
+        since_align=path[aligned[-1] + 1 :] if aligned else (),
+        since_seen=path[looked[-1] + 1 :] if looked else path[1:],
+        memory=memory,
+        held=tuple(held),
+        turned=held[turning[-1]] if turning else None,
+        since_turned=path[turning[-1] + 1 :] if turning else (),
+    )
+
+
+def _verify_after(task: Task, release: Step) -> Step | None:
+    """Return the step that checks where the part lies, before it is taken again."""
+    part = owner_of(release.target or "")
+    for step in task.steps[task.steps.index(release) + 1 :]:
+        if owner_of(step.target or "") == part:
+            if step.verb == "verify":
+                return step
+            if step.verb == "grasp":
+                return None
+    return None
+
+
+def _is(state: StepState, verb: str, part: str) -> bool:
+    return state.step.verb == verb and owner_of(state.step.target or "") == part
+
+
+def _owners(align: Step) -> set[str]:
+    return {owner_of(name or "") for name in (align.target, align.to)}
+
+
+def moves_s(task: Task, steps: Sequence[StepState]) -> float:
+    """Return how long the moves of steps take, settling included."""
+    total = 0.0
+    for here in steps:
+        state = here.before
+        for move in here.moves:
+            after = apply_reading(task, state, move.axes, move.to)
+            a, b = (
+                s.stage if move.axes == "stage" else s.robot for s in (state, after)
+            )
+            times = move_times(axes_of(task, move.axes), move.axes, a, b)
+            total += sum(row.time_s for row in times)
+            state = after
+    return total
+
+
+def moves_of(steps: Sequence[StepState], carrier: Carrier) -> list[Move]:
+    return [move for here in steps for move in here.moves if move.axes == carrier]
+
+
+def way_um(put: Putting, name: str, start: str, end: str) -> Point:
+    """Return the way between two points of a part, in the world's axes."""
+    part, pose = put.task.parts[name], part_pose(put.task, put.release.before, name)
+    (x0, y0), (x1, y1) = (pose.apply(*_point_um(part, n)) for n in (start, end))
+    return (x1 - x0, y1 - y0)
+
+
+def _point_um(part: Part, name: str) -> Point:
+    """Return a named point in its part's frame."""
+    inner = name.partition(".")[2]
+    if inner == "outline" and inner not in part.features:
+        return middle_um(part)
+    return inner_center(part, inner)
+
+
+def far_um(part: Part, target: str) -> float:
+    """Return the distance from a point of the part to its farthest corner."""
+    x, y = _point_um(part, target)
+    corners = shapely.get_coordinates(hull(part.outline))
+    return max(math.hypot(cx - x, cy - y) for cx, cy in corners)

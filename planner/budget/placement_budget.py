@@ -1,0 +1,229 @@
+"""The budget of putting a part down: what looks, moves and angles leave."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+from planner.assembly.assembly import (
+    Carrier,
+    axes_of,
+    owner_of,
+)
+from planner.assembly.step_states import StepState
+from planner.assembly.swept_volume import ROUNDING_UM
+from planner.budget.alignment_residual import gain_of, left_by, moved_by, unaligned
+from planner.budget.allowable_errors import allowed
+from planner.budget.budget import Sighted, blind_rows
+from planner.budget.drift_since_look import since_rows
+from planner.budget.insert_budget import Left, share_of_goal
+from planner.budget.insertion import Insertion
+from planner.budget.insertion_problem import apart
+from planner.budget.measurement_history import Memory, method_taken
+from planner.budget.placement import (
+    Putting,
+    far_um,
+    moves_of,
+    moves_s,
+    putting_of,
+    way_um,
+)
+from planner.budget.placing import Placement, chance_beside, placing_budget, within
+from planner.budget.probability.angle_budget import Turning
+from planner.looks.look_problem import Effects
+from planner.task.task import Task
+from schemas.plan import Budget, BudgetRow
+from schemas.plan.verdicts import PlacingVerdict, TurnRow
+
+Point = tuple[float, float]
+LEVER = "angle of {} over the way to what is placed"
+TURNED = "turn that the alignment leaves"
+
+
+def place_budget(
+    task: Task,
+    states: tuple[StepState, ...],
+    here: StepState,
+    memory: Memory,
+    effects: Effects,
+) -> tuple[Budget, PlacingVerdict] | None:
+    """Return what a release leaves of a placement, None if nobody states a tolerance.
+
+    A part on a shaft is the insertion's.
+    """
+    put = putting_of(task, states, here, memory)
+    if put is None:
+        return None
+    placed, left, goal = _placement(put), left_of(put), share_of_goal(task)
+    turning, job = turning_of(put), job_of(put, left)
+    budget, verdict = effects.memo.call(
+        placing_budget, placed, job, left, turning, goal=goal
+    )
+    others = chance_beside(placed, turning)
+    looks = [
+        (memory.seen[name].term, memory.looks[name])
+        for name in (put.part, put.seat)
+        if name in memory.looks and put.align is not None
+    ]
+    needed = goal / others if others > 0 else 1.0
+    borne = allowed(task, job, needed, looks, effects)
+    if budget.analysis is None:
+        raise ValueError("the budget of a placement has an analysis")
+    analysis = replace(budget.analysis, allowed=borne)
+    return replace(budget, analysis=analysis), verdict
+
+
+def left_of(put: Putting) -> Left:
+    """Return what the alignment leaves sideways."""
+    if put.align is None:
+        parts = (put.part, put.seat)
+        since = "of them since the part was taken"
+        return unaligned(put.release.before, parts, since)
+    return left_by(
+        put.task,
+        put.align,
+        method_taken(put.align, put.memory),
+        put.memory.within_um,
+        put.memory.before,
+        turning_of(put).left_inside if put.turned is put.align else 1.0,
+    )
+
+
+def job_of(put: Putting, left: Left) -> Insertion:
+    """Return the errors of the place, against the tolerance that is stated."""
+    names = (put.verify.target or "", put.verify.on or "")
+    offset_um, offset_rad = apart(put.task, put.release.after, *names)
+    return Insertion(
+        fit=within(put.verify.within_um or 0.0),
+        residual=left.residual,
+        early=left.early,
+        blind=(*_blind(put), *_levers(put)),
+        offset_um=offset_um,
+        offset_rad=offset_rad,
+    )
+
+
+def _placement(put: Putting) -> Placement:
+    """Return what is put where, and what is asked of it."""
+    target, tool = put.verify.target or "", put.release.before.tool
+    tools = put.task.workcell.tools
+    return Placement(
+        target=target,
+        on=put.verify.on or "",
+        verified_by=put.verify.id,
+        within_um=put.verify.within_um or 0.0,
+        within_rad=put.verify.within_rad,
+        far_um=far_um(put.task.parts[put.part], target),
+        stick_probability=0.0 if tool is None else tools[tool].stick_probability,
+    )
+
+
+def turning_of(put: Putting) -> Turning:
+    """Return the error of the part's angle against its seat's."""
+    task, turned, state = put.task, put.turned, put.release.before
+    spread = [state.parts[name].sigma_theta_rad for name in (put.part, put.seat)]
+    since = list(_since_turns(put))
+    if turned is None:
+        left = math.hypot(*spread, task.workcell.stage.axes.repeatability_theta_rad)
+        return Turning(left_rad=left, cut_rad=math.inf, rows=tuple(since))
+    repeats = axes_of(task, moved_by(task, turned)).repeatability_theta_rad
+    rows = [
+        TurnRow(
+            term=f"angle of {name if seen is None else seen.name}",
+            sigma_rad=_angle_rad(seen, wide),
+            source="trials"
+            if seen is not None
+            else "not measured: its spread in the task",
+        )
+        for name, seen, wide in zip((put.part, put.seat), put.told, spread, strict=True)
+    ]
+    # what is remembered of an alignment is of the last one
+    last, choice = turned is put.align, put.memory.choice
+    method = choice.method if last and choice is not None else turned.step.method
+    if method == "look_then_move":
+        left, cut = math.sqrt(2) * repeats, math.inf
+    else:
+        known = spread[owner_of(turned.step.target or "") == put.seat]
+        before = put.memory.before if last else None
+        first = math.hypot(_angle_rad(before, known), math.sqrt(2) * repeats)
+        left = max(repeats * math.sqrt(2 / (2 - gain_of(task))), first)
+        cut = turned.step.tolerance_theta_rad or math.inf
+    return Turning(left_rad=left, cut_rad=cut, rows=(*rows, *since))
+
+
+def _angle_rad(seen: Sighted | None, spread_rad: float) -> float:
+    """Return how well an angle is known: by the look, else as the task has it."""
+    if seen is None or seen.sigma_theta_rad is None:
+        return spread_rad
+    return seen.sigma_theta_rad
+
+
+def _blind(put: Putting) -> Iterator[BudgetRow]:
+    """Yield the terms of the place that the alignment cannot see."""
+    task, release = put.task, put.release.before
+    start = release if put.align is None else put.align.after
+    first = put.since_seen[0].before if put.since_seen else release
+    travel: dict[Carrier, float] = {
+        "stage": abs(release.stage.z_um - start.stage.z_um),
+        "robot": abs(release.robot.z_um - first.robot.z_um),
+    }
+    seen = put.seen if put.align is not None else (None, None)
+    takes_s = moves_s(task, put.since_align)
+    yield from blind_rows(task.workcell, travel, *seen, takes_s, doing="placing")
+    names = (put.verify.target or "", put.verify.on or "")
+    yield from since_rows(task, put.states, put.release, seen, names)
+
+
+def _since_turns(put: Putting) -> Iterator[TurnRow]:
+    """Yield what turns of the axes add after the looks."""
+    for carrier, steps in _since(put):
+        moves = moves_of(steps, carrier)
+        if any(move.to.theta_rad is not None for move in moves):
+            repeats = axes_of(put.task, carrier).repeatability_theta_rad
+            yield TurnRow(
+                term=f"{carrier} turns since it was measured",
+                sigma_rad=math.sqrt(2) * repeats,
+                source="workcell repeatability_theta_arcsec, of two places",
+            )
+
+
+def _since(put: Putting) -> tuple[tuple[Carrier, Sequence[StepState]], ...]:
+    """Return the steps in which each carrier must not turn."""
+    stage = put.since_align if put.turned is None else put.since_turned
+    return (("stage", stage), ("robot", put.since_seen))
+
+
+def _levers(put: Putting) -> Iterator[BudgetRow]:
+    """Yield what errors of angles move what is placed."""
+    if put.align is None:
+        return
+    state = put.release.before
+    points = (put.verify.target, put.verify.on)
+    for name, seen, told, point in zip(
+        (put.part, put.seat), put.seen, put.told, points, strict=True
+    ):
+        if seen is None:
+            continue
+        sigma = _angle_rad(told, state.parts[name].sigma_theta_rad)
+        way = way_um(put, name, seen.name, point or "")
+        yield from _lever(LEVER.format(seen.name), sigma, way)
+    aligned = next(
+        n
+        for n in (put.align.step.target, put.align.step.to)
+        if owner_of(n or "") == put.part
+    )
+    way = way_um(put, put.part, aligned or "", put.verify.target or "")
+    yield from _lever(TURNED, replace(turning_of(put), rows=()).sigma_rad, way)
+
+
+def _lever(term: str, sigma_rad: float, way: Point) -> Iterator[BudgetRow]:
+    """Yield what an angle moves at the end of a way, across it; nothing if short."""
+    arm_um = math.hypot(*way)
+    if arm_um > ROUNDING_UM:
+        yield BudgetRow(
+            term=term,
+            sigma_um=min(sigma_rad, 1.0) * arm_um,
+            source=f"{min(sigma_rad, 1.0) * 1e3:.3g} mrad x {arm_um:.4g} um",
+            along_rad=math.atan2(way[1], way[0]) + math.pi / 2,
+        )

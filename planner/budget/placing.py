@@ -1,0 +1,186 @@
+"""The budget of putting a part down where nothing but friction holds it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from planner.budget.insert_budget import OFFSET_TERM, Left, advice_of
+from planner.budget.insertion import SIZE, Insertion
+from planner.budget.offenders import YIELD_POINTS, changes, offenders, sizes_of
+from planner.budget.probability.angle_budget import Turning
+from planner.budget.probability.fit_probability import Fit
+from schemas.page.figures import chance
+from schemas.plan import Budget, BudgetRow
+from schemas.plan.verdicts import BudgetAnalysis, PlacingVerdict, YieldCurve, YieldPoint
+
+NOT_MODELLED = (
+    ("sideways shift as the jaws open", "not modelled: no force has a known size"),
+    ("fall onto what it lands on", "not modelled: the step lets go above it"),
+)
+YIELD_SHARES = (0.25, 2.0)  # of the tolerance stated
+WIDEN = "allow {half:.3g} um more"
+QUANTILES = (0.5, 0.95)
+SHARP = 1e-3  # of a quantile
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Placement:
+    """What a release puts where, and what a later step asks of it."""
+
+    target: str
+    on: str
+    verified_by: str
+    within_um: float
+    within_rad: float | None
+    far_um: float  # of the part's farthest point from the target
+    stick_probability: float
+
+
+def within(radius_um: float) -> Fit:
+    """Return a tolerance as a hole over a shaft of no width."""
+    return Fit(
+        hole_um=radius_um, shaft_um=0.0, hole_tolerance_um=0.0, shaft_tolerance_um=0.0
+    )
+
+
+def chance_beside(placed: Placement, turning: Turning) -> float:
+    """Return the chance that the angle is within its limit and nothing sticks."""
+    limit = placed.within_rad
+    turned = 0.0 if limit is None else turning.beyond(limit)
+    return (1 - turned) * (1 - placed.stick_probability)
+
+
+def placing_budget(
+    placed: Placement,
+    job: Insertion,
+    left: Left,
+    turning: Turning,
+    *,
+    goal: float = 0.0,
+) -> tuple[Budget, PlacingVerdict]:
+    """Return the budget of a release, and the verdict with its numbers.
+
+    Parameters
+    ----------
+    placed : Placement
+        What is put where.
+    job : Insertion
+        The place's errors, in a fit that `within` makes of the tolerance.
+    left : Left
+        What the alignment leaves sideways, with its name.
+    turning : Turning
+        The angle's error.
+    goal : float
+        The step's share of the task's.
+
+    Notes
+    -----
+    Place, angle and sticking count as independent. An error of the angle also moves the
+    place: what they share makes both go wrong together rather than one after the other,
+    so that the product errs on the safe side. What the looks' settings bear is left
+    open.
+    """
+    others, rest = chance_beside(placed, turning), job.rest
+    needed = min(goal / others, 1.0) if others > 0 else 1.0
+    sizes = [s for s in sizes_of(job, left.term, OFFSET_TERM, "") if s[1] != SIZE]
+    worst = offenders(job, sizes, needed)
+    analysis = BudgetAnalysis(
+        required_probability=goal,
+        offenders=worst,
+        changes=changes(job, worst, needed, widen=WIDEN),
+        allowed=(),
+        yields=(_yield_over(job),),
+        miss_probability=job.miss,
+        covariance_um2=(rest.xx_um2, rest.xy_um2, rest.yy_um2),
+    )
+    chance = (1 - job.miss) * others
+    budget = Budget(
+        rows=_rows(job, left, placed),
+        limit_um=placed.within_um,
+        success_probability=chance,
+        advice="" if chance >= goal else advice_of(analysis),
+        analysis=analysis,
+    )
+    return budget, _verdict(placed, job, turning)
+
+
+def _verdict(placed: Placement, job: Insertion, turning: Turning) -> PlacingVerdict:
+    """Return the numbers of a placement."""
+    half_um, most_um = (_quantile_um(job, share) for share in QUANTILES)
+    limit = placed.within_rad
+    return PlacingVerdict(
+        target=placed.target,
+        on=placed.on,
+        verified_by=placed.verified_by,
+        within_um=placed.within_um,
+        half_um=half_um,
+        most_um=most_um,
+        place_probability=1 - job.miss,
+        within_rad=placed.within_rad,
+        turn_rows=turning.rows,
+        turn_sigma_rad=turning.sigma_rad,
+        turn_probability=1.0 if limit is None else 1 - turning.beyond(limit),
+        far_um=placed.far_um,
+        far_sigma_um=placed.far_um * math.sin(min(turning.sigma_rad, math.pi / 2)),
+        stick_probability=placed.stick_probability,
+    )
+
+
+def placing_words(step: str, found: PlacingVerdict) -> str:
+    """Return a placement in words, every number with its unit."""
+    words = (
+        f"step {step!r}: {found.target} lies within {found.within_um:g} um of "
+        f"{found.on} with P {chance(found.place_probability)}; half of all within "
+        f"{found.half_um:.3g} um, 95 % within {found.most_um:.3g} um"
+    )
+    turn = math.degrees(found.turn_sigma_rad)
+    words += f"; turned by {turn:.2g} deg (one sigma), its farthest point, "
+    words += f"{found.far_um:.3g} um off, by {found.far_sigma_um:.2g} um"
+    if found.within_rad is not None:
+        limit = math.degrees(found.within_rad)
+        words += f", within {limit:g} deg with P {chance(found.turn_probability)}"
+    words += f"; it sticks to a finger with {found.stick_probability:g}"
+    return f"{words}; {found.verified_by!r} looks"
+
+
+def _rows(job: Insertion, left: Left, placed: Placement) -> tuple[BudgetRow, ...]:
+    """Return every term of the place, what is left out last."""
+    stick = (
+        f"counts in P: stick_probability {placed.stick_probability:g} of the workcell "
+        "(0 unless stated)"
+    )
+    left_out = (*NOT_MODELLED, ("adhesion to the fingers", stick))
+    return (
+        BudgetRow(term=left.term, sigma_um=job.left_um, source=left.source),
+        *job.blind,
+        BudgetRow(term=OFFSET_TERM, sigma_um=job.offset_um, source="the task's moves"),
+        *(BudgetRow(term=t, sigma_um=None, source=s) for t, s in left_out),
+    )
+
+
+def _yield_over(job: Insertion) -> YieldCurve:
+    """Return the chance over the tolerance."""
+    points = []
+    for share in np.linspace(*YIELD_SHARES, YIELD_POINTS):
+        radius = job.fit.hole_um * float(share)
+        miss = replace(job, fit=within(radius)).miss
+        points.append(YieldPoint(value_um=radius, success_probability=1 - miss))
+    return YieldCurve(over="within_um", points=tuple(points))
+
+
+def _quantile_um(job: Insertion, share: float) -> float:
+    """Return the radius within which `share` of the errors end."""
+
+    def inside(radius_um: float) -> float:
+        return 1 - replace(job, fit=within(radius_um)).miss
+
+    low, high = 0.0, job.fit.hole_um
+    while inside(high) < share:
+        low, high = high, 2 * high
+    while high - low > SHARP * high and high > SHARP**2 * job.fit.hole_um:
+        middle = (low + high) / 2
+        low, high = (middle, high) if inside(middle) < share else (low, middle)
+    return high

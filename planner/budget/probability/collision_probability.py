@@ -1,0 +1,66 @@
+"""The chance that a step's declared moves touch nothing, by the spread of every gap.
+
+MP303 refuses a gap of less than two sigma. What is left above that is small, and no
+sensor of the cell may tell of it, so that it belongs into the chance of success.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from planner.assembly.assembly import Carrier, State, owner_of
+from planner.assembly.moves import apply_reading
+from planner.assembly.step_states import StepState
+from planner.assembly.swept_volume import SURFACE, Hit, sweep_gaps
+from planner.task.task import Task
+from schemas.plan import Budget, BudgetRow
+
+NEGLIGIBLE = 1e-12  # a chance of touching that no row tells of
+
+
+def passed(task: Task, here: StepState, budget: Budget) -> Budget:
+    """Return a step's budget, with the chance that its moves touch nothing in it.
+
+    The narrowest gap is a row where the step has no other: rows of a grasp, an
+    insertion or a placement are spreads of a place.
+    """
+    gaps = narrow_gaps(task, here)
+    if not gaps:
+        return budget
+    chance = budget.success_probability * math.prod(1 - gap.chance for gap in gaps)
+    if budget.rows or budget.limit_um is not None:
+        return replace(budget, success_probability=chance)
+    worst = max(gaps, key=lambda gap: gap.chance)
+    row = BudgetRow(
+        term=f"gap between {worst.moving} and {worst.still}",
+        sigma_um=worst.sigma_um,
+        source=f"{worst.gap_um:.4g} um apart at the nominal place, on the moves' way",
+    )
+    return replace(
+        budget, rows=(row,), limit_um=worst.gap_um, success_probability=chance
+    )
+
+
+def narrow_gaps(task: Task, here: StepState) -> tuple[Hit, ...]:
+    """Return the gaps of a step's declared moves that may close, least of each pair.
+
+    An insertion's own moves touch what they shall, and are counted in its budget.
+    """
+    state, least = here.before, dict[tuple[str, str], Hit]()
+    for move in here.moves:
+        after = apply_reading(task, state, move.axes, move.to)
+        for gap in _gaps(task, state, after, move.axes):
+            # what the robot carries comes down upon the stage as one
+            one = owner_of(gap.moving) if gap.still == SURFACE else gap.moving
+            pair = (one, gap.still)
+            if pair not in least or gap.chance > least[pair].chance:
+                least[pair] = gap
+        state = after
+    return tuple(least[pair] for pair in sorted(least))
+
+
+def _gaps(task: Task, before: State, after: State, carrier: Carrier) -> tuple[Hit, ...]:
+    """Return the gaps of one move whose chance is worth telling."""
+    gaps = sweep_gaps(task, before, after, carrier=carrier)
+    return tuple(gap for gap in gaps if gap.chance > NEGLIGIBLE)

@@ -1,1 +1,0 @@
-"""Results of pure functions kept on disk, found by what went into them."""

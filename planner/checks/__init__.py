@@ -1,1 +1,0 @@
-"""Verdicts: will the parts fit, is the error budget met."""

@@ -1,0 +1,269 @@
+"""The arguments of every command; nothing is loaded that --help does not need."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from planner.cli.argument_values import asked, count, kinds, share
+from planner.diff.changes import KINDS
+from planner.diff.tolerances import parse_rule
+from planner.task.presets import PRESETS
+from planner.tradeoff.vary import AXES, parse_vary
+from schemas import NAMES
+from schemas.page.version_option import add_version
+
+Run = Callable[[argparse.Namespace], int]
+
+# the keys of `optics.transfer.models.MODELS`, which --help cannot load: it loads scipy
+LAWS = "geometric, product, stokseth, hopkins, exact"
+
+EPILOG = (
+    "Exit status: 0 done, 1 understood but the answer is no, 2 the input or the call "
+    "is at fault, 70 a bug in microplan."
+)
+
+
+def build_parser(runs: Mapping[str, Run]) -> argparse.ArgumentParser:
+    """Return the parser of all commands; `run` of what it returns does the job."""
+    parser = argparse.ArgumentParser(
+        prog="microplan",
+        description="Offline compiler for vision-guided microassembly.",
+        epilog=EPILOG,
+    )
+    add_version(parser)
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+    for name, (add, says) in _COMMANDS.items():
+        command = commands.add_parser(name, help=says)
+        add(command)
+        command.set_defaults(run=runs[name])
+    return parser
+
+
+def _add_task(parser: argparse.ArgumentParser) -> None:
+    """Add what all commands share that read a task."""
+    parser.add_argument("task", help="task.yaml")
+    _add_format(parser)
+
+
+def _add_tolerance(parser: argparse.ArgumentParser) -> None:
+    """Add by how much values of two plans may differ."""
+    parser.add_argument(
+        "--tolerance",
+        action="append",
+        default=[],
+        type=asked(parse_rule, "PATTERN=0.1, PATTERN=5% or PATTERN=ignore"),
+        metavar="PATTERN=VALUE",
+        help="0.1, 5%% or ignore, where a value's path ends as the pattern says: "
+        "control/gain=5%%",
+    )
+
+
+def _add_format(parser: argparse.ArgumentParser) -> None:
+    """Add how findings are written."""
+    parser.add_argument(
+        "--format",
+        choices=("text", "json", "github", "sarif"),
+        default="text",
+        help="of the findings; default: text",
+    )
+
+
+def _add_check(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `microplan check`."""
+    parser.add_argument("-o", "--out", type=Path, help="folder for a drawing a part")
+    _add_task(parser)
+
+
+def _add_compile(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `microplan compile`."""
+    parser.add_argument("-o", "--out", type=Path, help="default: <name>.plan beside it")
+    parser.add_argument(
+        "--jobs",
+        type=asked(count, "a whole number from 1 to 256"),
+        default=1,
+        help="worker processes",
+    )
+    parser.add_argument("--preset", choices=sorted(PRESETS), help="how much to spend")
+    parser.add_argument(
+        "--max-image-error",
+        type=asked(share, "a number above 0, at most 1"),
+        help="aimed at, of unit contrast: above 0, at most 1; default: the task's",
+    )
+    parser.add_argument("--no-cache", action="store_true", help="compute everything")
+    parser.add_argument(
+        "--cache",
+        type=Path,
+        metavar="FOLDER",
+        help="what is kept between compiles; default: $XDG_CACHE_HOME/microplan",
+    )
+    parser.add_argument(
+        "--golden", type=Path, metavar="PLAN", help="compare with this plan or folder"
+    )
+    parser.add_argument(
+        "--timings",
+        action="store_true",
+        help="say on standard error what took how long",
+    )
+    parser.add_argument("--update", action="store_true", help="renew the golden plan")
+    parser.add_argument(
+        "--watch",
+        action="store_true",
+        help="compile again whenever a file of the task changes, until Ctrl-C",
+    )
+    parser.add_argument(
+        "--report", action="store_true", help="write report.html in the plan folder too"
+    )
+    _add_tolerance(parser)
+    _add_task(parser)
+
+
+def _add_render(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `microplan render`."""
+    parser.add_argument("--step", required=True, help="id of the step")
+    parser.add_argument("--magnification", type=float, help="default: as compiled")
+    parser.add_argument("--focus-um", type=float, help="world height in focus")
+    parser.add_argument("--model", help=f"defocus law: {LAWS}; default: exact")
+    parser.add_argument(
+        "--max-image-error",
+        type=asked(share, "a number above 0, at most 1"),
+        help="law and sampling that keep it at this focus, sampling alone with --model;"
+        " with --trial as for compile",
+    )
+    parser.add_argument("--noise", action="store_true", help="add the sensor's noise")
+    parser.add_argument("--trial", type=int, help="rebuild this trial of the benchmark")
+    parser.add_argument("-o", "--out", type=Path, required=True, help=".png or .npy")
+    _add_task(parser)
+
+
+def _add_tradeoff(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `microplan tradeoff`."""
+    what = parser.add_mutually_exclusive_group()
+    what.add_argument("--step", help="id of the step; default: all that look")
+    what.add_argument(
+        "--vary",
+        type=asked(parse_vary, f"{', '.join(AXES)}, each once, as trials=24:64"),
+        metavar="AXIS,...",
+        help="compile the whole task by preset, trials, frames, zoom, each with its "
+        "usual values or those given: preset,trials=24:304",
+    )
+    parser.add_argument(
+        "--jobs",
+        type=asked(count, "a whole number from 1 to 256"),
+        default=1,
+        help="with --vary: processes",
+    )
+    parser.add_argument(
+        "--max-image-error",
+        type=asked(share, "a number above 0, at most 1"),
+        help="what may be chosen; default: the task's",
+    )
+    parser.add_argument(
+        "-o", "--out", type=Path, help="folder; default: <name>.tradeoff beside it"
+    )
+    _add_task(parser)
+
+
+def _add_diff(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `microplan diff`."""
+    parser.add_argument("old", type=Path, help="plan.json, or the folder it is in")
+    parser.add_argument("new", type=Path, help="plan.json, or the folder it is in")
+    _add_tolerance(parser)
+    parser.add_argument(
+        "--fail-on",
+        type=asked(kinds, f"worse, {', '.join(KINDS)}"),
+        default=(),
+        metavar="KIND,...",
+        help=f"worse, {', '.join(KINDS)}; default: any difference",
+    )
+    parser.add_argument("--no-images", action="store_true", help="compare no pictures")
+    parser.add_argument("--all", action="store_true", help="list every difference")
+    _add_format(parser)
+
+
+def _add_export(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `microplan export`."""
+    parser.add_argument("plan", type=Path, help="plan folder, or the plan.json in it")
+    parser.add_argument(
+        "--to",
+        required=True,
+        choices=("dxf", "json", "ome-tiff", "useq"),
+        help="dxf, json: predicted outlines; ome-tiff: reference images; useq: "
+        "positions and focus stacks",
+    )
+    parser.add_argument(
+        "-o",
+        "--out",
+        type=Path,
+        required=True,
+        help="dxf, ome-tiff: a folder; json: a file; useq: a .yaml or .json file",
+    )
+    parser.add_argument(
+        "--look",
+        action="append",
+        default=[],
+        metavar="ID",
+        help="only this look; may be given again",
+    )
+    parser.add_argument(
+        "--channel", metavar="PRESET", help="useq: preset of the group Channel"
+    )
+    parser.add_argument(
+        "--overwrite", action="store_true", help="replace an older export"
+    )
+    _add_format(parser)
+
+
+def _add_report(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `microplan report`."""
+    parser.add_argument("plan", type=Path, help="plan folder, or its plan.json")
+    parser.add_argument(
+        "-o", "--out", type=Path, help="file; default: report.html in the plan folder"
+    )
+    _add_format(parser)
+
+
+def _add_explain(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `microplan explain`."""
+    parser.add_argument("code", nargs="?", help="as MP104; default: list all")
+
+
+def _add_init(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `microplan init`."""
+    parser.add_argument("folder", type=Path, help="new, or without these files")
+
+
+def _add_migrate(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `microplan migrate`."""
+    parser.add_argument("task", metavar="file", help="task.yaml or workcell.yaml")
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument("-o", "--out", type=Path, help="a new file; default: print it")
+    where.add_argument("--in-place", action="store_true", help="replace the file")
+    _add_format(parser)
+
+
+def _add_schema(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `microplan schema`."""
+    parser.add_argument("name", choices=NAMES, help="which file's")
+
+
+def _add_completion(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `microplan completion`."""
+    parser.add_argument("shell", choices=("bash", "zsh", "fish"), help="whose script")
+
+
+_COMMANDS: Mapping[str, tuple[Callable[[argparse.ArgumentParser], None], str]] = {
+    "init": (_add_init, "write a task to begin with"),
+    "check": (_add_check, "read, resolve and check a task"),
+    "compile": (_add_compile, "compile a task into a plan"),
+    "render": (_add_render, "render what a step will see"),
+    "tradeoff": (_add_tradeoff, "measure speed against accuracy"),
+    "diff": (_add_diff, "tell what changed between two plans"),
+    "export": (_add_export, "write a plan's looks in another tool's format"),
+    "report": (_add_report, "write a plan's report as one HTML page"),
+    "migrate": (_add_migrate, "rewrite a task of an older format"),
+    "explain": (_add_explain, "tell more about a finding"),
+    "schema": (_add_schema, "print the schema of a format"),
+    "completion": (_add_completion, "print a completion script for a shell"),
+}

@@ -1,0 +1,175 @@
+"""microplan compile: once, beside a golden plan, or whenever a file changes."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from planner.cli.answering import (
+    BAD_INPUT,
+    DONE,
+    answer,
+    refuse,
+    tell_findings,
+    tell_progress,
+)
+from planner.source.diagnostics import Report, Span
+from schemas.page.console import say, tell
+
+if TYPE_CHECKING:
+    from planner.plan.options import Options
+    from planner.store.folder import PlanBytes
+    from schemas.plan import Plan
+
+
+def compile_task(call: argparse.Namespace) -> int:
+    """Compile a task into a plan folder."""
+    from planner.diff.errors import DiffError
+    from planner.store.errors import OutputError
+
+    if call.update and call.golden is None:
+        tell("--update renews a golden plan: name it with --golden")
+        return BAD_INPUT
+    if call.watch:
+        return _watch(call)
+    report, said = Report(), ""
+    timings: Mapping[str, float] = {}
+    try:
+        made = _compiled(call, report)
+        if made is not None:
+            timings = made[0].timings
+            said = _written(call, *made, report)
+    except OutputError as error:
+        return refuse(call, report, error)
+    except DiffError as error:
+        report.error(error.code, Span(file=error.file), str(error))
+    status = answer(call, report, said)
+    if call.timings and timings:
+        from planner.store.summary import times_summary
+
+        tell(times_summary(timings))  # last: notes would push them out of sight
+    return status
+
+
+def _written(
+    call: argparse.Namespace, made: PlanBytes, folder: Path, report: Report
+) -> str:
+    """Return what to say of the plan that was written."""
+    said = [made.summary, f"plan folder: {folder}"]
+    if call.report:
+        from planner.report.report import write_report
+
+        said.append(f"report: {write_report(folder, None)}")
+    if call.golden is not None:
+        said.append(_golden(call, made, folder, report))
+    return "\n".join(said)
+
+
+def _compiled(
+    call: argparse.Namespace, report: Report
+) -> tuple[PlanBytes, Path] | None:
+    """Return what a task compiles to and where it was written, None if at fault."""
+    from planner.plan.cached_compile import compile_file
+    from planner.store.folder import check_folder, write_folder
+    from planner.store.store import Store, place
+
+    def ready(name: str) -> None:
+        check_folder(call.out or _beside(call.task, name))
+        if call.golden is not None:
+            from planner.diff.diffing import check_golden, read_plan
+
+            # what can be neither compared nor replaced need not be compiled for
+            (check_golden if call.update else read_plan)(call.golden)
+
+    store = None if call.no_cache else Store(call.cache or place())
+    files = compile_file(call.task, report, _options(call), store, ready)
+    if files is None:
+        return None
+    folder = call.out or _beside(call.task, files.name)
+    write_folder(files, folder)
+    return files, folder
+
+
+def _options(call: argparse.Namespace) -> Options:
+    """Return what the user asks of the compiler."""
+    from planner.plan.options import Options
+
+    return Options(
+        preset=call.preset,
+        max_image_error=call.max_image_error,
+        jobs=call.jobs,
+        tell=_tell_step,
+    )
+
+
+def _tell_step(done: int, count: int, step: str) -> None:
+    """Say which step is being compiled."""
+    tell_progress(f"compiling {step} ({done + 1} of {count}) ...")
+
+
+def _beside(task: str, name: str) -> Path:
+    """Return the plan folder of a task unless the user names another."""
+    return Path(task).parent / f"{name}.plan"
+
+
+def _golden(
+    call: argparse.Namespace, made: PlanBytes, folder: Path, report: Report
+) -> str:
+    """Return how a new plan compares with the golden one, renewed if asked for."""
+    from planner.diff.change_text import changes_text
+    from planner.diff.diffing import diff_with_golden, plan_file, renew_golden
+
+    golden: Path = call.golden
+    if call.update:
+        renew_golden(folder, golden)
+        return f"golden plan: {golden}"
+    found = diff_with_golden(made.plan(), folder, golden, call.tolerance)
+    if found.changes:
+        where = Span(file=str(plan_file(golden)))
+        hint = "meant? compile again with --update"
+        message = f"{len(found.changes)} differences from the golden plan"
+        report.differ("MP710", where, message, hint)
+    more = _asking_for_all(call, folder)
+    return changes_text(found.changes, found.old, found.new, more=more)
+
+
+def _asking_for_all(call: argparse.Namespace, folder: Path) -> str:
+    """Return what shows every difference from the golden plan."""
+    from planner.diff.diffing import has_pictures
+
+    words = ["microplan", "diff", str(call.golden), str(folder), "--all"]
+    words += [] if has_pictures(call.golden) else ["--no-images"]
+    stated = ", with the same --tolerance" if call.tolerance else ""
+    return f"{shlex.join(words)} shows them{stated}"
+
+
+def _watch(call: argparse.Namespace) -> int:
+    """Compile whenever a file changes; only Ctrl-C or an unusable call ends it."""
+    from planner.store.errors import OutputError
+
+    if call.golden is not None or call.format != "text":
+        tell("--watch goes with neither --golden nor --format")
+        return BAD_INPUT
+    try:
+        _rounds(call)
+    except OutputError as error:
+        return refuse(call, Report(), error)
+    return DONE
+
+
+def _rounds(call: argparse.Namespace) -> None:
+    """Compile at every change, and tell what came of each round."""
+    from planner.cli.findings import render_findings
+    from planner.cli.watching import last_plan, round_text, watch
+
+    def compiled(report: Report) -> Plan | None:
+        made = _compiled(call, report)
+        return None if made is None else made[0].plan()
+
+    for found in watch(call.task, compiled, last_plan(call.out)):
+        grave = [d for d in found.report.in_order if d.severity != "note"]
+        tell_findings(render_findings(grave, "", "text")[1])
+        say(round_text(found, Path(call.task).parent))

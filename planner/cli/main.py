@@ -1,0 +1,85 @@
+"""The command microplan: one subcommand a job, findings in four forms."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Sequence
+
+from planner.cli.answering import BAD_INPUT, DONE
+from planner.cli.arguments import build_parser
+from planner.cli.compiling import compile_task
+from planner.cli.plans import diff, export, report_plan
+from planner.cli.shipped import explain, init, schema
+from planner.cli.tasks import check, migrate, render, tradeoff
+from schemas.page.console import OutputLostError, flush, say, tell
+
+BUG = 70
+STOPPED = 130  # by Ctrl-C, as shells tell it
+_THREADS = (
+    "OMP_NUM_THREADS",
+    "OPENBLAS_NUM_THREADS",
+    "MKL_NUM_THREADS",
+    "OPENCV_FOR_THREADS_NUM",
+)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Return the exit status of one call."""
+    # One thread each: `--jobs` spreads work over processes, and sums keep their order.
+    for name in _THREADS:
+        os.environ.setdefault(name, "1")
+    try:
+        status = _status(argv)
+        flush()
+    except KeyboardInterrupt:
+        tell("stopped")
+        return STOPPED
+    except OutputLostError as error:
+        tell(f"error: {error}")
+        return BAD_INPUT
+    except Exception as error:  # the one place that catches everything
+        tell(f"bug in microplan: {type(error).__name__}: {error}")
+        if os.environ.get("MICROPLAN_TRACEBACK"):
+            raise
+        return BUG
+    return status
+
+
+def _status(argv: Sequence[str] | None) -> int:
+    """Do what was asked for; return the exit status."""
+    parser = build_parser(_RUNS)
+    if not (sys.argv[1:] if argv is None else argv):
+        tell(parser.format_help().rstrip("\n"))  # what can be asked for
+        return BAD_INPUT
+    try:
+        call = parser.parse_args(argv)
+    except SystemExit as leaving:  # argparse: 0 after --help, 2 for a wrong call
+        return int(leaving.code or 0)
+    status: int = call.run(call)
+    return status
+
+
+def _completion(call: argparse.Namespace) -> int:
+    """Print a script that completes this command in a shell."""
+    from planner.cli.completion import script
+
+    try:
+        say(script(build_parser(_RUNS), call.shell).rstrip("\n"))
+    except ImportError:
+        tell("completion needs shtab: install microplan[completion]")
+        return BAD_INPUT
+    return DONE
+
+
+_RUNS = {
+    "init": init, "check": check, "compile": compile_task, "render": render,
+    "tradeoff": tradeoff, "diff": diff, "export": export, "report": report_plan,
+    "migrate": migrate,
+    "explain": explain, "schema": schema, "completion": _completion,
+}  # fmt: skip
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,127 @@
+"""By how much two plans' values may differ and still mean the same, field by field.
+
+A rule's pattern is matched against the path of a value, as in
+`steps/over_shaft/control/gain`, from its end: `control/gain` stands for every step's.
+`*` stands for anything, also for several parts of a path. The first rule that matches
+counts; those that a user states come before the table.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from functools import lru_cache
+from typing import Any
+
+from planner.diff.changes import is_number, keys_of
+
+_NUMBER = re.compile(r"(?:[<>] )?[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?%?")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rule:
+    """How values at a path are compared."""
+
+    pattern: str
+    relative: float = 0.0
+    absolute: float = 0.0
+    ignored: bool = False
+    words: bool = False  # a sentence, in which numbers may differ
+
+    def __post_init__(self) -> None:
+        for name in ("relative", "absolute"):
+            value = getattr(self, name)
+            if not (value >= 0 and math.isfinite(value)):
+                raise ValueError(f"{name} must be finite and >= 0, got {value}")
+
+    def matches(self, path: str) -> bool:
+        """Return whether a value at `path` is compared by this rule."""
+        return fnmatchcase(path, self.pattern) or fnmatchcase(path, f"*/{self.pattern}")
+
+    def same(self, old: Any, new: Any) -> bool:
+        """Return whether two plain values agree."""
+        if self.ignored:
+            return True
+        if is_number(old) and is_number(new):
+            return math.isclose(old, new, rel_tol=self.relative, abs_tol=self.absolute)
+        if self.words and isinstance(old, str) and isinstance(new, str):
+            return _NUMBER.sub("#", old) == _NUMBER.sub("#", new)
+        return type(old) is type(new) and bool(old == new)
+
+
+# Numbers are written with 6 digits; sums in another order may turn the last ones.
+EXACT = Rule(pattern="*", relative=1e-4, absolute=1e-6)
+
+# What trials measure may move by one borderline trial of the 24 that `fast` makes.
+_MEASURED = (
+    "sigma_um", "sigma_xy_um", "sigma_theta_rad", "sigma_upper_um", "ratio_to_limit",
+    "bias_um/*", "bias_x_um", "bias_y_um", "fallback_sigma_*", "fallback_bias_um/*",
+    "worst_um", "min_score", "fallback_min_score", "success_lower", "silent_upper",
+    "tolerance_xy_um", "evidence/tolerance_um", "expected_cycles", "expected_s",
+    "options/*/looks", "max_spread_um", "robustness", "resolution_um",
+    "slope_per_um", "largest_um", "size_um", "halvings", "floor_s",
+    "ratio_to_floor", "covariance_um2/*", "miss_probability",
+)  # fmt: skip
+
+TABLE: tuple[Rule, ...] = (
+    # checked by what they stand for, or different on every machine
+    Rule(pattern="steps/*/key", ignored=True),
+    Rule(pattern="scene/image", ignored=True),
+    Rule(pattern="image_sha256", ignored=True),
+    Rule(pattern="arrays", ignored=True),
+    Rule(pattern="format_version", ignored=True),
+    Rule(pattern="provenance/microplan", ignored=True),
+    # sentences
+    *(Rule(pattern=name, words=True)
+      for name in ("reason", "message", "advice", "source", "what")),
+    # counts of trials, and which of them was the worst
+    Rule(pattern="evidence/*/success", absolute=1),
+    Rule(pattern="evidence/*/silent", absolute=1),
+    *(Rule(pattern=f"evidence/*{name}_trial", ignored=True)
+      for name in ("worst", "median", "first_failing")),
+    # chances: a sigma that moves by a fifth moves them by less
+    *(Rule(pattern=name, absolute=0.01)
+      for name in ("success_probability", "halved_probability")),
+    *(Rule(pattern=name, relative=0.2, absolute=2e-3) for name in _MEASURED),
+)  # fmt: skip
+
+
+def rule_for(path: Sequence[str], stated: Sequence[Rule] = ()) -> Rule:
+    """Return the rule by which values at `path` are compared.
+
+    Those that a user states are matched against names too, the table against keys
+    alone.
+    """
+    where = "/".join(path)
+    found = next((rule for rule in stated if rule.matches(where)), None)
+    return found or _known(keys_of(path))
+
+
+@lru_cache(maxsize=4096)  # a plan has some hundred keys, and ten thousand values
+def _known(keys: str) -> Rule:
+    """Return the rule of the table for a path of keys."""
+    return next((rule for rule in TABLE if rule.matches(keys)), EXACT)
+
+
+def parse_rule(text: str) -> Rule:
+    """Return the rule that a user states.
+
+    `PATTERN=0.1` is an absolute tolerance, `PATTERN=5%` one relative to the larger of
+    both values, `PATTERN=ignore` leaves out everything below that path.
+
+    Raises
+    ------
+    ValueError
+        If it is none of these.
+    """
+    pattern, equals, value = text.rpartition("=")
+    if not equals or not pattern:
+        raise ValueError(f"{text!r} is not PATTERN=TOLERANCE")
+    if value == "ignore":
+        return Rule(pattern=pattern, ignored=True)
+    if value.endswith("%"):
+        return Rule(pattern=pattern, relative=float(value[:-1]) / 100)
+    return Rule(pattern=pattern, absolute=float(value))

@@ -1,0 +1,225 @@
+"""Reference images as OME-TIFF: grey pixels, and what they are in OME-XML."""
+
+from __future__ import annotations
+
+import re
+import struct
+from xml.etree import ElementTree as ET
+
+from planner.export.folder import PlanFolder, Viewed
+from planner.export.sight import microscope
+from planner.store.pictures import Picture
+
+NAMESPACE = "http://www.openmicroscopy.org/Schemas/OME/2016-06"
+_LOCATION = f"{NAMESPACE} {NAMESPACE}/ome.xsd"
+_NOTES = "microplan.look"  # what kind of notes the map of names and values holds
+NM_PER_UM = 1000.0
+# the media that OME-XML knows by name, by index, and how near one must be
+_MEDIA = ((1.0, "Air"), (1.333, "Water"), (1.47, "Glycerol"), (1.515, "Oil"))
+_NEAR = 0.01
+_ILLEGAL = re.compile("[^\t\n\r -\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+
+
+def ome_tiff(folder: PlanFolder, viewed: Viewed) -> bytes:
+    """Return a look's reference image as an OME-TIFF file.
+
+    One plane of 8 bit, uncompressed, little-endian. The same plan gives the same
+    bytes: nothing tells the time or the machine.
+
+    Raises
+    ------
+    ExportError
+        MP721 if the plan folder does not hold the image.
+    """
+    image = folder.picture(viewed.look)
+    text = ome_xml(folder, viewed)
+    return tiff(image, text, viewed.look.view.um_per_px)
+
+
+def ome_xml(folder: PlanFolder, viewed: Viewed) -> str:
+    """Return the description of a look's image in ASCII."""
+    root = ET.Element(
+        "OME",
+        {
+            "xmlns": NAMESPACE,
+            "xmlns:xsi": "http://www.w3.org/2001/XMLSchema-instance",
+            "xsi:schemaLocation": _LOCATION,
+            "Creator": "microplan",
+        },
+    )
+    _instrument(root, folder, viewed)
+    _image(root, folder, viewed)
+    _notes(root, folder, viewed)
+    for element in root.iter():  # names in files may hold what XML has no place for
+        element.text = _legal(element.text)
+        for name, value in element.items():
+            element.set(name, _legal(value) or "")
+    data: bytes = ET.tostring(root, encoding="us-ascii", xml_declaration=True)
+    return data.decode("ascii")
+
+
+def tiff(image: Picture, description: str, um_per_px: float) -> bytes:
+    """Return a baseline TIFF file of one grey page, its pixels in one strip.
+
+    Parameters
+    ----------
+    image : (rows, columns) uint8 array
+        The pixels.
+    description : str
+        ASCII text of the page.
+    um_per_px : float
+        Distance of pixel centres, um; the file has its inverse per cm.
+
+    References
+    ----------
+    TIFF revision 6.0, Adobe (1992), part 1.
+    """
+    rows, columns = image.shape
+    text = description.encode("ascii") + b"\0"
+    per_cm = struct.pack("<II", *_ratio(1e4 / um_per_px))
+    entries = 13
+    begin = 8 + 2 + 12 * entries + 4  # of what does not fit into an entry
+    at_text, at_ratio = begin, begin + len(text) + len(text) % 2
+    at_pixels = at_ratio + len(per_cm)
+    short, long, rational, ascii_ = 3, 4, 5, 2
+    tags = (
+        (256, long, 1, columns),
+        (257, long, 1, rows),
+        (258, short, 1, 8),  # bits
+        (259, short, 1, 1),  # no compression
+        (262, short, 1, 1),  # 0 is black
+        (270, ascii_, len(text), at_text),
+        (273, long, 1, at_pixels),
+        (277, short, 1, 1),  # samples a pixel
+        (278, long, 1, rows),  # rows of the strip
+        (279, long, 1, rows * columns),
+        (282, rational, 1, at_ratio),
+        (283, rational, 1, at_ratio),
+        (296, short, 1, 3),  # the unit is the centimetre
+    )
+    head = struct.pack("<2sHIH", b"II", 42, 8, len(tags))
+    table = b"".join(struct.pack("<HHII", *tag) for tag in tags) + bytes(4)
+    return head + table + text + bytes(len(text) % 2) + per_cm + image.tobytes()
+
+
+def _ratio(value: float) -> tuple[int, int]:
+    """Return a number as numerator and denominator of 32 bits each."""
+    below = max(1, min(1 << 20, int((1 << 31) / max(value, 1e-9))))
+    return max(1, round(value * below)), below
+
+
+def _instrument(root: ET.Element, folder: PlanFolder, viewed: Viewed) -> None:
+    """Add the microscope: its objective is what the zoom makes of it."""
+    instrument = ET.SubElement(root, "Instrument", ID="Instrument:0")
+    ET.SubElement(
+        instrument,
+        "Objective",
+        ID="Objective:0",
+        Model=f"{folder.world.name}, simulated",
+        LensNA=_number(microscope(folder, viewed).aperture),
+        NominalMagnification=_number(viewed.look.view.magnification),
+    )
+
+
+def _image(root: ET.Element, folder: PlanFolder, viewed: Viewed) -> None:
+    """Add the image, its pixels' size, its light and where it was taken."""
+    look, optics = viewed.look, folder.world.optics
+    image = ET.SubElement(root, "Image", ID="Image:0", Name=look.id)
+    ET.SubElement(
+        image, "Description"
+    ).text = (
+        f"Predicted by microplan: {viewed.scene.target.name} in step {viewed.step.id}"
+    )
+    ET.SubElement(image, "InstrumentRef", ID="Instrument:0")
+    ET.SubElement(
+        image,
+        "ObjectiveSettings",
+        ID="Objective:0",
+        Medium=_medium(optics.medium_index),
+        RefractiveIndex=_number(optics.medium_index),
+    )
+    size = _number(look.view.um_per_px)
+    pixels = ET.SubElement(
+        image,
+        "Pixels",
+        ID="Pixels:0",
+        DimensionOrder="XYCZT",
+        Type="uint8",
+        SizeX=str(optics.width_px),
+        SizeY=str(optics.height_px),
+        SizeC="1",
+        SizeZ="1",
+        SizeT="1",
+        SignificantBits="8",
+        Interleaved="false",
+        BigEndian="false",
+        PhysicalSizeX=size,
+        PhysicalSizeXUnit="\N{MICRO SIGN}m",
+        PhysicalSizeY=size,
+        PhysicalSizeYUnit="\N{MICRO SIGN}m",
+    )
+    wavelength = _number(optics.wavelength_um * NM_PER_UM)
+    ET.SubElement(
+        pixels,
+        "Channel",
+        ID="Channel:0:0",
+        Name="reflected light",
+        SamplesPerPixel="1",
+        ContrastMethod="Brightfield",
+        EmissionWavelength=wavelength,
+        EmissionWavelengthUnit="nm",
+    )
+    ET.SubElement(pixels, "TiffData", FirstC="0", FirstZ="0", FirstT="0", IFD="0",
+                  PlaneCount="1")  # fmt: skip
+    stage = viewed.scene.stage
+    ET.SubElement(
+        pixels,
+        "Plane",
+        TheC="0",
+        TheZ="0",
+        TheT="0",
+        PositionX=_number(stage.x_um or 0.0),
+        PositionXUnit="\N{MICRO SIGN}m",
+        PositionY=_number(stage.y_um or 0.0),
+        PositionYUnit="\N{MICRO SIGN}m",
+        PositionZ=_number(look.view.focus_um),
+        PositionZUnit="\N{MICRO SIGN}m",
+    )
+    ET.SubElement(image, "AnnotationRef", ID="Annotation:0")
+
+
+def _notes(root: ET.Element, folder: PlanFolder, viewed: Viewed) -> None:
+    """Add what OME has no place for as names and values."""
+    look = viewed.look
+    notes = {
+        "plan": folder.plan.name,
+        "status": folder.plan.status,
+        "step": viewed.step.id,
+        "look": look.id,
+        "target": viewed.scene.target.name,
+        "light": _number(look.view.light),
+        "focus_um": _number(look.view.focus_um),
+        "image_sha256": look.scene.image_sha256,
+        "simulated": "true",
+    }
+    structured = ET.SubElement(root, "StructuredAnnotations")
+    listed = ET.SubElement(
+        structured, "MapAnnotation", ID="Annotation:0", Namespace=_NOTES
+    )
+    value = ET.SubElement(listed, "Value")
+    for name, text in notes.items():
+        ET.SubElement(value, "M", K=name).text = text
+
+
+def _medium(index: float) -> str:
+    """Return what OME-XML calls a medium of an index."""
+    return next((name for n, name in _MEDIA if abs(n - index) < _NEAR), "Other")
+
+
+def _legal(text: str | None) -> str | None:
+    """Return text with U+FFFD for every character that XML 1.0 has no place for."""
+    return None if text is None else _ILLEGAL.sub("\N{REPLACEMENT CHARACTER}", text)
+
+
+def _number(value: float) -> str:
+    return f"{value + 0.0:.9g}"

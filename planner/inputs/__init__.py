@@ -1,1 +1,0 @@
-"""Files in, typed values out: YAML with positions, task, workcell, drawings."""

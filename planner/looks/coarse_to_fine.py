@@ -1,0 +1,107 @@
+"""A look compiled as one, or as a coarse look and a fine one after it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from planner.looks.compile_look import compile_look
+from planner.looks.look_problem import Begun, Effects
+from planner.looks.look_record import CompiledLook
+from planner.source.diagnostics import Report
+from planner.task.task import Task
+from planner.views.coarse import (
+    MAY_HELP,
+    Sighting,
+    assumed,
+    centring,
+    coarse_requests,
+    fine_request,
+    may_gain,
+    report_coarse,
+)
+from planner.views.requests import Request
+from planner.views.target_views import needed_shape, spot_of, views
+from planner.views.view_times import centre_times
+from schemas.plan.views import TimeRow
+
+
+def compile_looks(
+    task: Task,
+    request: Request,
+    effects: Effects,
+    current: float,
+    report: Report,
+    *,
+    known: Begun | None = None,
+) -> tuple[CompiledLook, ...]:
+    """Return what a request is looked at by: one look, or a coarse one and a fine one.
+
+    Empty if there is a reason why it cannot be done, which is reported. `current` is
+    the magnification that the microscope is at, `known` what a contest has shown of a
+    single look already.
+    """
+    plain = Report()
+    look = compile_look(task, request, effects, current, plain, known=known)
+    if look is None:
+        codes = {d.code for d in plain.found if d.severity == "infeasible"}
+        pair = _pair(task, request, effects, plain, report) if _may(codes) else ()
+        if pair:
+            return pair
+    report.found += plain.found
+    return () if look is None else (look,)
+
+
+def waits_between(task: Task, request: Request) -> tuple[TimeRow, ...]:
+    """Return how long a target takes to centre before its fine look."""
+    spot = spot_of(task, request, needed_shape(task, request))
+    return centre_times(task, spot.carrier, spot.sigma_xy_um)
+
+
+def _may(codes: set[str]) -> bool:
+    """Return whether a better known place may cure what stands in the way."""
+    return bool(codes & set(MAY_HELP))
+
+
+def _pair(
+    task: Task, request: Request, effects: Effects, plain: Report, report: Report
+) -> tuple[CompiledLook, ...]:
+    """Return a coarse look and the fine one that it makes possible, () if none does."""
+    low, _ = task.workcell.optics.magnification
+    tried = any(d.code == "MP501" for d in plain.found)
+    for coarse in coarse_requests(task, request):
+        supposed = fine_request(task, request, coarse, assumed(task, coarse))
+        if supposed is None or not views(task, supposed, low, Report()):
+            continue
+        if tried and not may_gain(task, request, supposed):
+            continue
+        found = Report()
+        first = compile_look(task, coarse, effects, low, found, once=True)
+        if first is None:
+            continue
+        fine = fine_request(task, request, coarse, _seen(first))
+        if fine is None:
+            continue
+        zoom = first.look.view.magnification
+        second = compile_look(task, fine, effects, zoom, found)
+        if second is None:
+            continue
+        report.found += found.found
+        how = f"at {zoom:.4g} x to {first.look.sigma_xy_um:.2g} um"
+        report_coarse(request, coarse, plain, how, report)
+        way = centring(task, request, first.look.id)
+        return first, replace(second, look=replace(second.look, coarse=way))
+    return ()
+
+
+def _seen(look: CompiledLook) -> Sighting:
+    """Return what a coarse look tells: at an unknown angle its bias stays."""
+    bias_um = math.hypot(*look.look.measure.bias_um)
+    return Sighting(
+        sigma_um=math.hypot(
+            look.look.sigma_xy_um, bias_um, look.distortion_sigma_um, look.coherence_um
+        ),
+        sigma_theta_rad=look.look.sigma_theta_rad,
+        magnification=look.look.view.magnification,
+        focus_um=look.look.view.focus_um,
+    )

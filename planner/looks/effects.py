@@ -1,0 +1,80 @@
+"""The effects ledger of a look: its image, its lens and its light."""
+
+from __future__ import annotations
+
+from featuresel.look.scenario import scene
+from optics.layers.layer_error import TREATMENTS, LayerChoice, LayerRefusal, layer_error
+from optics.ledger import Imaged, ledger
+from optics.lens.distorted_scene import lens_scene
+from planner.looks.evaluation import Tried
+from planner.store.memo import EVERY_TIME, Memo
+from planner.task.task import Task
+from planner.views.lens_errors import NM_PER_UM, lamp_aperture, lens_rows
+from planner.views.requests import Request
+from planner.views.target_views import needed_shape, spot_of
+from schemas import plan as p
+
+
+def effect_rows(
+    task: Task, request: Request, tried: Tried, memo: Memo = EVERY_TIME
+) -> tuple[p.EffectRow, ...]:
+    """Return the effects ledger of a look."""
+    case, shape = tried.case, needed_shape(task, request)
+    spot = spot_of(task, request, shape)
+    rows = memo.call(
+        ledger,
+        _imaged(task, tried, memo),
+        lens_rows(task, request.state, shape, spot, case.microscope),
+        shift_limit_nm=NM_PER_UM * case.tolerance_um,
+    )
+    return tuple(
+        p.EffectRow(
+            effect=row.effect,
+            level=row.level,
+            predicted_error=row.predicted_error,
+            limit=row.limit,
+            unit=row.unit,
+            reason=row.reason,
+        )
+        for row in rows
+    )
+
+
+def _imaged(task: Task, tried: Tried, memo: Memo) -> Imaged:
+    """Return the nominal image of a look, and how it is computed."""
+    case, limit = tried.case, tried.fidelity.limit
+    shown = lens_scene(
+        scene(case, 0.0, 0.0, 0.0), case.microscope, case.lens, case.focus_um
+    )
+    errors = {
+        treatment: memo.call(
+            layer_error,
+            shown,
+            case.microscope,
+            focus_um=case.focus_um,
+            treatment=treatment,
+            window=case.window,
+        )
+        for treatment in TREATMENTS
+    }
+    layering = LayerChoice(
+        treatment=case.treatment,
+        predicted_error=errors[case.treatment],
+        limit=limit,
+        refused=tuple(
+            LayerRefusal(treatment=name, predicted_error=error)
+            for name, error in errors.items()
+            if name != case.treatment and errors[case.treatment] > limit
+        ),
+    )
+    return Imaged(
+        scene=shown,
+        microscope=case.microscope,
+        focus_um=case.focus_um,
+        window=case.window,
+        fidelity=tried.fidelity,
+        layering=layering,
+        coherence=task.workcell.optics.coherence,
+        lamp_aperture=lamp_aperture(task.workcell, case.microscope),
+        is_shaded=case.lamp_aperture is not None,
+    )

@@ -1,0 +1,259 @@
+"""Several features of one look: which set of them is used, and why."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from featuresel.look.design import design
+from featuresel.selection.constraints import Constraints, Limits
+from featuresel.selection.evaluate import is_roomy
+from featuresel.sets.feature_set import FeatureSet, choose_set
+from featuresel.sets.pose_covariance import Sight, sight_of
+from featuresel.sets.pose_requirement import Need
+from featuresel.sets.set_trials import Member, score_set
+from featuresel.trials.score import Score
+from featuresel.trials.trials import Prepared
+from optics.outline.tolerant_order import at_most
+from planner.looks.chosen_sets import ChosenSet
+from planner.looks.evaluated_feature import Judged, Raced
+from planner.looks.evaluation import Tried
+from planner.looks.feature_evaluation import Races
+from planner.looks.look_problem import Alone, Job
+from planner.looks.scenario import MOST_TOGETHER
+from planner.task.presets import Effort
+from planner.views.features import offset_um
+from schemas import plan as p
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sets:
+    """What the search for a set came to."""
+
+    chosen: ChosenSet | None
+    rows: tuple[p.FeatureRow, ...]
+    advice: str  # what to relax where nothing was chosen
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Search:
+    """A look whose features are raced where its target alone does not do.
+
+    `alone` is the target's own contest.
+    """
+
+    job: Job
+    alone: Alone
+
+    def run(self) -> Sets:
+        """Return the set to use, or why there is none."""
+        raced, skipped = Races(job=self.job, alone=self.alone).run()
+        sights = {r.shape.name: self._sight(r) for r in raced if r.passes}
+        found = self._found(list(sights.values())) if sights else None
+        chosen, advice = self._settled(raced, sights, found)
+        said = self._reasons(found, chosen, advice)
+        rows = [self._row(r, sights.get(r.shape.name), said, advice) for r in raced]
+        if chosen is not None:
+            sigma_um = chosen.found.known.sigma_um
+            rows.append(self._judged.set_row(chosen.raced, chosen.sights, sigma_um))
+        return Sets(chosen=chosen, rows=(*rows, *skipped), advice=advice)
+
+    def left_out(self) -> tuple[p.FeatureRow, ...]:
+        """Return the rows of a look whose target alone does."""
+        target, others = Races(job=self.job, alone=self.alone).unraced()
+        used = "used: it alone does"
+        return (self._judged.row(target, self._sight(target), used), *others)
+
+    def _reasons(
+        self, found: FeatureSet | None, chosen: ChosenSet | None, advice: str
+    ) -> Mapping[str, str]:
+        """Return why a feature is used or not, by name, where that is known."""
+        if chosen is None and self._chosen_alone is not None:
+            name = self.job.shape.name
+            return {name: f"used: it alone passes; no set does: {advice}"}
+        return {} if found is None or chosen is None else dict(found.reasons)
+
+    def _row(
+        self, raced: Raced, sight: Sight | None, said: Mapping[str, str], advice: str
+    ) -> p.FeatureRow:
+        """Return what the plan says of a feature that was raced."""
+        if sight is None:
+            return self._judged.row(raced, None, _fault(raced))
+        unused = f"passes as one of several; no set is used: {advice}"
+        return self._judged.row(raced, sight, said.get(raced.shape.name, unused))
+
+    def _settled(
+        self,
+        raced: Sequence[Raced],
+        sights: Mapping[str, Sight],
+        found: FeatureSet | None,
+    ) -> tuple[ChosenSet | None, str]:
+        """Return the set after its own trials, or what to relax."""
+        if found is None:
+            faults = (f"{r.shape.name}: {r.tried.selection.advice}" for r in raced)
+            return None, "; ".join(faults)
+        if not found.qualifies:
+            return None, "; ".join(found.relaxations)
+        target = self.job.shape.name
+        if self._chosen_alone is not None and found.names == (target,):
+            return None, f"{target} alone does"
+        members = [r for r in raced if r.shape.name in found.names]
+        chosen = self._tested(members, [sights[r.shape.name] for r in members], found)
+        fault = self._fault(chosen)
+        return (None, f"{' + '.join(found.names)}: {fault}") if fault else (chosen, "")
+
+    def _fault(self, chosen: ChosenSet) -> str:
+        """Return what a set misses in its own trials, "" if nothing."""
+        fault = self._missed(chosen)
+        rival = None if self._effort.thorough else self._chosen_alone
+        if not fault and rival is not None and at_most(rival.need_um, chosen.need_um):
+            return f"{self.job.shape.name} alone does better"
+        return fault
+
+    def _missed(self, chosen: ChosenSet) -> str:
+        """Return which limit a set misses, as the part may be made."""
+        case = self.alone.tried.case
+        task = Constraints(
+            tolerance_um=case.tolerance_um,
+            tolerance_theta_rad=case.tolerance_theta_rad,
+        )
+        fault = task.fault(chosen.score)
+        if fault or at_most(chosen.need_um, case.tolerance_um):
+            return fault
+        return (
+            f"with the part's profile tolerance 2 sigma + |bias| is "
+            f"{chosen.need_um:.3g} um, tolerance {case.tolerance_um:.3g} um"
+        )
+
+    @property
+    def _effort(self) -> Effort:
+        return self.job.effects.effort
+
+    @property
+    def _chosen_alone(self) -> Score | None:
+        """Return the chain that the target alone would be measured with."""
+        return self.alone.tried.selection.chosen
+
+    def _found(self, sights: Sequence[Sight]) -> FeatureSet:
+        """Return the smallest set that does, with a feature to spare where wanted."""
+        need = self._need
+        if self._effort.thorough:
+            spare = choose_set(sights, replace(need, redundant=True))
+            if spare.qualifies:
+                return spare
+        return choose_set(sights, need)
+
+    @property
+    def _need(self) -> Need:
+        """Return what a set has to tell: two sigma within each tolerance.
+
+        Where the target alone does, a set has to leave the room that it does not.
+        """
+        case = self.alone.tried.case
+        share = 1.0 if self._chosen_alone is None else Limits().roomy
+        if self._effort.thorough:
+            share = 1.0
+        turn = case.tolerance_theta_rad
+        return Need(
+            sigma_um=share * case.tolerance_um / 2,
+            sigma_theta_rad=None if turn is None else share * turn / 2,
+            radius_um=self._judged.radius_um,
+            most=MOST_TOGETHER,
+            redundant=False,
+        )
+
+    @property
+    def _judged(self) -> Judged:
+        """Return how features are compared: a turn counts as its corners' way."""
+        x0, y0, x1, y1 = self.job.shape.box_um
+        radius_um = math.hypot(x1 - x0, y1 - y0) / 2
+        return Judged(case=self.alone.tried.case, radius_um=radius_um)
+
+    def _sight(self, raced: Raced) -> Sight:
+        """Return a feature as the search for a set has it.
+
+        The target is where the look is to find it; on a part as made its edges and
+        those of others lie off the drawing, each by the profile tolerance.
+        """
+        shape = self.job.shape
+        return sight_of(
+            raced.feature,
+            raced.chosen,
+            about_um=shape.center_um,
+            theta_rad=self.alone.tried.case.theta_rad,
+            made_um=0.0 if raced.shape.name == shape.name else self._made_um,
+        )
+
+    @property
+    def _made_um(self) -> float:
+        """Return one sigma of where a part as made has an edge, uniform within."""
+        part = self.job.task.parts.get(self.job.shape.owner)
+        return 0.0 if part is None else part.profile_tolerance_um / math.sqrt(3)
+
+    def _shared_um(self, raced: Sequence[Raced], found: FeatureSet) -> float:
+        """Return what the target's own making adds to a set: others do not see it.
+
+        In so far as the target itself is measured its weight takes that off.
+        """
+        weight = 0.0
+        for each in raced:
+            if each.shape.name == self.job.shape.name:
+                own = self._sight(each).sigma_um
+                weight = min(1.0, (found.known.sigma_um / own) ** 2) if own else 1.0
+        return (1 - weight) * self._made_um
+
+    def _tested(
+        self, raced: Sequence[Raced], sights: Sequence[Sight], found: FeatureSet
+    ) -> ChosenSet:
+        """Return the set with the score of fresh trials."""
+        case, effects = self.alone.tried.case, self.job.effects
+        names = "+".join(r.shape.name for r in raced)
+        fresh = replace(case, key=f"{case.key}/{names}")
+        least = len(raced) - 1 if self._has_spare(found) else len(raced)
+        score = effects.memo.call(
+            score_set,
+            fresh,
+            [self._member(r, s) for r, s in zip(raced, sights, strict=True)],
+            design(fresh, effects.effort.trials, self.job.task.seed),
+            least=least,
+            map=effects.map,
+        )
+        return ChosenSet(
+            raced=tuple(raced), sights=tuple(sights), score=score, found=found,
+            least=least, shared_um=self._shared_um(raced, found),
+        )  # fmt: skip
+
+    def _has_spare(self, found: FeatureSet) -> bool:
+        """Return whether a set still does without any one of its features."""
+        need = self._need
+        return found.dropped_um <= need.sigma_um and (
+            need.sigma_theta_rad is None
+            or found.dropped_theta_rad <= need.sigma_theta_rad
+        )
+
+    def _member(self, raced: Raced, sight: Sight) -> Member:
+        """Return a feature as trials of the set measure it."""
+        chain = raced.chosen.chain
+        artifacts = raced.tried.prepared.artifacts
+        return Member(
+            case=raced.tried.case,
+            prepared=Prepared(
+                chains=(chain,), artifacts={name: artifacts[name] for name in chain}
+            ),
+            score=raced.chosen,
+            offset_um=offset_um(raced.shape, self.job.shape),
+            sigma_um=sight.sigma_um,
+        )
+
+
+def wanted(tried: Tried, effort: Effort) -> bool:
+    """Return whether more features are raced though the target alone does."""
+    if effort.thorough:
+        return True
+    return effort.limited and not is_roomy(tried.case, tried.selection)
+
+
+def _fault(raced: Raced) -> str:
+    """Return why no chain of a feature passes."""
+    return f"rejected: {raced.tried.selection.advice}"

@@ -1,0 +1,129 @@
+"""The contest over a look's target: what it is held with, and what it showed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+from featuresel.look.scenario import LookCase
+from featuresel.selection.evaluate import compete
+from featuresel.trials.trial_cache import Looks
+from featuresel.trials.trials import Map
+from optics.render.fidelity import Fidelity
+from planner.looks.evaluation import Tried
+from planner.looks.scenario import build_case
+from planner.store.memo import EVERY_TIME, Memo
+from planner.task.presets import Effort
+from planner.task.task import Task
+from planner.views.requests import Request
+from planner.views.target_views import needed_shape
+from planner.views.targets import Shape
+from planner.views.views import ViewPlan
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Effects:
+    """What the whole compile shares: how much to spend, what spends it, what keeps."""
+
+    effort: Effort
+    max_image_error: float
+    map: Map
+    memo: Memo = EVERY_TIME
+
+
+@dataclass(frozen=True, slots=True)
+class Begun:
+    """What is known of a look, whatever it has to meet; grows, and changes no result.
+
+    Demands differ in the place's tolerance and in where that comes from.
+    """
+
+    looks: Looks = field(default_factory=Looks)  # what the last contest showed
+    others: dict[str, Looks] = field(default_factory=dict)  # by case: other features'
+    cases: list[tuple[Request, ViewPlan, LookCase, Fidelity]] = field(
+        default_factory=list
+    )
+
+    def case(
+        self, task: Task, request: Request, view: ViewPlan, limit: float, memo: Memo
+    ) -> tuple[LookCase, Fidelity]:
+        """Return what `planner.looks.scenario.build_case` does."""
+        bare = replace(
+            request, tolerance_um=None, asked_by="", borne_um=None, worth_um=None
+        )
+        for asked, seen, case, fidelity in self.cases:
+            if (asked, seen) == (bare, view):
+                tolerance_um = request.tolerance_um or view.microscope.um_per_px
+                return replace(case, tolerance_um=tolerance_um), fidelity
+        case, fidelity = build_case(task, request, view, limit, memo)
+        self.cases.append((bare, view, case, fidelity))
+        return case, fidelity
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Alone:
+    """What the contest over a look's target showed at one magnification."""
+
+    view: ViewPlan
+    tried: Tried
+    visible: float | None  # share of the target's edges; None: not known
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Job:
+    """One look to be compiled, with what is shared and known by then."""
+
+    task: Task
+    request: Request
+    shape: Shape  # of the target
+    effects: Effects
+    begun: Begun
+
+    @classmethod
+    def of(cls, task: Task, request: Request, effects: Effects, begun: Begun) -> Job:
+        """Return the job of a request."""
+        return cls(
+            task=task,
+            request=request,
+            shape=needed_shape(task, request),
+            effects=effects,
+            begun=begun,
+        )
+
+    @property
+    def is_round(self) -> bool:
+        """Return whether an angle is needed that the target itself does not have."""
+        return self.request.needs_angle_rad is not None and self.shape.symmetry == 0
+
+    def asked(self, tolerance_um: float, asked_by: str) -> Job:
+        """Return the same look at another tolerance, as the only one there is."""
+        request = replace(
+            self.request,
+            tolerance_um=tolerance_um,
+            borne_um=None,
+            worth_um=None,
+            asked_by=asked_by,
+        )
+        return replace(self, request=request)
+
+    def contest(self, view: ViewPlan, *, to_the_end: bool = False) -> Alone:
+        """Return the choice among all chains for the target, with the trials.
+
+        `to_the_end` is for who wants more of the chains than which one is chosen.
+        """
+        effects, effort = self.effects, self.effects.effort
+        case, fidelity = self.begun.case(
+            self.task, self.request, view, effects.max_image_error, effects.memo
+        )
+        found = effects.memo.call(
+            compete,
+            case,
+            root_seed=self.task.seed,
+            most=effort.trials,
+            thorough=effort.thorough,
+            to_the_end=to_the_end,
+            limited=effort.limited,
+            map=effects.map,
+            looks=self.begun.looks,
+        )
+        tried = Tried.of(case, fidelity, found)
+        return Alone(view=view, tried=tried, visible=found.visible)

@@ -1,0 +1,179 @@
+"""A look that is decided, as the plan has it, with the files that belong to it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+from featuresel.look.scenario import LookCase
+from featuresel.trials.bias_prediction import predict_bias
+from featuresel.trials.usable_range import usable_range
+from planner.looks.chosen_sets import ChosenSet
+from planner.looks.effects import effect_rows
+from planner.looks.evaluation import Arrays, Tried, arrays_of
+from planner.looks.evidence import evidence_of
+from planner.looks.full_frames import frame, seen_scene
+from planner.looks.look_problem import Job
+from planner.looks.measures import Measured, depth_record, look_key, measure_record
+from planner.looks.records import evidence, scene_record, together_record, view_record
+from planner.looks.scale_free_sigma import steady_sigma_um
+from planner.looks.shot import Shot
+from planner.store.memo import EVERY_TIME, Memo
+from planner.store.pictures import Picture, picture
+from planner.task.task import Task
+from planner.views.lens_errors import middle_offset_um, middle_sigma_um
+from planner.views.look_scenes import look_scene
+from planner.views.requests import Request
+from planner.views.scenes import world_scene
+from planner.views.target_views import spot_of
+from planner.views.targets import Shape
+from planner.views.view_verdict import view_verdict
+from schemas import plan as p
+from schemas.files.scenes import LookScene
+from schemas.plan.views import ZoomTried
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CompiledLook:
+    """A look as the plan has it, with the files that belong to it."""
+
+    look: p.Look
+    case: LookCase
+    picture: Picture
+    arrays: Arrays
+    distortion_sigma_um: float  # of the middle of the target, by the lens
+    coherence_um: float  # how far partly coherent light moves it
+    placed: LookScene
+    found: tuple[Measured, ...] = ()  # the features measured, the target first
+    steady_um: float = math.inf  # `Sighted.steady_um`
+    shot: Shot | None = None  # what reports show of it
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Decided:
+    """What a look measures, and what was tried before that was settled."""
+
+    tried: Tried  # of its target
+    found: tuple[Measured, ...]  # the features measured, the target first
+    rows: tuple[p.FeatureRow, ...]  # of all features
+    together: ChosenSet | None  # None: the target alone
+    refused: tuple[ZoomTried, ...]  # magnifications, before the one that does
+
+
+def measured(
+    job: Job, tried: Tried, shape: Shape | None = None, sigma_um: float | None = None
+) -> Measured:
+    """Return a feature with the range and the bias of its chain.
+
+    Raises
+    ------
+    ValueError
+        If no chain was chosen.
+    """
+    case, chosen, effects = tried.case, tried.selection.chosen, job.effects
+    if chosen is None:
+        raise ValueError("no chain was chosen")
+    seed = job.task.seed
+    usable = effects.memo.call(
+        usable_range,
+        case,
+        tried.prepared,
+        chosen.chain,
+        root_seed=seed,
+        draws=effects.effort.range_draws,
+        map=effects.map,
+    )
+    only = replace(tried.prepared, chains=(chosen.chain,))
+    curves = effects.memo.call(
+        predict_bias, case, only, root_seed=seed, map=effects.map
+    )
+    return Measured(
+        shape=shape or job.shape,
+        tried=tried,
+        chosen=chosen,
+        usable=usable,
+        curve=curves.get(chosen.chain),
+        depth=effects.memo.call(depth_record, case, usable)
+        if effects.effort.limited
+        else None,
+        sigma_um=sigma_um,
+    )
+
+
+def compiled(job: Job, decided: Decided) -> CompiledLook:
+    """Return what the plan says of a look, with its files."""
+    task, request, shape = job.task, job.request, job.shape
+    case, memo, found = decided.tried.case, job.effects.memo, decided.found
+    image = reference_image(task, request, case, memo)
+    spot = spot_of(task, request, shape)
+    return CompiledLook(
+        look=_look(job, decided, image),
+        case=case,
+        picture=image,
+        arrays=_arrays(job, found),
+        distortion_sigma_um=middle_sigma_um(task.workcell, case.microscope, spot),
+        coherence_um=middle_offset_um(task, request.state, shape, case.microscope),
+        placed=look_scene(task, request.state, request.id, shape, spot),
+        found=found,
+        steady_um=_steady_um(job, decided),
+        shot=evidence_of(task, request, found, memo),
+    )
+
+
+def _look(job: Job, decided: Decided, image: Picture) -> p.Look:
+    """Return the look as `plan.json` has it."""
+    task, request, shape, found = job.task, job.request, job.shape, decided.found
+    tried, case = decided.tried, decided.tried.case
+    first, *others = [measure_record(request, shape, each) for each in found]
+    usable = {each.shape.name: each.usable.focus_um for each in found}
+    view = view_record(task, request, case, list(usable.values()))
+    path, together = f"images/{request.id}.png", decided.together
+    return p.Look(
+        id=request.id,
+        target=shape.name,
+        view=view,
+        scene=scene_record(task, request, case, shape, path, image),
+        effects=effect_rows(task, request, tried, job.effects.memo),
+        measure=first,
+        evidence=evidence(
+            found[0].tried, found[0].chosen, decided.rows, case.tolerance_um
+        ),
+        others=tuple(others),
+        together=None if together is None else together_record(together),
+        verdict=view_verdict(task, request, view, usable, decided.refused),
+    )
+
+
+def _arrays(job: Job, found: Iterable[Measured]) -> Arrays:
+    """Return the arrays of all features' routines, by their path."""
+    return {
+        path: arrays
+        for each in found
+        for path, arrays in arrays_of(
+            look_key(job.request, job.shape, each.shape), each.tried
+        ).items()
+    }
+
+
+def _steady_um(job: Job, decided: Decided) -> float:
+    """Return `CompiledLook.steady_um`; it is not known of several features."""
+    if decided.together is not None:
+        return math.inf
+    first = decided.found[0]
+    return steady_sigma_um(first.tried, first.chosen, job.task.seed)
+
+
+def reference_image(
+    task: Task, request: Request, case: LookCase, memo: Memo = EVERY_TIME
+) -> Picture:
+    """Return the whole frame at the nominal state by the exact law, 8 bit.
+
+    What the case's fidelity was chosen for is its region.
+    """
+    cell, scope = task.workcell, case.microscope
+    seen = seen_scene(cell, world_scene(task, request.state), scope, case.focus_um)
+    image = frame(
+        cell, seen, scope, focus_um=case.focus_um, level=case.light.gain, memo=memo
+    )
+    return picture(image)

@@ -1,0 +1,178 @@
+"""What the plan says of how a look measures a feature."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from featuresel.limits.resolution import contrast, spurious_um
+from featuresel.look.scenario import LookCase
+from featuresel.selection.constraints import Limits
+from featuresel.trials.bias import BiasCurve
+from featuresel.trials.gates import choose_gate
+from featuresel.trials.score import Score
+from featuresel.trials.trials import is_wrong
+from featuresel.trials.usable_range import UsableRange
+from optics.lens.jacobian import point_jacobian, to_px
+from planner.looks.evaluation import Tried, use_of
+from planner.views.features import offset_um
+from planner.views.requests import Request
+from planner.views.targets import Shape
+from schemas import plan as p
+from schemas.pose import Pose
+
+# Gates lie outside what every accepted trial showed, by these margins.
+SCORE_MARGIN = 0.8
+SHIFT_MARGIN = 1.5
+SPREAD_MARGIN = 2.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Measured:
+    """A feature that a look measures, and how well."""
+
+    shape: Shape
+    tried: Tried
+    chosen: Score
+    usable: UsableRange
+    curve: BiasCurve | None  # of the bias through focus
+    depth: p.Depth | None
+    sigma_um: float | None  # that its place counts with; None: what trials showed
+
+
+def measure_record(request: Request, target: Shape, found: Measured) -> p.Measure:
+    """Return how the look measures a feature, with what the trials promise."""
+    tried, shape, chosen = found.tried, found.shape, found.chosen
+    case, spare = tried.case, tried.selection.fallback
+    where = look_key(request, target, shape)
+    return p.Measure(
+        chain=tuple(use_of(where, tried, name) for name in chosen.chain),
+        fallback=tuple(
+            use_of(where, tried, name) for name in (spare.chain if spare else ())
+        ),
+        region=_region(case),
+        reference=_reference(case),
+        bias_um=chosen.bias_um or (0.0, 0.0),
+        jacobian_px_per_um=_jacobian(case),
+        sigma_xy_um=(found.sigma_um or chosen.sigma_um) or 0.0,
+        sigma_theta_rad=_sigma_theta_rad(found),
+        limit_xy_um=chosen.limit_um,
+        gates=_gates(tried, chosen),
+        capture_um=case.spread.search_um,
+        symmetry=shape.symmetry,
+        symmetry_broken_by=shape.symmetry_broken_by
+        if case.tolerance_theta_rad is not None
+        else "",
+        usable_focus_um=found.usable.focus_um,
+        usable_magnification=found.usable.magnification,
+        fallback_bias_um=(spare.bias_um if spare else None) or (0.0, 0.0),
+        fallback_sigma_xy_um=None if spare is None else _spare_sigma_um(found, spare),
+        fallback_sigma_theta_rad=None if spare is None else spare.sigma_theta_rad,
+        fallback_min_score=0.0 if spare is None else _min_score(tried, spare),
+        feature="" if shape.name == target.name else shape.name,
+        offset_um=offset_um(shape, target),
+        turn_rad=shape.angle_rad,
+        bias_through_focus=_through_focus(found.curve),
+        depth=found.depth,
+    )
+
+
+def _spare_sigma_um(found: Measured, spare: Score) -> float:
+    """Return the spread of a fallback, with what the chain's own has beside trials."""
+    own, counts = found.chosen.sigma_um or 0.0, found.sigma_um or 0.0
+    beside = math.sqrt(max(counts**2 - own**2, 0.0))
+    return math.hypot(spare.sigma_um or 0.0, beside)
+
+
+def _sigma_theta_rad(found: Measured) -> float | None:
+    """Return the spread of the angle; of one of several features, its bias in it."""
+    sigma = found.chosen.sigma_theta_rad
+    if sigma is None or found.sigma_um is None:
+        return sigma
+    return math.hypot(sigma, found.chosen.bias_theta_rad or 0.0)
+
+
+def depth_record(case: LookCase, usable: UsableRange) -> p.Depth:
+    """Return what the usable focus range of a feature stands beside."""
+    low, high = (float(v) for v in contrast(case, usable.focus_um))
+    turned_um = spurious_um(case)
+    return p.Depth(
+        textbook_um=case.microscope.wave_depth_um,
+        spurious_um=turned_um if math.isfinite(turned_um) else None,
+        contrast=(low, high),
+    )
+
+
+def look_key(request: Request, target: Shape, shape: Shape) -> str:
+    """Return what the files of a look's feature are called after."""
+    return request.id if shape.name == target.name else f"{request.id}.{shape.name}"
+
+
+def _through_focus(curve: BiasCurve | None) -> tuple[p.BiasAt, ...]:
+    """Return a predicted bias as the plan has it."""
+    if curve is None:
+        return ()
+    rows = zip(curve.dz_um, curve.x_um, curve.y_um, strict=True)
+    return tuple(p.BiasAt(dz_um=z, bias_x_um=x, bias_y_um=y) for z, x, y in rows)
+
+
+def _region(case: LookCase) -> p.Region:
+    """Return the part of the frame that the routines see."""
+    window = case.window
+    return p.Region(
+        row=window.row, column=window.column, rows=window.rows, columns=window.columns
+    )
+
+
+def _reference(case: LookCase) -> p.Reference:
+    """Return where the target should be."""
+    return p.Reference(
+        column=case.target.column,
+        row=case.target.row,
+        pose=Pose(x_um=case.x_um, y_um=case.y_um, theta_rad=case.theta_rad),
+        z_um=case.focus_um,
+    )
+
+
+def _gates(tried: Tried, chosen: Score) -> p.Gates:
+    """Return what a measurement must meet: what every good trial met, and a margin."""
+    mine = tried.outcomes.by(chosen.chain)
+    spreads = [
+        o.spread_um
+        for o in mine
+        if o.spread_um is not None and not is_wrong(tried.case, o)
+    ]
+    widest = SPREAD_MARGIN * max(spreads, default=0.0)
+    return p.Gates(
+        min_score=_min_score(tried, chosen),
+        max_shift_um=SHIFT_MARGIN * tried.case.spread.search_um,
+        max_turn_rad=None,
+        max_spread_um=max(widest, tried.case.tolerance_um),
+    )
+
+
+def _min_score(tried: Tried, chain: Score) -> float:
+    """Return the least score a chain may have: its gate, or what good trials showed.
+
+    A gate that lets all pass is lowered by a margin below the good trials instead.
+    """
+    mine = tried.outcomes.by(chain.chain)
+    scores = [
+        o.score for o in mine if o.score is not None and not is_wrong(tried.case, o)
+    ]
+    usual = SCORE_MARGIN * min(scores, default=0.0)
+    gate = choose_gate(tried.case, mine, silent_limit=Limits().silent_upper)
+    return usual if gate is None or not gate.lost else max(usual, gate.min_score)
+
+
+def _jacobian(case: LookCase) -> tuple[tuple[float, ...], ...]:
+    """Return d(u, v) / d(x, y, theta, zoom) at the nominal place.
+
+    Columns as in `optics.lens.jacobian.point_jacobian`; the turn is about the target.
+    """
+    here_um = (case.x_um, case.y_um)
+    point = to_px(np.array([here_um]), case.microscope)
+    matrix = point_jacobian(point, case.microscope, axis_um=here_um)
+    return tuple(tuple(float(v) for v in row) for row in matrix)

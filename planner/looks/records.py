@@ -1,0 +1,144 @@
+"""What the plan says of a look: view, scene, measurement and evidence."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from featuresel.look.scenario import LookCase
+from featuresel.trials.score import Score
+from planner.assembly.assembly import height_sigma_um
+from planner.looks.chosen_sets import ChosenSet
+from planner.looks.evaluation import Tried
+from planner.store.pictures import Picture, picture_sha256
+from planner.task.task import Task
+from planner.views.focus import focus_stops, reach_margin_um
+from planner.views.requests import Request
+from planner.views.scenes import shade_of
+from planner.views.target_views import needed_shape, spot_of
+from planner.views.targets import Shape
+from schemas import plan as p
+
+
+def view_record(
+    task: Task,
+    request: Request,
+    case: LookCase,
+    usable_um: Sequence[tuple[float, float]],
+) -> p.View:
+    """Return how the microscope is set; `usable_um` has each feature's focus errors."""
+    focus = task.workcell.optics.focus
+    return p.View(
+        magnification=case.microscope.magnification,
+        focus_um=case.focus_um,
+        focus_stops_um=focus_stops(
+            case.focus_um,
+            usable_um,
+            height_sigma_um(task, request.state, needed_shape(task, request).owner),
+            (focus.min_um, focus.max_um),
+            reach_margin_um(task.workcell),
+        ),
+        light=case.light.gain,
+        field_um=case.microscope.field_um,
+        um_per_px=case.microscope.um_per_px,
+    )
+
+
+def evidence(
+    tried: Tried,
+    chosen: Score,
+    features: Sequence[p.FeatureRow],
+    tolerance_um: float,
+) -> p.Evidence:
+    """Return every chain's score with the reason for or against it.
+
+    `tolerance_um` is the look's own; one of several features may have a wider one.
+    """
+    reasons = dict(tried.selection.reasons)
+    return p.Evidence(
+        tolerance_um=tolerance_um,
+        chosen=_score(chosen, reasons[chosen.chain]),
+        others=tuple(
+            _score(other, reasons[other.chain])
+            for other in tried.scores
+            if other.chain != chosen.chain
+        ),
+        features=tuple(features),
+    )
+
+
+def scene_record(
+    task: Task,
+    request: Request,
+    case: LookCase,
+    shape: Shape,
+    name: str,
+    image: Picture,
+) -> p.SceneRecord:
+    """Return what is in view, and what is hidden or shaded."""
+    spot = spot_of(task, request, shape)
+    scope = case.microscope
+    layers = sorted(case.static + case.moving, key=lambda la: (la.z_um, la.name))
+    return p.SceneRecord(
+        layers=tuple(
+            p.LayerRecord(name=la.name, z_um=la.z_um, reflectance=la.reflectance)
+            for la in layers
+        ),
+        shades=shade_of(
+            task, request.state, shape, spot, scope.aperture, scope.medium_index
+        ),
+        image=name,
+        image_sha256=picture_sha256(image),
+    )
+
+
+def together_record(found: ChosenSet) -> p.Together:
+    """Return what the features of a look tell together.
+
+    Parts as made and biases may make a spread larger than the set's trials showed it:
+    the larger counts.
+    """
+    known = found.found.known
+    dropped = math.hypot(found.found.dropped_um, found.shared_um)
+    turn = found.score.sigma_theta_rad
+    if turn is not None and math.isfinite(known.sigma_theta_rad):
+        turn = max(turn, known.sigma_theta_rad)
+    return p.Together(
+        sigma_xy_um=found.sigma_um,
+        sigma_theta_rad=turn,
+        conditioning=known.conditioning,
+        dropped_um=dropped if math.isfinite(dropped) else None,
+        least=found.least,
+        success_lower=found.score.success_lower,
+        silent_upper=found.score.silent_upper,
+    )
+
+
+def _score(found: Score, reason: str) -> p.Score:
+    """Return a chain's score as the plan has it."""
+    return p.Score(
+        chain=found.chain,
+        trials=found.trials,
+        success=found.success,
+        success_lower=found.success_lower,
+        silent=found.silent,
+        silent_upper=found.silent_upper,
+        bias_um=found.bias_um,
+        sigma_um=found.sigma_um,
+        worst_um=found.worst_um,
+        sigma_theta_rad=found.sigma_theta_rad,
+        cost=found.cost,
+        reason=reason,
+        sigma_upper_um=_sigma_upper(found),
+        ratio_to_limit=found.ratio,
+        worst_trial=found.worst_trial,
+        median_trial=found.median_trial,
+        first_failing_trial=found.first_failing,
+    )
+
+
+def _sigma_upper(found: Score) -> float | None:
+    """Return the bound of the larger axis' sigma, None where nothing is known."""
+    axes = [axis for axis in (found.x, found.y, found.along) if axis is not None]
+    upper = max((axis.sigma_upper for axis in axes), default=math.inf)
+    return upper if math.isfinite(upper) else None

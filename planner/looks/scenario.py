@@ -1,0 +1,332 @@
+"""A look as a case for the benchmark: scene, target, spreads and defocus law."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+from featuresel.features.contour import with_contour
+from featuresel.look.scenario import LookCase, Spread, Turning
+from featuresel.routines import Target
+from optics.layers.layer_error import choose_layers
+from optics.layers.shading import shade_error
+from optics.lens.distorted_scene import lens_scene
+from optics.lens.lens import LensErrors
+from optics.lens.sensor import Sensor
+from optics.outline.outline import Outline, place
+from optics.outline.tolerant_order import above
+from optics.render.fidelity import Fidelity, choose
+from optics.render.scene import Illumination, Layer, Scene
+from planner.assembly.assembly import Place, locate_place
+from planner.store.memo import EVERY_TIME, Memo
+from planner.task.task import Task
+from planner.task.workcell import Workcell
+from planner.views.lens_errors import known_errors, lamp_aperture
+from planner.views.requests import ANGLE_RAD, PERIOD_SHARE, Request
+from planner.views.scenes import relevant, world_scene
+from planner.views.target_views import needed_shape, search_um, spot_of
+from planner.views.targets import Shape, outline_of, target_layers
+from planner.views.views import SEARCH_SIGMAS, ViewPlan
+
+MOST_TOGETHER = 4  # features that one look measures
+# of the look's tolerances that each of them has: their mean is as much better
+SHARE_TOGETHER = math.sqrt(MOST_TOGETHER)
+_FOCUS_SIGMAS = 2.0  # a law must hold so far from the nominal focus
+
+
+def build_case(
+    task: Task,
+    request: Request,
+    view: ViewPlan,
+    max_image_error: float,
+    memo: Memo = EVERY_TIME,
+) -> tuple[LookCase, Fidelity]:
+    """Return the case that routines are tried on, and why it is rendered as it is."""
+    shape = needed_shape(task, request)
+    spot = spot_of(task, request, shape)
+    static, moving = _layers(task, request, shape, view)
+    scope, camera = view.microscope, task.workcell.camera
+    spread = _spread(task, request, spot, static)
+    lens = known_errors(task.workcell)
+    shown = Scene(
+        layers=static + tuple(_placed(layer, spot) for layer in moving),
+        background=task.workcell.stage.reflectance,
+        background_z_um=task.workcell.stage.datum_z_um + request.state.stage.z_um,
+    )
+    imaged = lens_scene(shown, scope, lens, view.focus_um)
+    fidelity = memo.call(
+        choose,
+        imaged,
+        scope,
+        focus_um=_focus_range(view, spread),
+        limit=max_image_error,
+        window=view.region,
+    )
+    lamp = _lamp(task.workcell, shown, view, max_image_error, memo)
+    case = LookCase(
+        key=f"{task.name}/{request.id}@{scope.magnification:.6g}",
+        static=static,
+        moving=moving,
+        background=task.workcell.stage.reflectance,
+        x_um=spot.pose.x_um,
+        y_um=spot.pose.y_um,
+        theta_rad=spot.pose.theta_rad,
+        theta_any=spot.sigma_theta_rad >= math.pi,
+        microscope=scope,
+        focus_um=view.focus_um,
+        light=Illumination(gain=view.light),
+        window=view.region,
+        sensor=Sensor(
+            full_well_e=camera.full_well_e,
+            read_noise_e=camera.read_noise_e,
+            bits=camera.bits,
+        ),
+        target=with_contour(
+            _target(task, shape, spot, view), _carrying(task, request, shape)
+        ),
+        model=fidelity.model,
+        sampling=fidelity.sampling,
+        lens=lens,
+        lamp_aperture=lamp,
+        background_z_um=shown.background_z_um,
+        treatment="blend"
+        if lamp is not None
+        else _treatment(imaged, view, spread, max_image_error),
+        tolerance_um=request.tolerance_um or scope.um_per_px,
+        tolerance_theta_rad=_angle_tolerance(request, shape),
+        spread=spread,
+    )
+    return case, fidelity
+
+
+def feature_case(
+    task: Task, request: Request, view: ViewPlan, case: LookCase, shape: Shape
+) -> LookCase:
+    """Return a look at another feature of the target's body, through the same region.
+
+    Scene, optics and light are those of `case`. One of several features may be as many
+    times less accurate as their mean is better. It lies as far off as the target does,
+    and as it swings about the target in the trials.
+    """
+    target = needed_shape(task, request)
+    arm_um = math.dist(shape.center_um, target.center_um)
+    swing_um = min(case.spread.pose_sigma_theta_rad, 1.0) * arm_um
+    # the sum, not the root of squares: extreme trials have both at once
+    sigma_um = spot_of(task, request, target).sigma_xy_um + swing_um
+    spot = replace(spot_of(task, request, shape), sigma_xy_um=sigma_um)
+    # a round one tells no angle: others do
+    angle = None if shape.symmetry == 0 else _angle_tolerance(request, shape)
+    c, s = math.cos(case.theta_rad), math.sin(case.theta_rad)
+    x, y = spot.pose.x_um - case.x_um, spot.pose.y_um - case.y_um
+    back = (-(c * x + s * y), s * x - c * y)  # of its origin, in the part's axes
+    return replace(
+        case,
+        key=f"{case.key}/{shape.name}",
+        moving=tuple(
+            replace(layer, outline=place(layer.outline, *back)) for layer in case.moving
+        ),
+        x_um=spot.pose.x_um,
+        y_um=spot.pose.y_um,
+        target=with_contour(
+            _target(task, shape, spot, view), _carrying(task, request, shape)
+        ),
+        tolerance_um=case.tolerance_um * SHARE_TOGETHER,
+        tolerance_theta_rad=None
+        if case.tolerance_theta_rad is None or angle is None
+        else angle * SHARE_TOGETHER,
+        spread=replace(
+            case.spread,
+            pose_sigma_xy_um=math.hypot(
+                spot.sigma_xy_um, task.benchmark.pose_sigma_xy_um
+            ),
+            search_um=search_um(task, spot),
+        ),
+    )
+
+
+def _lamp(
+    cell: Workcell, shown: Scene, view: ViewPlan, max_image_error: float, memo: Memo
+) -> float | None:
+    """Return the lamp's aperture if leaving its shade out would cost too much."""
+    aperture = lamp_aperture(cell, view.microscope)
+    if aperture is None:
+        return None
+    error = memo.call(
+        shade_error,
+        shown,
+        view.microscope,
+        focus_um=view.focus_um,
+        lamp_aperture=aperture,
+        window=view.region,
+    )
+    return aperture if above(error, max_image_error) else None
+
+
+def _treatment(
+    imaged: Scene, view: ViewPlan, spread: Spread, max_image_error: float
+) -> str:
+    """Return how layers are laid over each other; the dearer way must keep the limit.
+
+    In coaxial light nothing is traced: that takes seconds an image.
+    """
+    found = choose_layers(
+        imaged,
+        view.microscope,
+        focus_um=_focus_range(view, spread),
+        limit=max_image_error,
+        window=view.region,
+    )
+    return found.treatment if found.keeps_limit else "blend"
+
+
+def _focus_range(view: ViewPlan, spread: Spread) -> tuple[float, ...]:
+    """Return the focus heights that a fidelity must hold for."""
+    off = _FOCUS_SIGMAS * spread.focus_sigma_um
+    heights = (view.focus_um, view.focus_um - off, view.focus_um + off)
+    return heights if off > 0 else heights[:1]
+
+
+def _placed(layer: Layer, spot: Place) -> Layer:
+    """Return a layer of the target's frame in the world."""
+    outline = place(layer.outline, spot.pose.x_um, spot.pose.y_um, spot.pose.theta_rad)
+    return Layer(
+        name=layer.name,
+        outline=outline,
+        z_um=layer.z_um,
+        reflectance=layer.reflectance,
+    )
+
+
+def _layers(
+    task: Task, request: Request, shape: Shape, view: ViewPlan
+) -> tuple[tuple[Layer, ...], tuple[Layer, ...]]:
+    """Return what stands still in the trials, and what moves with the target."""
+    scene = world_scene(task, request.state)
+    seen = relevant(scene.layers, view.microscope, view.focus_um, view.region)
+    own = {layer.name for layer in seen if layer.name.partition(".")[0] == shape.owner}
+    static = tuple(layer for layer in seen if layer.name not in own)
+    heights = {layer.name: layer.z_um for layer in seen}
+    moving = tuple(
+        Layer(
+            name=layer.name,
+            outline=layer.outline,
+            z_um=heights[layer.name],
+            reflectance=layer.reflectance,
+        )
+        for layer in target_layers(task, request.state, shape)
+        if layer.name in own
+    )
+    return static, moving
+
+
+def _carrying(task: Task, request: Request, shape: Shape) -> list[Outline]:
+    """Return the outlines that hold the target's edges, in the target's frame."""
+    if shape.owner in task.workcell.tools:
+        return [layer.outline for layer in target_layers(task, request.state, shape)]
+    return [outline_of(task, shape)]
+
+
+def _target(task: Task, shape: Shape, spot: Place, view: ViewPlan) -> Target:
+    """Return the target in pixels of the region."""
+    scope, region = view.microscope, view.region
+    k = scope.px_per_um
+    return Target(
+        name=shape.name,
+        kind=shape.kind,
+        column=(scope.width_px - 1) / 2 + k * spot.pose.x_um - region.column,
+        row=(scope.height_px - 1) / 2 - k * spot.pose.y_um - region.row,
+        theta_rad=spot.pose.theta_rad + shape.angle_rad,
+        px_per_um=k,
+        search_px=k * search_um(task, spot),
+        theta_range_rad=min(math.pi, SEARCH_SIGMAS * _sigma_theta(task, spot)),
+        symmetry=shape.symmetry,
+        bright=shape.bright,
+        parameters=shape.parameters,
+    )
+
+
+def _sigma_theta(task: Task, spot: Place) -> float:
+    """Return the spread of the target's angle in the trials."""
+    return math.hypot(spot.sigma_theta_rad, task.benchmark.pose_sigma_theta_rad)
+
+
+def _spread(
+    task: Task, request: Request, spot: Place, static: Sequence[Layer]
+) -> Spread:
+    """Return what the trials perturb: the task's benchmark and the spreads of places.
+
+    Of the lens only what changes how the target looks: what moves the whole image is a
+    term of the error budget.
+    """
+    b, lens = task.benchmark, task.workcell.optics.lens
+    return Spread(
+        focus_sigma_um=b.focus_sigma_um,
+        magnification_sigma=b.magnification_sigma,
+        light_gain=b.light_gain,
+        light_gradient=b.light_gradient,
+        pose_sigma_xy_um=math.hypot(spot.sigma_xy_um, b.pose_sigma_xy_um),
+        pose_sigma_theta_rad=min(_sigma_theta(task, spot), math.pi),
+        search_um=search_um(task, spot),
+        occluder_sigma_um=_occluder_sigma_um(task, request, spot, static),
+        turning=_turning(task, request, spot, static),
+        lens=LensErrors(field_curvature_sigma_per_um=lens.field_curvature_sigma_per_um),
+    )
+
+
+def _occluder_sigma_um(
+    task: Task, request: Request, spot: Place, static: Sequence[Layer]
+) -> float:
+    """Return the spread of what stands higher than the target, the least known of it.
+
+    What lies lower hides nothing.
+    """
+    return max(
+        (
+            locate_place(task, request.state, name).sigma_xy_um
+            for name in _higher(spot, static)
+        ),
+        default=0.0,
+    )
+
+
+def _turning(
+    task: Task, request: Request, spot: Place, static: Sequence[Layer]
+) -> tuple[Turning, ...]:
+    """Return the parts that stand higher than the target at an angle nobody knows.
+
+    A tool's angle is in the spread of its tips.
+    """
+    places = [
+        locate_place(task, request.state, name)
+        for name in _higher(spot, static)
+        if name in task.parts
+    ]
+    return tuple(
+        Turning(
+            owner=place.owner,
+            x_um=place.pose.x_um,
+            y_um=place.pose.y_um,
+            sigma_theta_rad=min(place.sigma_theta_rad, math.pi),
+        )
+        for place in places
+        if place.sigma_theta_rad > 0
+    )
+
+
+def _higher(spot: Place, static: Sequence[Layer]) -> list[str]:
+    """Return whose layers stand higher than the target, by name."""
+    return sorted({la.name.partition(".")[0] for la in static if la.z_um > spot.z_um})
+
+
+def _angle_tolerance(request: Request, shape: Shape) -> float | None:
+    """Return how well the angle must be known, None if it need not be."""
+    if request.needs_angle_rad is not None:
+        return request.needs_angle_rad  # of a round target by features beside it
+    if shape.symmetry == 0:
+        return None  # it has none
+    if not request.wants_angle or shape.kind == "jaws":
+        return None
+    if shape.symmetry > 1:
+        return PERIOD_SHARE * 2 * math.pi / shape.symmetry
+    return ANGLE_RAD

@@ -1,0 +1,17 @@
+"""What reports show of a look, with its pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from planner.store.pictures import Picture
+from schemas.files import evidence as shown
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Shot:
+    """What reports show of a look, with its pictures by their path in the folder."""
+
+    evidence: shown.LookEvidence
+    pictures: Mapping[str, Picture]

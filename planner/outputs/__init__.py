@@ -1,1 +1,0 @@
-"""Values out as files: the plan folder and its pictures."""

@@ -1,0 +1,117 @@
+"""What a step does, as the plan has it: its action, with moves, looks and sweeps."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from planner.assembly.assembly import locate_place, owner_of
+from planner.assembly.step_states import StepState
+from planner.looks.look_record import CompiledLook
+from planner.task.task import Move, Step, Task
+from schemas import plan as p
+
+# A height sweep reaches this many limits to either side of the expected height.
+SWEEP_LIMITS = 3.0
+# Between stops the geometrical blur grows by this many pixels (or, where pixels are
+# finer, the height changes by a wave depth of field), which puts five stops and more on
+# the upper half of the focus curve.
+SWEEP_BLUR_PX = 2.5
+LEAST_STOPS = 9
+
+
+def action_of(task: Task, here: StepState, looks: Sequence[CompiledLook]) -> p.Action:
+    """Return what the step does."""
+    step, target = here.step, here.step.target or ""
+    tool = step.tool or here.before.tool or ""
+    if step.verb == "locate":
+        last = looks[-1].look  # a coarse one may come before
+        return p.LocateAction(target=last.target, look=last.id)
+    if step.verb == "align":
+        return p.AlignAction(
+            target=target,
+            to=step.to or "",
+            look=looks[0].look.id,
+            axes=locate_place(task, here.before, target).carrier,
+            path=here.path,
+        )
+    if step.verb == "grasp":
+        opening = step.opening_um or 0.0
+        held = here.after.parts[owner_of(target)].pose
+        return p.GraspAction(
+            target=owner_of(target),
+            tool=tool,
+            opening_um=opening,
+            across_um=held.x_um,
+        )
+    if step.verb == "insert":
+        moves = tuple(axis_move(m, step.speed_um_per_s) for m in step.move)
+        return p.InsertAction(target=target, onto=step.onto or "", moves=moves)
+    if step.verb == "release":
+        opening = step.opening_um or here.before.opening_um
+        return p.ReleaseAction(target=owner_of(target), tool=tool, opening_um=opening)
+    if step.verb == "verify":
+        return _verify(step, looks, _mating(task, step))
+    return p.MoveAction()
+
+
+def _mating(task: Task, verify: Step) -> str:
+    """Return what must sit on the seat: the hole that was put onto it, if one was."""
+    holes = [
+        step.target
+        for step in task.steps
+        if step.verb == "insert"
+        and step.onto == verify.on
+        and owner_of(step.target or "") == owner_of(verify.target or "")
+    ]
+    return (holes[-1] if holes else verify.target) or ""
+
+
+def _verify(step: Step, looks: Sequence[CompiledLook], mating: str) -> p.VerifyAction:
+    """Return the verification: offset, height and an empty tool."""
+    target, seat = looks[0], looks[1]
+    return p.VerifyAction(
+        target=mating,
+        on=step.on or "",
+        look=target.look.id,
+        seat_look=seat.look.id,
+        within_um=step.within_um or 0.0,
+        within_rad=step.within_rad,
+        height=_height_search(target, step.height_within_um),
+        empty=step.empty,
+    )
+
+
+def _height_search(
+    look: CompiledLook, within_um: float | None
+) -> p.HeightSearch | None:
+    """Return the focus sweep that measures the height of the target's face."""
+    if within_um is None:
+        return None
+    middle = look.look.view.focus_um
+    reach, scope = SWEEP_LIMITS * within_um, look.case.microscope
+    pixels = SWEEP_BLUR_PX * scope.um_per_px / scope.blur_diameter_um(1.0)
+    count = math.ceil(2 * reach / max(pixels, scope.wave_depth_um)) + 1
+    stops = np.linspace(middle - reach, middle + reach, max(count, LEAST_STOPS))
+    parameters = look.case.target.parameters
+    return p.HeightSearch(
+        look=look.look.id,
+        expected_um=middle,
+        within_um=within_um,
+        focus_um=tuple(float(z) for z in stops),
+        ring_radius_um=parameters.get("outer_um", parameters.get("radius_um", 0.0)),
+    )
+
+
+def axis_move(move: Move, speed_um_per_s: float | None = None) -> p.AxisMove:
+    """Return a task's move as the plan has it."""
+    return p.AxisMove(
+        axes=move.axes,
+        x_um=move.to.x_um,
+        y_um=move.to.y_um,
+        z_um=move.to.z_um,
+        theta_rad=move.to.theta_rad,
+        speed_um_per_s=speed_um_per_s,
+    )

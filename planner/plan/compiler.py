@@ -1,0 +1,315 @@
+"""The compiler: a straight line from a task to a plan folder's content."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import multiprocessing
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+from dataclasses import replace
+from importlib.metadata import version
+
+from planner.assembly.assembly import State, initial
+from planner.assembly.solids import finger_solids, part_solids
+from planner.assembly.step_states import StepState, unfold
+from planner.assembly.world import build_world
+from planner.budget.insert_budget import share_of_goal
+from planner.budget.measurement_history import Memory
+from planner.looks.look_problem import Effects
+from planner.plan.emit import PlanFiles
+from planner.plan.options import Options as Options
+from planner.plan.requirements import requirements
+from planner.plan.speculation import Ahead, begin, listen
+from planner.plan.steps import CompiledStep, compile_step
+from planner.source.diagnostics import Report, Span
+from planner.task.presets import PRESETS, Preset
+from planner.task.second_reader import read_twice
+from planner.task.task import Task
+from planner.views.check_task import check_fits
+from planner.views.targets import middle_um
+from schemas import plan as p
+from schemas.codec import to_data
+from schemas.files.scenes import Scenes
+from schemas.pose import Pose
+
+UNLIKELY = "MP602"  # every step can be done, together they succeed too rarely
+PLACES = 6  # decimals of a feature, um: a picometre, as in `sweep.ROUNDING_UM`
+
+
+def compile_task(task: Task, report: Report, options: Options) -> PlanFiles | None:
+    """Return everything a plan folder holds, None if the task contradicts itself.
+
+    A task that is understood but cannot be done gives a plan whose status is
+    `infeasible`, with the reasons and the steps up to the first that failed.
+    """
+    started = time.perf_counter()
+    read_twice(task, report, options.memo)
+    states = unfold(task, report)
+    check_fits(task, states, report)
+    if report.failed:
+        return None
+    preset = options.preset or task.optimise.prefer
+    limit = options.max_image_error or task.optimise.image_error(preset)
+    with workers(options.jobs) as pool:
+        effects = Effects(
+            effort=options.effort or PRESETS[preset],
+            max_image_error=limit,
+            map=map,
+            memo=options.memo,
+        )
+        steps, timings = _steps(task, states, effects, report, options.tell, pool)
+    plan = build_plan(task, states, steps, report, preset=preset, limit=limit)
+    looks = [look for step in steps for look in step.looks]
+    return PlanFiles(
+        plan=plan,
+        world=build_world(task, initial(task)),
+        scenes=Scenes(looks=tuple(look.placed for look in looks)),
+        images={look.look.scene.image: look.picture for look in looks},
+        shots=tuple(look.shot for look in looks if look.shot is not None),
+        arrays={k: v for look in looks for k, v in look.arrays.items()},
+        timings={**timings, "total_s": time.perf_counter() - started},
+        inputs=_inputs(report),
+    )
+
+
+def build_plan(
+    task: Task,
+    states: Sequence[StepState],
+    steps: Sequence[CompiledStep],
+    report: Report,
+    *,
+    preset: Preset,
+    limit: float,
+) -> p.Plan:
+    """Return the plan of the steps that could be compiled."""
+    start = initial(task)
+    compiled = tuple(step.step for step in steps)
+    chance = 1.0
+    for step in compiled:
+        chance *= step.budget.success_probability
+    complete = len(compiled) == len(states)
+    _report_goal(task, compiled, chance if complete else None, report)
+    reasons = _reasons(task, report)
+    return p.Plan(
+        format_version=p.FORMAT_VERSION,
+        name=task.name,
+        status="infeasible" if reasons else "feasible",
+        reasons=reasons,
+        provenance=_provenance(task, preset, limit),
+        requirements=requirements(task, states, compiled),
+        beliefs=_beliefs(task, start),
+        features=feature_places(task),
+        stage_start=p.AxisMove(
+            axes="stage",
+            x_um=start.stage.x_um,
+            y_um=start.stage.y_um,
+            z_um=start.stage.z_um,
+            theta_rad=start.stage.theta_rad,
+        ),
+        robot_start=_robot_start(start),
+        opening_start_um=start.opening_um if start.tool else None,
+        success_probability=chance if complete else 0.0,
+        success_goal=task.success_goal,
+        steps=compiled,
+        parts=part_solids(task),
+        fingers=finger_solids(task),
+    )
+
+
+@contextmanager
+def workers(jobs: int) -> Iterator[ProcessPoolExecutor | None]:
+    """Yield a pool of `jobs` processes, None for a single one.
+
+    What is still under way at the end is not wanted any more.
+    """
+    if jobs <= 1:
+        yield None
+        return
+    unwanted = multiprocessing.Event()
+    with ProcessPoolExecutor(jobs, initializer=listen, initargs=(unwanted,)) as pool:
+        try:
+            yield pool
+        finally:
+            unwanted.set()
+            pool.shutdown(cancel_futures=True)
+
+
+def _steps(
+    task: Task,
+    states: tuple[StepState, ...],
+    effects: Effects,
+    report: Report,
+    tell: Callable[[int, int, str], None],
+    pool: ProcessPoolExecutor | None,
+) -> tuple[list[CompiledStep], dict[str, float]]:
+    """Return the steps up to the first that cannot be done, and their times.
+
+    `tell` is told how many steps are done, of how many, and which one comes next. Looks
+    are compiled in the processes of a `pool`; a step's time is what it takes wherever.
+    """
+    low, _ = task.workcell.optics.magnification
+    ahead = Ahead()
+    if pool is not None:
+        ahead = begin(pool, task, states, effects, low)
+        effects = replace(effects, map=pool.map)
+    memory = Memory(magnification=low, seen={}, within_um=0.0, key="")
+    found: list[CompiledStep] = []
+    timings: dict[str, float] = {}
+    for index, here in enumerate(states):
+        started, before_s = time.perf_counter(), ahead.elsewhere_s
+        tell(index, len(states), here.step.id)
+        step = compile_step(task, states, index, memory, effects, report, ahead)
+        took_s = time.perf_counter() - started + ahead.elsewhere_s - before_s
+        timings[f"steps.{here.step.id}_s"] = took_s
+        if step is None:
+            break
+        found.append(step)
+        memory = step.memory
+    return found, timings
+
+
+def _report_goal(
+    task: Task, steps: Sequence[p.Step], chance: float | None, report: Report
+) -> None:
+    """Report a plan whose chance of success is below the goal."""
+    goal = task.success_goal
+    if goal is None or chance is None or chance >= goal:
+        return
+    needed = share_of_goal(task)
+    ranked = sorted(steps, key=lambda step: step.budget.success_probability)
+    short = [s for s in ranked if s.budget.success_probability < needed] or ranked[:1]
+    costs = ", ".join(
+        f"{step.id!r} with {step.budget.success_probability:.4g}" for step in short
+    )
+    report.refuse(
+        UNLIKELY,
+        task.where.get("goal.success_probability", task.where["goal"]),
+        f"P(success) is {chance:.4g}, the goal {goal:g}, a share of {needed:.4g} for "
+        f"every step that may miss; short of it, the worst first: {costs}",
+        short[0].budget.advice,
+    )
+
+
+def _reasons(task: Task, report: Report) -> tuple[p.Reason, ...]:
+    """Return why the plan is infeasible, empty if it is not: the worst first.
+
+    What cannot be done at all comes before what is only too unlikely.
+    """
+    found = [d for d in report.in_order if d.severity == "infeasible"]
+    found.sort(key=lambda d: d.code == UNLIKELY)  # stable: else by place in the file
+    return tuple(
+        p.Reason(code=d.code, step=_step_at(task, d.where), message=d.message)
+        for d in found
+    )
+
+
+def _step_at(task: Task, where: Span) -> str:
+    """Return the step whose declaration a finding points into, "" if none."""
+    for step in task.steps:
+        places = (step.where, *step.spans.values(), *(m.where for m in step.move))
+        if (where.file, where.line) in {(at.file, at.line) for at in places}:
+            return step.id
+    return ""
+
+
+def _provenance(task: Task, preset: Preset, limit: float) -> p.Provenance:
+    """Return what the plan was made from."""
+    return p.Provenance(
+        microplan=version("microplan"),
+        task_sha256=_digest(task.normalised),
+        workcell_sha256=_digest(task.workcell.normalised),
+        drawings_sha256={
+            name: _digest(_part_entry(task, name)) for name in sorted(task.parts)
+        },
+        seed=task.seed,
+        preset=preset,
+        max_image_error=limit,
+    )
+
+
+def _part_entry(task: Task, name: str) -> Mapping[str, object]:
+    """Return a part's normalised entry, its outline included."""
+    parts = task.normalised["parts"]
+    if not isinstance(parts, Mapping):
+        raise TypeError("normalised parts must be a mapping")
+    entry: Mapping[str, object] = parts[name]
+    return entry
+
+
+def _digest(data: object) -> str:
+    """Return the sha256 of plain data, keys sorted."""
+    text = json.dumps(data, sort_keys=True, default=to_data)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _beliefs(task: Task, start: State) -> tuple[p.Belief, ...]:
+    """Return where everything is thought to be before step 1."""
+    found = [
+        p.Belief(
+            name=name,
+            carrier=part.carrier,
+            pose=part.pose,
+            sigma_xy_um=part.sigma_xy_um,
+            sigma_theta_rad=part.sigma_theta_rad,
+            z_um=task.workcell.stage.datum_z_um + part.z_um,  # all start on the stage
+        )
+        for name, part in sorted(start.parts.items())
+    ]
+    if start.tool is not None:
+        found.append(
+            p.Belief(
+                name=start.tool,
+                carrier="robot",
+                pose=Pose(x_um=0.0, y_um=0.0),
+                sigma_xy_um=start.tip_sigma_um,
+                sigma_theta_rad=task.workcell.robot.axes.repeatability_theta_rad,
+            )
+        )
+    return tuple(found)
+
+
+def feature_places(task: Task) -> tuple[p.FeaturePlace, ...]:
+    """Return where named features sit in their owners."""
+    centers = {
+        f"{part.name}.{name}": (part.name, center)
+        for part in task.parts.values()
+        for name, center in (
+            *((f.name, f.center_um) for f in part.features.values()),
+            ("outline", middle_um(part)),  # as looks at a whole part measure it
+            *((post.name, post.center_um) for post in part.posts.values()),
+        )
+    }
+    return tuple(
+        p.FeaturePlace(
+            name=name,
+            owner=owner,
+            x_um=round(center[0], PLACES),  # what sums leave below means nothing
+            y_um=round(center[1], PLACES),
+        )
+        for name, (owner, center) in sorted(centers.items())
+    )
+
+
+def _robot_start(start: State) -> p.AxisMove | None:
+    """Return the robot's readings before step 1, None without a tool."""
+    if start.tool is None:
+        return None
+    return p.AxisMove(
+        axes="robot",
+        x_um=start.robot.x_um,
+        y_um=start.robot.y_um,
+        z_um=start.robot.z_um,
+        theta_rad=start.robot.theta_rad,
+    )
+
+
+def _inputs(report: Report) -> dict[str, object]:
+    """Return what was read, and versions of what made the plan; never compared."""
+    names = ("microplan", "numpy", "scipy", "opencv-contrib-python-headless", "ezdxf")
+    return {
+        "files": dict(sorted(report.files.items())),
+        "versions": {name: version(name) for name in names},
+    }

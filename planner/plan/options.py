@@ -1,0 +1,21 @@
+"""What the command line may override of a compile."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from planner.store.memo import EVERY_TIME, Memo
+from planner.task.presets import Effort, Preset
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Options:
+    """What the command line may override; None leaves it to the task."""
+
+    preset: Preset | None = None
+    effort: Effort | None = None  # None: the preset's
+    max_image_error: float | None = None
+    jobs: int = 1
+    tell: Callable[[int, int, str], None] = lambda _done, _all, _step: None
+    memo: Memo = EVERY_TIME  # what is kept between compiles; by itself nothing

@@ -1,0 +1,181 @@
+"""Looks compiled in other processes before their steps' turn comes."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import Executor, Future
+from dataclasses import dataclass, field, replace
+from multiprocessing.synchronize import Event
+from typing import TypeVar
+
+from planner.assembly.step_states import StepState
+from planner.budget.control import tolerance_um
+from planner.looks.coarse_to_fine import compile_looks
+from planner.looks.compile_look import look_at_first
+from planner.looks.look_problem import Begun, Effects
+from planner.looks.look_record import CompiledLook
+from planner.source.diagnostics import Diagnostic, Report
+from planner.task.task import Task
+from planner.views.requests import Request, insertion_after, requests
+from planner.views.target_views import views
+from planner.views.views import ViewPlan
+
+A = TypeVar("A")
+B = TypeVar("B")
+
+
+class StoppedError(Exception):
+    """Nobody wants the result any more."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Asked:
+    """What a look is compiled from, and whether it is only begun."""
+
+    request: Request
+    settings: tuple[ViewPlan, ...]
+    current: float  # magnification of the microscope
+    begun: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Made:
+    """What another process made of it."""
+
+    looks: tuple[CompiledLook, ...]  # of all of it; none where it was only begun
+    known: Begun  # what its beginning showed, where it was only begun
+    findings: tuple[Diagnostic, ...]
+    took_s: float
+
+
+@dataclass(slots=True)
+class Ahead:
+    """Looks under way by the names of their requests. Changes no result.
+
+    What a step asks for may depend on steps before it. What was compiled for another
+    request, or from other views, is not used.
+    """
+
+    under_way: dict[str, tuple[_Asked, Future[_Made]]] = field(default_factory=dict)
+    elsewhere_s: float = 0.0  # what others worked while this process waited, and more
+
+    def looks(
+        self,
+        task: Task,
+        request: Request,
+        effects: Effects,
+        current: float,
+        report: Report,
+    ) -> tuple[CompiledLook, ...]:
+        """Return what `planner.looks.coarse_to_fine.compile_looks` does."""
+        asked, future = self.under_way.pop(request.id, (None, None))
+        if asked is None or future is None:
+            return compile_looks(task, request, effects, current, report)
+        if not _serves(asked, task, request, current):
+            future.cancel()
+            return compile_looks(task, request, effects, current, report)
+        started = time.perf_counter()
+        made = future.result()
+        self.elsewhere_s += made.took_s - (time.perf_counter() - started)
+        if asked.begun:
+            return compile_looks(
+                task, request, effects, current, report, known=made.known
+            )
+        report.found += made.findings
+        return made.looks
+
+
+def begin(
+    pool: Executor,
+    task: Task,
+    states: tuple[StepState, ...],
+    effects: Effects,
+    current: float,
+) -> Ahead:
+    """Start on all looks that steps will probably ask for, the largest first.
+
+    A look whose demands depend on the looks before it is begun: its first contest is
+    held, and the races of the part's other features if that wants them.
+    """
+    found = [
+        asked
+        for index in range(len(states))
+        for asked in _probable(task, states, index, current)
+    ]
+    found.sort(key=lambda asked: (not asked.begun, -_area(asked)))
+    alone = replace(effects, map=until_told)
+    return Ahead(
+        under_way={
+            asked.request.id: (asked, pool.submit(_make, task, asked, alone))
+            for asked in found
+        }
+    )
+
+
+def until_told(function: Callable[[A], B], items: Iterable[A], /) -> Iterator[B]:
+    """Yield `function` of each item; StoppedError once the results are not wanted."""
+    for item in items:
+        if _unwanted is not None and _unwanted.is_set():
+            raise StoppedError
+        yield function(item)
+
+
+def listen(unwanted: Event) -> None:
+    """Let this process know by what event it will be told to stop."""
+    global _unwanted  # noqa: PLW0603 - a pool's processes are told things in this way
+    _unwanted = unwanted
+
+
+_unwanted: Event | None = None
+
+
+def _probable(
+    task: Task, states: tuple[StepState, ...], index: int, current: float
+) -> Iterator[_Asked]:
+    """Yield what a step asks for if looks before it change nothing."""
+    here, within_um = states[index], None
+    begun = False
+    if here.step.verb == "align":
+        within_um = tolerance_um(task, states, here, None, Report())
+        begun = insertion_after(states, here) is not None
+    for request in requests(task, states, index, within_um):
+        settings = views(task, request, current, Report())
+        if settings:
+            yield _Asked(
+                request=request,
+                settings=tuple(settings),
+                current=current,
+                begun=begun,
+            )
+
+
+def _area(asked: _Asked) -> int:
+    """Return the pixels of a look's region."""
+    region = asked.settings[0].region
+    return region.rows * region.columns
+
+
+def _serves(asked: _Asked, task: Task, request: Request, current: float) -> bool:
+    """Return whether what was asked for is what is wanted, or begins like it."""
+    bare = request
+    if asked.begun:
+        bare = replace(request, borne_um=None, worth_um=None)
+    settings: Sequence[ViewPlan] = views(task, request, current, Report())
+    return asked.request == bare and asked.settings == tuple(settings)
+
+
+def _make(task: Task, asked: _Asked, effects: Effects) -> _Made:
+    """Compile a look, or begin to."""
+    started, report, known = time.perf_counter(), Report(), Begun()
+    looks: tuple[CompiledLook, ...] = ()
+    if asked.begun:
+        look_at_first(task, asked.request, effects, asked.settings[0], known)
+    else:
+        looks = compile_looks(task, asked.request, effects, asked.current, report)
+    return _Made(
+        looks=looks,
+        known=known,
+        findings=tuple(report.found),
+        took_s=time.perf_counter() - started,
+    )

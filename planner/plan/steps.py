@@ -1,0 +1,188 @@
+"""One step compiled: its looks, action, control, conditions and budget."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from planner.assembly.assembly import axes_of, locate_place, owner_of
+from planner.assembly.step_states import StepState
+from planner.budget.admissible_look_error import bearable
+from planner.budget.control import control_of, method_of, tolerance_um
+from planner.budget.handling import report_handling, verdicts_of
+from planner.budget.measurement_history import Memory, remember
+from planner.budget.placement_budget import place_budget
+from planner.budget.step_budget import budget_of
+from planner.looks.coarse_to_fine import waits_between
+from planner.looks.look_problem import Effects
+from planner.looks.look_record import CompiledLook
+from planner.mechanics.mechanics import mechanical_rows
+from planner.plan.actions import action_of, axis_move
+from planner.plan.conditions import conditions_of
+from planner.plan.speculation import Ahead
+from planner.source.diagnostics import Report
+from planner.task.task import Task
+from planner.views.requests import Request, requests
+from planner.views.view_times import (
+    Setting,
+    approach_times,
+    setting_time_s,
+    view_change,
+)
+from schemas import plan as p
+from schemas.codec import to_data
+from schemas.plan.views import TimeRow
+
+IRREVERSIBLE = ("grasp", "insert", "release")
+PHYSICAL = (*IRREVERSIBLE, "move", "align")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CompiledStep:
+    """A step as the plan has it, its looks with their files, and what it leaves."""
+
+    step: p.Step
+    looks: tuple[CompiledLook, ...]
+    memory: Memory
+
+
+def compile_step(
+    task: Task,
+    states: tuple[StepState, ...],
+    index: int,
+    memory: Memory,
+    effects: Effects,
+    report: Report,
+    ahead: Ahead | None = None,
+) -> CompiledStep | None:
+    """Return step `index`, None if one of its looks cannot be done.
+
+    `ahead` has looks that were begun before.
+    """
+    ahead = ahead or Ahead()
+    here = states[index]
+    goal = memory.seen.get(owner_of(here.step.to or ""))
+    within: float | None = None
+    if here.step.verb == "align":
+        within = tolerance_um(task, states, here, goal, report)
+    looks: list[CompiledLook] = []
+    before = memory.seen.get(owner_of(here.step.target or ""))
+    asked = requests(task, states, index, within)
+    if within is not None:
+        bears = bearable(task, states, here, within, memory.seen, effects.memo)
+        asked = tuple(
+            replace(request, borne_um=bears.borne_um, worth_um=bears.worth_um)
+            for request in asked
+        )
+    for request in asked:
+        found = ahead.looks(task, request, effects, memory.magnification, report)
+        if not found:
+            return None
+        for look in found:
+            waits = _waits(task, here, request, look, first=not looks)
+            looks.append(_timed(task, look, memory, waits))
+            memory = remember(
+                memory, here.step.id, looks[-1], _moved_um(task, here, look)
+            )
+    if within is not None:
+        choice = method_of(task, states, here, within, memory.seen, report, before)
+        memory = replace(memory, within_um=within, choice=choice, before=before)
+    step = _step(task, states, here, tuple(looks), memory, effects)
+    memory = _after_sweep(memory, step)
+    report_handling(here, step.grasp, step.release, report, step.placing)
+    step = replace(step, key=journal_key(step, memory.key))
+    return CompiledStep(
+        step=step, looks=tuple(looks), memory=replace(memory, key=step.key)
+    )
+
+
+def _waits(
+    task: Task, here: StepState, request: Request, look: CompiledLook, *, first: bool
+) -> tuple[TimeRow, ...]:
+    """Return what moves before a look: for the step, or to centre what was found."""
+    if first:
+        return approach_times(task, here)
+    return () if look.look.coarse is None else waits_between(task, request)
+
+
+def _timed(
+    task: Task, look: CompiledLook, memory: Memory, waits: Sequence[TimeRow]
+) -> CompiledLook:
+    """Return a look with what it takes after the look before."""
+    if look.look.verdict is None:
+        raise ValueError(f"look {look.look.id} has no verdict")
+    change = view_change(task, look.look, memory.setting, waits)
+    verdict = replace(look.look.verdict, change=change)
+    return replace(look, look=replace(look.look, verdict=verdict))
+
+
+def _moved_um(task: Task, here: StepState, look: CompiledLook) -> float:
+    """Return what the way there and back adds to where a target was seen."""
+    if look.look.coarse is None:
+        return 0.0
+    carrier = locate_place(task, here.at_look, here.step.target or "").carrier
+    return math.sqrt(2) * axes_of(task, carrier).repeatability_xy_um
+
+
+def _after_sweep(memory: Memory, step: p.Step) -> Memory:
+    """Return the memory after an action: a height sweep leaves the focus at its end."""
+    action = step.action
+    if not isinstance(action, p.VerifyAction) or action.height is None:
+        return memory
+    height = action.height
+    view = next(look.view for look in step.looks if look.id == height.look)
+    view = replace(view, focus_um=height.focus_um[-1])
+    setting = Setting(look=height.look, view=view)
+    return replace(memory, setting=setting, magnification=view.magnification)
+
+
+def journal_key(step: p.Step, before: str) -> str:
+    """Return the sha256 of a step's content and the key of the step before it."""
+    content = json.dumps(to_data(replace(step, key="")), sort_keys=True)
+    return hashlib.sha256(f"{before}\n{content}".encode()).hexdigest()
+
+
+def _step(
+    task: Task,
+    states: tuple[StepState, ...],
+    here: StepState,
+    looks: Sequence[CompiledLook],
+    memory: Memory,
+    effects: Effects,
+) -> p.Step:
+    """Return the plan's step, without its key."""
+    step = here.step
+    control = None
+    if step.verb == "align":
+        setting_s = setting_time_s(task, here, looks[0].look)
+        control = control_of(
+            task, here, memory.within_um, memory.choice, setting_s=setting_s
+        )
+    budget, placing = budget_of(task, states, here, memory, effects), None
+    if step.verb == "release":
+        placed = place_budget(task, states, here, memory, effects)
+        budget, placing = placed or (budget, None)
+    verdicts = verdicts_of(task, states, here)
+    return p.Step(
+        id=step.id,
+        verb=step.verb,
+        key="",
+        physical=step.verb in PHYSICAL or bool(here.moves),
+        irreversible=step.verb in IRREVERSIBLE,
+        moves=tuple(axis_move(move) for move in here.moves),
+        looks=tuple(look.look for look in looks),
+        action=action_of(task, here, looks),
+        control=control,
+        conditions=conditions_of(here),
+        budget=budget,
+        fit=verdicts.fit,
+        grasp=verdicts.grasp,
+        release=verdicts.release,
+        placing=placing,
+        effects=mechanical_rows(
+            here, budget, verdicts.fit, verdicts.grasp, verdicts.release
+        ),
+    )

@@ -1,0 +1,121 @@
+"""One look in the report: how it is set, what it sees, how well, at what cost."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from planner.report.folder import PlanFolder
+from planner.report.ledger import ledger
+from planner.report.margins import need_um
+from planner.report.pictures import look_picture, marked, place_id, trial_pictures
+from planner.report.trials import accuracy, rejected, robustness
+from schemas.page.elements import Element, Node, el, slug
+from schemas.page.figures import degrees, number, quantity, seconds, span, um
+from schemas.page.page import Column, facts, link, table
+from schemas.plan import Look, Measure
+from schemas.plan.views import ApertureRow
+
+
+def look_id(look: Look) -> str:
+    """Return the id of a look's section."""
+    return slug("look", look.id)
+
+
+def look_section(folder: PlanFolder, look: Look) -> Element:
+    """Return everything about one look."""
+    evidence = folder.evidence.get(look.id)
+    placed = marked(folder, look)
+    content: Iterator[Node] = iter(
+        [
+            el("h3", f"Look {look.id}: {look.target}"),
+            _facts(look),
+            look_picture(folder, look),
+            _measured(look, placed),
+            _bodies(look, placed),
+            el("div", [*robustness(look, evidence)], [*accuracy(look)], class_="cols"),
+            [*trial_pictures(folder, look)],
+            [*rejected(look)],
+            ledger(look.effects, f"the look {look.id}"),
+        ]
+    )
+    return el("section", list(content), id=look_id(look))
+
+
+def chain_of(measure: Measure) -> str:
+    """Return the routines that measure a feature."""
+    return " > ".join(use.id for use in measure.chain)
+
+
+def _facts(look: Look) -> Element:
+    """Return the look's figures."""
+    low, high = look.measure.usable_focus_um
+    needed = need_um(look.evidence.chosen)
+    turn = look.sigma_theta_rad
+    depth = next((row for row in _apertures(look) if row.chosen), None)
+    pairs: list[tuple[str, Node]] = [
+        ("magnification", f"{number(look.view.magnification)} \u00d7"),
+        ("plane in focus", quantity(look.view.focus_um, "\u00b5m")),
+        ("routines", chain_of(look.measure)),
+        ("one sigma, per axis", um(look.sigma_xy_um)),
+        ("2 sigma + |bias| of tolerance",
+         f"{um(needed)} of {um(look.evidence.tolerance_um)}"),
+        ("usable focus", span(low, high, "\u00b5m")),
+    ]  # fmt: skip
+    if turn is not None:
+        pairs.append(("one sigma of the angle", degrees(turn)))
+    if depth is not None:
+        pairs.append(("depth of field", um(depth.depth_um)))
+    if look.verdict is not None and look.verdict.change is not None:
+        pairs.append(("time to look", seconds(look.verdict.change.total_s)))
+    return facts(pairs)
+
+
+def _apertures(look: Look) -> tuple[ApertureRow, ...]:
+    return () if look.verdict is None else look.verdict.apertures
+
+
+def _measured(look: Look, placed: set[str]) -> Element:
+    """Return the features measured, with links to their places in the picture."""
+    columns = (
+        Column("measured"), Column("routines"), Column("if they fail"),
+        Column("one sigma", numeric=True), Column("searched within", numeric=True),
+    )  # fmt: skip
+    rows: list[list[Node]] = []
+    for measure in look.measures:
+        name = measure.feature or look.target
+        spare = " > ".join(use.id for use in measure.fallback) or "nothing"
+        rows.append(
+            [
+                _named(look, name, f"={name}", placed), chain_of(measure), spare,
+                um(measure.sigma_xy_um), um(measure.capture_um),
+            ]
+        )  # fmt: skip
+    return table(columns, rows, label=f"What {look.id} measures")
+
+
+def _bodies(look: Look, placed: set[str]) -> Element:
+    """Return what is in view, the highest first, with links to its places."""
+    shades = {shade.by: shade for shade in look.scene.shades}
+    rows: list[list[Node]] = []
+    for layer in sorted(look.scene.layers, key=lambda la: (-la.z_um, la.name)):
+        shade = shades.get(layer.name)
+        said = (
+            "\u2013"
+            if shade is None
+            else (
+                f"{number(100 * shade.hidden, 2)} % hidden, "
+                f"{number(100 * shade.shaded, 2)} % shaded"
+            )
+        )
+        name = _named(look, layer.name, layer.name, placed)
+        rows.append([name, um(layer.z_um), number(layer.reflectance, 2), said])
+    columns = (
+        Column("in view"), Column("height of its face", numeric=True),
+        Column("reflectance", numeric=True), Column("of the target's edges"),
+    )  # fmt: skip
+    return table(columns, rows, label=f"What {look.id} has in view")
+
+
+def _named(look: Look, name: str, place: str, placed: set[str]) -> Node:
+    """Return a name, as a link where it has a place in the picture."""
+    return link(name, place_id(look, place)) if place in placed else name

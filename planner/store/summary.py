@@ -1,0 +1,150 @@
+"""A plan in a few lines of text."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from schemas.files.times import SWEEP
+from schemas.page.figures import chance
+from schemas.plan import Look, Measure, Plan, Step, VerifyAction
+
+CONTRAST = "unit contrast"  # that of `optics.ledger`, without loading scipy for it
+# effects whose name in a plan says less than they are
+EFFECTS = {
+    "shade of higher bodies": "shade of bodies on what lies lower, the ground too"
+}
+
+
+def plan_summary(plan: Plan) -> str:
+    """Return one line per step, and the verdict."""
+    width = max((len(step.id) for step in plan.steps), default=4)
+    lines = [f"{step.id:{width}}  {_step_line(step)}" for step in plan.steps]
+    lines.append(f"{plan.name}: {plan.status}, {_chance(plan)}")
+    rest = (*_left_out(plan), *_look_times(plan), *_worst_effect(plan))
+    return "\n".join([*lines, *rest])
+
+
+def success(plan: Plan) -> str:
+    """Return the chance of success, as terminals and pages show it."""
+    known = _ends_before(plan) is None
+    return chance(plan.success_probability) if known else "not worked out"
+
+
+def _ends_before(plan: Plan) -> str | None:
+    """Return the step that a plan ends before, None if it has them all."""
+    known = {step.id for step in plan.steps}
+    return next((r.step for r in plan.reasons if r.step and r.step not in known), None)
+
+
+def _chance(plan: Plan) -> str:
+    """Return the chance of success, or where the plan ends before it is known."""
+    ends = _ends_before(plan)
+    if ends is not None:
+        return f"ends before {ends!r}, so that P(success) is not worked out"
+    goal = "" if plan.success_goal is None else f", goal {plan.success_goal:g}"
+    return f"P(success) {success(plan)}{goal} (simulated)"
+
+
+def _left_out(plan: Plan) -> list[str]:
+    """Return which grasps are not known to hold: nobody knows how likely that is."""
+    doubtful = [
+        f"{step.id} ({step.grasp.verdict})"
+        for step in plan.steps
+        if step.grasp is not None and step.grasp.verdict != "holds"
+    ]
+    return [f"not in P(success): {', '.join(doubtful)}"] if doubtful else []
+
+
+def _look_times(plan: Plan) -> list[str]:
+    """Return what all looks wait for, each seen once and at the first try."""
+    verdicts = [look.verdict for step in plan.steps for look in step.looks]
+    changes = [v.change for v in verdicts if v is not None and v.change is not None]
+    if not changes:
+        return []
+    rows = [row for change in changes for row in change.times]
+    shares = [
+        (word, [row.time_s for row in rows if row.what.startswith(word)])
+        for word in ("zoom", "focus", "exposure")
+    ]
+    words = tuple(word for word, _ in shares)
+    axes_s = sum(row.time_s for row in rows if not row.what.startswith(words))
+    total_s = sum(change.total_s for change in changes)
+    said = ", ".join(f"{word} {sum(t):.3g} s ({len(t)})" for word, t in shares)
+    head = "1 look takes" if len(changes) == 1 else f"{len(changes)} looks take"
+    text = f"{head} {total_s:.3g} s, each once: {said}, axes {axes_s:.3g} s"
+    sweeps = [step.id for step in plan.steps if _sweeps(step)]
+    return [f"{text}; without {SWEEP} of {', '.join(sweeps)}" if sweeps else text]
+
+
+def _sweeps(step: Step) -> bool:
+    """Return whether a step moves the focus to find a height, after its looks."""
+    return isinstance(step.action, VerifyAction) and step.action.height is not None
+
+
+def _worst_effect(plan: Plan) -> list[str]:
+    """Return what the pictures may be wrong by, where that is above the limit."""
+    over = [
+        (row.predicted_error, row.effect, look.id)
+        for step in plan.steps
+        for look in step.looks
+        for row in look.effects
+        if row.unit == CONTRAST
+        and row.limit is not None
+        and (row.predicted_error or 0.0) > row.limit
+    ]
+    if not over:
+        return []
+    error, effect, look = max(over)
+    limit = plan.provenance.max_image_error
+    count = len({name for _, _, name in over})
+    looks = "1 look" if count == 1 else f"{count} looks"
+    what = EFFECTS.get(effect, effect)
+    text = (
+        f"note: {looks} may err by more than max_image_error {limit:g} of unit "
+        f"contrast, at most by {error:.2g} ({what}, {look}); plan.json lists every "
+        "effect"
+    )
+    return [text]
+
+
+def _step_line(step: Step) -> str:
+    """Return what matters of one step."""
+    parts = [step.verb]
+    parts += [_look_line(look) for look in step.looks]
+    if step.control is not None:
+        parts.append(
+            f"{step.control.method} to {step.control.tolerance_xy_um:.3g} um, "
+            f"{step.control.expected_cycles:.1f} looks"
+        )
+    if step.budget.success_probability < 1 and step.budget.rows:
+        parts.append(f"P {chance(step.budget.success_probability)}")
+    return "; ".join(parts)
+
+
+def _look_line(look: Look) -> str:
+    """Return what finds the target, and how well."""
+    found = "; ".join(_found_by(measure) for measure in look.measures)
+    low, high = look.measure.usable_focus_um
+    return (
+        f"{look.target} by {found} at {look.view.magnification:.3g} x, sigma "
+        f"{look.sigma_xy_um:.2g} um, focus {low:+g}..{high:+g} um"
+    )
+
+
+def _found_by(measure: Measure) -> str:
+    """Return the routines that find a feature, and which, if it is not the target."""
+    chain = " > ".join(use.id for use in measure.chain)
+    return f"{chain} on {measure.feature}" if measure.feature else chain
+
+
+def times_summary(timings: Mapping[str, float]) -> str:
+    """Return what took how long, the longest first; `timings` as in timings.json."""
+    total_s = timings.get("total_s", sum(timings.values()))
+    rows = [(name.removesuffix("_s"), s) for name, s in timings.items()]
+    rows = sorted((r for r in rows if r[0] != "total"), key=lambda row: -row[1])
+    lines = [
+        f"{seconds:9.3f} s {100 * seconds / total_s if total_s else 0.0:4.0f} %  "
+        + name.removeprefix("steps.")
+        for name, seconds in rows
+    ]
+    return "\n".join([*lines, f"{total_s:9.3f} s         in all"])

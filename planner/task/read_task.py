@@ -1,0 +1,261 @@
+"""Task file in, `Task` out: everything the user got wrong is reported in one go."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from planner.source.diagnostics import Report, Span
+from planner.source.files import named_file
+from planner.source.normalise import plain, plain_outline
+from planner.source.schema import Checked, check, with_defaults
+from planner.source.source import Source, read_source
+from planner.task.check_sizes import check_sizes
+from planner.task.check_workcell import check_workcell, report_backwards
+from planner.task.limits import check_limits
+from planner.task.parts import read_parts
+from planner.task.read_workcell import build_workcell, places, read_fingers
+from planner.task.references import check_references
+from planner.task.task import (
+    Benchmark,
+    Blocked,
+    Environment,
+    Mate,
+    Move,
+    Optimise,
+    Part,
+    Reading,
+    StartPose,
+    Step,
+    Task,
+    ToolStart,
+)
+from planner.task.workcell import Workcell
+
+NM_PER_UM = 1e3
+ANY_SIGMA_RAD = math.pi / math.sqrt(3)  # standard deviation of a uniform angle
+
+
+def load_task(path: str | Path, report: Report) -> Task | None:
+    """Return the task at `path` with its workcell and drawings.
+
+    Parameters
+    ----------
+    path : str or Path
+        The task file, as the user names it; findings name files relative to that.
+    report : Report
+        Receives the findings of all files; the task, the workcell and every drawing
+        are read whatever is wrong with the others.
+
+    Returns
+    -------
+    Task or None
+        None if there was any error.
+    """
+    file = str(path)
+    source = read_source(Path(path), file, report, Span(file=file))
+    if source is None:
+        return None
+    task = check(source, "task", "microplan", report)
+    cell = _workcell(task, report)
+    parts = read_parts(task, report)
+    fingers = read_fingers(cell, report) if cell else {}
+    if cell:
+        check_workcell(cell, report)
+    _check_task(task, report)
+    check_references(task, cell, report)
+    check_limits(task, cell, report)
+    if report.failed or cell is None:
+        return None
+    workcell = build_workcell(cell, fingers)
+    check_sizes(parts, workcell, report)
+    return None if report.failed else _task(source, workcell, parts)
+
+
+def _workcell(task: Checked, report: Report) -> Checked | None:
+    """Return the workcell file that the task names."""
+    if not task.good("workcell"):
+        return None
+    at = task.source.value("workcell")
+    name = task.source.get("workcell")
+    found = named_file(name, at, task.source.path.parent, report)
+    if found is None:
+        return None
+    source = read_source(found[0], found[1], report, at)
+    if source is None:
+        return None
+    return check(source, "workcell", "microplan_workcell", report)
+
+
+def _check_task(task: Checked, report: Report) -> None:
+    """Report intervals that run backwards."""
+    for key in ("light_gain", "light_gradient"):
+        if task.good("benchmark", key):
+            low, high = task.source.data["benchmark"][key]
+            report_backwards(task.source, ("benchmark", key), low, high, report)
+
+
+def _task(source: Source, workcell: Workcell, parts: Mapping[str, Part]) -> Task:
+    """Return the typed task; nothing in it is at fault."""
+    data = with_defaults(source.data, "task")
+    goal = data.get("goal", {})
+    starts = {name: raw for name, raw in data["start"].items() if name != "stage"}
+    return Task(
+        name=data["name"],
+        seed=int(data["seed"]),
+        workcell=workcell,
+        parts=parts,
+        stage_start=_reading(data["start"]["stage"]),
+        part_starts={
+            name: _start(name, raw, source.key("start", name))
+            for name, raw in starts.items()
+            if raw["on"] == "stage"
+        },
+        tool_starts={
+            name: _tool_start(name, raw, source.key("start", name))
+            for name, raw in starts.items()
+            if raw["on"] == "robot"
+        },
+        mate=(
+            Mate(**goal["mate"], where=source.key("goal", "mate"))
+            if "mate" in goal
+            else None
+        ),
+        success_goal=_number(goal.get("success_probability")),
+        steps=tuple(_step(source, i, raw) for i, raw in enumerate(data["steps"])),
+        optimise=Optimise(
+            prefer=data["optimise"]["prefer"],
+            max_image_error=_number(data["optimise"].get("max_image_error")),
+            may_change=tuple(sorted(data["optimise"]["may_change"])),
+        ),
+        benchmark=_benchmark(data["benchmark"]),
+        environment=_environment(data["environment"]),
+        where=places(source),
+        normalised=_normalised(data, parts),
+    )
+
+
+def _normalised(data: Mapping[str, Any], parts: Mapping[str, Part]) -> dict[str, Any]:
+    """Return the task as plain data: drawings as geometry, no file names."""
+    out: dict[str, Any] = plain(data)
+    del out["microplan"], out["workcell"]
+    out["optimise"]["may_change"].sort()
+    for name, part in parts.items():
+        raw = out["parts"][name]
+        del raw["drawing"]
+        raw["outline"] = plain_outline(part.outline)
+        for key, post in part.posts.items():
+            raw["posts"][key]["outline"] = plain_outline(post.outline)
+    return out
+
+
+def _start(name: str, raw: Mapping[str, Any], at: Span) -> StartPose:
+    uniform = "theta" in raw
+    sigma_rad = math.radians(raw.get("sigma_theta_deg", 0.0))
+    return StartPose(
+        name=name,
+        x_um=float(raw["x_um"]),
+        y_um=float(raw["y_um"]),
+        theta_rad=math.radians(raw.get("theta_deg", 0.0)),
+        theta_any=uniform,
+        sigma_xy_um=float(raw.get("sigma_xy_um", 0.0)),
+        sigma_theta_rad=ANY_SIGMA_RAD if uniform else sigma_rad,
+        face=raw.get("face", "up"),
+        where=at,
+    )
+
+
+def _tool_start(name: str, raw: Mapping[str, Any], at: Span) -> ToolStart:
+    return ToolStart(
+        name=name,
+        x_um=float(raw["x_um"]),
+        y_um=float(raw["y_um"]),
+        z_um=float(raw["z_um"]),
+        theta_rad=math.radians(raw.get("theta_deg", 0.0)),
+        opening_um=float(raw["opening_um"]),
+        where=at,
+    )
+
+
+def _step(source: Source, index: int, raw: Mapping[str, Any]) -> Step:
+    view = raw.get("view_um")
+    return Step(
+        id=raw["id"],
+        verb=raw["do"],
+        target=raw.get("target"),
+        to=raw.get("to"),
+        tool=raw.get("with"),
+        onto=raw.get("onto"),
+        on=raw.get("on"),
+        empty=raw.get("empty"),
+        view_um=None if view is None else (float(view[0]), float(view[1])),
+        move=tuple(
+            _move(entry, source.value("steps", index, "move", number))
+            for number, entry in enumerate(raw.get("move", ()))
+        ),
+        opening_um=_number(raw.get("opening_um")),
+        method=raw.get("method", "auto"),
+        tolerance_xy_um=_number(raw.get("tolerance_xy_um")),
+        tolerance_theta_rad=_radians(raw.get("tolerance_theta_deg")),
+        within_um=_number(raw.get("within_um")),
+        within_rad=_radians(raw.get("within_deg")),
+        height_within_um=_number(raw.get("height_within_um")),
+        speed_um_per_s=_number(raw.get("speed_um_per_s")),
+        if_blocked=_blocked(raw["if_blocked"]) if "if_blocked" in raw else None,
+        where=source.value("steps", index, "id"),
+        spans={key: source.value("steps", index, key) for key in sorted(raw)},
+    )
+
+
+def _move(raw: Mapping[str, Any], at: Span) -> Move:
+    ((axes, to),) = raw.items()
+    return Move(axes="stage" if axes == "stage" else "robot", to=_reading(to), where=at)
+
+
+def _reading(raw: Mapping[str, Any]) -> Reading:
+    return Reading(
+        x_um=_number(raw.get("x_um")),
+        y_um=_number(raw.get("y_um")),
+        z_um=_number(raw.get("z_um")),
+        theta_rad=_radians(raw.get("theta_deg")),
+    )
+
+
+def _blocked(raw: Mapping[str, Any]) -> Blocked:
+    return Blocked(
+        back_um=float(raw["back_um"]),
+        search=raw["search"],
+        pitch_um=float(raw["pitch_um"]),
+        radius_um=float(raw["radius_um"]),
+    )
+
+
+def _benchmark(raw: Mapping[str, Any]) -> Benchmark:
+    gain, gradient = raw["light_gain"], raw["light_gradient"]
+    return Benchmark(
+        focus_sigma_um=float(raw["focus_sigma_um"]),
+        magnification_sigma=float(raw["magnification_sigma"]),
+        light_gain=(float(gain[0]), float(gain[1])),
+        light_gradient=(float(gradient[0]), float(gradient[1])),
+        pose_sigma_xy_um=float(raw["pose_sigma_xy_um"]),
+        pose_sigma_theta_rad=math.radians(raw["pose_sigma_theta_deg"]),
+    )
+
+
+def _environment(raw: Mapping[str, Any]) -> Environment:
+    return Environment(
+        humidity=float(raw["humidity"]),
+        grounded=raw["grounded"],
+        roughness_um=float(raw["roughness_nm"]) / NM_PER_UM,
+        friction=float(raw["friction"]),
+    )
+
+
+def _number(value: float | None) -> float | None:
+    return None if value is None else float(value)
+
+
+def _radians(value: float | None) -> float | None:
+    return None if value is None else math.radians(value)

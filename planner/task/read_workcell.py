@@ -1,0 +1,245 @@
+"""Workcell file in, `Workcell` out: units converted, contradictions reported."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from optics.lens.lens import LensErrors
+from planner.source.diagnostics import Report, Span
+from planner.source.normalise import plain, plain_outline
+from planner.source.schema import Checked, with_defaults
+from planner.source.source import Source
+from planner.task.check_workcell import check_fingers
+from planner.task.drawings import Sheet, open_named, take
+from planner.task.workcell import (
+    Axes,
+    Camera,
+    Focus,
+    Interval,
+    Light,
+    Optics,
+    Robot,
+    Servo,
+    Stage,
+    Tool,
+    Workcell,
+    Zoom,
+)
+
+# a stated repeatability over one standard deviation; a uniform range of half-width r
+# has the standard deviation r / sqrt(3)
+COVERAGE = {"1sigma": 1.0, "3sigma": 3.0, "range": math.sqrt(3.0)}
+
+RAD_PER_ARCSEC = math.pi / 180 / 3600
+UM_PER_MM = 1000.0
+Fingers = Mapping[str, Sheet]  # by tool; of a left and a right one
+Rows = tuple[tuple[float, float], ...]
+
+
+def read_fingers(cell: Checked, report: Report) -> dict[str, Sheet]:
+    """Return the fingers, left and right, of every tool that can be read."""
+    tools = cell.source.mapping("tools")
+    found: dict[str, Sheet] = {}
+    for name in sorted(tools):
+        if not cell.good("tools", name, "drawing"):
+            continue
+        at = cell.source.value("tools", name, "drawing", "layers")
+        layers = tools[name]["drawing"]["layers"]
+        if len(layers) != 2:
+            message = (
+                f"{name} has {len(layers)} layers, its left and right finger are 2"
+            )
+            report.error("MP223", at, message, "layers: [FINGER_L, FINGER_R]")
+            continue
+        drawing = open_named(cell, "tools", name, "drawing", report=report)
+        if drawing is None:
+            continue
+        left, right = (take(drawing, [layer], report) for layer in layers)
+        if left is None or right is None:
+            continue
+        found[name] = Sheet(drawing=drawing, takes=(left, right))
+        if cell.good("tools", name):
+            outlines = left.outline, right.outline
+            check_fingers(name, tools[name], *outlines, at, report)
+    return found
+
+
+def build_workcell(cell: Checked, fingers: Fingers) -> Workcell:
+    """Return the workcell; `cell` and every finger are free of errors."""
+    data = with_defaults(cell.source.data, "workcell")
+    source = cell.source
+    normalised = plain(data)
+    del normalised["microplan_workcell"]
+    tools = {}
+    for name, raw in data["tools"].items():
+        tools[name] = _tool(name, raw, fingers[name], source.key("tools", name))
+        left, right = (taken.outline for taken in fingers[name].takes)
+        del normalised["tools"][name]["drawing"]
+        normalised["tools"][name]["left"] = plain_outline(left)
+        normalised["tools"][name]["right"] = plain_outline(right)
+    return Workcell(
+        name=data["name"],
+        optics=_optics(data["optics"]),
+        camera=_camera(data["camera"]),
+        light=Light(
+            kind=data["light"]["kind"],
+            level=_pair(data["light"]["level"]),
+            gradient=float(data["light"]["gradient"]),
+        ),
+        stage=_stage(data["axes"]["stage"]),
+        robot=Robot(
+            axes=_axes(data["axes"]["robot"]),
+            theta_axis_to_tip_um=float(data["axes"]["robot"]["theta_axis_to_tip_um"]),
+        ),
+        tools=tools,
+        servo=Servo(
+            rate_hz=float(data["servo"]["rate_hz"]), gain=float(data["servo"]["gain"])
+        ),
+        where=places(source),
+        normalised=normalised,
+    )
+
+
+def places(source: Source) -> dict[str, Span]:
+    """Return where every named value stands, by dotted name; a section by its key."""
+    found = {}
+    for where, span in source.values.items():
+        if where and all(isinstance(key, str) for key in where):
+            key = source.key(*where)
+            section = (key.line, key.column) != (span.line, span.column) and (
+                span.line > key.line
+            )
+            found[".".join(map(str, where))] = key if section else span
+    return found
+
+
+def _optics(raw: Mapping[str, Any]) -> Optics:
+    low, high = raw["magnification"]["min"], raw["magnification"]["max"]
+    table = raw["numerical_aperture"]
+    rows = (
+        table if isinstance(table, list) else [{"magnification": low, "value": table}]
+    )
+    apertures = tuple((float(r["magnification"]), float(r["value"])) for r in rows)
+    focus = raw["focus"]
+    return Optics(
+        magnification=(float(low), float(high)),
+        apertures=apertures,
+        wavelength_um=float(raw["wavelength_um"]),
+        medium_index=float(raw["medium_index"]),
+        coherence=float(raw["coherence"]),
+        zoom=Zoom(**{key: float(value) for key, value in raw["zoom"].items()}),
+        focus=Focus(
+            min_um=float(focus["min_um"]),
+            max_um=float(focus["max_um"]),
+            time_s=float(focus["time_s"]),
+            repeatability_um=float(focus["repeatability_um"]),
+            lateral_sigma_um_per_um=float(focus["lateral_sigma_um_per_um"]),
+        ),
+        lens=_lens(raw, _held(apertures, float(low), float(high))),
+    )
+
+
+def _held(rows: Rows, low: float, high: float) -> Rows:
+    """Return a table of apertures for all zooms: its ends' values hold beyond it."""
+    (first, start), (last, end) = rows[0], rows[-1]
+    below = ((low, start),) if low < first else ()
+    above = ((high, end),) if high > last else ()
+    return rows if len(rows) == 1 else (*below, *rows, *above)
+
+
+def _lens(raw: Mapping[str, Any], apertures: Rows) -> LensErrors:
+    """Return what the file says of the lens' errors."""
+    focus = raw["focus"]
+    x, y = focus["lateral_um_per_um"]
+    return LensErrors(
+        distortion=float(raw["distortion"]),
+        distortion_sigma=float(raw["distortion_sigma"]),
+        lateral_x=float(x),
+        lateral_y=float(y),
+        lateral_sigma=float(focus["lateral_sigma_um_per_um"]),
+        scale_per_um=float(focus["scale_per_um"]),
+        scale_sigma_per_um=float(focus["scale_sigma_per_um"]),
+        field_curvature_per_um=float(raw["field_curvature_per_mm"]) / UM_PER_MM,
+        field_curvature_sigma_per_um=float(raw["field_curvature_sigma_per_mm"])
+        / UM_PER_MM,
+        apertures=apertures if len(apertures) > 1 else (),
+    )
+
+
+def _camera(raw: Mapping[str, Any]) -> Camera:
+    return Camera(
+        pitch_um=raw["sensor_um"][0] / raw["pixels"][0],
+        width_px=int(raw["pixels"][0]),
+        height_px=int(raw["pixels"][1]),
+        fill_factor=float(raw["fill_factor"]),
+        rate_hz=float(raw["rate_hz"]),
+        latency_frames=int(raw["latency_frames"]),
+        bits=int(raw["bits"]),
+        full_well_e=float(raw["full_well_e"]),
+        read_noise_e=float(raw["read_noise_e"]),
+        exposure_ms=_pair(raw["exposure_ms"]),
+    )
+
+
+def _stage(raw: Mapping[str, Any]) -> Stage:
+    return Stage(
+        axes=_axes(raw),
+        datum_z_um=float(raw["datum_z_um"]),
+        reflectance=float(raw["reflectance"]),
+        theta_axis_um=_pair(raw["theta_axis_um"]),
+        drift_um_per_min=float(raw["drift_um_per_min"]),
+        axis_tilt_sigma_rad=raw["axis_tilt_sigma_mrad"] / 1000,
+    )
+
+
+def _axes(raw: Mapping[str, Any]) -> Axes:
+    """Return the axes with spreads brought to one standard deviation."""
+    over = COVERAGE[raw["coverage"]]
+    speed, limits = raw["speed"], raw["limits"]
+    low, high = limits["theta_deg"]
+    return Axes(
+        repeatability_xy_um=raw["repeatability_xy_um"] / over,
+        repeatability_z_um=raw["repeatability_z_um"] / over,
+        repeatability_theta_rad=(
+            raw["repeatability_theta_arcsec"] * RAD_PER_ARCSEC / over
+        ),
+        limits={
+            **{key: _pair(limits[key]) for key in ("x_um", "y_um", "z_um")},
+            "theta_rad": (math.radians(low), math.radians(high)),
+        },
+        speed_xy_um_per_s=float(speed["xy_um_per_s"]),
+        speed_z_um_per_s=float(speed["z_um_per_s"]),
+        speed_theta_rad_per_s=math.radians(speed["theta_deg_per_s"]),
+        settle_s=float(speed["settle_s"]),
+        coverage=raw["coverage"],
+    )
+
+
+def _tool(name: str, raw: Mapping[str, Any], fingers: Sheet, at: Span) -> Tool:
+    left, right = (taken.outline for taken in fingers.takes)
+    return Tool(
+        name=name,
+        left=left,
+        right=right,
+        thickness_um=float(raw["thickness_um"]),
+        finger_width_um=float(raw["finger_width_um"]),
+        length_um=float(raw["length_um"]),
+        opening_um=_pair(raw["opening_um"]),
+        grip_from_tip_um=float(raw["grip_from_tip_um"]),
+        reflectance=float(raw["reflectance"]),
+        stick_probability=float(raw["stick_probability"]),
+        free_length_um=_number(raw.get("free_length_um")),
+        youngs_modulus_gpa=_number(raw.get("youngs_modulus_gpa")),
+        sheet=fingers,
+        where=at,
+    )
+
+
+def _number(value: float | None) -> float | None:
+    return None if value is None else float(value)
+
+
+def _pair(values: list[float]) -> Interval:
+    return (float(values[0]), float(values[1]))

@@ -1,0 +1,225 @@
+"""The task: parts, start, goal and steps, as the file describes them.
+
+Angles are radians here; the reader converts degrees once. Every named thing carries the
+place in the file where it was declared.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+from optics.outline.outline import Outline
+from planner.source.diagnostics import Span
+from planner.task.drawings import Sheet
+from planner.task.presets import PRESETS, Preset
+from planner.task.workcell import Interval, Workcell
+
+FeatureKind = Literal["circle", "teeth", "notch", "outline"]
+Verb = Literal["locate", "align", "grasp", "move", "insert", "release", "verify"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Feature:
+    """A named feature of a part; lengths in um in the part's frame."""
+
+    name: str
+    kind: FeatureKind
+    layer: str
+    center_um: tuple[float, float]
+    # circle: its radius; teeth: outer radius; notch: of its middle, about the circle's
+    # centre, which is `center_um`; outline: of the circle about `center_um` around it
+    radius_um: float
+    count: int  # teeth: how many; else 1
+    root_um: float  # teeth: root radius; else 0
+    phase_rad: float  # teeth: angle of a tooth's middle; notch: angle of its middle
+    width_um: float  # notch: its width; else 0
+    depth_um: float = 0.0  # notch: how far it departs from the circle; else 0
+    hole: bool  # circle: whether it bounds a hole
+    chord_um: float = 0.0  # circle: how far the edges drawn for it run inside
+    avoid: bool
+    where: Span
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Post:
+    """A prism standing on a part's top face."""
+
+    name: str
+    outline: Outline
+    height_um: float
+    reflectance: float
+    profile_tolerance_um: float
+    center_um: tuple[float, float]
+    radius_um: float  # of the circle that it is, or of the one around it
+    where: Span
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Part:
+    """An outline times a height, in the frame of its origin."""
+
+    name: str
+    outline: Outline
+    thickness_um: float
+    reflectance: float
+    material: str
+    profile_tolerance_um: float  # hard limit of the drawn-to-made edge offset
+    taper_um_per_100um: float
+    features: Mapping[str, Feature]
+    posts: Mapping[str, Post]
+    chord_um: float  # farthest that chords in its drawing miss a curve, 0 if none
+    sheet: Sheet
+    where: Span
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StartPose:
+    """Where a part lies before step 1, on the stage at reading 0."""
+
+    name: str
+    x_um: float
+    y_um: float
+    theta_rad: float
+    theta_any: bool
+    sigma_xy_um: float
+    sigma_theta_rad: float
+    face: Literal["up", "down"]
+    where: Span
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ToolStart:
+    """The robot's reading and the jaws' opening before step 1."""
+
+    name: str
+    x_um: float
+    y_um: float
+    z_um: float
+    theta_rad: float
+    opening_um: float
+    where: Span
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reading:
+    """Absolute targets of one axis group; None leaves an axis where it is."""
+
+    x_um: float | None = None
+    y_um: float | None = None
+    z_um: float | None = None
+    theta_rad: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Move:
+    """One entry of a `move` list."""
+
+    axes: Literal["stage", "robot"]
+    to: Reading
+    where: Span
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Blocked:
+    """What to do when an insertion is found blocked."""
+
+    back_um: float
+    search: str
+    pitch_um: float
+    radius_um: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Step:
+    """One step of the task; keys that a verb does not read are None."""
+
+    id: str
+    verb: Verb
+    target: str | None = None  # X: part, part.feature, part.post or tool
+    to: str | None = None  # align
+    tool: str | None = None  # grasp
+    onto: str | None = None  # insert
+    on: str | None = None  # verify: seat
+    empty: str | None = None  # verify: tool
+    view_um: tuple[float, float] | None = None
+    move: tuple[Move, ...] = ()
+    opening_um: float | None = None
+    method: Literal["auto", "servo", "look_then_move"] = "auto"
+    tolerance_xy_um: float | None = None
+    tolerance_theta_rad: float | None = None
+    within_um: float | None = None
+    within_rad: float | None = None  # verify: turned against its seat at most so far
+    height_within_um: float | None = None
+    speed_um_per_s: float | None = None
+    if_blocked: Blocked | None = None
+    where: Span
+    spans: Mapping[str, Span]  # key -> place of its value
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mate:
+    """The goal: `hole` over `shaft`, resting on `seated_on`."""
+
+    hole: str
+    shaft: str
+    seated_on: str
+    where: Span
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Optimise:
+    """What the compiler may trade."""
+
+    prefer: Preset = "balanced"
+    max_image_error: float | None = None  # of unit contrast; None: the preset's
+    may_change: tuple[str, ...] = ()
+
+    def image_error(self, preset: Preset | None = None) -> float:
+        """Return what images may err by: as stated, else as the preset has it."""
+        stated = self.max_image_error
+        return PRESETS[preset or self.prefer].image_error if stated is None else stated
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Benchmark:
+    """What the synthetic images are perturbed by; one sigma, or an interval."""
+
+    focus_sigma_um: float = 4.0
+    magnification_sigma: float = 0.005
+    light_gain: Interval = (0.7, 1.3)
+    light_gradient: Interval = (0.0, 0.3)
+    pose_sigma_xy_um: float = 2.0
+    pose_sigma_theta_rad: float = 0.08726646259971647
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Environment:
+    """What surfaces stick and rub by; read where adhesion or friction matters."""
+
+    humidity: float = 0.4  # relative, 0..1
+    grounded: bool = True
+    roughness_um: float = 0.02  # of the surfaces that touch, rms
+    friction: float = 0.3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Task:
+    """Everything a task file says, with the workcell it names."""
+
+    name: str
+    seed: int
+    workcell: Workcell
+    parts: Mapping[str, Part]
+    stage_start: Reading
+    part_starts: Mapping[str, StartPose]
+    tool_starts: Mapping[str, ToolStart]
+    mate: Mate | None
+    success_goal: float | None
+    steps: tuple[Step, ...]
+    optimise: Optimise
+    benchmark: Benchmark
+    environment: Environment
+    where: Mapping[str, Span]  # "start", "goal", "steps", ...
+    normalised: Mapping[str, object]  # plain data, defaults filled in, for hashing

@@ -1,0 +1,169 @@
+"""The workcell: optics, camera, light, axes and tools, as the file describes them.
+
+Angles are radians and spreads are one standard deviation here; the reader converts
+degrees, arc seconds and the stated coverage once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from optics.lens.lens import LensErrors
+from optics.outline.outline import Outline
+from planner.source.diagnostics import Span
+from planner.task.drawings import Sheet
+
+Interval = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Zoom:
+    """The zoom drive: how long a change takes and what it costs in accuracy."""
+
+    time_s: float
+    parcentric_sigma_um: float  # lateral jump of the image per zoom change
+    scale_sigma: float  # relative error of the magnification
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Focus:
+    """The focus drive; heights are world heights of the plane in focus."""
+
+    min_um: float
+    max_um: float
+    time_s: float
+    repeatability_um: float
+    lateral_sigma_um_per_um: float  # sideways shift per um of focus travel, per axis
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Optics:
+    """The microscope: zoom range, aperture by zoom, light and drives."""
+
+    magnification: Interval
+    apertures: tuple[tuple[float, float], ...]  # (magnification, aperture), ascending
+    wavelength_um: float
+    medium_index: float
+    coherence: float
+    zoom: Zoom
+    focus: Focus
+    lens: LensErrors  # the light's gradient and edges as made are not the lens'
+
+    def aperture(self, magnification: float) -> float:
+        """Return the aperture at `magnification`, that of the nearest row beyond all.
+
+        Between rows as in `optics.lens.lens.LensErrors.aperture_at`.
+        """
+        if not self.lens.apertures:
+            return self.apertures[0][1]
+        first, last = self.apertures[0][0], self.apertures[-1][0]
+        return self.lens.aperture_at(min(max(magnification, first), last))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Camera:
+    """The sensor and its timing."""
+
+    pitch_um: float
+    width_px: int
+    height_px: int
+    fill_factor: float
+    rate_hz: float
+    latency_frames: int
+    bits: int
+    full_well_e: float
+    read_noise_e: float
+    exposure_ms: Interval
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Light:
+    """The illumination."""
+
+    kind: str
+    level: Interval
+    gradient: float  # relative change across the field, any direction
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Axes:
+    """A stage or robot: x, y, z and theta with their repeatability, one sigma."""
+
+    repeatability_xy_um: float
+    repeatability_z_um: float
+    repeatability_theta_rad: float
+    limits: Mapping[str, Interval]  # x_um, y_um, z_um, theta_rad
+    speed_xy_um_per_s: float
+    speed_z_um_per_s: float
+    speed_theta_rad_per_s: float
+    settle_s: float
+    coverage: str  # as the file states it: 1sigma, 3sigma, range
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stage:
+    """The stage: its axes, and the world it carries."""
+
+    axes: Axes
+    datum_z_um: float
+    reflectance: float
+    theta_axis_um: tuple[float, float]
+    drift_um_per_min: float
+    axis_tilt_sigma_rad: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Robot:
+    """The robot that carries the tool."""
+
+    axes: Axes
+    theta_axis_to_tip_um: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tool:
+    """Tweezers: two fingers drawn at opening 0, extending to +y, the grip at (0, 0).
+
+    `left` and `right` are the fingers in the grip's frame with the jaws closed; at
+    opening w they move apart by w / 2 each along -x and +x.
+    """
+
+    name: str
+    left: Outline
+    right: Outline
+    thickness_um: float
+    finger_width_um: float
+    length_um: float
+    opening_um: Interval
+    grip_from_tip_um: float
+    reflectance: float
+    stick_probability: float  # that a released part follows a finger
+    free_length_um: float | None  # of a finger, from where it bends; None: not stated
+    youngs_modulus_gpa: float | None
+    sheet: Sheet
+    where: Span
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Servo:
+    """How visual servoing runs."""
+
+    rate_hz: float
+    gain: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Workcell:
+    """Everything a workcell file says."""
+
+    name: str
+    optics: Optics
+    camera: Camera
+    light: Light
+    stage: Stage
+    robot: Robot
+    tools: Mapping[str, Tool]
+    servo: Servo
+    where: Mapping[str, Span]  # "optics", "camera", ... for findings
+    normalised: Mapping[str, object]  # plain data, defaults filled in, for hashing

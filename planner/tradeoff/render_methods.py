@@ -1,0 +1,181 @@
+"""Ways of computing one look's image: their times, and their errors by the oracle."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+import numpy.typing as npt
+from scipy import fft
+
+from optics.layers.occlusion import SAMPLES, occluded
+from optics.render.fidelity import Fidelity
+from optics.render.render import render
+from optics.render.sampling import BAND_ERROR, MARGIN, Sampling
+from optics.render.scene import Window
+from optics.transfer.models import MODELS
+from planner.tradeoff.reference_images import Sight, Truth
+from planner.tradeoff.tradeoff_record import Measured
+from schemas.codec import quantise
+
+FloatArray = npt.NDArray[np.float64]
+
+BANDS = (5e-3, 5e-4, 5e-5)  # from what nobody sees to what tables err
+MARGINS = (10.0, 40.0)
+RAYS = (SAMPLES // 4, SAMPLES)  # a cell, of occluded layers
+REPEATS = 3  # of which the least time counts; 2 where they take long
+_ENOUGH_S = 0.1
+_USUAL = Sampling(band_error=BAND_ERROR, margin=MARGIN)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Way:
+    """One way of computing an image."""
+
+    model: str
+    sampling: Sampling
+    rays: int = 0  # 0: layers are blended
+
+    def image(self, sight: Sight, focus_um: float) -> FloatArray:
+        """Return the image, (rows, columns)."""
+        if self.rays:
+            return occluded(
+                sight.scene,
+                sight.microscope,
+                focus_um=focus_um,
+                model=self.model,
+                window=sight.window,
+                samples=self.rays,
+            )
+        return render(
+            sight.scene,
+            sight.microscope,
+            focus_um=focus_um,
+            model=self.model,
+            window=sight.window,
+            sampling=self.sampling,
+        )
+
+
+def ways(sight: Sight, fidelity: Fidelity) -> tuple[Way, ...]:
+    """Return what is measured: all laws by samplings, and hidden layers by rays.
+
+    Samplings are BANDS by MARGINS, the usual one once more in single precision, and
+    the compiler's. Layers that hide one another take the usual sampling.
+    """
+    grid = [Sampling(band_error=b, margin=m) for b in BANDS for m in MARGINS]
+    grid += [_USUAL, replace(_USUAL, single=True), fidelity.sampling]
+    grid = list(dict.fromkeys(grid))
+    found = [Way(model=model, sampling=s) for model in MODELS for s in grid]
+    if sight.is_layered:
+        found += [Way(model=m, sampling=_USUAL, rays=r) for m in MODELS for r in RAYS]
+    return tuple(found)
+
+
+def measure(
+    sight: Sight, fidelity: Fidelity, treatment: str, law: Truth, layered: Truth
+) -> tuple[Measured, ...]:
+    """Return time and errors of every way, in the order of `ways`.
+
+    Parameters
+    ----------
+    sight : Sight
+        What is rendered.
+    fidelity : Fidelity
+        The compiler's choice, which is measured too.
+    treatment : str
+        Of layers, one of `optics.layers.layer_error.TREATMENTS`, chosen too.
+    law : Truth
+        The exact law at all focus heights, layers blended.
+    layered : Truth
+        Layers traced at the nominal focus.
+    """
+    found = [_measured(sight, way, law, layered) for way in ways(sight, fidelity)]
+    chosen = Way(model=fidelity.model, sampling=fidelity.sampling)
+    if treatment == "occluded" and sight.is_layered:
+        chosen = Way(model=fidelity.model, sampling=_USUAL, rays=SAMPLES)
+    marked = [
+        replace(each, is_choice=way == chosen)
+        for way, each in zip(ways(sight, fidelity), found, strict=True)
+    ]
+    # as they are written: what differs less is rounding
+    on_law = front([_written(w.time_ms, w.law_max_error) for w in found])
+    on_all = front([_written(w.time_ms, w.max_error) for w in found])
+    return tuple(
+        replace(each, on_law_front=i in on_law, on_front=i in on_all)
+        for i, each in enumerate(marked)
+    )
+
+
+def front(points: Sequence[tuple[float, float | None]]) -> frozenset[int]:
+    """Return the indices of points that no other betters in time and in error.
+
+    Points without an error take no part.
+    """
+    known = [(t, e, i) for i, (t, e) in enumerate(points) if e is not None]
+    found, best = [], np.inf
+    for _, error, index in sorted(known):
+        if error < best:
+            found.append(index)
+            best = error
+    return frozenset(found)
+
+
+def _written(time_ms: float, error: float | None) -> tuple[float, float | None]:
+    """Return time and error with the digits of the record."""
+    return quantise(time_ms), None if error is None else quantise(error)
+
+
+def floor_ms(window: Window) -> float:
+    """Return the time of a real transform of a region, there and back."""
+    image = np.random.default_rng(1).random((window.rows, window.columns))
+
+    def pairs() -> None:
+        for _ in range(10):
+            fft.irfft2(fft.rfft2(image), s=image.shape)
+
+    return _least_ms(pairs) / 10
+
+
+def _measured(sight: Sight, way: Way, law: Truth, layered: Truth) -> Measured:
+    """Return a way's time and errors; images in advance make its tables."""
+    heights = sight.focus_um[:1] if way.rays else sight.focus_um
+    images = np.array([way.image(sight, z) for z in heights])
+    off = None if way.rays else np.abs(images - law.images)
+    away = np.abs(images[0] - layered.images[0])
+    return Measured(
+        model=way.model,
+        layers="occluded" if way.rays else "blend",
+        band_error=way.sampling.band_error,
+        margin=way.sampling.margin,
+        float_bits=32 if way.sampling.single else 64,
+        rays_per_cell=way.rays,
+        time_ms=_least_ms(partial(way.image, sight, sight.focus_um[0])),
+        law_max_error=None if off is None else float(off.max()),
+        law_rms_error=None if off is None else max(_rms(each) for each in off),
+        max_error=float(away.max()),
+        rms_error=_rms(away),
+        is_choice=False,
+        on_law_front=False,
+        on_front=False,
+    )
+
+
+def _least_ms(work: Callable[[], object]) -> float:
+    """Return the least time of several calls: what interrupts one counts for nothing.
+
+    Wall time, as some systems count CPU time in steps longer than a call.
+    """
+    found: list[float] = []
+    while len(found) < REPEATS and (len(found) < 2 or sum(found) < _ENOUGH_S):
+        start = time.perf_counter()
+        work()
+        found.append(time.perf_counter() - start)
+    return 1e3 * min(found)
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(values**2)))

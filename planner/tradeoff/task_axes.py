@@ -1,0 +1,132 @@
+"""A task compiled by other presets, trials, frames and zooms."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+from planner.task.presets import PRESETS, Effort, Preset
+from planner.task.task import Task
+from planner.task.workcell import Camera
+from planner.tradeoff.vary import Axis, Vary
+from planner.views.zooms import ladder
+
+MOST_POINTS = 64
+MOST_TRIALS = 10_000
+MOST_FRAMES = 256  # 8 bits finer: a camera of 8 bits then counts with 16
+_USUAL: Mapping[Axis, tuple[str, ...]] = {
+    "preset": tuple(PRESETS),
+    "trials": ("24", "64", "304"),
+    "frames": ("1", "4", "16"),
+}
+_ZOOMS = 3  # rungs of the ladder from the lowest that are usual
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Way:
+    """One way to compile a task."""
+
+    varied: str
+    preset: Preset
+    effort: Effort
+    frames: int = 1
+    zoom: float | None = None
+
+    def of(self, task: Task) -> Task:
+        """Return the task with this way's camera and zoom."""
+        cell = task.workcell
+        optics = cell.optics
+        if self.zoom is not None:
+            optics = replace(optics, magnification=(self.zoom, self.zoom))
+        camera = averaged(cell.camera, self.frames)
+        return replace(task, workcell=replace(cell, optics=optics, camera=camera))
+
+
+def averaged(camera: Camera, frames: int) -> Camera:
+    """Return a camera whose one frame is the sum of several, a power of two.
+
+    Electrons and levels add up; read noise, and all but one of the roundings, by their
+    squares. It takes as many times as long.
+    """
+    if frames == 1:
+        return camera
+    step_e = camera.full_well_e / (2**camera.bits - 1)
+    noise = frames * camera.read_noise_e**2 + (frames - 1) * step_e**2 / 12
+    return replace(
+        camera,
+        full_well_e=frames * camera.full_well_e,
+        read_noise_e=math.sqrt(noise),
+        bits=min(camera.bits + frames.bit_length() - 1, 16),
+        rate_hz=camera.rate_hz / frames,
+        exposure_ms=(camera.exposure_ms[0] * frames, camera.exposure_ms[1] * frames),
+    )
+
+
+def ways(task: Task, vary: Vary) -> tuple[Way, ...]:
+    """Return the task's own way first, then those that differ from it in one thing.
+
+    Raises
+    ------
+    ValueError
+        If a value cannot be, or there are more than MOST_POINTS.
+    """
+    preset = task.optimise.prefer
+    own = Way(varied="as the task says", preset=preset, effort=PRESETS[preset])
+    found = [own]
+    for axis, values in vary:
+        for value in values or usual(task, axis):
+            way = replace(changed(own, axis, value, task), varied=f"{axis} {value}")
+            if replace(way, varied=own.varied) != own:
+                found.append(way)
+    if len(found) > MOST_POINTS:
+        raise ValueError(f"{len(found)} points, at most {MOST_POINTS}")
+    return tuple(found)
+
+
+def usual(task: Task, axis: Axis) -> tuple[str, ...]:
+    """Return the values of an axis that is named without any."""
+    if axis != "zoom":
+        return _USUAL[axis]
+    return tuple(f"{zoom:.4g}" for zoom in ladder(task.workcell)[:_ZOOMS])
+
+
+def changed(own: Way, axis: Axis, value: str, task: Task) -> Way:
+    """Return a way with one thing changed; ValueError for a value that cannot be."""
+    if axis == "preset":
+        found = next((name for name in PRESETS if name == value), None)
+        if found is None:
+            raise ValueError(f"preset must be {', '.join(PRESETS)}, got {value!r}")
+        return replace(own, preset=found, effort=PRESETS[found])
+    if axis == "zoom":
+        low, high = task.workcell.optics.magnification
+        zoom = _within(axis, value, low * (1 - 1e-3), high * (1 + 1e-3))
+        return replace(own, zoom=min(max(zoom, low), high))  # as written with 4 digits
+    if axis == "trials":
+        trials = _whole(axis, value, MOST_TRIALS)
+        return replace(own, effort=replace(own.effort, trials=trials))
+    frames = _whole(axis, value, MOST_FRAMES)
+    if frames & (frames - 1):
+        raise ValueError(f"frames must be a power of two, got {value!r}")
+    return replace(own, frames=frames)
+
+
+def _whole(axis: str, value: str, most: int) -> int:
+    """Return a whole number from 1 to `most`."""
+    return int(_within(axis, value, 1, most, whole=True))
+
+
+def _within(
+    axis: str, value: str, low: float, high: float, *, whole: bool = False
+) -> float:
+    """Return a number of an interval; ValueError naming the axis if it is none."""
+    try:
+        number = float(int(value)) if whole else float(value)
+    except (ValueError, OverflowError):
+        number = math.nan
+    if not low <= number <= high:
+        kind = "a whole number" if whole else "a number"
+        raise ValueError(
+            f"{axis} must be {kind} from {low:.4g} to {high:.4g}, got {value[:40]!r}"
+        )
+    return number

@@ -1,0 +1,250 @@
+"""Speed against accuracy of a whole task: what `microplan tradeoff --vary` writes."""
+
+from __future__ import annotations
+
+import math
+import os
+import platform
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from importlib.metadata import version
+from pathlib import Path
+
+from featuresel.trials.bounds import failure_upper
+from planner.diff.compare import compare_plans
+from planner.plan.compiler import compile_task
+from planner.plan.options import Options
+from planner.source.diagnostics import Report
+from planner.store.folder import write_files
+from planner.store.memo import EVERY_TIME
+from planner.task.task import Task
+from planner.tradeoff.task_axes import Way, ways
+from planner.tradeoff.task_plots import task_png
+from planner.tradeoff.task_tradeoff_record import (
+    Point,
+    Spent,
+    TaskTradeoff,
+    points_csv,
+    points_json,
+    points_table,
+    times_json,
+)
+from planner.tradeoff.vary import Vary
+from schemas.files.times import spans
+from schemas.plan import Plan, Step
+
+FORMAT_VERSION = "1.0"
+NOTE = (
+    "Every point differs from the first in one thing. Frames are what averaging would "
+    "give: the executor takes one. Chances and errors are the plan's own predictions."
+)
+CHOICES = ("chain", "magnification", "method", "others")  # ends of paths of a plan
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TaskCall:
+    """What to vary, and where to write it."""
+
+    vary: Vary
+    jobs: int
+    max_image_error: float | None  # None: the task's, or the preset's
+    out: Path
+
+
+class VaryError(ValueError):
+    """A value that cannot be; carries the code of its finding."""
+
+    code = "MP404"
+    file = ""  # of the call itself
+
+
+def write_task_tradeoff(task: Task, call: TaskCall, tell: Callable[[str], None]) -> str:
+    """Compile a task in several ways, write the folder, and return a table.
+
+    Nothing is kept between points, so that each takes what it takes alone.
+
+    Parameters
+    ----------
+    task : Task
+        The task.
+    call : TaskCall
+        What to vary.
+    tell : callable
+        Is told what is being compiled.
+
+    Raises
+    ------
+    VaryError
+        MP404 if a value cannot be.
+    OutputError
+        MP702 if the folder cannot be written.
+    """
+    try:
+        wanted = ways(task, call.vary)
+    except ValueError as error:
+        raise VaryError(str(error)) from error
+    write_files(call.out, {})  # before minutes are spent
+    points: list[Point] = []
+    spent: list[Spent] = []
+    first, said = None, ""
+    for k, way in enumerate(wanted):
+        tell(f"{way.varied} ({k + 1} of {len(wanted)})")
+        plan, report, took = compiled(task, way, call)
+        points.append(point_of(way, plan, report, first))
+        spent.append(took)
+        first = plan if k == 0 else first
+        said = _told(task, call.out, points, spent)  # what is done outlives a stop
+    return f"{said}\n\nfolder: {call.out}"
+
+
+def _told(
+    task: Task, folder: Path, points: Sequence[Point], spent: Sequence[Spent]
+) -> str:
+    """Write the points so far, and return their table."""
+    found, times = with_fronts(points, spent)
+    record = TaskTradeoff(
+        format_version=FORMAT_VERSION, task=task.name, note=NOTE, points=found
+    )
+    write_files(
+        folder,
+        {
+            "task.csv": points_csv(record).encode(),
+            "task.json": points_json(record).encode(),
+            "task-times.json": times_json(times, _machine()).encode(),
+            "task.png": task_png(record, times),
+        },
+    )
+    return points_table(record, times)
+
+
+def compiled(task: Task, way: Way, call: TaskCall) -> tuple[Plan | None, Report, Spent]:
+    """Return the plan of a point, None with findings if there is none, and its time."""
+    report, cpu_s, wall_s = Report(), _cpu_s(), time.perf_counter()
+    files = compile_task(
+        way.of(task),
+        report,
+        Options(
+            preset=way.preset,
+            effort=way.effort,
+            max_image_error=call.max_image_error,
+            jobs=call.jobs,
+            memo=EVERY_TIME,
+        ),
+    )
+    took = Spent(
+        varied=way.varied,
+        cpu_s=_cpu_s() - cpu_s,
+        wall_s=time.perf_counter() - wall_s,
+        on_front=False,
+    )
+    return None if files is None else files.plan, report, took
+
+
+def point_of(way: Way, plan: Plan | None, report: Report, first: Plan | None) -> Point:
+    """Return what a plan promises, or why there is none."""
+    faults = [d for d in report.in_order if d.severity in ("error", "infeasible")]
+    complete = plan is not None and plan.success_probability > 0
+    return Point(
+        varied=way.varied,
+        preset=way.preset,
+        trials=way.effort.trials,
+        frames=way.frames,
+        zoom=way.zoom,
+        status="error" if plan is None else plan.status,
+        reason="; ".join(f"{d.code} {d.message}" for d in faults),
+        error_um=error_um(plan) if plan is not None and complete else None,
+        success_probability=plan.success_probability if plan and complete else None,
+        success_lower=success_lower(plan) if plan and complete else None,
+        run_s=run_s(plan) if plan is not None and complete else None,
+        choices=None if plan is None or first is None else choices(first, plan),
+        on_front=False,
+    )
+
+
+def error_um(plan: Plan) -> float | None:
+    """Return where the last insertion or placement ends: one sigma per axis, um.
+
+    The root of the sum of squares of the budget's terms, a term along one direction
+    counted half. Without a mechanical action that of the last look; None without one.
+    """
+    for step in reversed(plan.steps):
+        if step.verb == "insert" or step.placing is not None:
+            return _spread_um(step)
+    looks = [look for step in plan.steps for look in step.looks]
+    return looks[-1].sigma_xy_um if looks else None
+
+
+def _spread_um(step: Step) -> float:
+    squares = [
+        (row.sigma_um or 0.0) ** 2 * (1.0 if row.along_rad is None else 0.5)
+        for row in step.budget.rows
+        if not row.term.startswith("size of ")  # on the room, not on the place
+    ]
+    return math.sqrt(sum(squares))
+
+
+def success_lower(plan: Plan) -> float:
+    """Return the chance of success with silent failures at their bound.
+
+    They are pooled over all looks: if k of all n trials of the chains chosen failed
+    silently, a look does so with less than the bound of Clopper and Pearson, 95 %.
+    """
+    scores = [look.evidence.chosen for step in plan.steps for look in step.looks]
+    trials = sum(score.trials for score in scores)
+    if not trials:
+        return plan.success_probability
+    most = failure_upper(sum(score.silent for score in scores), trials)
+    return float(plan.success_probability * (1 - most) ** len(scores))
+
+
+def run_s(plan: Plan) -> float:
+    """Return what looks and alignments take, s: zoom, focus, frames, corrections."""
+    return sum(span.total_s for span in spans(plan, None))
+
+
+def choices(first: Plan, plan: Plan) -> tuple[str, ...]:
+    """Return the choices that differ between two plans, as `microplan diff` says."""
+    told = []
+    for change in compare_plans(first, plan):
+        if change.kind == "steps":
+            told.append(f"{change.where}: {change.says}")
+        elif change.path[-1] in CHOICES and "evidence" not in change.path:
+            step = change.path[1] if len(change.path) > 1 else ""
+            told.append(f"{step} {change.path[-1]}: {change.says}")
+    return tuple(dict.fromkeys(told))
+
+
+def with_fronts(
+    points: Sequence[Point], spent: Sequence[Spent]
+) -> tuple[tuple[Point, ...], tuple[Spent, ...]]:
+    """Return both with what is on the fronts of run time and of compile time."""
+    running = _front([(p.run_s, p.error_um) for p in points])
+    making = _front([(s.cpu_s, p.error_um) for s, p in zip(spent, points, strict=True)])
+    return (
+        tuple(replace(p, on_front=k in running) for k, p in enumerate(points)),
+        tuple(replace(s, on_front=k in making) for k, s in enumerate(spent)),
+    )
+
+
+def _front(pairs: Sequence[tuple[float | None, float | None]]) -> frozenset[int]:
+    """Return the places of pairs that no other is below in both; None is on none."""
+    known = [
+        (x, y, k) for k, (x, y) in enumerate(pairs) if not (x is None or y is None)
+    ]
+    found, least = [], math.inf
+    for _, y, k in sorted(known):
+        if y < least:
+            found.append(k)
+            least = y
+    return frozenset(found)
+
+
+def _cpu_s() -> float:
+    """Return the CPU time of this process and of those it waited for."""
+    now = os.times()
+    return now.user + now.system + now.children_user + now.children_system
+
+
+def _machine() -> str:
+    return f"{platform.system()} {platform.machine()}, microplan {version('microplan')}"

@@ -1,0 +1,133 @@
+"""What a whole task's compiles came to, and how that is written down."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+from schemas.codec import to_data
+from schemas.page.figures import chance
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Point:
+    """One way to compile the task, and what the plan then promises."""
+
+    varied: str  # "preset fast", "zoom 13.8"; "as the task says" is compared with
+    preset: str
+    trials: int
+    frames: int  # averaged for each look
+    zoom: float | None  # that all looks have; None: as chosen
+    status: str  # of the plan, or "error"
+    reason: str  # "" if feasible
+    error_um: float | None  # one sigma per axis where the last part goes; None: no part
+    success_probability: float | None  # None: the plan ends before it is known
+    success_lower: float | None  # with silent failures at their bound
+    run_s: float | None  # looks and alignments, no moves between
+    choices: tuple[str, ...] | None  # that are others than in the first point
+    on_front: bool  # no other is both quicker to run and finer
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Spent:
+    """What compiling a point took, nothing kept from before: of this machine."""
+
+    varied: str
+    cpu_s: float  # of all processes
+    wall_s: float
+    on_front: bool  # no other compiles in less and is finer
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TaskTradeoff:
+    """All points; the first is the task as it says itself."""
+
+    format_version: str
+    task: str
+    note: str
+    points: tuple[Point, ...]
+
+
+def points_csv(found: TaskTradeoff) -> str:
+    """Return one row for every point; no value where there is none."""
+    names = [f.name for f in fields(Point)]
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(names)
+    for point in found.points:
+        writer.writerow([_cell(getattr(point, name)) for name in names])
+    return stream.getvalue()
+
+
+def points_json(found: TaskTradeoff) -> str:
+    """Return the JSON, the same on every run."""
+    return json.dumps(to_data(found), indent=2, ensure_ascii=False) + "\n"
+
+
+def times_json(spent: Sequence[Spent], machine: str) -> str:
+    """Return the times, which depend on the machine and are never compared."""
+    data = {"machine": machine, "points": to_data(tuple(spent), 3)}
+    return json.dumps(data, indent=2, ensure_ascii=False) + "\n"
+
+
+def points_table(found: TaskTradeoff, spent: Sequence[Spent]) -> str:
+    """Return the points as lines of text: `*` is on the front of compile time."""
+    rows = [("", "point", "trials", "frames", "zoom", "error um", "P", "P at least",
+             "run s", "compile s", "choices")]  # fmt: skip
+    for point, took in zip(found.points, spent, strict=True):
+        rows.append(
+            (
+                "*" if took.on_front else "",
+                point.varied,
+                str(point.trials),
+                str(point.frames),
+                "-" if point.zoom is None else f"{point.zoom:.4g}",
+                _number(point.error_um, ".3f"),
+                _chance(point.success_probability),
+                _chance(point.success_lower),
+                _number(point.run_s, ".3g"),
+                f"{took.cpu_s:.3g}",
+                _choices(point),
+            )
+        )
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    lines = []
+    for row in rows:
+        words = [text.ljust(w) for text, w in zip(row[:2], widths[:2], strict=True)]
+        numbers = [
+            text.rjust(w) for text, w in zip(row[2:-1], widths[2:-1], strict=True)
+        ]
+        lines.append("  ".join([*words, *numbers, row[-1]]).rstrip())
+    return "\n".join([f"{found.task}: error and chance over what it takes", *lines])
+
+
+def _choices(point: Point) -> str:
+    """Return what changed, or why there is nothing to compare."""
+    if point.reason:
+        first = point.reason.partition(";")[0]
+        return f"{point.status}: {first[:100]}{'...' if len(first) > 100 else ''}"
+    if point.choices is None:
+        return ""
+    return "; ".join(point.choices) or "the same"
+
+
+def _number(value: float | None, form: str) -> str:
+    return "-" if value is None else format(value, form)
+
+
+def _chance(value: float | None) -> str:
+    return "-" if value is None else chance(value)
+
+
+def _cell(value: object) -> object:
+    """Return a value as a cell: six digits, yes and no as 1 and 0."""
+    if isinstance(value, bool):
+        return int(value)
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if isinstance(value, tuple):
+        return "; ".join(value)
+    return value  # None is an empty cell

@@ -1,0 +1,138 @@
+"""What the workcell's lens and lamp do to a look: what is known, what is charged."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from featuresel.routines import TargetKind
+from optics.coherence.edge_offsets import feature_offsets
+from optics.lens.lens import LensErrors
+from optics.lens.lens_budget import LensRow, predict
+from optics.outline.outline import Outline, place
+from optics.transfer.microscope import Microscope
+from planner.assembly.assembly import Place, State
+from planner.task.task import Task
+from planner.task.workcell import Workcell
+from planner.views.targets import Shape, target_layers
+
+NM_PER_UM = 1000.0
+_MOST_APERTURE = 0.99  # of the index: light from the side has no shade to compute
+SYMMETRIC: tuple[TargetKind, ...] = ("circle", "jaws")
+
+
+def known_errors(cell: Workcell) -> LensErrors:
+    """Return what is known of the lens; images are made with it.
+
+    The light's gradient has no known direction and is not in it.
+    """
+    return replace(
+        cell.optics.lens,
+        distortion_sigma=0.0,
+        lateral_sigma=0.0,
+        scale_sigma_per_um=0.0,
+        field_curvature_sigma_per_um=0.0,
+        apertures=(),
+    )
+
+
+def lamp_aperture(cell: Workcell, microscope: Microscope) -> float | None:
+    """Return the aperture of coaxial light, None for light from elsewhere.
+
+    That of the objective, or the workcell's coherence times it: light that comes
+    through the objective is not wider, whatever the condenser.
+    """
+    if cell.light.kind != "coaxial":
+        return None
+    share = min(cell.optics.coherence or 1.0, 1.0)
+    return min(share * microscope.aperture, _MOST_APERTURE * microscope.medium_index)
+
+
+def lens_rows(
+    task: Task, state: State, shape: Shape, spot: Place, scope: Microscope
+) -> tuple[LensRow, ...]:
+    """Return what the lens does to the target of a look, effect by effect.
+
+    The target is taken to be out of focus by one sigma of the task's benchmark.
+    """
+    pose, (left, low, right, high) = spot.pose, shape.box_um
+    corners = [
+        (pose.x_um + x, pose.y_um + y) for x in (left, right) for y in (low, high)
+    ]
+    body, levels = _body(task, state, shape), _levels(task, shape)
+    outline = None
+    if body is not None and levels[0] < levels[1]:
+        outline = place(body, pose.x_um, pose.y_um, pose.theta_rad)
+    return predict(
+        _all_errors(task, shape),
+        scope,
+        corners,
+        defocus_um=task.benchmark.focus_sigma_um,
+        outline=outline,
+        levels=levels,
+    )
+
+
+def _body(task: Task, state: State, shape: Shape) -> Outline | None:
+    """Return what has a centroid of light in the target's frame; a hole has none."""
+    if shape.kind == "jaws" or not shape.bright:
+        return None
+    faces = {layer.name: layer.outline for layer in target_layers(task, state, shape)}
+    return faces.get(shape.name) or faces.get(shape.owner)
+
+
+def _levels(task: Task, shape: Shape) -> tuple[float, float]:
+    """Return the reflectances on both sides of the target's edges, the darker first."""
+    part, cell = task.parts.get(shape.owner), task.workcell
+    if part is None:
+        pair = (cell.tools[shape.owner].reflectance, cell.stage.reflectance)
+    else:
+        post = part.posts.get(shape.name.partition(".")[2])
+        around = cell.stage.reflectance
+        pair = (
+            (part.reflectance, around)
+            if post is None
+            else (post.reflectance, part.reflectance)
+        )
+    return (min(pair), max(pair))
+
+
+def middle_sigma_um(cell: Workcell, microscope: Microscope, spot: Place) -> float:
+    """Return how far the unknown distortion moves the middle of a target, one sigma."""
+    lens = cell.optics.lens
+    rows = predict(lens, microscope, [(spot.pose.x_um, spot.pose.y_um)])
+    row = next(row for row in rows if row.effect == "radial distortion")
+    return row.sigma_nm / NM_PER_UM
+
+
+def middle_offset_um(
+    task: Task, state: State, shape: Shape, microscope: Microscope
+) -> float:
+    """Return how far partly coherent light moves the middle of a target in focus.
+
+    Holes, posts and jaws have a centre of symmetry, which stays.
+    """
+    coherence, body = task.workcell.optics.coherence, _body(task, state, shape)
+    dark, bright = _levels(task, shape)
+    if not coherence or body is None or shape.kind in SYMMETRIC or dark == bright:
+        return 0.0
+    rings = feature_offsets(
+        body, coherence, microscope, reflectance=bright, background=dark
+    )
+    return max(math.hypot(*ring.center_um) for ring in rings)
+
+
+def _all_errors(task: Task, shape: Shape) -> LensErrors:
+    """Return the lens' errors with the light's gradient and the part's edges as made.
+
+    A gradient of any direction counts half along each axis; a profile tolerance is
+    uniform within.
+    """
+    cell = task.workcell
+    part = task.parts.get(shape.owner)
+    tolerance_um = 0.0 if part is None else part.profile_tolerance_um
+    return replace(
+        cell.optics.lens,
+        gradient_sigma=cell.light.gradient / math.sqrt(2),
+        edge_offset_sigma_um=tolerance_um / math.sqrt(3),
+    )

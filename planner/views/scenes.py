@@ -1,0 +1,155 @@
+"""What is in view: layers of a look's scene, and what higher bodies hide or shade."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import shapely
+
+from optics.outline.outline import Edge, FloatArray, Outline, Segment, place
+from optics.outline.tolerant_order import least
+from optics.render.scene import Layer, Scene, Window
+from optics.transfer.microscope import Microscope
+from planner.assembly.assembly import Body, Place, State, bodies
+from planner.assembly.shapes import polygon
+from planner.task.task import Task
+from planner.views.targets import Shape, outline_of
+from schemas.plan import Shade
+
+# Points along all edges whose shade is counted. A stretch of edge that is hidden is
+# counted to within one point, so its share to within 1 / 2000.
+EDGE_POINTS = 2000
+
+
+def world_scene(task: Task, state: State) -> Scene:
+    """Return everything in the world as layers, whether in view or not."""
+    return Scene(
+        layers=tuple(_layer(body) for body in bodies(task, state)),
+        background=task.workcell.stage.reflectance,
+        background_z_um=task.workcell.stage.datum_z_um + state.stage.z_um,
+    )
+
+
+def relevant(
+    layers: tuple[Layer, ...], microscope: Microscope, focus_um: float, window: Window
+) -> tuple[Layer, ...]:
+    """Return the layers whose blurred image reaches the window."""
+    return tuple(
+        layer for layer in layers if _reaches(layer, microscope, focus_um, window)
+    )
+
+
+def shade_of(
+    task: Task, state: State, shape: Shape, spot: Place, aperture: float, index: float
+) -> tuple[Shade, ...]:
+    """Return how much of the target's edges each higher body hides or shades.
+
+    A body h above a point shades it within h tan(asin(A / n)) of its outline; right
+    above it, it hides it. Shares are of the edges' length; each unbroken stretch adds
+    an error of at most 1 / EDGE_POINTS.
+    """
+    if shape.owner in task.workcell.tools:
+        return ()
+    points = shapely.points(_edge_points(task, shape, spot))
+    slope = math.tan(math.asin(aperture / index))
+    found = []
+    for body in bodies(task, state):
+        height = body.z_high_um - spot.z_um
+        if body.name == spot.name or height <= 0 or _is_own_face(body, shape):
+            continue
+        solid = polygon(body.outline)
+        shapely.prepare(solid)  # 2000 points ask it twice
+        hidden = float(np.mean(shapely.intersects(solid, points)))
+        shaded = float(np.mean(shapely.dwithin(solid, points, height * slope))) - hidden
+        if hidden or shaded:
+            found.append(
+                Shade(target=shape.name, by=body.name, hidden=hidden, shaded=shaded)
+            )
+    return tuple(found)
+
+
+def _is_own_face(body: Body, shape: Shape) -> bool:
+    """Return whether the body is the very face that is looked at."""
+    return body.name in (shape.name, shape.owner)
+
+
+def _layer(body: Body) -> Layer:
+    """Return the top face of a body."""
+    return Layer(
+        name=body.name,
+        outline=body.outline,
+        z_um=body.z_high_um,
+        reflectance=body.reflectance,
+    )
+
+
+def _reaches(
+    layer: Layer, microscope: Microscope, focus_um: float, window: Window
+) -> bool:
+    """Return whether a layer's bounds plus its blur meet the window."""
+    slope = math.tan(math.asin(microscope.aperture / microscope.medium_index))
+    # 20 Airy units beyond the geometrical blur hold all but 1 % of the diffracted light
+    reach = abs(layer.z_um - focus_um) * slope
+    reach += 20 * microscope.wavelength_um / microscope.aperture
+    x0, y0, x1, y1 = layer.outline.bounds_um
+    k = microscope.px_per_um
+    cx, cy = (microscope.width_px - 1) / 2, (microscope.height_px - 1) / 2
+    left, right = cx + k * (x0 - reach), cx + k * (x1 + reach)
+    top, bottom = cy - k * (y1 + reach), cy - k * (y0 - reach)
+    # a pixel reaches half a pixel to all sides of its centre, a whole number
+    first_column, first_row = window.column - 0.5, window.row - 0.5
+    return (
+        right >= first_column
+        and left <= first_column + window.columns
+        and bottom >= first_row
+        and top <= first_row + window.rows
+    )
+
+
+def _edge_points(task: Task, shape: Shape, spot: Place) -> FloatArray:
+    """Return EDGE_POINTS points on the target's edges in the world, (N, 2) um.
+
+    They stand evenly along all edges, in the middle of as many equal lengths.
+    """
+    rings = outline_of(task, shape)
+    only = target_ring(rings, shape)
+    rings = rings if only is None else Outline(rings=(rings.rings[only],))
+    posed = place(rings, spot.pose.x_um, spot.pose.y_um, spot.pose.theta_rad)
+    edges = [edge for ring in posed.rings for edge in ring.edges]
+    ends = np.cumsum([edge.length_um for edge in edges])
+    along = (np.arange(EDGE_POINTS) + 0.5) * ends[-1] / EDGE_POINTS
+    starts = np.concatenate([[0.0], ends[:-1]])
+    first = np.searchsorted(along, starts)
+    last = np.append(first[1:], EDGE_POINTS)
+    return np.vstack(
+        [
+            _points_on(edge, (along[i:j] - start) / edge.length_um)
+            for edge, start, i, j in zip(edges, starts, first, last, strict=True)
+            if j > i
+        ]
+    )
+
+
+def _points_on(edge: Edge, share: FloatArray) -> FloatArray:
+    """Return the points after `share` (0..1) of the length of an edge, (N, 2) um."""
+    if isinstance(edge, Segment):
+        start, end = np.array(edge.start), np.array(edge.end)
+        points: FloatArray = start + share[:, None] * (end - start)
+        return points
+    angle = edge.start_rad + share * edge.sweep_rad
+    unit = np.column_stack([np.cos(angle), np.sin(angle)])
+    return np.array(edge.center) + edge.radius_um * unit
+
+
+def target_ring(outline: Outline, shape: Shape) -> int | None:
+    """Return which ring of `outline_of` is the target; None: all, it is no circle."""
+    if shape.kind != "circle":
+        return None
+    radius = shape.parameters["radius_um"]
+
+    def misfit(ring_index: int) -> float:
+        x0, y0, x1, y1 = Outline(rings=(outline.rings[ring_index],)).bounds_um
+        return abs(max(x1, -x0) - radius) + abs(max(y1, -y0) - radius)
+
+    return least(range(len(outline.rings)), misfit, scale=radius)

@@ -1,0 +1,297 @@
+"""Where a look's target is, and the settings of the microscope that show it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from optics.outline.tolerant_order import least
+from optics.render.scene import Scene, Window
+from optics.transfer.microscope import Microscope
+from planner.assembly.assembly import Place, locate_place
+from planner.source.diagnostics import Report
+from planner.task.task import Feature, Task
+from planner.views.focus import focus_for
+from planner.views.requests import Request
+from planner.views.scenes import relevant, shade_of, world_scene
+from planner.views.targets import Box, Shape, outline_of, shape_of
+from planner.views.views import SEARCH_SIGMAS, ViewPlan, light_level, region_for
+from planner.views.zooms import (
+    LADDER,
+    Origin,
+    ZoomRange,
+    magnifications,
+    microscope_at,
+    zoom_range,
+)
+from schemas.pose import Pose
+
+# Part of a target's edges that may be covered before a look is called into question.
+HIDDEN_SHARE = 0.5
+
+
+def views(
+    task: Task, request: Request, current: float, report: Report
+) -> tuple[ViewPlan, ...]:
+    """Return the settings that show the target, the preferred one first.
+
+    Reports why there is none, and what stands in the way of those there are.
+    """
+    cell = task.workcell
+    shape = shape_of(task, request.state, request.target)
+    if shape is None:
+        report.refuse(
+            "MP502",
+            request.where,
+            f"no routine finds {request.target}",
+            "target its part, or a feature of kind circle, teeth or outline",
+        )
+        return ()
+    if _is_avoided(task, request.target):
+        report.refuse(
+            "MP502",
+            request.where,
+            f"{request.target} is marked 'avoid': it is never looked for",
+            "target its part or another feature, or leave 'avoid' out",
+        )
+        return ()
+    if request.needs_angle_rad is not None and not _tells_angle(task, shape):
+        report.refuse(
+            "MP502",
+            request.where,
+            f"no routine measures the angle of {request.target}",
+            "target something with an angle, or ask for none",
+        )
+        return ()
+    spot = spot_of(task, request, shape)
+    focus = focus_for(cell, spot, report, request.where)
+    origin = _origin(task, request, spot)
+    zooms = magnifications(cell, shape, spot, current, report, origin)
+    if focus is None:
+        return ()
+    scene = world_scene(task, request.state)
+    found = []
+    for zoom in zooms:
+        scope = microscope_at(cell, zoom)
+        region = region_for(scope, shape.box_um, spot, search_um(task, spot))
+        found.append(_lit(task, scene, scope, focus, region))
+    if found:
+        _report_tight(task, request, shape, spot, report)
+        widest = least((v.microscope for v in found), lambda scope: -scope.aperture)
+        _report_shade(task, request, shape, spot, widest, report)
+    return tuple(found)
+
+
+def zooms_of(task: Task, request: Request) -> ZoomRange:
+    """Return the magnifications that a look with views allows."""
+    shape = needed_shape(task, request)
+    return zoom_range(task.workcell, shape, spot_of(task, request, shape))
+
+
+def _report_tight(
+    task: Task, request: Request, shape: Shape, spot: Place, report: Report
+) -> None:
+    """Report a look that a slightly larger spread or finer detail would forbid."""
+    found = zoom_range(task.workcell, shape, spot)
+    if found.most >= LADDER * found.least:
+        return
+    ends = (("least", found.least), ("most", found.most))
+    why = [
+        next(b for b in found.bounds if b.end == end and b.magnification == value)
+        for end, value in ends
+    ]
+    report.note(
+        "MP406",
+        request.where,
+        f"look {request.id!r}: {shape.name} can be looked at between {found.least:.4g} "
+        f"and {found.most:.4g} x only: less is barred by {why[0].by} "
+        f"({why[0].reason}), more by {why[1].by} ({why[1].reason})",
+        "nothing must be done; for more room, or where a small change gives MP401, "
+        "look at it nearer the middle of the field ('view_um'), or state a smaller "
+        "sigma at its start if that is true",
+    )
+
+
+def _tells_angle(task: Task, shape: Shape) -> bool:
+    """Return whether the target, or features beside it on its part, have an angle.
+
+    A post stands alone at its height.
+    """
+    part, inner = task.parts.get(shape.owner), shape.name.partition(".")[2]
+    return shape.has_angle or (part is not None and inner not in part.posts)
+
+
+def _is_avoided(task: Task, target: str) -> bool:
+    """Return whether a look's target is a feature that the task forbids."""
+    owner, _, inner = target.partition(".")
+    part = task.parts.get(owner)
+    return part is not None and inner in part.features and part.features[inner].avoid
+
+
+def _origin(task: Task, request: Request, spot: Place) -> Origin:
+    """Return where the file says what the look is about and what puts it there."""
+    start = task.where.get(f"start.{spot.owner}.sigma_xy_um")
+    return Origin(
+        look=request.id,
+        target=request.where,
+        view=request.view_where,
+        spread=start if spot.carrier == "stage" else None,
+    )
+
+
+def _shade_advice(task: Task) -> str:
+    """Return what the trials say of bodies above a target, and what to do."""
+    if task.workcell.light.kind == "coaxial":
+        return (
+            "nothing must be done: trials of the look have it; if they find nothing "
+            "good enough, choose a 'view_um' where nothing higher stands near"
+        )
+    return (
+        "nothing must be done, but trials have what is hidden and not the lost light: "
+        "if the look fails on the cell, choose a 'view_um' where nothing higher stands "
+        "near"
+    )
+
+
+def _report_shade(
+    task: Task,
+    request: Request,
+    shape: Shape,
+    spot: Place,
+    scope: Microscope,
+    report: Report,
+) -> None:
+    """Report what stands over a target's edges, or reaches into their light cones."""
+    shades = shade_of(
+        task, request.state, shape, spot, scope.aperture, scope.medium_index
+    )
+    if not shades:
+        return
+    covering = [f"{s.by} {s.hidden:.0%}" for s in shades if s.hidden]
+    hidden = sum(shade.hidden for shade in shades)
+    if hidden > HIDDEN_SHARE:
+        report.warning(
+            "MP306",
+            request.where,
+            f"look {request.id!r}: most edges of {shape.name} are hidden: "
+            f"{', '.join(covering)}",
+            "look where nothing stands over it: another view_um, or the tool away",
+        )
+        return
+    names = ", ".join(shade.by for shade in shades)
+    said = ", ".join(covering)
+    reached = max(shade.hidden + shade.shaded for shade in shades)
+    report.note(
+        "MP306",
+        request.where,
+        f"look {request.id!r}: what stands higher than {shape.name} ({names}) hides "
+        f"{f'some of its edges ({said})' if said else 'none of its edges'}, and takes "
+        f"light on one side from up to {reached:.0%} of them",
+        _shade_advice(task),
+    )
+
+
+def whole_view(task: Task, request: Request, view: ViewPlan) -> ViewPlan:
+    """Return the view with a region that holds all of the target's body, as far as the
+    frame does: other features of it may stand in for the target."""
+    shape = needed_shape(task, request)
+    if shape.owner in task.workcell.tools:
+        return view
+    x0, y0, x1, y1 = outline_of(task, shape).bounds_um
+    reach = math.hypot(max(-x0, x1), max(-y0, y1))
+    spot = spot_of(task, request, shape)
+    box = (-reach, -reach, reach, reach)
+    region = region_for(view.microscope, box, spot, search_um(task, spot))
+    scene = world_scene(task, request.state)
+    return _lit(task, scene, view.microscope, view.focus_um, region)
+
+
+def marks_view(task: Task, request: Request, view: ViewPlan) -> ViewPlan:
+    """Return the view with a region that holds the target and the features that the
+    task declares beside it, as far as the frame does."""
+    shape = needed_shape(task, request)
+    part = task.parts.get(shape.owner)
+    if part is None or shape.name.partition(".")[2] in part.posts:
+        return view
+    spot = spot_of(task, request, shape)
+    boxes = [shape.box_um] + [
+        _box_about(feature, spot.pose.theta_rad, shape.center_um)
+        for feature in part.features.values()
+        if not feature.avoid and feature.kind != "outline"
+    ]
+    box = (
+        min(b[0] for b in boxes), min(b[1] for b in boxes),
+        max(b[2] for b in boxes), max(b[3] for b in boxes),
+    )  # fmt: skip
+    region = region_for(view.microscope, box, spot, search_um(task, spot))
+    scene = world_scene(task, request.state)
+    return _lit(task, scene, view.microscope, view.focus_um, region)
+
+
+def _box_about(
+    feature: Feature, theta_rad: float, about_um: tuple[float, float]
+) -> Box:
+    """Return a feature's box about a point of its part, in the world's axes."""
+    x, y = (c - a for c, a in zip(feature.center_um, about_um, strict=True))
+    turn = Pose(x_um=0.0, y_um=0.0, theta_rad=theta_rad)
+    x_um, y_um = turn.apply(x, y)
+    r = feature.radius_um
+    return (x_um - r, y_um - r, x_um + r, y_um + r)
+
+
+def _lit(
+    task: Task, scene: Scene, scope: Microscope, focus_um: float, region: Window
+) -> ViewPlan:
+    """Return a view lit for the brightest of what its region shows."""
+    seen = relevant(scene.layers, scope, focus_um, region)
+    level = light_level(task.workcell, seen, task.benchmark)
+    return ViewPlan(microscope=scope, focus_um=focus_um, light=level, region=region)
+
+
+def spot_of(task: Task, request: Request, shape: Shape) -> Place:
+    """Return where the target's reference point nominally is.
+
+    Its spread takes in how far it swings about the owner's own origin, or about what a
+    look before has measured.
+    """
+    place, about_um = locate_place(task, request.state, shape.owner), (0.0, 0.0)
+    if request.known is not None:
+        about_um = request.known.about_um
+        theta_rad = request.known.sigma_theta_rad
+        place = replace(
+            place,
+            sigma_xy_um=request.known.sigma_um,
+            sigma_theta_rad=place.sigma_theta_rad if theta_rad is None else theta_rad,
+        )
+    x_um, y_um = place.pose.apply(*shape.center_um)
+    face = locate_place(task, request.state, request.target).z_um
+    swing_um = min(place.sigma_theta_rad, 1.0) * math.dist(shape.center_um, about_um)
+    return Place(
+        name=shape.name,
+        owner=place.owner,
+        carrier=place.carrier,
+        pose=Pose(x_um=x_um, y_um=y_um, theta_rad=place.pose.theta_rad),
+        z_um=face,
+        sigma_xy_um=math.hypot(place.sigma_xy_um, swing_um),
+        sigma_theta_rad=place.sigma_theta_rad,
+    )
+
+
+def search_um(task: Task, spot: Place) -> float:
+    """Return how far from nominal the target may be when a look begins."""
+    sigma = math.hypot(spot.sigma_xy_um, task.benchmark.pose_sigma_xy_um)
+    return SEARCH_SIGMAS * sigma
+
+
+def needed_shape(task: Task, request: Request) -> Shape:
+    """Return the shape of a target that `views` has accepted.
+
+    Raises
+    ------
+    ValueError
+        If the target has none.
+    """
+    shape = shape_of(task, request.state, request.target)
+    if shape is None:
+        raise ValueError(f"{request.target} has no shape a routine could look for")
+    return shape

@@ -1,0 +1,272 @@
+"""What a name in the task means to a routine: kind, extent and shape of the target."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+from featuresel.routines import TargetKind
+from optics.outline.outline import Outline, place
+from optics.render.scene import Layer
+from planner.assembly.assembly import State, face_um, owner_of, part_pose
+from planner.task.task import Feature, Part, Post, Task
+from planner.task.workcell import Tool
+from schemas.pose import Pose
+
+Box = tuple[float, float, float, float]
+
+ANGLE_SIGMAS = 3.0  # of an angle for which there must be room: trials end there
+JAWS_SEEN_UM = 60.0  # of the fingers behind the grip that a look takes in
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Shape:
+    """A target about its reference point, in the owner's axes but for `angle_rad`."""
+
+    name: str  # as measured: the task's name, or "part.outline" for a whole part
+    owner: str
+    kind: TargetKind
+    center_um: tuple[float, float]  # reference point in the owner's frame
+    box_um: Box  # what must be in the field, about the reference point, as it is turned
+    finest_um: float  # smallest detail that a routine needs resolved
+    bright: bool  # brighter than what surrounds it
+    symmetry: int
+    symmetry_broken_by: str
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    angle_rad: float = 0.0  # of the target's own frame in the owner's
+
+    @property
+    def has_angle(self) -> bool:
+        """Return whether a routine can tell which way the target is turned."""
+        return self.symmetry == 1 or bool(self.symmetry_broken_by)
+
+
+def shape_of(task: Task, state: State, name: str) -> Shape | None:
+    """Return the shape of a named target, None if no routine knows its kind."""
+    owner, _, inner = name.partition(".")
+    if owner in task.workcell.tools:
+        turn_rad = state.robot.theta_rad
+        return _jaws(task.workcell.tools[owner], state.opening_um, turn_rad)
+    part = task.parts[owner]
+    if inner in part.posts:
+        return _post(part, part.posts[inner], name)
+    if inner:
+        feature = part.features[inner]
+        if feature.kind == "notch":
+            return None
+        shape = declared_shape(part, feature, name)
+        return _as_turned(task, state, shape) if feature.kind == "outline" else shape
+    teeth = [f for f in part.features.values() if f.kind == "teeth" and not f.avoid]
+    if teeth:
+        return _teeth(part, teeth[0], f"{owner}.{teeth[0].name}")
+    return _as_turned(task, state, _whole(part))
+
+
+def target_layers(task: Task, state: State, shape: Shape) -> tuple[Layer, ...]:
+    """Return the owner's faces in the target's frame; heights are world heights at 0.
+
+    Heights are relative to the owner's underside.
+    """
+    if shape.owner in task.workcell.tools:
+        tool, half = task.workcell.tools[shape.owner], state.opening_um / 2
+        return tuple(
+            Layer(
+                name=f"{tool.name}.{side}",
+                outline=place(outline, shift, 0.0),
+                z_um=tool.thickness_um,
+                reflectance=tool.reflectance,
+            )
+            for side, outline, shift in (
+                ("left", tool.left, -half),
+                ("right", tool.right, half),
+            )
+        )
+    part = task.parts[shape.owner]
+    dx, dy = -shape.center_um[0], -shape.center_um[1]
+    faces = [(part.name, part.outline, part.thickness_um, part.reflectance)]
+    faces += [
+        (f"{part.name}.{p.name}", p.outline, face_um(part, p.name), p.reflectance)
+        for p in part.posts.values()
+    ]
+    return tuple(
+        Layer(name=n, outline=place(o, dx, dy), z_um=z, reflectance=r)
+        for n, o, z, r in faces
+    )
+
+
+def face_height_um(task: Task, name: str) -> float:
+    """Return the height of a target's face above its owner's underside."""
+    owner, _, inner = name.partition(".")
+    if owner in task.workcell.tools:
+        return task.workcell.tools[owner].thickness_um
+    return face_um(task.parts[owner], inner)
+
+
+def _disc(radius_um: float) -> Box:
+    """Return the box of a disc, which holds at any angle."""
+    return (-radius_um, -radius_um, radius_um, radius_um)
+
+
+def _jaws(tool: Tool, opening_um: float, turn_rad: float) -> Shape:
+    """Return the jaws seen from the grip: both fingers from the tips on.
+
+    The box is that of the fingers as the robot has turned them.
+    """
+    half = opening_um / 2 + tool.finger_width_um
+    turn = Pose(x_um=0.0, y_um=0.0, theta_rad=turn_rad)
+    corners = [
+        turn.apply(x, y)
+        for x in (-half, half)
+        for y in (-tool.grip_from_tip_um, JAWS_SEEN_UM)
+    ]
+    xs, ys = zip(*corners, strict=True)
+    return Shape(
+        name=f"{tool.name}.grip",
+        owner=tool.name,
+        kind="jaws",
+        center_um=(0.0, 0.0),
+        box_um=(min(xs), min(ys), max(xs), max(ys)),
+        finest_um=min(tool.finger_width_um, opening_um),
+        bright=True,
+        symmetry=1,
+        symmetry_broken_by="",
+        parameters={
+            "opening_um": opening_um,
+            "finger_width_um": tool.finger_width_um,
+            "grip_from_tip_um": tool.grip_from_tip_um,
+        },
+    )
+
+
+def _post(part: Part, post: Post, name: str) -> Shape:
+    """Return a post's top face."""
+    return Shape(
+        name=name,
+        owner=part.name,
+        kind="circle",
+        center_um=post.center_um,
+        box_um=_disc(post.radius_um),
+        finest_um=2 * post.radius_um,
+        bright=post.reflectance > part.reflectance,
+        symmetry=0,
+        symmetry_broken_by="",
+        parameters={"radius_um": post.radius_um},
+    )
+
+
+def declared_shape(part: Part, feature: Feature, name: str) -> Shape:
+    """Return a declared feature; a notch, no target of its own, as a circle."""
+    if feature.kind == "teeth":
+        return _teeth(part, feature, name)
+    if feature.kind == "outline":
+        return _whole(part)
+    return Shape(
+        name=name,
+        owner=part.name,
+        kind="circle",
+        center_um=feature.center_um,
+        box_um=_disc(feature.radius_um),
+        finest_um=2 * feature.radius_um,
+        bright=not feature.hole,
+        symmetry=0,
+        symmetry_broken_by="",
+        parameters={"radius_um": feature.radius_um},
+    )
+
+
+def _teeth(part: Part, teeth: Feature, name: str) -> Shape:
+    """Return a toothed rim, with the notch that breaks its symmetry if there is one."""
+    parameters = {
+        "count": float(teeth.count),
+        "outer_um": teeth.radius_um,
+        "root_um": teeth.root_um,
+        "phase_rad": teeth.phase_rad,
+    }
+    finest = teeth.radius_um - teeth.root_um
+    notch = next(
+        (f for f in part.features.values() if f.kind == "notch" and not f.avoid), None
+    )
+    bore = next(
+        (
+            f
+            for f in part.features.values()
+            if f.kind == "circle" and f.hole and not f.avoid
+        ),
+        None,
+    )
+    if notch is not None:
+        parameters["notch_rad"] = notch.phase_rad
+        parameters["notch_radius_um"] = notch.radius_um
+        parameters["notch_width_um"] = notch.width_um
+        finest = min(finest, notch.width_um)
+    if bore is not None and math.dist(bore.center_um, teeth.center_um) < 1e-3:
+        parameters["bore_um"] = bore.radius_um
+    return Shape(
+        name=name,
+        owner=part.name,
+        kind="teeth",
+        center_um=teeth.center_um,
+        box_um=_disc(teeth.radius_um),
+        finest_um=finest,
+        bright=True,
+        symmetry=teeth.count,
+        symmetry_broken_by="" if notch is None else notch.name,
+        parameters=parameters,
+    )
+
+
+def _whole(part: Part) -> Shape:
+    """Return the whole outline, about the middle of its bounds."""
+    x0, y0, x1, y1 = part.outline.bounds_um
+    extent = math.hypot(x1 - x0, y1 - y0) / 2
+    return Shape(
+        name=f"{part.name}.outline",
+        owner=part.name,
+        kind="outline",
+        center_um=middle_um(part),
+        box_um=_disc(extent),
+        finest_um=min(x1 - x0, y1 - y0),
+        bright=True,
+        symmetry=1,
+        symmetry_broken_by="",
+        parameters={"extent_um": extent},
+    )
+
+
+def _as_turned(task: Task, state: State, shape: Shape) -> Shape:
+    """Return a whole outline with the box of all angles that it may have.
+
+    Over an interval of 2 delta a corner's place is at most 1 - cos(delta / 2) of its
+    way beyond that at the ends or the middle.
+    """
+    part, held = task.parts[shape.owner], state.parts[shape.owner]
+    known_rad = max(held.sigma_theta_rad, task.benchmark.pose_sigma_theta_rad)
+    delta = ANGLE_SIGMAS * known_rad
+    if delta >= math.pi / 4:
+        return shape
+    x0, y0, x1, y1 = part.outline.bounds_um
+    theta, half_x, half_y = (
+        part_pose(task, state, part.name).theta_rad, (x1 - x0) / 2, (y1 - y0) / 2,
+    )  # fmt: skip
+    more = math.hypot(half_x, half_y) * (1 - math.cos(delta / 2))
+    turns = [(abs(math.cos(t)), abs(math.sin(t)))
+             for t in (theta - delta, theta, theta + delta)]  # fmt: skip
+    x = max(c * half_x + s * half_y for c, s in turns) + more
+    y = max(s * half_x + c * half_y for c, s in turns) + more
+    return replace(shape, box_um=(-x, -y, x, y))
+
+
+def middle_um(part: Part) -> tuple[float, float]:
+    """Return the middle of a part's bounds, where its whole outline is measured."""
+    x0, y0, x1, y1 = part.outline.bounds_um
+    return ((x0 + x1) / 2, (y0 + y1) / 2)
+
+
+def outline_of(task: Task, shape: Shape) -> Outline:
+    """Return the outline that holds the target's edges, in the target's frame."""
+    part = task.parts[owner_of(shape.name)]
+    inner = shape.name.partition(".")[2].partition(".")[0]
+    outline = part.posts[inner].outline if inner in part.posts else part.outline
+    about = place(outline, -shape.center_um[0], -shape.center_um[1])
+    return place(about, 0.0, 0.0, -shape.angle_rad) if shape.angle_rad else about

@@ -1,0 +1,112 @@
+"""What a resumed run decides from the readings."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from executor.devices.drivers import AxisReading
+from executor.devices.errors import ExecutorError
+from executor.devices.safety import Rules
+from executor.record.recovery import Past
+from executor.record.write_ahead_log import Intent, Standing
+from executor.run.resume import decide
+
+RULES = Rules()
+BEFORE = Standing(
+    stage=AxisReading(x_um=10.0, y_um=20.0, z_um=-260.0, theta_rad=0.1),
+    robot=AxisReading(x_um=0.0, y_um=0.0, z_um=30.0, theta_rad=0.0),
+    opening_um=130.0,
+)
+
+
+def left(device: str = "stage", **target: float) -> Past:
+    """Return what is left of a run that died in a motion."""
+    intent = Intent(
+        step="insert",
+        name="insert 1",
+        device=device,  # type: ignore[arg-type]  # one of three
+        target=target,
+        phase="insert",
+        irreversible=True,
+        before=BEFORE,
+    )
+    return Past(opened=intent, standing=BEFORE)
+
+
+def stage(**axes: float) -> Standing:
+    return replace(BEFORE, stage=replace(BEFORE.stage, **axes))
+
+
+def jaws(opening_um: float) -> Standing:
+    return replace(BEFORE, opening_um=opening_um)
+
+
+@pytest.mark.parametrize(
+    ("now", "was"),
+    [
+        (stage(z_um=0.0), "done"),
+        (stage(z_um=-0.04), "done"),  # in the window of .05 um
+        (stage(z_um=-0.06), "on the way"),
+        (stage(z_um=-130.0), "on the way"),
+        (stage(z_um=-259.8), "on the way"),
+        (stage(z_um=-259.95), "not begun"),
+        (BEFORE, "not begun"),
+    ],
+)
+def test_readings_tell_how_far_a_motion_went(now: Standing, was: str) -> None:
+    assert decide(left(z_um=0.0), now, RULES) == was
+
+
+@pytest.mark.parametrize(
+    ("now", "was"),
+    [(jaws(96.2), "done"), (jaws(98.5), "on the way"), (jaws(129.5), "not begun")],
+)
+def test_jaws_that_rest_on_a_part_may_be_on_the_way(now: Standing, was: str) -> None:
+    assert decide(left("jaws", opening_um=96.0), now, RULES) == was
+
+
+@pytest.mark.parametrize(
+    ("now", "told"),
+    [
+        (stage(z_um=1.0), "stage.z_um reads 1, it was at -260, and was sent to 0"),
+        (stage(z_um=-261.0), "stage.z_um reads -261"),
+        (stage(x_um=10.2), "stage.x_um reads 10.2, it was at 10"),
+        (stage(theta_rad=0.2), "stage.theta_rad reads 0.2"),
+        (jaws(96.0), "jaws.opening_um reads 96, it was at 130"),
+        (replace(BEFORE, robot=None), "it had"),
+    ],
+)
+def test_what_stands_elsewhere_is_refused(now: Standing, told: str) -> None:
+    with pytest.raises(ExecutorError) as caught:
+        decide(left(z_um=0.0), now, RULES)
+    assert caught.value.code == "MP865"
+    assert caught.value.message.startswith(told)
+
+
+def test_between_two_motions_everything_stands_as_it_did() -> None:
+    past = Past(standing=BEFORE)
+    assert decide(past, BEFORE, RULES) == "not begun"
+    with pytest.raises(ExecutorError) as caught:
+        decide(past, stage(z_um=-259.0), RULES)
+    assert caught.value.code == "MP865"
+
+
+@given(st.floats(0, 1), st.floats(-500, 500), st.floats(-500, 500))
+def test_a_place_on_the_way_is_never_refused_and_never_both(
+    share: float, x_um: float, y_um: float
+) -> None:
+    past = left(x_um=x_um, y_um=y_um)
+    now = stage(x_um=10.0 + share * (x_um - 10.0), y_um=20.0 + share * (y_um - 20.0))
+    was = decide(past, now, RULES)
+    far = max(abs(x_um - 10.0), abs(y_um - 20.0))
+    window_um = RULES.stage.window_um
+    if was == "done":
+        assert (1 - share) * far <= window_um + 1e-9
+    elif was == "not begun":
+        assert share * far <= 2 * window_um + 1e-9
+    else:
+        assert (1 - share) * far >= window_um - 1e-9

@@ -1,0 +1,175 @@
+"""The perturbation design and its seeds."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from featuresel.look.design import Trial, design, rebuild
+from featuresel.look.scenario import LookCase
+from optics.lens.lens import MAX_DISTORTION, LensErrors
+
+Look = Callable[[str], LookCase]
+
+
+def test_more_trials_change_none(look: Look) -> None:
+    case = look("post")
+    many = list(design(case, 200, 7))  # a slice of a design would be the shorter one
+    for count in (1, 2, 5, 33, 64):
+        assert list(design(case, count, 7)) == many[:count]
+
+
+def test_a_design_is_cut_like_a_tuple(look: Look) -> None:
+    """Across the blocks in which its points are drawn, too."""
+    some = design(look("post"), 1500, 7)
+    whole = tuple(some)
+    assert [t.index for t in whole] == list(range(1500))
+    assert (some[1367], some[-1]) == (whole[1367], whole[-1])
+    assert tuple(some[1300:1450:7]) == whole[1300:1450:7]
+    assert tuple(some[1499:1200:-60][1:3]) == whole[1499:1200:-60][1:3]
+    assert list(some[3:3]) == []
+    with pytest.raises(IndexError):
+        some[1500]
+
+
+def test_other_keys_and_roots_give_other_trials(look: Look) -> None:
+    case = look("post")
+    first = design(case, 4, 7)
+    for other in (design(replace(case, key="else"), 4, 7), design(case, 4, 8)):
+        for a, b in zip(first, other, strict=True):
+            assert a.seed != b.seed
+            assert (a.dx_um, a.dy_um) != (b.dx_um, b.dy_um)
+
+
+def test_interior_follows_the_spreads(look: Look) -> None:
+    case = look("post")
+    trials = [t for t in design(case, 1024, 3) if t.index % 4 != 3]
+    n = len(trials)
+    spread = case.spread
+    # a normal cut at 3 sigma keeps .987 of its standard deviation; Sobol points are
+    # far more even than random ones, for which 4 standard errors would be .1
+    for name, sigma in (
+        ("dx_um", spread.pose_sigma_xy_um),
+        ("dy_um", spread.pose_sigma_xy_um),
+        ("dtheta_rad", spread.pose_sigma_theta_rad),
+        ("dz_um", spread.focus_sigma_um),
+    ):
+        values = np.array([getattr(t, name) for t in trials])
+        assert np.std(values) == pytest.approx(0.987 * sigma, rel=4 / math.sqrt(2 * n))
+        assert np.abs(values).max() <= 3 * sigma
+        assert abs(values.mean()) < 4 * sigma / math.sqrt(n)
+    gains = np.array([t.gain for t in trials])
+    assert 0.7 <= gains.min() < 0.71
+    assert 1.29 < gains.max() <= 1.3
+    steep = np.array([math.hypot(t.gradient_x, t.gradient_y) for t in trials])
+    assert steep.max() <= 0.3 * (1 + 1e-12)
+
+
+def test_each_fourth_trial_is_an_extreme(look: Look) -> None:
+    case = look("post")
+    extremes = [t for t in design(case, 128, 3) if t.index % 4 == 3]
+    far = [math.hypot(t.dx_um, t.dy_um) for t in extremes]
+    assert 9.0 <= min(far) <= max(far) <= 10.0
+    assert {round(abs(t.dz_um), 9) for t in extremes} == {8.0}
+    assert {t.gain for t in extremes} == {0.7, 1.3}
+    # 32 runs are the two-level design and its mirror image: every factor is balanced
+    assert sum(t.dz_um > 0 for t in extremes) == 16
+    assert sum(t.magnification > 1 for t in extremes) == 16
+
+
+def test_both_blur_laws_meet_interior_and_extremes(look: Look) -> None:
+    trials = design(look("post"), 64, 3)
+    for part in (0, 3):
+        laws = [t.model for t in trials if t.index % 4 == part]
+        assert laws.count("hopkins") == laws.count("stokseth") == 8
+    rough = design(replace(look("post"), model="product"), 8, 3)
+    assert {t.model for t in rough} == {"product", "exact"}
+
+
+def test_any_angle_means_the_whole_circle(look: Look) -> None:
+    turns = [t.dtheta_rad for t in design(look("find_gear"), 256, 1)]
+    counts, _ = np.histogram(turns, bins=8, range=(-math.pi, math.pi))
+    assert counts.sum() == 256
+    assert counts.min() > 16  # 32 expected; even random draws stay above 11
+
+
+@pytest.mark.parametrize(("count", "root"), [(0, 1), (-1, 1), (4, -1)])
+def test_nonsense_is_an_error(count: int, root: int, look: Look) -> None:
+    with pytest.raises(ValueError, match="must"):
+        design(look("post"), count, root)
+
+
+DOUBT = LensErrors(
+    distortion_sigma=0.01,
+    lateral_sigma=0.02,
+    scale_sigma_per_um=1e-4,
+    field_curvature_sigma_per_um=1e-5,
+    edge_offset_sigma_um=0.1,
+)
+
+
+def wider(case: LookCase) -> LookCase:
+    """Return the look with every axis that is at rest by default set free."""
+    spread = replace(case.spread, occluder_sigma_um=3.0, noise=(0.5, 2.0), lens=DOUBT)
+    return replace(case, spread=spread)
+
+
+def test_further_axes_move_no_other(look: Look) -> None:
+    case = look("between")
+    rest = {"occluder_um": (0.0, 0.0), "lens": None, "noise": 1.0}
+    calm = design(case, 40, 7)
+    freed = design(wider(case), 40, 7)
+    assert [replace(t, **rest) for t in freed] == list(calm)  # type: ignore[arg-type]
+    assert all(a.lens and a.occluder_um != (0.0, 0.0) for a in freed)
+    alone = replace(case, spread=replace(case.spread, occluder_sigma_um=3.0))
+    for a, b in zip(design(alone, 40, 7), freed, strict=True):
+        assert a.occluder_um == b.occluder_um
+
+
+def test_occluder_lens_and_noise_follow_their_spreads(look: Look) -> None:
+    trials = design(wider(look("between")), 1024, 3)
+    inside = [t for t in trials if t.index % 4 != 3]
+    n = len(inside)
+    drawn = {
+        "x": ([t.occluder_um[0] for t in inside], 3.0),
+        "y": ([t.occluder_um[1] for t in inside], 3.0),
+        "distortion": ([_lens(t).distortion for t in inside], 0.01),
+        "lateral": ([_lens(t).lateral_y for t in inside], 0.02),
+        "scale": ([_lens(t).scale_per_um for t in inside], 1e-4),
+        "curvature": ([_lens(t).field_curvature_per_um for t in inside], 1e-5),
+        "edges": ([_lens(t).edge_offset_um for t in inside], 0.1),
+    }
+    for name, (values, sigma) in drawn.items():
+        # as for the other axes: cut at 3 sigma, more even than random
+        rel = 4 / math.sqrt(2 * n)
+        assert np.std(values) == pytest.approx(0.987 * sigma, rel=rel), name
+        assert abs(np.mean(values)) < 4 * sigma / math.sqrt(n), name
+    noises = [t.noise for t in trials]
+    assert 0.5 <= min(noises) < 0.51
+    assert 1.99 < max(noises) <= 2.0
+    corners = [t for t in trials if t.index % 4 == 3]
+    assert {t.noise for t in corners} == {0.5, 2.0}
+    assert {round(abs(_lens(t).edge_offset_um), 12) for t in corners} == {0.2}
+    assert max(abs(t.occluder_um[0]) for t in corners) <= 6.0
+
+
+def _lens(trial: Trial) -> LensErrors:
+    assert trial.lens is not None
+    return trial.lens
+
+
+def test_what_is_known_of_the_lens_stays_known(look: Look) -> None:
+    case = replace(wider(look("post")), lens=LensErrors(distortion=0.249))
+    found = [_lens(t).distortion for t in design(case, 64, 1)]
+    assert max(found) == MAX_DISTORTION
+    assert np.median(found) == pytest.approx(0.249, abs=0.01)
+
+
+def test_a_trial_is_rebuilt_by_its_number(look: Look) -> None:
+    case = wider(look("bore"))
+    trials = design(case, 70, 5)
+    assert [rebuild(case, 5, k) for k in (0, 3, 69)] == [trials[k] for k in (0, 3, 69)]

@@ -1,0 +1,140 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from scipy.ndimage import map_coordinates
+
+from featuresel.look.nominal import nominal_render
+from featuresel.routines.likelihood.appearance import Pose, Veiling
+from featuresel.routines.likelihood.foreground import Front
+from featuresel.routines.likelihood.foreground_model import front_maps
+from tests.featuresel.fits import Drawn, artifact, case, job, render
+
+FloatArray = npt.NDArray[np.float64]
+
+REACH_UM = 12.0  # three deviations of the focus
+IMAGE = 1e-6  # that outlines transformed in single precision cost an image
+# A slope S(off shown) / (S off^2 + n d^2) of n images, each off by IMAGE, errs by up to
+# IMAGE / 2 d: d is `fronts._DOUBT`. It acts on `off`, 4 d at most where it is that bad.
+SLOPE = IMAGE / (2 * 0.02)
+
+
+def front(name: str) -> Front:
+    """Return what a prepared fit holds, in 32 bits: good to 1e-7."""
+    found = job(name, render(name)()).front
+    assert found is not None
+    return found
+
+
+def grid(name: str) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
+    rows, columns = np.mgrid[: case(name).window.rows, : case(name).window.columns]
+    return columns.ravel(), rows.ravel()
+
+
+@pytest.mark.parametrize("name", ["find_gear", "post", "bore"])
+def test_what_stands_alone_has_nothing_before_it(name: str) -> None:
+    assert front_maps(render(name), case(name).target, render(name)(), 12.0) is None
+
+
+@pytest.mark.parametrize("name", ["between", "over_shaft"])
+@pytest.mark.parametrize(
+    ("z_um", "zoom"), [(0, 1), (-5, 1), (12, 1), (15, 1), (0, 0.995)]
+)
+def test_images_are_the_target_alone_behind_a_veil(
+    name: str, z_um: float, zoom: float
+) -> None:
+    # at places that the maps were not made from, to a tenth of the camera's noise;
+    # exact but for what a parabola leaves between heights, and lines between pixels
+    scope = case(name).microscope
+    zoomed = replace(scope, magnification=scope.magnification * zoom)
+    look = nominal_render(replace(case(name), microscope=zoomed))
+    # zoom takes what the outermost pixels show from beyond the maps
+    inner = np.pad(np.ones((198, 198), bool), 1).ravel()
+    columns, rows = (places[inner] for places in grid(name))
+    for dx_um, dy_um in ((0.7, -0.9), (-3.1, 2.3), (4.4, 4.9)):
+        drawn = Drawn(dx_um=dx_um, dy_um=dy_um, dz_um=z_um)
+        image = drawn.render(look).ravel()[inner]
+        alone = look.alone(dx_um=dx_um, dy_um=dy_um, dz_um=z_um).ravel()[inner]
+        pose = replace(drawn.pose(case(name)), zoom=zoom)
+        seen = front(name).at(pose, columns, rows)
+        shown = seen.light + seen.through * alone
+        noise = np.sqrt(look.camera.variance(image))
+        assert (np.abs(shown - image) < 0.1 * noise).all()
+        if z_um == 0 and zoom == 1:  # a height of the maps
+            assert np.abs(shown - image).max() < 2 * IMAGE + SLOPE * 4 * 0.02
+
+
+def test_the_share_let_through_is_the_veils_where_the_target_does_not_vary() -> None:
+    veil = render("between").veil()
+    columns, rows = grid("between")
+    pose = Drawn().pose(case("between"))
+    found = front("between").plain(pose, columns, rows)[1].reshape(veil.through.shape)
+    assert veil.through.min() < 0.5 < veil.through.max()
+    np.testing.assert_allclose(found, veil.through, atol=SLOPE)
+
+
+def test_fronts_focus_beyond_the_heights_is_that_of_the_last() -> None:
+    columns, rows = grid("over_shaft")
+    pose = Drawn().pose(case("over_shaft"))
+    last, beyond = (
+        front("over_shaft").at(replace(pose, z_um=z), columns, rows)
+        for z in (front("over_shaft").reach_um, 3 * REACH_UM)
+    )
+    np.testing.assert_array_equal(last.light, beyond.light)
+    np.testing.assert_array_equal(last.through, beyond.through)
+
+
+@pytest.mark.parametrize("zoom", [1.0, 0.995])
+def test_slopes_by_the_fronts_focus_are_differences(zoom: float) -> None:
+    columns, rows = grid("over_shaft")
+    pose = replace(Drawn().pose(case("over_shaft")), zoom=zoom, z_um=4.0)
+    # 32 bits of the maps, over the step; a spline's third slope leaves a tenth of that
+    low, here, high = (
+        front("over_shaft").at(replace(pose, front=Veiling(focus_um=z)), columns, rows)
+        for z in (4.9, 5.0, 5.1)
+    )
+    atol = 4 * float(np.finfo(np.float32).eps) / 0.2
+    np.testing.assert_allclose(
+        here.light_slopes[0], (high.light - low.light) / 0.2, atol=atol
+    )
+    slope = (high.through - low.through) / 0.2
+    np.testing.assert_allclose(here.through_slopes[0], slope, atol=atol)
+
+
+def test_an_odd_number_of_heights_has_focus_in_its_middle() -> None:
+    for name in ("between", "over_shaft"):
+        assert len(front(name).light) % 2 == 1  # and a coefficient more at both ends
+        depth_um = case(name).microscope.wave_depth_um
+        assert front(name).reach_um == pytest.approx(REACH_UM + 2 * depth_um)
+        assert artifact(name).arrays["front_light"].shape[1:] == (200, 200)
+
+
+def test_maps_are_read_linearly_between_pixels() -> None:
+    """By another interpolation, at a zoom that leaves no pixel where it was."""
+    rng = np.random.default_rng(2)
+    maps = rng.random((2, 6, 40, 50)).astype(np.float32)
+    sways = np.zeros((0, 40, 50), np.float32)
+    seen = Front(
+        light=maps[0],
+        through=maps[1],
+        core_light=maps[0],
+        core_through=maps[1],
+        reach_um=REACH_UM,
+        axis_px=(20.3, 11.6),
+        sway_light=sways,
+        sway_through=sways,
+    )
+    rows, columns = (place.ravel() for place in np.mgrid[2:38, 3:47])
+    pose = Pose(
+        column=0.0, row=0.0, turn_rad=0.0, z_um=0.0, zoom=0.98,
+        front=Veiling(focus_um=REACH_UM),
+    )  # fmt: skip
+    at = 11.6 + (rows - 11.6) / 0.98, 20.3 + (columns - 20.3) / 0.98
+    # at the last height the spline's weights are those of its ends: 1, 4, 1
+    for map_, found in zip(maps, seen.plain(pose, columns, rows), strict=True):
+        mixed = (map_[3] + 4.0 * map_[4] + map_[5]) / 6
+        expected = map_coordinates(mixed.astype(np.float64), at, order=1)
+        np.testing.assert_allclose(found, expected, atol=1e-6)

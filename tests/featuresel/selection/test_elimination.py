@@ -1,0 +1,75 @@
+"""What a race may conclude from scores."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from featuresel.look.scenario import LookCase
+from featuresel.selection.constraints import Limits
+from featuresel.selection.elimination import Verdicts
+from featuresel.trials.bounds import estimate
+from featuresel.trials.score import Score, failure_upper, success_lower
+
+Look = Callable[[str], LookCase]
+TRIALS = 400
+ERRORS = np.random.default_rng(1).normal(0.0, 0.05, (TRIALS, 2))
+
+
+@pytest.fixture
+def verdicts(look: Look) -> Verdicts:
+    case = look("post")  # within 1 um
+    return Verdicts(case=case, limits=Limits(), peeks=3, in_set=False)
+
+
+def both_ways(chain: str = "whole") -> Score:
+    return Score(
+        chain=("seed", chain), trials=TRIALS, success=TRIALS,
+        success_lower=success_lower(TRIALS, TRIALS), silent=0,
+        silent_upper=failure_upper(0, TRIALS), failures=(), bias_um=(0.0, 0.0),
+        sigma_um=0.05, worst_um=0.2, angles=TRIALS, bias_theta_rad=0.0,
+        sigma_theta_rad=0.001, cost=1.0, x=estimate(ERRORS[:, 0]),
+        y=estimate(ERRORS[:, 1]),
+    )  # fmt: skip
+
+
+def one_way(chain: str = "edge") -> Score:
+    along = estimate(ERRORS[:, 0] / 10)
+    return replace(both_ways(chain), x=None, y=None, along=along, axis_rad=0.3)
+
+
+def test_a_place_in_one_direction_decides_nothing_where_both_are_needed(
+    verdicts: Verdicts,
+) -> None:
+    cheap = replace(one_way(), cost=0.5)
+    assert verdicts.is_decided([both_ways()])
+    assert not verdicts.is_decided([cheap])
+    assert not verdicts.is_decided([cheap, both_ways()])
+    assert not verdicts.meets(cheap)
+    assert verdicts.use(cheap) == math.inf
+    # finer along its one direction, and yet it makes nothing superfluous
+    coarse = replace(both_ways(), x=estimate(ERRORS[:, 0] * 5))
+    assert verdicts.dominated(coarse, [cheap]) == ""
+
+
+def test_a_place_in_one_direction_is_out_where_both_are_needed(
+    verdicts: Verdicts,
+) -> None:
+    ((chain, reason),) = verdicts.fallen([one_way(), both_ways()])
+    assert chain == ("seed", "edge")
+    assert reason == "tells the place in one direction only, both are needed"
+
+
+def test_in_a_set_one_direction_will_do(verdicts: Verdicts) -> None:
+    member = replace(verdicts, in_set=True)
+    assert member.meets(one_way())
+    assert member.is_decided([one_way()])
+    assert member.fallen([one_way()]) == []
+    # but needs along an edge and of a place do not compare
+    coarse = replace(both_ways(), x=estimate(ERRORS[:, 0] * 5))
+    assert member.dominated(coarse, [one_way()]) == ""
+    assert member.dominated(coarse, [both_ways("fine")]) != ""

@@ -1,0 +1,252 @@
+"""Extreme points of `optics`: what is called, with what, and what must come out.
+
+The list is `extremes.json`, made by `make_extremes.py`; here each kind of point is
+turned into one number. A nan, an infinity or a warning is a failure, as a wrong value
+is.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import warnings
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from optics.lens.jacobian import (
+    blur_jacobian,
+    conditioning,
+    image_jacobian,
+    point_jacobian,
+    pseudo_inverse,
+    to_px,
+    to_um,
+)
+from optics.lens.sensor import Sensor, expose
+from optics.render.render import render
+from optics.render.spectrum import Tile, spectrum
+from optics.transfer import otf
+from optics.transfer.model_error import law_error
+from optics.transfer.models import tabulate, transfer
+from tests.optics.extremes.extreme_chains import CHAINS
+from tests.optics.extremes.extreme_givens import Given, optics_of, scene_of, shape_of
+
+FloatArray = npt.NDArray[np.float64]
+LIST = Path(__file__).with_name("extremes.json")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Point:
+    """One extreme point."""
+
+    call: str  # a key of `CALLS`
+    given: Given
+    expected: float
+    allowed: float  # absolute
+    source: str  # where `expected` and `allowed` come from
+
+    @property
+    def name(self) -> str:
+        """Return a short name, the same in tests and documents."""
+        given = ", ".join(f"{key}={value}" for key, value in self.given.items())
+        return f"{self.call}({given})"
+
+    def found(self) -> float:
+        """Return what `optics` makes of it; warnings are raised as errors."""
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            return float(CALLS[self.call](self.given))
+
+    def holds(self) -> bool:
+        """Return whether a finite number came out, without a warning, and the right."""
+        try:
+            found = self.found()
+        except (ArithmeticError, ValueError, IndexError, Warning):
+            return False
+        return math.isfinite(found) and abs(found - self.expected) <= self.allowed
+
+
+def points() -> tuple[Point, ...]:
+    """Return the list."""
+    entries = json.loads(LIST.read_text(encoding="utf-8"))["points"]
+    return tuple(
+        Point(**(entry | {"expected": float(entry["expected"])})) for entry in entries
+    )
+
+
+def table_rows() -> list[str]:
+    """Return the list as rows of a Markdown table."""
+    return [
+        f"| `{p.call}` | {_words(p.given)} | {p.expected:.17g} | {p.allowed:.2g} "
+        f"| {p.source} |"
+        for p in points()
+    ]
+
+
+def _words(given: Given) -> str:
+    return ", ".join(f"{key} = {value}" for key, value in given.items())
+
+
+def _x(g: Given) -> FloatArray:
+    return np.array([g["x"]])
+
+
+def _exact(g: Given) -> float:
+    value = otf.exact(
+        _x(g),
+        z_um=g["z_um"],
+        aperture=g["aperture"],
+        wavelength_um=0.6,
+        index=g.get("index", 1.0),
+    )
+    return float(value[0])
+
+
+def _transfer(g: Given) -> float:
+    optics = optics_of(g)
+    f = _x(g) * optics.cutoff_per_um
+    return float(transfer(g["model"], optics, g["z_um"], f)[0])
+
+
+def _table(g: Given) -> float:
+    table = tabulate(g["model"], optics_of(g), g["z_um"], g["x_max"])
+    return float(table.read(_x(g))[0])
+
+
+def _number(name: str) -> Callable[[Given], float]:
+    """Return the call of a property, or of a method of the defocus."""
+
+    def read(g: Given) -> float:
+        value = getattr(optics_of(g), name)
+        return float(value(g["z_um"]) if callable(value) else value)
+
+    return read
+
+
+def _image(g: Given) -> FloatArray:
+    model = g.get("model", "exact")
+    return render(scene_of(g), optics_of(g), focus_um=0.0, model=model)
+
+
+def _centre(g: Given) -> float:
+    image = _image(g)
+    row, column = (count // 2 for count in image.shape)
+    return float(image[row, column + g.get("right_px", 0)])
+
+
+def _worst(g: Given) -> float:
+    """Return the value of the frame farthest from `expected`."""
+    image = _image(g).ravel()
+    return float(image[np.argmax(np.abs(image - g["all"]))])
+
+
+def _energy(g: Given) -> float:
+    """Return the sum over pixels times their area: the area of the part, um2."""
+    return float(_image(g).sum() * optics_of(g).um_per_px ** 2)
+
+
+def _symmetry(g: Given) -> float:
+    """Return the largest difference between +z and -z."""
+    other = dict(g) | {"z_um": -g["z_um"]}
+    return float(np.abs(_image(g) - _image(other)).max())
+
+
+def _change(g: Given) -> float:
+    """Return the largest difference from the image in focus."""
+    return float(np.abs(_image(g) - _image(dict(g) | {"z_um": 0.0})).max())
+
+
+def _coefficient(g: Given) -> float:
+    """Return the real part of a coefficient times the tile's area, um2."""
+    side = g["tile_um"]
+    tile = Tile(left_um=-side / 2, bottom_um=-side / 2, width_um=side, height_um=side)
+    found = spectrum(shape_of(g), tile, g["cut_per_um"])
+    j, k = g["order"]
+    # the spectrum counts from the tile's lower left corner
+    turned = found.values[k, j] * np.exp(1j * np.pi * (j + k))
+    return float(turned.real * side**2)
+
+
+def _counts(g: Given) -> float:
+    """Return the mean count of 1000 pixels of one brightness."""
+    sensor = Sensor(
+        full_well_e=g["full_well_e"],
+        read_noise_e=g["read_noise_e"],
+        bits=g["bits"],
+        gain=g.get("gain", 1.0),
+    )
+    frame = expose(np.full(1000, g["light"]), sensor, np.random.default_rng(1))
+    return float(frame.mean())
+
+
+def _blur_slope(g: Given) -> float:
+    slopes = blur_jacobian(np.array([g["z_um"]]), optics_of(g))
+    return float(slopes[0, g["column"]])
+
+
+def _point(g: Given) -> float:
+    at = np.array([g["at_px"]], dtype=np.float64)
+    axis = tuple(g.get("axis_um", (0.0, 0.0)))
+    found = point_jacobian(at, optics_of(g), axis_um=(axis[0], axis[1]))
+    return float(found[g["row"], g["column"]])
+
+
+def _inverse(g: Given) -> float:
+    """Return the largest number in the inverse of one point's Jacobian at focus."""
+    at = np.array([g["at_px"]], dtype=np.float64)
+    rows = image_jacobian(at, np.array([g["z_um"]]), optics_of(g))
+    return float(np.abs(pseudo_inverse(rows, np.ones(5))).max())
+
+
+def _conditioning(g: Given) -> float:
+    """Return 1 / conditioning, 0 if singular."""
+    at = np.array(g["at_px"], dtype=np.float64)
+    rows = point_jacobian(at, optics_of(g))[:, : g["columns"]]
+    return 1 / conditioning(rows, np.ones(g["columns"]))
+
+
+def _round_trip(g: Given) -> float:
+    at = np.array([g["at_um"]], dtype=np.float64)
+    optics = optics_of(g)
+    return float(to_um(to_px(at, optics), optics)[0, 0])
+
+
+CALLS: Mapping[str, Callable[[Given], float]] = {
+    "diffraction": lambda g: float(otf.diffraction(_x(g))[0]),
+    "geometric": lambda g: float(otf.geometric(_x(g), g["w"])[0]),
+    "product": lambda g: float(otf.product(_x(g), g["w"])[0]),
+    "stokseth": lambda g: float(otf.stokseth(_x(g), g["w"])[0]),
+    "hopkins": lambda g: float(otf.hopkins(_x(g), g["w"])[0]),
+    "exact": _exact,
+    "transfer": _transfer,
+    "table": _table,
+    "law_error": lambda g: law_error(g["model"], optics_of(g), g["z_um"]),
+    **{
+        name: _number(name)
+        for name in (
+            "airy_radius_um",
+            "wave_depth_um",
+            "wave_depth_exact_um",
+            "rim_w20_um",
+            "paraxial_w20_um",
+            "blur_diameter_um",
+        )
+    },
+    "coefficient": _coefficient,
+    "image.centre": _centre,
+    "image.worst": _worst,
+    "image.energy": _energy,
+    "image.symmetry": _symmetry,
+    "image.change": _change,
+    "sensor.mean": _counts,
+    "jacobian.blur": _blur_slope,
+    "jacobian.point": _point,
+    "jacobian.inverse": _inverse,
+    "jacobian.conditioning": _conditioning,
+    "jacobian.round_trip": _round_trip,
+    **CHAINS,
+}

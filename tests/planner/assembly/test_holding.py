@@ -1,0 +1,124 @@
+"""How a part stands between the jaws, and how it lies once they have closed."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from scipy import stats
+
+from planner.assembly import holding
+from planner.assembly.assembly import Axis4, State, initial, with_part
+from planner.assembly.holding import between_jaws, grasp, settled_sigma_rad
+from planner.budget.budget import grasp_budget
+from planner.source.diagnostics import Report
+from planner.task.task import Step, Task
+from schemas.pose import Pose
+from tests.planner.examples import EXAMPLE, read
+
+NINE = tuple(math.radians(20 * k + 10) for k in range(9))  # as an 18-tooth gear has
+UNEVEN = (0.1, 0.9, 2.2)
+DRAWS = 40_000
+
+
+@pytest.fixture(scope="module")
+def task() -> Task:
+    return read(EXAMPLE / "task.yaml")
+
+
+def grasp_step(task: Task) -> Step:
+    return next(step for step in task.steps if step.verb == "grasp")
+
+
+def standing(
+    task: Task, x_um: float, turn_rad: float, *, tool_rad: float = 0.0
+) -> State:
+    """Return a state with the gear `x_um` off between the jaws, both turned."""
+    state = initial(task)
+    pose = Pose(x_um=0.0, y_um=0.0, theta_rad=tool_rad).compose(
+        Pose(x_um=x_um, y_um=0.0, theta_rad=turn_rad)
+    )
+    part = replace(
+        state.parts["gear"], pose=pose, sigma_xy_um=5.0, sigma_theta_rad=0.01
+    )
+    return replace(
+        with_part(state, "gear", part),
+        stage=Axis4(),
+        robot=Axis4(z_um=30.0, theta_rad=tool_rad),
+    )
+
+
+@pytest.mark.parametrize("minima", [NINE, UNEVEN, (0.0, math.pi / 2)])
+@pytest.mark.parametrize("sigma_rad", [0.05, 0.3, 1.5])
+@pytest.mark.parametrize("theta_rad", [-4.0, 0.0, 0.33, 3.0])
+def test_where_a_turn_settles_agrees_with_draws(
+    minima: tuple[float, ...], sigma_rad: float, theta_rad: float
+) -> None:
+    rng = np.random.default_rng(7)
+    turns = np.array([m + k * math.pi for k in range(-8, 9) for m in minima])
+    starts = np.append(theta_rad, rng.normal(theta_rad, sigma_rad, DRAWS))
+    ends = turns[np.abs(starts[:, None] - turns).argmin(axis=1)]
+    squares = (ends[1:] - ends[0]) ** 2
+    found = settled_sigma_rad(minima, theta_rad, sigma_rad)
+    # five standard errors of the mean square, and what a draw can tell from nothing
+    atol = 5 * squares.std() / math.sqrt(DRAWS) + 1 / DRAWS
+    assert found**2 == pytest.approx(squares.mean(), abs=atol)
+
+
+@given(theta_rad=st.floats(-7, 7))
+def test_a_known_turn_settles_in_one_minimum(theta_rad: float) -> None:
+    first, second, *_ = sorted(
+        abs(math.remainder(theta_rad - m, math.pi)) for m in UNEVEN
+    )
+    assume(second - first > 1e-9)  # halfway between two minima it may fall into either
+    assert settled_sigma_rad(UNEVEN, theta_rad, 0.0) == 0.0
+    assert settled_sigma_rad((0.4,), theta_rad, 1e-3) <= math.pi
+
+
+def test_a_grasp_leaves_what_the_jaws_do_not_take_away(task: Task) -> None:
+    """The gear lies 3 degrees off flat, a tenth of that uncertain: one minimum only."""
+    robot_rad = task.workcell.robot.axes.repeatability_theta_rad
+    state, step = standing(task, 0.0, math.radians(7)), grasp_step(task)
+    held = grasp(task, state, step, Report()).parts["gear"]
+    assert held.sigma_theta_rad == pytest.approx(robot_rad, rel=1e-6)
+    loose = replace(state.parts["gear"], sigma_theta_rad=math.radians(20))
+    held = grasp(task, with_part(state, "gear", loose), step, Report()).parts["gear"]
+    # minima 20 degrees apart: rounding adds a twelfth of their square
+    wanted = math.hypot(math.radians(20), math.radians(20) / math.sqrt(12))
+    around = math.radians(3)  # the nearest is 3 degrees from the mean
+    assert held.sigma_theta_rad == pytest.approx(math.hypot(wanted, around), rel=0.02)
+
+
+@pytest.mark.parametrize("x_um", [0.0, 8.0, -12.0])
+@pytest.mark.parametrize("tool_rad", [0.0, 0.7, math.pi / 2])
+def test_the_budget_of_a_grasp_is_that_of_its_check(
+    task: Task, x_um: float, tool_rad: float
+) -> None:
+    state = standing(task, x_um, math.radians(3), tool_rad=tool_rad)
+    step = grasp_step(task)
+    width_um = 100 * math.cos(math.radians(6))  # on two neighbouring tips either side
+    stands = between_jaws(task, state, step)
+    assert stands.width_um == pytest.approx(width_um, abs=0.04)  # chords of arcs
+    assert stands.local.x_um == pytest.approx(x_um, abs=1e-9)
+    half_um = (130 - stands.width_um) / 2
+    budget = grasp_budget(task, state, step)
+    assert budget.limit_um == pytest.approx(half_um - abs(x_um))
+    swing_um = 20800 * math.radians(23.56 / 3600)  # nothing has seen the tool yet
+    sigma_um = math.hypot(5.0, 1.0, 0.4, swing_um)  # stage, robot
+    place = stats.norm(x_um, sigma_um)
+    assert budget.success_probability == pytest.approx(
+        place.cdf(half_um) - place.cdf(-half_um), abs=1e-12
+    )
+
+
+@pytest.mark.parametrize("noise_rad", [0.0, 1e-12, -1e-12])
+def test_midway_between_two_turns_jaws_close_on_the_clockwise_one(
+    noise_rad: float,
+) -> None:
+    """As the example's gear lies: 18 teeth, a flank at 10 degrees to either side."""
+    turns = (math.radians(10), math.radians(-10))
+    assert holding._nearest(turns, noise_rad) == pytest.approx(-math.radians(10))

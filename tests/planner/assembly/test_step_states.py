@@ -1,0 +1,256 @@
+"""The example's twelve steps: who holds what, where, and by which path."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+from planner.assembly.assembly import (
+    State,
+    bodies,
+    locate_place,
+    part_pose,
+    part_sigma_um,
+    part_z_um,
+)
+from planner.assembly.step_states import StepState, unfold
+from planner.source.diagnostics import Report
+from planner.task.task import Task
+from tests.planner.examples import EXAMPLE, beyond_notes, change, copy_example, read
+
+
+@cache
+def example() -> tuple[Task, dict[str, StepState]]:
+    """Return the example and its steps' states by id."""
+    task, report = read(EXAMPLE / "task.yaml"), Report()
+    states = unfold(task, report)
+    assert beyond_notes(report) == []
+    return task, {s.step.id: s for s in states}
+
+
+def after(step: str) -> tuple[Task, State]:
+    task, states = example()
+    return task, states[step].after
+
+
+def place(step: str, name: str) -> tuple[float, float, float]:
+    """Return the nominal world place of a name's face after a step."""
+    found = locate_place(*after(step), name)
+    return found.pose.x_um, found.pose.y_um, found.z_um
+
+
+def test_all_twelve_steps_follow_each_other() -> None:
+    task, states = example()
+    assert list(states) == [step.id for step in task.steps]
+    assert len(states) == 12
+    ordered = list(states.values())
+    for before, here in pairwise(ordered):
+        assert here.before is before.after
+
+
+# after each step: the gear's place and underside, the post's face, the jaws, who holds
+TABLE = [
+    ("find_gear", (0, 0, 0), (-600, 0, 250), 130, None),
+    ("see_fingers", (0, -250, 0), (-600, -250, 250), 130, None),
+    ("bring_between", (0, 0, 0), (-600, 0, 250), 130, None),
+    ("grasp", (0, 0, 0), (-600, 0, 250), 96, "gear"),
+    ("lift", (0, 0, 0), (-600, 0, -10), 96, "gear"),
+    ("gear_in_fingers", (0, 0, 0), (-600, 0, -10), 96, "gear"),
+    ("find_shaft", (0, 0, 0), (0, -215, -10), 96, "gear"),
+    ("over_shaft", (0, 0, 0), (0, 0, -10), 96, "gear"),
+    ("insert", (0, 0, 0), (0, 0, 250), 96, "gear"),
+    ("release", (0, 0, 0), (0, 0, 250), 130, None),
+    ("retract", (0, 0, 0), (0, 0, 250), 130, None),
+    ("check_seated", (0, 0, 0), (0, 0, 250), 130, None),
+]
+
+
+@pytest.mark.parametrize(
+    ("step", "gear", "post", "opening_um", "held"), TABLE, ids=[row[0] for row in TABLE]
+)
+def test_everything_is_where_the_task_puts_it(
+    step: str,
+    gear: tuple[float, float, float],
+    post: tuple[float, float, float],
+    opening_um: float,
+    held: str | None,
+) -> None:
+    task, state = after(step)
+    pose = part_pose(task, state, "gear")
+    found = (pose.x_um, pose.y_um, part_z_um(task, state, "gear"))
+    assert found == pytest.approx(gear, abs=1e-9)
+    assert place(step, "shaft_plate.post") == pytest.approx(post, abs=1e-9)
+    assert state.opening_um == opening_um
+    assert state.held == held
+    carrier = "robot" if held else "stage"
+    assert state.parts["gear"].carrier == carrier
+    assert state.parts["shaft_plate"].carrier == "stage"
+
+
+def test_the_gear_keeps_its_height_relative_to_the_tool() -> None:
+    _, state = after("lift")
+    assert state.parts["gear"].z_um == -40  # the jaws hold it 40 um above its underside
+    assert state.robot.z_um == 40
+
+
+def test_the_gear_ends_on_the_plate_around_the_post() -> None:
+    task, state = after("check_seated")
+    named = {b.name: b for b in bodies(task, state)}
+    assert named["gear"].z_low_um == named["shaft_plate"].z_high_um == 0
+    assert named["shaft_plate.post"].z_high_um == 250
+    assert named["tweezers.left"].z_low_um == 400
+
+
+def test_the_gear_slides_in_between_the_fingers_x_first() -> None:
+    _, states = example()
+    assert states["bring_between"].path == ("x", "y")
+    assert states["over_shaft"].path == ("xy",)
+    paths = {name: s.path for name, s in states.items() if s.path}
+    assert set(paths) == {"bring_between", "over_shaft"}
+
+
+def test_a_view_moves_the_stage_before_the_look() -> None:
+    _, states = example()
+    (move,) = states["find_shaft"].moves
+    assert (move.axes, move.to.x_um, move.to.y_um) == ("stage", 0.0, -215.0)
+    assert states["find_gear"].moves == ()  # the gear is there already
+    assert [m.axes for m in states["see_fingers"].moves] == ["stage", "robot", "robot"]
+    assert states["insert"].moves == ()  # an insertion's moves are its action
+    assert states["insert"].after.stage.z_um == 0
+
+
+def test_the_servo_leaves_the_spread_of_goal_and_stage() -> None:
+    _, states = example()
+    aligned = states["bring_between"].at_look
+    robot, stage = 0.4, 1.0
+    assert part_sigma_um(aligned, "gear") == pytest.approx(math.hypot(robot, stage))
+    _, first = after("find_gear")
+    assert part_sigma_um(first, "gear") == pytest.approx(math.hypot(30, stage))
+
+
+def test_a_turn_swings_the_grip_until_a_look_sees_it(tmp_path: Path) -> None:
+    file = copy_example(tmp_path / "task")
+    swung_um = math.hypot(0.4, 20800 * math.radians(23.56 / 3600))
+    states = {s.step.id: s for s in unfold(read(file), Report())}
+    assert states["see_fingers"].at_look.tip_sigma_um == pytest.approx(swung_um)
+    assert states["see_fingers"].after.tip_sigma_um == pytest.approx(0.4)
+    assert states["insert"].before.tip_sigma_um == pytest.approx(0.4)
+    change(file, "[{stage: {z_um: -260}}]",
+           "[{stage: {z_um: -260}}, {robot: {theta_deg: 0.5}}]")  # fmt: skip
+    states = {s.step.id: s for s in unfold(read(file), Report())}
+    assert states["lift"].after.tip_sigma_um == pytest.approx(swung_um)
+    assert states["gear_in_fingers"].after.tip_sigma_um == pytest.approx(0.4)
+
+
+def test_a_move_of_the_stage_undoes_what_the_servo_pinned() -> None:
+    _, states = example()
+    seen = states["find_shaft"].at_look
+    assert seen.pinned == {}
+    assert part_sigma_um(seen, "shaft_plate") == pytest.approx(math.hypot(10, 1))
+    lifted = states["insert"].after  # z alone keeps the pin
+    assert part_sigma_um(lifted, "shaft_plate") < 2
+
+
+def test_changing_hands_forgets_where_a_part_is() -> None:
+    _, states = example()
+    assert "gear" in states["bring_between"].after.located
+    assert "gear" not in states["grasp"].after.located
+    assert "tweezers" in states["grasp"].after.located
+    assert "gear.bore" in states["over_shaft"].after.located
+
+
+def test_a_grasp_centres_the_part_and_turns_it_flat(tmp_path: Path) -> None:
+    file = copy_example(tmp_path / "task")
+    change(file, "x_um: 600, y_um: 0, theta: any", "x_um: 600, y_um: 0, theta_deg: 7")
+    task, report = read(file), Report()
+    grasp = next(s for s in unfold(task, report) if s.step.verb == "grasp")
+    assert beyond_notes(report) == []
+    held = grasp.after.parts["gear"]
+    # 18 teeth: the hull's edges, and so its flat positions, lie 10 degrees off a tooth
+    assert held.pose.theta_rad == pytest.approx(math.radians(10), abs=1e-9)
+    assert held.pose.x_um == 0
+    # the angle was known: it always ends in that flat, as true as the robot turns
+    robot_rad = task.workcell.robot.axes.repeatability_theta_rad
+    assert held.sigma_theta_rad == pytest.approx(robot_rad)
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new", "code", "step"),
+    [
+        # the robot comes down on the gear, which is at the grip already
+        ("task.yaml", "{stage: {y_um: -250}}, ", "", "MP303", "see_fingers"),
+        # jaws that start too close leave no way in
+        ("task.yaml", "z_um: 400, opening_um: 130", "z_um: 400, opening_um: 102",
+         "MP303", "bring_between"),
+        # the stage goes up while the fingers hold the gear on it
+        ("task.yaml", "{stage: {z_um: -260}}", "{stage: {z_um: 10}}", "MP303", "lift"),
+        # the fingers go aside while they still stand around the gear
+        ("task.yaml", "move: [{robot: {z_um: 400}}, {robot: {y_um: 3000}}]",
+         "move: [{robot: {x_um: 500}}]", "MP303", "retract"),
+        # jaws that do not close on the gear
+        ("task.yaml", "tweezers, opening_um: 96", "tweezers, opening_um: 101",
+         "MP304", "grasp"),
+    ],
+    ids=["down on the gear", "jaws too close", "stage up", "aside", "loose"],
+)  # fmt: skip
+def test_motion_that_touches_something_is_refused(
+    tmp_path: Path, file: str, old: str, new: str, code: str, step: str
+) -> None:
+    task_file = copy_example(tmp_path / "task")
+    change(task_file.with_name(file), old, new)
+    report = Report()
+    unfold(read(task_file), report)
+    first = beyond_notes(report)[0]
+    assert (first.code, first.severity) == (code, "infeasible")
+    assert repr(step) in first.message
+    assert first.where.line > 0
+
+
+def test_a_wide_start_needs_x_first_and_a_narrow_one_does_not(tmp_path: Path) -> None:
+    """At 30 um the gear may start beside the opening; at 2 um it goes in straight."""
+    file = copy_example(tmp_path / "task")
+    change(file, "theta: any, sigma_xy_um: 30", "theta: any, sigma_xy_um: 2")
+    report = Report()
+    states = unfold(read(file), report)
+    align = next(s for s in states if s.step.id == "bring_between")
+    assert beyond_notes(report) == []
+    assert align.path == ("xy",)
+
+
+def test_every_path_blocked_is_refused_and_says_so(tmp_path: Path) -> None:
+    file = copy_example(tmp_path / "task")
+    change(file, "{robot: {z_um: 40}}]}", "{robot: {z_um: 40}}, {stage: {y_um: 180}}]}")
+    report = Report()
+    unfold(read(file), report)
+    assert {d.code for d in beyond_notes(report)} == {"MP303"}
+
+
+def test_the_way_out_of_an_approach_fits_what_would_touch(tmp_path: Path) -> None:
+    """Fingers can be opened further; a gear in the way of a post cannot."""
+    jaws, lift = (copy_example(tmp_path / name) for name in ("jaws", "lift"))
+    change(jaws, "z_um: 400, opening_um: 130", "z_um: 400, opening_um: 102")
+    change(lift, "{stage: {z_um: -260}}", "{stage: {z_um: -200}}")
+    hints = []
+    for file, step in ((jaws, "bring_between"), (lift, "over_shaft")):
+        report = Report()
+        unfold(read(file), report)
+        hints += [d.hint for d in report.found
+                  if d.code == "MP303" and repr(step) in d.message]  # fmt: skip
+    of_jaws, of_gear = hints
+    assert "jaws" in of_jaws
+    assert "jaws" not in of_gear
+    assert "z" in of_gear.split()
+
+
+def test_parts_that_move_together_come_with_a_way_out(tmp_path: Path) -> None:
+    file = copy_example(tmp_path / "task")
+    change(file, "  - {id: grasp, ", "  # {id: grasp, ")
+    report = Report()
+    unfold(read(file), report)
+    (finding,) = [d for d in report.found if d.code == "MP301"]
+    assert "move together" in finding.message
+    assert "grasp" in finding.hint

@@ -1,0 +1,99 @@
+"""How many corrections an angle takes, against draws of the servo."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from planner.assembly.step_states import unfold
+from planner.budget.control import (
+    GIVE_UP,
+    Turn,
+    control_of,
+    folded_mean,
+    method_of,
+    tolerance_um,
+    turn_of,
+)
+from planner.source.diagnostics import Report
+from tests.planner.examples import ROOT
+from tests.planner.placed import look, read, with_step
+
+GEAR = ROOT / "examples" / "gear_on_shaft" / "task.yaml"
+DRAWS = 400_000
+
+
+@pytest.mark.parametrize("gain", [0.5, 0.8, 1.0])
+@pytest.mark.parametrize("start_rad", [0.5e-3, 9e-3, 60e-3])
+def test_corrections_are_those_of_drawn_starts(start_rad: float, gain: float) -> None:
+    turn = Turn(within_rad=1.7e-3, start_rad=start_rad, sigma_rad=1e-6, gain=gain)
+    rng = np.random.default_rng(5)
+    left = np.abs(rng.normal(0.0, start_rad, DRAWS))
+    counts = np.zeros(DRAWS)
+    while (outside := left > turn.within_rad).any():
+        counts += outside
+        left = np.where(outside, left * (1 - gain), left)
+    mean = float(counts.mean())
+    # five standard errors of the mean, and what a draw can tell from nothing
+    atol = 5 * float(counts.std()) / math.sqrt(DRAWS) + 1 / DRAWS
+    assert turn.expected == pytest.approx(mean, abs=atol)
+    assert counts.max() <= turn.most <= counts.max() + 1  # 1e-6 against 4e5 draws
+    assert turn.inside == 1.0
+
+
+def test_the_example_is_given_the_looks_that_its_turn_takes() -> None:
+    """A submount .5 deg off, to be turned within .1 deg by 80 % at a time."""
+    task = read()
+    align = next(s for s in unfold(task, Report()) if s.step.id == "over_site")
+    turn = turn_of(task, align)
+    assert turn is not None
+    assert turn.start_rad == pytest.approx(math.radians(0.5), rel=1e-3)
+    seen = look("submount.mark", "find_submount", 0.12)
+    choice = method_of(task, (align,), align, 0.4, {}, Report(), seen)
+    control = control_of(task, align, 0.4, choice)
+    # 4.9 sigma are 24 tolerances: two corrections shrink them 25 times
+    assert turn.most == 2
+    assert control.max_cycles == 4
+    assert 1.8 < control.expected_cycles < 2.3
+    straight = replace(align, step=replace(align.step, tolerance_theta_rad=None))
+    assert control_of(task, straight, 0.4).max_cycles == 2
+    assert GIVE_UP == 1e-6
+
+
+def test_an_angle_finer_than_the_axes_is_refused() -> None:
+    """The stage repeats to an arc second, 4.8 urad."""
+    for tolerance_rad, codes in ((1e-5, []), (5e-7, ["MP603"])):
+        task = with_step(read(), "over_site", tolerance_theta_rad=tolerance_rad)
+        align = next(s for s in unfold(task, Report()) if s.step.id == "over_site")
+        report = Report()
+        tolerance_um(task, (align,), align, None, report)
+        assert [d.code for d in report.found] == codes
+
+
+@pytest.mark.parametrize("mean", [0.0, 0.5, -2.0, 40.0])
+@pytest.mark.parametrize("sigma", [0.0, 1.0, 30.0])
+def test_the_mean_way_of_an_approach_is_that_of_draws(
+    mean: float, sigma: float
+) -> None:
+    drawn = np.abs(np.random.default_rng(6).normal(mean, sigma, DRAWS))
+    # five standard errors of the mean
+    atol = 5 * float(drawn.std()) / math.sqrt(DRAWS) + 1e-12
+    assert folded_mean(mean, sigma) == pytest.approx(float(drawn.mean()), abs=atol)
+
+
+def test_an_approach_takes_its_nominal_zero_leg_and_the_focus_too() -> None:
+    """The gear lies 30 um about its place: a leg of 24 um, and its settling."""
+    task = read(GEAR)
+    states = unfold(task, Report())
+    align = next(s for s in states if s.step.id == "bring_between")
+    plain = control_of(task, align, 3.0)
+    # 250 um in y, 30 sqrt(2 / pi) in x at 1000 um/s, .15 s between
+    assert plain.approach_s == pytest.approx(0.25 + 0.0239 + 0.15, abs=1e-3)
+    later = control_of(task, align, 3.0, setting_s=0.4)
+    assert later.approach_s == pytest.approx(plain.approach_s + 0.4)
+    assert later.floor_s is not None
+    assert plain.floor_s is not None
+    assert later.floor_s == pytest.approx(plain.floor_s + 0.4)

@@ -1,0 +1,120 @@
+"""Which zoom a look is compiled at, by what is asked of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import TypeVar
+
+from planner.assembly.step_states import unfold
+from planner.looks.compile_look import compile_look, look_at_first
+from planner.looks.feature_evaluation import Races
+from planner.looks.look_problem import Begun, Effects, Job
+from planner.looks.look_record import CompiledLook
+from planner.looks.scenario import build_case
+from planner.source.diagnostics import Report
+from planner.store.memo import EVERY_TIME
+from planner.task.presets import PRESETS
+from planner.views.requests import Request, requests
+from planner.views.target_views import views
+from tests.planner.examples import copy_example, one_look, read
+
+A = TypeVar("A")
+B = TypeVar("B")
+
+
+def test_a_look_stays_at_its_zoom_if_the_insertion_after_it_bears_that(
+    tmp_path: Path,
+) -> None:
+    """A nanometre is beyond every routine, a micrometre beyond none."""
+    file = copy_example(tmp_path / "task")
+    one_look(file)
+    task, report = read(file), Report()
+    (asked,) = requests(task, unfold(task, report), 0, None)
+    effects = Effects(effort=PRESETS["fast"], max_image_error=0.01, map=map)
+    low, _ = task.workcell.optics.magnification
+
+    def compiled(request: Request) -> CompiledLook | None:
+        return compile_look(task, request, effects, low, report, once=True)
+
+    short = replace(asked, tolerance_um=1e-3)
+    assert compiled(short) is None
+    kept = compiled(replace(short, borne_um=1.0))
+    assert kept is not None
+    assert kept.look.view.magnification == low
+    assert kept.look.verdict is not None
+    assert kept.look.verdict.zoom.refused == ()
+    assert 1e-3 < 2 * kept.look.sigma_xy_um < 1.0
+
+
+def test_a_look_stays_at_its_zoom_where_the_jump_of_another_would_cost_more(
+    tmp_path: Path,
+) -> None:
+    """The best chain is taken, not the cheapest within what would be worth it."""
+    file = copy_example(tmp_path / "task")
+    one_look(file)
+    task, report = read(file), Report()
+    (asked,) = requests(task, unfold(task, report), 0, None)
+    effects = Effects(effort=PRESETS["fast"], max_image_error=0.01, map=map)
+    low, _ = task.workcell.optics.magnification
+    short = replace(asked, tolerance_um=1e-3, borne_um=2e-3)
+
+    kept = compile_look(
+        task, replace(short, worth_um=5.0), effects, low, report, once=True
+    )
+    loose = compile_look(
+        task, replace(asked, tolerance_um=5.0), effects, low, report, once=True
+    )
+    assert kept is not None
+    assert loose is not None
+    assert kept.look.sigma_xy_um < loose.look.sigma_xy_um
+
+
+def test_a_case_is_built_once_whatever_it_has_to_meet(tmp_path: Path) -> None:
+    file = copy_example(tmp_path / "task")
+    one_look(file)
+    task, report, begun = read(file), Report(), Begun()
+    (asked,) = requests(task, unfold(task, report), 0, None)
+    low, _ = task.workcell.optics.magnification
+    view, *_ = views(task, asked, low, report)
+    for request in (
+        asked,
+        replace(asked, tolerance_um=2.0, asked_by="nobody", borne_um=3.0),
+        replace(asked, needs_angle_rad=0.1),
+    ):
+        built = begun.case(task, request, view, 0.01, EVERY_TIME)
+        assert built == build_case(task, request, view, 0.01)
+    assert len(begun.cases) == 2  # an angle is another look
+
+
+def test_what_a_look_begins_with_is_not_done_again(tmp_path: Path) -> None:
+    """Other features are raced ahead, and at their turn with another tolerance."""
+    file = copy_example(tmp_path / "task")
+    one_look(file)
+    task, report, begun, asked = read(file), Report(), Begun(), [0]
+
+    def counted(work: Callable[[A], B], items: Iterable[A], /) -> Iterator[B]:
+        for item in items:
+            asked[0] += 1
+            yield work(item)
+
+    (request,) = requests(task, unfold(task, report), 0, None)
+    effort = replace(PRESETS["fast"], limited=True, trials=8, features=1)
+    effects = Effects(effort=effort, max_image_error=0.01, map=counted)
+    low, _ = task.workcell.optics.magnification
+    view, *_ = views(task, request, low, report)
+    look_at_first(task, replace(request, tolerance_um=0.05), effects, view, begun)
+    (other,) = begun.others.values()
+    assert len(other.known.outcomes.all()) >= 8
+
+    found = []
+    request = replace(request, tolerance_um=0.15)
+    for known in (begun, replace(begun, others={})):
+        job, asked[0] = Job.of(task, request, effects, known), 0
+        raced, _ = Races(job=job, alone=job.contest(view)).run()
+        found.append((asked[0], [each.tried.scores for each in raced]))
+    (afterwards, scores), (anew, fresh) = found
+    assert afterwards == 0 < anew
+    assert len(scores) == 2
+    assert scores == fresh

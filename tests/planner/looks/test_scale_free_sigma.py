@@ -1,0 +1,93 @@
+"""The spread of a look less the zoom's scale, by answers that are made up."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from featuresel.look.design import design
+from featuresel.trials.outcomes import Outcome, Outcomes
+from featuresel.trials.score import Score, score_chain
+from featuresel.trials.trials import Prepared
+from planner.assembly.step_states import unfold
+from planner.looks.evaluation import Tried
+from planner.looks.scale_free_sigma import steady_sigma_um
+from planner.looks.scenario import build_case
+from planner.source.diagnostics import Report
+from planner.views.requests import requests
+from planner.views.target_views import views
+from tests.planner.placed import both
+
+CHAIN, COUNT, SEED = ("ncc",), 24, 3
+
+
+@pytest.fixture(scope="module")
+def tried() -> Tried:
+    """Return the look at the die in the fingers with nothing tried yet."""
+    task = both()
+    states = unfold(task, Report())
+    index = next(k for k, s in enumerate(states) if s.step.id == "die_in_fingers")
+    (request,) = requests(task, states, index, None)
+    case, fidelity = build_case(
+        task, request, views(task, request, 5.0, Report())[0], 1
+    )
+    nothing = Prepared(chains=(CHAIN,), artifacts={})
+    return Tried(
+        case=case, fidelity=fidelity, prepared=nothing, outcomes=Outcomes.of(),
+        scores=(), selection=None,  # type: ignore[arg-type]  # nothing was selected
+    )  # fmt: skip
+
+
+def answered(tried: Tried, noise_um: np.ndarray, scale: float = 1.0) -> Tried:
+    """Return answers that err by a trial's zoom, as far as `scale` says, and noise."""
+    place = np.array([tried.case.x_um, tried.case.y_um])
+    outcomes = []
+    for trial, more in zip(design(tried.case, COUNT, SEED), noise_um, strict=True):
+        x, y = scale * (trial.magnification - 1) * place + more
+        outcomes.append(
+            Outcome(
+                chain=CHAIN,
+                trial=trial.index,
+                failure=None,
+                world_um=(x, y),
+                target_um=(x, y),
+                theta_rad=0.0,
+                score=1.0,
+                spread_um=0.01,
+            )
+        )
+    return replace(tried, outcomes=Outcomes.of(outcomes))
+
+
+def scored(tried: Tried) -> Score:
+    return score_chain(tried.case, CHAIN, tried.outcomes, 1.0)
+
+
+def test_what_the_scale_does_is_taken_off_to_the_last_bit(tried: Tried) -> None:
+    noise = np.random.default_rng(1).normal(0.0, 0.007, (COUNT, 2))
+    found = answered(tried, noise)
+    sigma_um = steady_sigma_um(found, scored(found), SEED)
+    assert sigma_um == pytest.approx(noise.std(axis=0, ddof=1).max(), rel=1e-12)
+    # 145 um from the axis, 2e-4 of zoom: .029 um, and its corners are at two sigma
+    whole_um = scored(found).sigma_um
+    assert whole_um is not None
+    assert math.hypot(sigma_um, 0.029) < whole_um < math.hypot(2 * 0.029, 0.02)
+
+
+def test_where_the_scale_does_next_to_nothing_the_spread_is_the_trials(
+    tried: Tried,
+) -> None:
+    near = replace(tried, case=replace(tried.case, x_um=0.0, y_um=0.5))
+    found = answered(near, np.random.default_rng(1).normal(0.0, 0.007, (COUNT, 2)))
+    assert steady_sigma_um(found, scored(found), SEED) == math.inf
+
+
+def test_at_any_angle_and_of_few_answers_it_is_not_known(tried: Tried) -> None:
+    found = answered(tried, np.random.default_rng(1).normal(0.0, 0.007, (COUNT, 2)))
+    turned = replace(found, case=replace(found.case, theta_any=True))
+    assert steady_sigma_um(turned, scored(found), SEED) == math.inf
+    few = replace(found, outcomes=found.outcomes[:2])
+    assert steady_sigma_um(few, scored(found), SEED) == math.inf

@@ -1,0 +1,216 @@
+"""Compiles with a cache give what compiles without one give."""
+
+from __future__ import annotations
+
+import contextlib
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from optics import ledger
+from planner.assembly.step_states import unfold
+from planner.cli.main import main
+from planner.looks.scenario import build_case
+from planner.report.report import write_report
+from planner.source.diagnostics import Report
+from planner.store import summary
+from planner.store.memo import Memo, digest
+from planner.store.store import Store, place
+from planner.task import read_task
+from planner.task.presets import PRESETS
+from planner.task.read_task import load_task
+from planner.task.task import Task
+from planner.views.requests import requests
+from planner.views.target_views import views
+from tests.planner.examples import change, copy_example, one_look, read
+
+Compile = Callable[..., dict[str, bytes]]
+NOT_COMPARED = {"timings.json"}  # measured times
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _fewer_trials() -> Iterator[None]:
+    """Spend less on a look than any preset does."""
+    fewer = replace(PRESETS["fast"], trials=8, range_draws=1)
+    few = dict.fromkeys(("fast", "balanced"), fewer)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("planner.plan.compiler.PRESETS", few)
+        yield
+
+
+def written(folder: Path, *words: str) -> dict[str, bytes]:
+    """Return the files of the plan that the task in a folder compiles to."""
+    out = folder / "new"
+    with contextlib.chdir(folder):  # the plan names its inputs as they are called
+        call = ["compile", "task/task.yaml", "-o", str(out), "--preset", "fast"]
+        assert main([*call, *words]) == 0
+    return {
+        p.relative_to(out).as_posix(): p.read_bytes()
+        for p in sorted(out.rglob("*"))
+        if p.is_file() and p.name not in NOT_COMPARED
+    }
+
+
+@pytest.fixture(scope="module")
+def plain(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
+    """Return the files of the plan that no cache has touched."""
+    folder = tmp_path_factory.mktemp("plain")
+    one_look(copy_example(folder / "task"))
+    return written(folder, "--no-cache")
+
+
+@pytest.fixture
+def task(tmp_path: Path) -> Path:
+    file = copy_example(tmp_path / "task")
+    one_look(file)
+    return file
+
+
+@pytest.fixture
+def files(task: Path, tmp_path: Path) -> Compile:
+    """Return what compiles the task, and gives the plan folder's files."""
+    return partial(written, tmp_path)
+
+
+@pytest.fixture
+def made(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Return the names of the calls whose results were not there yet."""
+    names: list[str] = []
+    put = Store.put
+
+    def noted(self: Store, key: str, result: bytes) -> None:
+        names.append(key)
+        put(self, key, result)
+
+    monkeypatch.setattr(Store, "put", noted)
+    return names
+
+
+def test_a_cache_changes_nothing_but_the_time(
+    files: Compile,
+    plain: dict[str, bytes],
+    made: list[str],
+    tmp_path: Path,
+    task: Path,
+) -> None:
+    cache = ("--cache", str(tmp_path / "cache"))
+    assert files(*cache) == plain
+    first = len(made)
+    assert first > 3
+    told = files(*cache, "--report")  # all of it kept
+    assert len(made) == first
+    again = write_report(tmp_path / "new", tmp_path / "again.html")
+    assert told.pop("report.html") == again.read_bytes()
+    assert told == plain
+    change(task, "seed: 1998", "seed: 1999")
+    fresh = files(*cache)
+    assert len(made) > first
+    kept = len(made)
+    assert fresh == files("--no-cache") != plain
+    assert len(made) == kept
+
+
+def test_an_unchanged_task_is_not_even_read(
+    files: Compile, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, task: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    cache = ("--cache", str(tmp_path / "cache"))
+    plain = files(*cache)
+    said = capsys.readouterr()
+    reads: list[str] = []
+
+    def noted(path: str, report: Report) -> Task | None:
+        reads.append(path)
+        return load_task(path, report)
+
+    monkeypatch.setattr(read_task, "load_task", noted)
+    assert files(*cache) == plain
+    assert capsys.readouterr() == said  # its findings are told again
+    assert reads == []
+    drawing = task.parent / "parts" / "shaft_plate.dxf"
+    drawing.write_bytes(drawing.read_bytes() + b"\n")
+    files(*cache)
+    assert len(reads) == 1
+    files(*cache, "--preset", "balanced", "--max-image-error", "0.5")
+    assert len(reads) == 2
+    drawing.unlink()
+    assert main(["compile", str(task), *cache]) == 2
+    assert len(reads) == 3
+
+
+def test_a_spoilt_cache_is_computed_anew(
+    files: Compile, made: list[str], tmp_path: Path
+) -> None:
+    cache = ("--cache", str(tmp_path / "cache"))
+    plain = files(*cache)
+    count = len(made)
+    for kept in (tmp_path / "cache").rglob("*.result"):
+        data = bytearray(kept.read_bytes())
+        data[len(data) // 2] ^= 1
+        kept.write_bytes(data)
+    assert files(*cache) == plain
+    assert len(made) == 2 * count
+
+
+def test_a_cache_that_cannot_be_written_stops_nothing(
+    files: Compile, plain: dict[str, bytes], tmp_path: Path
+) -> None:
+    blocked = tmp_path / "blocked"
+    blocked.write_bytes(b"")
+    assert files("--cache", str(blocked)) == plain
+
+
+def test_the_place_is_the_users_cache(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "mine"))
+    assert place() == tmp_path / "mine" / "microplan"
+    monkeypatch.setenv("XDG_CACHE_HOME", "not/absolute")
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert place() == tmp_path / ".cache" / "microplan"
+    assert Memo().store is None
+
+
+def test_a_changed_step_asks_anew_for_its_own_look_alone(tmp_path: Path) -> None:
+    file, memo = copy_example(tmp_path / "task"), Memo(Store(tmp_path / "cache"))
+    steps = ("find_gear", "see_fingers")
+
+    def keys() -> dict[str, str]:
+        task, report = read(file), Report()
+        states, found = unfold(task, report), {}
+        low, _ = task.workcell.optics.magnification
+        for index, state in enumerate(states):
+            if state.step.id in steps:
+                (request,) = requests(task, states, index, None)
+                (view, *_) = views(task, request, low, report)
+                case, _ = build_case(task, request, view, 0.01, memo)
+                found[state.step.id] = digest(case)
+        return found
+
+    first = keys()
+    change(file, "{robot: {x_um: 0, y_um: 0}}", "{robot: {x_um: 1, y_um: 0}}")
+    second = keys()
+    assert {step for step in steps if first[step] != second[step]} == {"see_fingers"}
+
+
+def test_an_unchanged_task_loads_nothing_that_computes() -> None:
+    script = (
+        "import sys, planner.cli.main, planner.cli.compiling\n"
+        "import planner.plan.cached_compile\n"
+        "import planner.store.store, planner.plan.options, planner.store.folder\n"
+        "heavy = ('scipy', 'skimage', 'shapely', 'ezdxf', 'yaml', 'jsonschema',\n"
+        "         'cv2', 'schemas.plan', 'planner.diff.diffing')\n"
+        "sys.exit(', '.join(name for name in heavy if name in sys.modules))"
+    )
+    call = [sys.executable, "-c", script]
+    done = subprocess.run(call, capture_output=True, text=True, check=False)
+    assert done.stderr.strip() == ""
+
+
+def test_the_summary_knows_the_ledgers_unit() -> None:
+    assert summary.CONTRAST == ledger.CONTRAST

@@ -1,0 +1,82 @@
+"""Looks compiled before their turn: which, in what order, and when they are used."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Executor, Future
+from dataclasses import replace
+from multiprocessing import Event
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from planner.assembly.step_states import unfold
+from planner.looks.look_problem import Effects
+from planner.plan import speculation as ahead
+from planner.plan.speculation import StoppedError, begin, listen, until_told
+from planner.source.diagnostics import Report
+from planner.task.presets import PRESETS
+from planner.views.requests import requests
+from tests.planner.examples import EXAMPLE, copy_example, one_look, read
+
+EFFECTS = Effects(effort=PRESETS["fast"], max_image_error=0.01, map=map)
+
+
+class Held(Executor):
+    """Takes work, and leaves it undone."""
+
+    def __init__(self) -> None:
+        self.waiting: list[Future[Any]] = []
+
+    def submit(
+        self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any
+    ) -> Future[Any]:
+        self.waiting.append(Future())
+        return self.waiting[-1]
+
+
+def test_all_looks_are_begun_and_the_one_before_an_insertion_first() -> None:
+    task = read(EXAMPLE / "task.yaml")
+    pool = Held()
+    found = begin(pool, task, unfold(task, Report()), EFFECTS, 6.9)
+    assert len(pool.waiting) == 8
+    names = list(found.under_way)
+    assert names[0] == "over_shaft"
+    assert sorted(names) == [
+        "bring_between", "check_seated.seat", "check_seated.target", "find_gear",
+        "find_shaft", "gear_in_fingers", "over_shaft", "see_fingers",
+    ]  # fmt: skip
+
+
+def test_a_look_made_ahead_is_used_only_for_the_same_request(tmp_path: Path) -> None:
+    """A round hole has no angle; nobody asked for one ahead."""
+    file = copy_example(tmp_path / "task")
+    one_look(file)
+    task, report, pool = read(file), Report(), Held()
+    states = unfold(task, report)
+    low, _ = task.workcell.optics.magnification
+    (asked,) = requests(task, states, 0, None)
+
+    found = begin(pool, task, states, EFFECTS, low)
+    other = replace(asked, needs_angle_rad=1.0)
+    assert found.looks(task, other, EFFECTS, low, report) == ()
+    assert [d.code for d in report.found] == ["MP502"]
+    assert pool.waiting[0].cancelled()
+
+    found = begin(pool, task, states, EFFECTS, low)
+    pool.waiting[1].set_exception(StoppedError())
+    with pytest.raises(StoppedError):  # what its process says of it
+        found.looks(task, asked, EFFECTS, low, report)
+
+
+def test_work_that_nobody_wants_stops(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ahead, "_unwanted", None)
+    assert list(until_told(abs, [-1, 2])) == [1, 2]
+    event = Event()
+    listen(event)
+    found = until_told(abs, [-1, 2])
+    assert next(found) == 1
+    event.set()
+    with pytest.raises(StoppedError):
+        next(found)

@@ -1,0 +1,269 @@
+"""Every diagnostic has a page, and the page's example leads to its code."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import shutil
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from planner.assembly.step_states import StepState, unfold
+from planner.budget.control import method_of, tolerance_um
+from planner.budget.handling import report_handling, verdicts_of
+from planner.cli.main import main
+from planner.source.diagnostics import TITLES, Report
+from planner.task.presets import PRESETS
+from planner.task.read_task import load_task
+from planner.task.second_reader import read_twice
+from planner.task.task import Task
+from tests.planner.examples import (
+    EXAMPLE,
+    GRASP,
+    ROOT,
+    between_jaws,
+    beyond_notes,
+    cut,
+    one_look,
+    one_zoom,
+)
+from tests.planner.placed import memory, placed
+
+PAGES = ROOT / "docs" / "diagnostics"
+
+_CALL = re.compile(r"^```console\nmicroplan (.*?)\n```$", re.MULTILINE)
+_BLOCK = re.compile(r"^```(diff|write) (\S+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+
+
+def _load(folder: Path) -> Report:
+    report = Report()
+    load_task(folder / "task.yaml", report)
+    return report
+
+
+def _second(folder: Path) -> Report:
+    """Return what ezdxf finds otherwise in the drawings, as `compile` does first."""
+    report = Report()
+    task = load_task(folder / "task.yaml", report)
+    assert task is not None
+    read_twice(task, report)
+    return report
+
+
+def _unfolded(folder: Path) -> tuple[Task, tuple[StepState, ...], Report]:
+    """Return the task of a folder, its states, and what was found on the way."""
+    report = Report()
+    task = load_task(folder / "task.yaml", report)
+    assert task is not None
+    return task, unfold(task, report), report
+
+
+def _unfold(folder: Path) -> Report:
+    return _unfolded(folder)[-1]
+
+
+def _tolerances(folder: Path) -> Report:
+    """Return what the compiler finds of the alignments' tolerances, without looks."""
+    task, states, report = _unfolded(folder)
+    for state in states:
+        if state.step.verb == "align":
+            tolerance_um(task, states, state, None, report)
+    return report
+
+
+def _methods(folder: Path) -> Report:
+    """Return what the compiler finds of the ways to align, without looks."""
+    task, states, report = _unfolded(folder)
+    for state in states:
+        if state.step.verb == "align":
+            within = tolerance_um(task, states, state, None, report)
+            method_of(task, states, state, within, {}, report)
+    return report
+
+
+def _handling(folder: Path) -> Report:
+    """Return what the compiler finds of grasps and releases, without looks."""
+    task, states, report = _unfolded(folder)
+    for state in states:
+        found = verdicts_of(task, states, state)
+        report_handling(state, found.grasp, found.release, report)
+    return report
+
+
+def _placing(folder: Path) -> Report:
+    """Return what the compiler finds of the laser die's release, by given looks."""
+    task, states, report = _unfolded(folder)
+    here = next(state for state in states if state.step.verb == "release")
+    found = placed(task, memory())
+    assert found is not None
+    report_handling(here, None, None, report, found[1])
+    return report
+
+
+# first characters of a code -> what finds it in the example's folder
+RUNNERS: dict[str, Callable[[Path], Report]] = {
+    "MP0": _load,
+    "MP1": _load,
+    "MP2": _load,
+    "MP226": _second,
+    "MP227": _second,
+    "MP3": _unfold,
+    "MP612": _methods,  # so would this one's
+    "MP613": _handling,
+    "MP614": _handling,
+    "MP615": _placing,
+    "MP603": _tolerances,  # the page's call would look for half a minute before
+}
+CODES = sorted(page.stem for page in PAGES.glob("MP[0-7]*.md"))
+# of plans, not of a task: see test_diff.py and exporting/test_export.py
+TOLD_ELSEWHERE = {"MP710", "MP720", "MP721", "MP722"}
+DEAR = {"MP615"}  # works out a whole placement
+CALLED = [
+    code
+    for code in CODES
+    if code not in RUNNERS and _CALL.search((PAGES / f"{code}.md").read_text("utf-8"))
+]
+
+
+def _see_post(folder: Path) -> None:
+    """Cut the example down to one look."""
+    one_look(folder / "task.yaml")
+    one_zoom(folder / "task.yaml")
+
+
+def _grasp_and_release(folder: Path) -> None:
+    """Cut the example down to two steps without a look."""
+    between_jaws(folder / "task.yaml")
+    release = "{id: release, do: release, target: gear, opening_um: 130}"
+    cut(folder / "task.yaml", GRASP, release)
+
+
+# what a page says the example is cut down to, so that its call takes seconds
+PREPARED: Mapping[str, Callable[[Path], None]] = {
+    "MP501": _see_post,
+    "MP602": _grasp_and_release,
+}
+
+
+def runner(code: str) -> Callable[[Path], Report]:
+    """Return what finds a code in the example's folder."""
+    return RUNNERS.get(code) or RUNNERS[code[:3]]
+
+
+def apply_page(page: str, folder: Path) -> None:
+    """Change the example in `folder` as the blocks of a page say."""
+    blocks = _BLOCK.findall(page)
+    assert blocks, "the page has no example"
+    for kind, name, body in blocks:
+        file = folder / name
+        if kind == "write":
+            file.write_bytes(_raw(body))
+            continue
+        lines = body.splitlines()
+        old = "\n".join(line[1:] for line in lines if line.startswith("-"))
+        new = "\n".join(line[1:] for line in lines if line.startswith("+"))
+        before = file.read_bytes()
+        assert old, "a diff block takes something away"
+        assert _raw(old) in before, f"{name} does not hold {old!r}"
+        file.write_bytes(before.replace(_raw(old), _raw(new), 1))
+
+
+def _raw(text: str) -> bytes:
+    """Return `text` as UTF-8, with \\xNN as one byte."""
+    return re.sub(
+        rb"\\x([0-9a-f]{2})",
+        lambda match: bytes.fromhex(match[1].decode()),
+        text.encode(),
+    )
+
+
+@pytest.fixture
+def example(tmp_path: Path, code: str) -> Path:
+    """Return a copy of the page's example that may be spoilt."""
+    page = (PAGES / f"{code}.md").read_text(encoding="utf-8")
+    laser = "In the laser-die example:" in page
+    source = EXAMPLE.with_name("laser_die") if laser else EXAMPLE
+    return Path(shutil.copytree(source, tmp_path / "example"))
+
+
+@pytest.mark.parametrize(
+    "code",
+    [
+        pytest.param(code, marks=[pytest.mark.slow] if code in DEAR else [])
+        for code in sorted({*CODES} - {*CALLED} - TOLD_ELSEWHERE)
+    ],
+)
+def test_the_example_of_a_page_leads_to_its_code(code: str, example: Path) -> None:
+    run = runner(code)
+    before = run(example)
+    assert beyond_notes(before) == []
+    apply_page((PAGES / f"{code}.md").read_text(encoding="utf-8"), example)
+    known = {finding.message for finding in before.found}
+    found = [f for f in run(example).in_order if f.message not in known]
+    assert code in {finding.code for finding in found}
+    assert all(finding.where.line for finding in found if finding.code != "MP011")
+
+
+@pytest.mark.parametrize("code", CALLED)
+def test_the_call_of_a_page_leads_to_its_code(
+    code: str,
+    example: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    page = (PAGES / f"{code}.md").read_text(encoding="utf-8")
+    (call,) = _CALL.findall(page)
+    if code in PREPARED:
+        PREPARED[code](example)
+    fewer = replace(PRESETS["fast"], trials=8, range_draws=1)
+    monkeypatch.setattr("planner.plan.compiler.PRESETS", {**PRESETS, "fast": fewer})
+    monkeypatch.chdir(example)
+
+    def headlines() -> tuple[int, set[str]]:
+        """Return the call's exit status and its findings of the code."""
+        status = main(shlex.split(call))
+        lines = capsys.readouterr().err.splitlines()
+        return status, {line for line in lines if f"[{code}]: " in line}
+
+    before: set[str] = set()
+    if _BLOCK.search(page):  # else the call itself is the mistake
+        status, before = headlines()
+        assert status == 0
+        apply_page(page, example)
+    status, after = headlines()
+    assert after - before
+    severities = {line.partition("[")[0] for line in after - before}
+    worst = {"error": 2, "infeasible": 1}
+    assert status == max(worst.get(severity, 0) for severity in severities)
+
+
+@pytest.mark.parametrize("code", CODES)
+def test_a_page_is_headed_by_its_code_and_title(code: str) -> None:
+    page = (PAGES / f"{code}.md").read_text(encoding="utf-8")
+    assert page.startswith(f"# {code}: {TITLES[code]}\n\n")
+    assert "## How to mend it" in page
+
+
+def test_every_code_of_the_readers_has_a_title_and_a_page() -> None:
+    used = set()
+    for folder in ("source", "drawings", "task"):
+        for module in (ROOT / "planner" / folder).rglob("*.py"):
+            if module.name != "diagnostics.py":
+                text = module.read_text(encoding="utf-8")
+                used |= set(re.findall(r'"(MP\d{3})"', text))
+    readers = ("MP0", "MP1", "MP2")
+    assert used == {code for code in TITLES if code.startswith(readers)}
+    assert used == {code for code in CODES if code.startswith(readers)}
+
+
+def test_every_code_of_the_compiler_has_a_title_and_a_page() -> None:
+    used = set()
+    for module in (ROOT / "planner").rglob("*.py"):
+        if module.name != "diagnostics.py":
+            text = module.read_text(encoding="utf-8")
+            used |= set(re.findall(r'"(MP[0-7]\d\d)"', text))
+    assert used == set(TITLES) == set(CODES)
+    assert list(TITLES) == sorted(TITLES)

@@ -1,0 +1,47 @@
+"""Pictures of a tradeoff: no word lies on another."""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+from matplotlib.text import Annotation
+
+from planner.tradeoff.task_plots import task_figure
+from planner.tradeoff.task_tradeoff_record import Point, Spent, TaskTradeoff
+
+# what was varied, CPU s, error in um: three of them almost in one place
+CROWD = (
+    ("as the task says", 7.8, 0.0603), ("trials 8", 4.2, 0.0718),
+    ("frames 4", 8.19, 0.0572), ("zoom 44.5", 63.4, 0.0369),
+    ("preset accurate", 8.0, 0.0601), ("preset balanced", 7.9, 0.0605),
+)  # fmt: skip
+
+
+def test_names_of_points_lie_on_no_other() -> None:
+    points = tuple(
+        Point(varied=name, preset="fast", trials=24, frames=1, zoom=None, reason="",
+              status="feasible", error_um=error, success_probability=0.99999,
+              success_lower=0.88, run_s=2.7, choices=(), on_front=False)
+        for name, _, error in CROWD
+    )  # fmt: skip
+    spent = [
+        Spent(varied=name, cpu_s=cpu_s, wall_s=cpu_s, on_front=error < 0.06)
+        for name, cpu_s, error in CROWD
+    ]
+    figure = task_figure(
+        TaskTradeoff(format_version="1.0", task="t", note="", points=points), spent
+    )
+    figure.draw_without_rendering()
+    for axes in figure.axes:
+        texts = [text for text in axes.texts if isinstance(text, Annotation)]
+        assert {text.get_text() for text in texts} == {name for name, *_ in CROWD}
+        boxes = [text.get_window_extent() for text in texts]
+        assert not any(a.overlaps(b) for a, b in combinations(boxes, 2))
+        frame = axes.get_window_extent()
+        assert all(frame.x0 <= b.x0 and b.x1 <= frame.x1 for b in boxes)
+        for point in axes.lines:
+            data = np.asarray(point.get_xydata())
+            if len(data) == 1:  # a mark
+                spot = axes.transData.transform(data[0])
+                assert not any(box.contains(*spot) for box in boxes)

@@ -1,0 +1,136 @@
+"""Other features of a look's body: which there are, under which names."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from optics.outline.outline import Arc, Outline, Ring, Segment
+from planner.assembly.assembly import initial
+from planner.task.task import Part, Task
+from planner.views.features import Proposals, offset_um, proposals
+from planner.views.requests import Request
+from planner.views.targets import Shape, shape_of
+from tests.planner.examples import EXAMPLE, read
+
+HOLES = {"near": (-20.0, 10.0, 6.0), "far": (30.0, -5.0, 8.0)}  # x, y, radius
+
+
+@pytest.fixture(scope="module")
+def task() -> Task:
+    return read(EXAMPLE / "task.yaml")
+
+
+def found(task: Task, target: str) -> tuple[Shape, Proposals]:
+    """Return a target and what may stand in for it."""
+    state = initial(task)
+    shape = shape_of(task, state, target)
+    assert shape is not None
+    request = Request(
+        id="look", target=target, state=state, tolerance_um=1.0, wants_angle=True,
+        needs_angle_rad=None, where=task.steps[0].where, view_where=None,
+    )  # fmt: skip
+    return shape, proposals(task, request, shape)
+
+
+def names(some: Proposals) -> set[str]:
+    return {shape.name for _, shape in some.others}
+
+
+def with_part(task: Task, part: Part) -> Task:
+    return replace(task, parts={**task.parts, part.name: part})
+
+
+def avoiding(task: Task, name: str) -> Task:
+    """Return the task with one of the gear's features forbidden."""
+    gear = task.parts["gear"]
+    forbidden = replace(gear.features[name], avoid=True)
+    return with_part(task, replace(gear, features={**gear.features, name: forbidden}))
+
+
+def plate(task: Task) -> Task:
+    """Return the task with a plate that has two holes in place of the gear."""
+    corners = ((-60.0, -40.0), (60.0, -40.0), (60.0, 40.0), (-60.0, 40.0))
+    sides = zip(corners, corners[1:] + corners[:1], strict=True)
+    rings = [Ring(edges=tuple(Segment(start=a, end=b) for a, b in sides))]
+    gear, features = task.parts["gear"], {}
+    for name, (x, y, radius) in HOLES.items():
+        arc = Arc(center=(x, y), radius_um=radius, start_rad=0, sweep_rad=-math.tau)
+        rings.append(Ring(edges=(arc,)))
+        features[name] = replace(
+            gear.features["bore"], name=name, center_um=(x, y), radius_um=radius
+        )
+    outline = Outline(rings=tuple(rings))
+    return with_part(task, replace(gear, outline=outline, features=features))
+
+
+@pytest.mark.parametrize("target", ["gear", "gear.bore", "gear.teeth"])
+def test_the_target_is_not_among_the_others(task: Task, target: str) -> None:
+    shape, some = found(task, target)
+    assert some.target is not None
+    assert some.target.name == shape.name
+    everything = {"gear.teeth", "gear.bore", "gear.outline"}
+    assert names(some) == everything - {shape.name}
+    for feature, other in some.others:
+        assert (feature.name, feature.kind) == (other.name, other.kind)
+        assert other.owner == "gear"
+
+
+def test_features_of_a_post_go_by_its_name(task: Task) -> None:
+    shape, some = found(task, "shaft_plate.post")
+    assert shape.name == "shaft_plate.post"
+    assert [s.name for _, s in some.others] == ["shaft_plate.post.outline1"]
+    assert all(s.owner == "shaft_plate" for _, s in some.others)
+
+
+def test_jaws_have_no_features_beside_themselves(task: Task) -> None:
+    _, some = found(task, "tweezers")
+    assert (some.target, some.others) == (None, ())
+
+
+@pytest.mark.parametrize("name", ["bore", "outline"])
+def test_what_is_avoided_is_not_proposed_either(task: Task, name: str) -> None:
+    _, some = found(avoiding(task, name), "gear")
+    _, before = found(task, "gear")
+    assert names(before) - names(some) == {f"gear.{name}"}
+
+
+@pytest.mark.parametrize("target", ["gear", "gear.bore"])
+def test_an_avoided_notch_tells_no_tooth_from_the_next(task: Task, target: str) -> None:
+    forbidden = avoiding(task, "notch")
+    for made, broken in ((task, "notch"), (forbidden, "")):
+        shape, some = found(made, target)
+        assert some.target is not None
+        ways = [(some.target, shape), *some.others]
+        ((feature, ring),) = [way for way in ways if way[0].kind == "teeth"]
+        for one in (feature, ring):
+            assert one.symmetry_broken_by == broken
+            assert ("notch_rad" in one.parameters) == bool(broken)
+        assert {s.name for _, s in ways} == {"gear.teeth", "gear.bore", "gear.outline"}
+
+
+def test_each_hole_is_where_it_was_drawn(task: Task) -> None:
+    shape, some = found(plate(task), "gear.near")
+    assert some.target is not None
+    assert some.target.center_um == pytest.approx(HOLES["near"][:2])
+    others = {s.name: s for _, s in some.others}
+    assert "gear.near" not in others
+    far = others["gear.far"]
+    assert far.center_um == pytest.approx(HOLES["far"][:2])
+    assert far.parameters["radius_um"] == pytest.approx(HOLES["far"][2])
+    assert not far.bright  # a hole in what is bright
+    assert offset_um(far, shape) == pytest.approx((50.0, -15.0))
+    x0, y0, x1, y1 = far.box_um
+    assert (x0, y0, x1, y1) == pytest.approx((-8, -8, 8, 8))
+
+
+def test_features_of_other_kinds_come_first(task: Task) -> None:
+    _, some = found(plate(task), "gear.near")
+    kinds = [shape.kind for _, shape in some.others]
+    count = len(set(kinds))
+    assert {"outline", "circle", "edge", "corner"} <= set(kinds)
+    assert len(set(kinds[:count])) == count
+    edges = [f.edge_um for f, _ in some.others if f.kind == "edge"]
+    assert edges == sorted(edges, reverse=True)

@@ -1,0 +1,160 @@
+"""The workcell's lens in looks, ledger and budget."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from featuresel.look.scenario import Turning, scene
+from optics.layers.layer_error import layer_error
+from optics.lens.distorted_scene import lens_scene
+from planner.assembly.step_states import unfold
+from planner.looks.scenario import build_case
+from planner.source.diagnostics import Report
+from planner.task.read_task import load_task
+from planner.task.task import Task
+from planner.views.lens_errors import (
+    known_errors,
+    lamp_aperture,
+    lens_rows,
+    middle_offset_um,
+    middle_sigma_um,
+)
+from planner.views.requests import Request, requests
+from planner.views.target_views import needed_shape, spot_of, views
+
+EXAMPLE = Path(__file__).parents[3] / "examples" / "gear_on_shaft" / "task.yaml"
+
+
+@pytest.fixture(scope="module")
+def task() -> Task:
+    found = load_task(EXAMPLE, Report())
+    assert found is not None
+    return found
+
+
+def with_optics(task: Task, **changes: object) -> Task:
+    """Return the task with a lens of other errors, or light of another coherence."""
+    optics = task.workcell.optics
+    coherence = changes.pop("coherence", optics.coherence)
+    lens = replace(optics.lens, **changes)  # type: ignore[arg-type]  # by name
+    assert isinstance(coherence, float)
+    optics = replace(optics, lens=lens, coherence=coherence)
+    return replace(task, workcell=replace(task.workcell, optics=optics))
+
+
+def look(task: Task, name: str) -> Request:
+    states = unfold(task, Report())
+    found = [r for i in range(len(states)) for r in requests(task, states, i, None)]
+    return next(request for request in found if request.id == name)
+
+
+def test_an_unknown_distortion_is_charged_where_the_target_is(task: Task) -> None:
+    request = look(task, "see_fingers")
+    shape = needed_shape(task, request)
+    spot = spot_of(task, request, shape)
+    view = views(task, request, 6.9, Report())[0]
+    rows = {
+        row.effect: row
+        for row in lens_rows(task, request.state, shape, spot, view.microscope)
+    }
+    half_um = math.hypot(*view.microscope.field_um) / 2
+    x, y = spot.pose.x_um, spot.pose.y_um
+    left, low, right, high = shape.box_um
+    far_um = max(math.hypot(x + a, y + b) for a in (left, right) for b in (low, high))
+    row = rows["radial distortion"]
+    assert row.level == "charged from sigma"
+    assert row.sigma_nm == pytest.approx(1e3 * 0.001 * far_um**3 / half_um**2)
+    middle_um = math.hypot(x, y)
+    assert middle_sigma_um(task.workcell, view.microscope, spot) == pytest.approx(
+        0.001 * middle_um**3 / half_um**2
+    )
+
+
+def test_what_is_known_is_in_the_images(task: Task) -> None:
+    bent = with_optics(task, distortion=0.05)
+    request = look(bent, "find_shaft")
+    view = views(bent, request, 6.9, Report())[0]
+    case, _ = build_case(bent, request, view, 0.01)
+    assert case.lens == known_errors(bent.workcell)
+    assert case.lens.distortion_sigma == 0
+    seen = scene(case, 0.0, 0.0, 0.0)
+    assert lens_scene(seen, case.microscope, case.lens, 0.0) is not seen
+    straight, _ = build_case(task, look(task, "find_shaft"), view, 0.01)
+    seen = scene(straight, 0.0, 0.0, 0.0)
+    assert lens_scene(seen, straight.microscope, straight.lens, 0.0) is seen
+
+
+def test_a_held_part_stands_above_at_an_angle_that_trials_vary(task: Task) -> None:
+    found = {}
+    for name in ("find_gear", "bring_between", "over_shaft"):
+        request = look(task, name)
+        view = views(task, request, 6.9, Report())[0]
+        found[name] = build_case(task, request, view, 0.01)[0].spread.turning
+    gear = Turning(owner="gear", x_um=0.0, y_um=0.0, sigma_theta_rad=math.pi)
+    # nothing stands above the gear on the stage; fingers have their angle in their tips
+    assert found == {"find_gear": (), "bring_between": (), "over_shaft": (gear,)}
+
+
+def test_partly_coherent_light_moves_no_symmetric_middle(task: Task) -> None:
+    lit = with_optics(task, coherence=0.5)
+    scope = views(lit, look(lit, "find_gear"), 6.9, Report())[0].microscope
+    moved = {}
+    for name in ("find_gear", "gear_in_fingers", "find_shaft", "see_fingers"):
+        request = look(lit, name)
+        shape = needed_shape(lit, request)
+        moved[shape.kind] = middle_offset_um(lit, request.state, shape, scope)
+    assert moved["circle"] == moved["jaws"] == 0
+    # eighteen teeth and one notch: far less than an edge moves
+    assert 0 < moved["teeth"] < 0.02
+    request = look(task, "find_gear")
+    shape = needed_shape(task, request)
+    assert middle_offset_um(task, request.state, shape, scope) == 0
+
+
+def test_the_lamp_is_as_wide_as_the_workcell_says(task: Task) -> None:
+    scope = views(task, look(task, "find_gear"), 6.9, Report())[0].microscope
+    assert task.workcell.light.kind == "coaxial"
+    assert lamp_aperture(task.workcell, scope) == scope.aperture
+    narrow = with_optics(task, coherence=0.5).workcell
+    assert lamp_aperture(narrow, scope) == pytest.approx(0.5 * scope.aperture)
+    wide = with_optics(task, coherence=2.0).workcell
+    assert lamp_aperture(wide, scope) == scope.aperture  # the objective is its stop
+    blind = replace(scope, aperture=0.9)
+    assert (lamp_aperture(wide, blind) or 1) < 1  # below the index of air
+    ring = replace(task.workcell, light=replace(task.workcell.light, kind="ring"))
+    assert lamp_aperture(ring, scope) is None
+
+
+def test_layers_are_traced_only_where_that_keeps_the_limit(task: Task) -> None:
+    light = replace(task.workcell.light, kind="ring")
+    ring = replace(task, workcell=replace(task.workcell, light=light))
+    request = look(ring, "over_shaft")
+    view = views(ring, request, 6.9, Report())[0]
+    case, _ = build_case(ring, request, view, 0.5)
+    assert case.treatment == "blend"
+    seen = scene(case, 0.0, 0.0, 0.0)
+    off = 2 * ring.benchmark.focus_sigma_um
+    blend, occluded = (
+        max(
+            layer_error(
+                seen,
+                case.microscope,
+                focus_um=view.focus_um + z,
+                treatment=treatment,
+                window=view.region,
+            )
+            for z in (-off, 0.0, off)
+        )
+        for treatment in ("blend", "occluded")
+    )
+    assert occluded < blend
+    between, _ = build_case(ring, request, view, (occluded + blend) / 2)
+    below, _ = build_case(ring, request, view, occluded / 2)
+    lit, _ = build_case(task, request, view, 0.1)
+    assert between.treatment == "occluded"
+    assert below.treatment == "blend"
+    assert (lit.treatment, lit.lamp_aperture) == ("blend", view.microscope.aperture)
