@@ -10,7 +10,10 @@ from benchmarks.timing import python_s
 
 ROOT = Path(__file__).parents[1]
 TASK = ROOT / "examples" / "gear_on_shaft" / "task.yaml"
-_CALL = "import sys; from planner.cli.main import main; sys.exit(main(sys.argv[1:]))"
+_CALL = (
+    "import sys; from microplan.planner.cli.main import main; "
+    "sys.exit(main(sys.argv[1:]))"
+)
 
 
 def compile_s(

@@ -17,18 +17,18 @@ from typing import Any
 from reference_cli import program
 from reference_keys import key_tables, row
 
-import schemas
-from executor.cli.arguments import build_parser as run_parser
-from executor.devices.errors import CODES
-from planner.assembly.assembly import initial
-from planner.assembly.world import build_world
-from planner.cli.arguments import build_parser
-from planner.source.diagnostics import TITLES, Report
-from planner.source.source import parse
-from planner.task.read_task import load_task
-from schemas.codec import to_data
-from schemas.files.plan_schema import schema_of
-from schemas.files.world import World
+from microplan.executor.cli.arguments import build_parser as run_parser
+from microplan.executor.devices.errors import CODES
+from microplan.planner.assembly.assembly import initial
+from microplan.planner.assembly.world import build_world
+from microplan.planner.cli.arguments import build_parser
+from microplan.planner.source.diagnostics import TITLES, Report
+from microplan.planner.source.source import parse
+from microplan.planner.task.read_task import load_task
+from microplan.schemas.codec import to_data
+from microplan.schemas.files import json_schema
+from microplan.schemas.files.plan_schema import schema_of
+from microplan.schemas.files.world import World
 
 ROOT = Path(__file__).parents[1]
 FOLDER = ROOT / "docs" / "reference"
@@ -147,7 +147,7 @@ def _yaml(name: str) -> list[Any]:
 def _format(name: str, title: str, file: str, data: list[Any]) -> str:
     """Return the page on a format that has a schema."""
     text = f"Every key of `{file}`. `microplan schema {name}` prints the JSON Schema."
-    return _page(f"{title}: every key", text, schemas.load(name), data)
+    return _page(f"{title}: every key", text, json_schema.load(name), data)
 
 
 def _page(title: str, text: str, schema: Mapping[str, Any], data: list[Any]) -> str:

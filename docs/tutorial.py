@@ -12,19 +12,17 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from optics.outline.outline import Outline
-from optics.render.render import render
-from optics.render.scene import Layer, Scene, Window
-from optics.transfer.microscope import Microscope
-from planner.source.diagnostics import Report
-from planner.task.read_task import load_task
-
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray
+from microplan.optics.outline.outline import Outline
+from microplan.optics.render.render import render
+from microplan.optics.render.scene import Layer, Scene, Window
+from microplan.optics.transfer.microscope import Microscope
+from microplan.planner.source.diagnostics import Report
+from microplan.planner.task.read_task import load_task
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "optics-tutorial.md"

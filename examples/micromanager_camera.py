@@ -15,8 +15,8 @@ import cv2
 from mm_test_adapters import device_adapter_path
 from pymmcore_plus.experimental.unicore import UniMMCore
 
-from executor.micromanager.core import close_core
-from executor.micromanager.rendered_camera import Labels, RenderedCamera
+from microplan.executor.micromanager.core import close_core
+from microplan.executor.micromanager.rendered_camera import Labels, RenderedCamera
 
 
 def main() -> None:

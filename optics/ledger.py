@@ -5,19 +5,23 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from optics.coherence.coherence_bound import scene_error
-from optics.coherence.edge_offsets import (
+from microplan.optics.coherence.coherence_bound import scene_error
+from microplan.optics.coherence.edge_offsets import (
     EDGE_WAVES,
     amplitude_contrast,
     edge_offset_um,
 )
-from optics.coherence.unmodelled import FLAT_BAND, spectrum_error, vectorial_error
-from optics.layers.layer_error import LayerChoice
-from optics.layers.shading import SHADED_ERROR, shade_error
-from optics.lens.lens_budget import LensRow
-from optics.render.fidelity import Fidelity, rounded_up, steps
-from optics.render.scene import Layer, Scene, Window
-from optics.transfer.microscope import Microscope
+from microplan.optics.coherence.unmodelled import (
+    FLAT_BAND,
+    spectrum_error,
+    vectorial_error,
+)
+from microplan.optics.layers.layer_error import LayerChoice
+from microplan.optics.layers.shading import SHADED_ERROR, shade_error
+from microplan.optics.lens.lens_budget import LensRow
+from microplan.optics.render.fidelity import Fidelity, rounded_up, steps
+from microplan.optics.render.scene import Layer, Scene, Window
+from microplan.optics.transfer.microscope import Microscope
 
 CONTRAST, NM = "unit contrast", "nm"
 _NM_PER_UM = 1000.0
@@ -68,7 +72,8 @@ def ledger(
     imaged : Imaged
         The image.
     lens : sequence of LensRow
-        What the lens does to the target, see `optics.lens.lens_budget.predict`.
+        What the lens does to the target, see
+        `microplan.optics.lens.lens_budget.predict`.
     shift_limit_nm : float, optional
         How far the target may seem to move.
 

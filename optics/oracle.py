@@ -14,22 +14,20 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-import numpy.typing as npt
 from scipy.interpolate import CubicSpline
 
-from optics.layers.occlusion import Tracing, cell_um
-from optics.layers.rays import slopes
-from optics.outline.clip import Box, Edges, clip, to_edges
-from optics.outline.fourier_integral import transform
-from optics.outline.outline import Outline
-from optics.render.pixels import axis_px
-from optics.render.render import Covered
-from optics.render.scene import Scene, Window
-from optics.render.spectrum import Tile, band_orders
-from optics.transfer.microscope import Microscope
-from optics.transfer.models import find_model
-
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import Box, FloatArray
+from microplan.optics.layers.occlusion import Tracing, cell_um
+from microplan.optics.layers.rays import slopes
+from microplan.optics.outline.clip import Edges, clip, to_edges
+from microplan.optics.outline.fourier_integral import transform
+from microplan.optics.outline.outline import Outline
+from microplan.optics.render.pixels import axis_px
+from microplan.optics.render.render import Covered
+from microplan.optics.render.scene import Scene, Window
+from microplan.optics.render.spectrum import Tile, band_orders
+from microplan.optics.transfer.microscope import Microscope
+from microplan.optics.transfer.models import find_model
 
 # Where a body reaches far beyond the window it is cut at this distance, in wavelengths
 # over A: an endless edge cut there costs (wavelength / A) / (pi**3 d) = 1.5e-4.
@@ -122,8 +120,8 @@ class Oracle:
         Parameters
         ----------
         laws : sequence of (model, z_um)
-            A key of `optics.transfer.models.MODELS` each, and the height of the body
-            minus that of the plane in focus, um. Every law ends at the cutoff.
+            A key of `microplan.optics.transfer.models.MODELS` each, and the height of
+            the body minus that of the plane in focus, um. Every law ends at the cutoff.
 
         Returns
         -------
@@ -176,7 +174,7 @@ def oracle_image(
     Parameters
     ----------
     scene, microscope, focus_um, model, window
-        As in `optics.layers.occlusion.occluded`, whose formula this is.
+        As in `microplan.optics.layers.occlusion.occluded`, whose formula this is.
     samples : int
         Rays through each cell.
     step_um : float, optional
@@ -187,7 +185,7 @@ def oracle_image(
     (rows, columns) float64 array
         Share of full scale. Layers blurred by the law come from `Oracle`. What rays
         and cells cost: `benchmarks.optics.layers`; what rays lack:
-        `optics.layers.layer_error`.
+        `microplan.optics.layers.layer_error`.
     """
     frame = window or _full(microscope)
 

@@ -19,9 +19,13 @@ import mpmath  # type: ignore[import-untyped]  # has no stubs
 import numpy as np
 
 from benchmarks.figures import Benchmark, Figure, Options
-from planner.budget.insertion import Insertion
-from planner.budget.probability.fit_probability import Fit, Residual, miss_probability
-from schemas.plan import BudgetRow
+from microplan.planner.budget.insertion import Insertion
+from microplan.planner.budget.probability.fit_probability import (
+    Fit,
+    Residual,
+    miss_probability,
+)
+from microplan.schemas.plan import BudgetRow
 
 CASES = 60
 SAMPLES = 1_000_000

@@ -7,10 +7,10 @@ from collections.abc import Iterator
 from benchmarks.example import TASK
 from benchmarks.figures import Benchmark, Figure, Options
 from benchmarks.timing import best_s, once_s, python_s
-from planner.drawings.dxf.drawing import load_drawing
-from planner.source.diagnostics import Report, Span
-from planner.task.read_task import load_task
-from planner.task.second_reader import MAX_ITEMS, compare, read_twice
+from microplan.planner.drawings.dxf.drawing import load_drawing
+from microplan.planner.source.diagnostics import Report, Span
+from microplan.planner.task.read_task import load_task
+from microplan.planner.task.second_reader import MAX_ITEMS, compare, read_twice
 
 REPEATS = 15
 NAMES = (
@@ -23,8 +23,8 @@ NAMES = (
 
 def _measure(_options: Options) -> Iterator[Figure]:
     calls = (
-        ["-c", "import executor.cli.main"],
-        ["-m", "planner.cli.main", "check", str(TASK)],
+        ["-c", "import microplan.executor.cli.main"],
+        ["-m", "microplan.planner.cli.main", "check", str(TASK)],
         ["-c", "import numpy"],
     )
     # taken in turns, so that a busy moment meets all

@@ -17,13 +17,13 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.figures import Benchmark, Figure, Options
-from featuresel.selection.constraints import Constraints
-from featuresel.selection.evaluate import Contest
-from planner.plan.compiler import compile_task
-from planner.plan.options import Options as Asked
-from planner.source.diagnostics import Report
-from planner.store.memo import Memo
-from planner.task.read_task import load_task
+from microplan.featuresel.selection.constraints import Constraints
+from microplan.featuresel.selection.evaluate import Contest
+from microplan.planner.plan.compiler import compile_task
+from microplan.planner.plan.options import Options as Asked
+from microplan.planner.source.diagnostics import Report
+from microplan.planner.store.memo import Memo
+from microplan.planner.task.read_task import load_task
 
 ROOT = Path(__file__).parents[2]
 EXAMPLE = ROOT / "examples" / "gear_on_shaft" / "task.yaml"

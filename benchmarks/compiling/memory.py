@@ -7,9 +7,9 @@ import tracemalloc
 from collections.abc import Iterator
 
 from benchmarks.figures import Benchmark, Figure, Options
-from featuresel.selection.race import Race, race
-from featuresel.trials.trial_cache import Known
-from featuresel.trials.trials import prepare
+from microplan.featuresel.selection.race import Race, race
+from microplan.featuresel.trials.trial_cache import Known
+from microplan.featuresel.trials.trials import prepare
 from tests.featuresel.conftest import CASES
 
 CHAIN = ("otsu",)

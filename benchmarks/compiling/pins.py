@@ -13,19 +13,19 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from planner.assembly.assembly import owner_of
-from planner.assembly.mating import mating_of
-from planner.assembly.step_states import unfold
-from planner.budget.budget import Sighted
-from planner.budget.control import method_of, tolerance_um
-from planner.budget.insert_budget import insert_budget, share_of_goal
-from planner.budget.insertion_problem import insertion_of
-from planner.budget.measurement_history import Memory
-from planner.budget.step_budget import left_of
-from planner.source.diagnostics import Report
-from planner.task.read_task import load_task
-from planner.task.task import Task
-from schemas.plan import Budget, Plan, parse_plan
+from microplan.planner.assembly.assembly import owner_of
+from microplan.planner.assembly.mating import mating_of
+from microplan.planner.assembly.step_states import unfold
+from microplan.planner.budget.budget import Sighted
+from microplan.planner.budget.control import method_of, tolerance_um
+from microplan.planner.budget.insert_budget import insert_budget, share_of_goal
+from microplan.planner.budget.insertion_problem import insertion_of
+from microplan.planner.budget.measurement_history import Memory
+from microplan.planner.budget.step_budget import left_of
+from microplan.planner.source.diagnostics import Report
+from microplan.planner.task.read_task import load_task
+from microplan.planner.task.task import Task
+from microplan.schemas.plan import Budget, Plan, parse_plan
 
 ROOT = Path(__file__).parents[2]
 TASK = ROOT / "examples" / "gear_on_shaft" / "task.yaml"

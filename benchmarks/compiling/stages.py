@@ -21,30 +21,30 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-import optics
 from benchmarks.example import TASK
 from benchmarks.figures import Benchmark, Figure, Options
 from benchmarks.optics.rendering import floor_ms
 from benchmarks.share import Share
+from microplan import optics
 
 PRESETS = ("fast", "balanced")
 # stage -> where the function that does it is called from; none calls another, but that
 # trial_images is a part of trials
 STAGES: Mapping[str, tuple[str, str]] = {
     "scene": (
-        "planner.looks.look_problem",
+        "microplan.planner.looks.look_problem",
         "build_case",
     ),  # and how well it has to be rendered
-    "prepare": ("featuresel.selection.evaluate", "prepare"),
-    "trials": ("featuresel.selection.evaluate", "race"),
-    "trial_images": ("featuresel.trials.trials", "counts"),
-    "limit": ("featuresel.selection.evaluate", "limit_um"),
-    "usable_range": ("planner.looks.look_record", "usable_range"),
-    "bias": ("planner.looks.look_record", "predict_bias"),
-    "drifts": ("planner.budget.allowable_errors", "_reach"),
-    "pictures": ("planner.looks.look_record", "reference_image"),
+    "prepare": ("microplan.featuresel.selection.evaluate", "prepare"),
+    "trials": ("microplan.featuresel.selection.evaluate", "race"),
+    "trial_images": ("microplan.featuresel.trials.trials", "counts"),
+    "limit": ("microplan.featuresel.selection.evaluate", "limit_um"),
+    "usable_range": ("microplan.planner.looks.look_record", "usable_range"),
+    "bias": ("microplan.planner.looks.look_record", "predict_bias"),
+    "drifts": ("microplan.planner.budget.allowable_errors", "_reach"),
+    "pictures": ("microplan.planner.looks.look_record", "reference_image"),
 }
-RENDERERS = ("shaded", "occluded")  # of `featuresel.look.scenario`
+RENDERERS = ("shaded", "occluded")  # of `microplan.featuresel.look.scenario`
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,8 +89,8 @@ def main(argv: Sequence[str]) -> int:
     for stage, (module, name) in STAGES.items():
         _replace(module, name, partial(_timed, stages, stage))
     for name in RENDERERS:
-        _replace("featuresel.look.scenario", name, partial(_counted, images))
-    cli = importlib.import_module("planner.cli.main")
+        _replace("microplan.featuresel.look.scenario", name, partial(_counted, images))
+    cli = importlib.import_module("microplan.planner.cli.main")
     plan = str(Path(folder) / "example.plan")
     call = ["compile", str(TASK), "-o", plan, "--preset", preset, "--no-cache"]
     share = Share(package=optics)

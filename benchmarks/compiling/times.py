@@ -28,7 +28,10 @@ from benchmarks.timing import best_s, python_s
 STEP = ("task.yaml", "within_um: 2.9", "within_um: 2.8")
 STEP_ID = "check_seated"  # of others a tolerance may decide what looks before must meet
 PART = ("task.yaml", "reflectance: 0.80", "reflectance: 0.78")
-_CALL = "import sys; from planner.cli.main import main; sys.exit(main(sys.argv[1:]))"
+_CALL = (
+    "import sys; from microplan.planner.cli.main import main; "
+    "sys.exit(main(sys.argv[1:]))"
+)
 _KIB = 1024  # `ru_maxrss` is in KiB on Linux
 _REPEATS = 5
 

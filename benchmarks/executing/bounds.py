@@ -8,9 +8,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from featuresel.limits.place_limit import place_limits_um
-from featuresel.look.scenario import LookCase
-from featuresel.routines import Artifact
+from microplan.featuresel.limits.place_limit import place_limits_um
+from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.routines.contract import Artifact
 
 FRAMES = 16  # a square, so that their mean is like a picture of whole bits
 _ROOT = math.isqrt(FRAMES)

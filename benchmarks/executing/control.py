@@ -17,21 +17,22 @@ from benchmarks.example import compile_s, given
 from benchmarks.executing.looks import Fine, fine_looks
 from benchmarks.figures import Benchmark, Figure, Options
 from benchmarks.rivals import null_routine
-from executor.devices.drivers import AxisReading, Counts, Frame
-from executor.devices.errors import ExecutorError
-from executor.devices.safety import AXES
-from executor.motion.beliefs import Beliefs
-from executor.record.frames import Frames
-from executor.record.journal import Journal
-from executor.run.artifacts import Artifacts
-from executor.run.run_context import Rig
-from executor.run.servo import align
-from executor.simulated.cell import build_cell
-from executor.simulated.hub import read_world
-from featuresel.look.design import design
-from featuresel.look.perturb import image
-from featuresel.routines import REGISTRY, Artifact
-from schemas.plan import (
+from microplan.executor.devices.drivers import AxisReading, Counts, Frame
+from microplan.executor.devices.errors import ExecutorError
+from microplan.executor.devices.safety import AXES
+from microplan.executor.motion.beliefs import Beliefs
+from microplan.executor.record.frames import Frames
+from microplan.executor.record.journal import Journal
+from microplan.executor.run.artifacts import Artifacts
+from microplan.executor.run.run_context import Rig
+from microplan.executor.run.servo import align
+from microplan.executor.simulated.cell import build_cell
+from microplan.executor.simulated.hub import read_world
+from microplan.featuresel.look.design import design
+from microplan.featuresel.look.perturb import image
+from microplan.featuresel.routines.contract import Artifact
+from microplan.featuresel.routines.registry import REGISTRY
+from microplan.schemas.plan import (
     AlignAction,
     Control,
     Look,

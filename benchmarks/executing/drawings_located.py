@@ -14,9 +14,9 @@ from statistics import median
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from executor.cli.main import main as run_main
-from planner.cli.main import main as plan_main
-from schemas.plan import Plan, parse_plan
+from microplan.executor.cli.main import main as run_main
+from microplan.planner.cli.main import main as plan_main
+from microplan.schemas.plan import Plan, parse_plan
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "gear_on_shaft"
 SEEDS = range(1, 6)

@@ -11,9 +11,9 @@ import tomllib
 from collections.abc import Callable, Iterator
 
 from benchmarks.figures import Benchmark, Figure, Options
-from executor.micromanager.hub import hub
-from executor.serial.devices import Controller
-from executor.simulated.controller import FakeController
+from microplan.executor.micromanager.hub import hub
+from microplan.executor.serial.devices import Controller
+from microplan.executor.simulated.controller import FakeController
 
 COUNT = 300  # calls; the median is told
 EXPOSURE_MS = 10.0
@@ -59,7 +59,7 @@ core.setXYPosition("XY", 1e5, 0.0)
 """
 CLOSED = f"""
 import tomllib
-from executor.micromanager.hub import hub
+from microplan.executor.micromanager.hub import hub
 found = hub(**tomllib.loads({DEVICES!r}))
 found.core.setXYPosition("XY", 1e5, 0.0)
 """

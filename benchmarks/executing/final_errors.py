@@ -7,11 +7,10 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from scipy.optimize import brentq
 from scipy.stats import beta, binom
 
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray
 
 CONFIDENCE = 0.95
 DRAWS = 1_000_000  # a quantile's own noise is then below .3 % of it

@@ -6,18 +6,19 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from benchmarks.example import TASK
-from featuresel.look.scenario import LookCase
-from featuresel.routines import Artifact, load
-from featuresel.trials.chains import Chain, chains
-from featuresel.trials.trials import prepare
-from planner.assembly.step_states import unfold
-from planner.looks.scenario import build_case
-from planner.source.diagnostics import Report
-from planner.task.read_task import load_task
-from planner.task.task import Task
-from planner.views.requests import Request, requests
-from planner.views.target_views import views
-from schemas.plan import Gates, Look, Plan, RoutineUse
+from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.routines.contract import Artifact
+from microplan.featuresel.routines.registry import load
+from microplan.featuresel.trials.chains import Chain, chains
+from microplan.featuresel.trials.trials import prepare
+from microplan.planner.assembly.step_states import unfold
+from microplan.planner.looks.scenario import build_case
+from microplan.planner.source.diagnostics import Report
+from microplan.planner.task.read_task import load_task
+from microplan.planner.task.task import Task
+from microplan.planner.views.requests import Request, requests
+from microplan.planner.views.target_views import views
+from microplan.schemas.plan import Gates, Look, Plan, RoutineUse
 
 FINE = "likelihood"
 MAX_IMAGE_ERROR = 0.002  # the example's own

@@ -17,21 +17,21 @@ from benchmarks.example import compile_s, given
 from benchmarks.executing.bounds import FRAMES, for_means, limit_p95_um
 from benchmarks.executing.looks import Fine, fine_looks
 from benchmarks.figures import Benchmark, Figure, Options
-from executor.devices.drivers import Camera, Counts, Frame
-from executor.motion.beliefs import Beliefs
-from executor.record.frames import Frames
-from executor.record.journal import Journal
-from executor.run.artifacts import Artifacts
-from executor.run.run import run_plan
-from executor.run.run_context import Rig
-from executor.simulated.cell import Cell, build_cell
-from executor.simulated.hub import read_world
-from featuresel.routines import Failure, Guess
-from featuresel.routines.chain import measure_chain
-from optics.lens.displacement import displaced
-from optics.transfer.microscope import Microscope
-from schemas.files.world import World, WorldAxes
-from schemas.plan import Look, Plan, Region, Step, VerifyAction, parse_plan
+from microplan.executor.devices.drivers import Camera, Counts, Frame
+from microplan.executor.motion.beliefs import Beliefs
+from microplan.executor.record.frames import Frames
+from microplan.executor.record.journal import Journal
+from microplan.executor.run.artifacts import Artifacts
+from microplan.executor.run.run import run_plan
+from microplan.executor.run.run_context import Rig
+from microplan.executor.simulated.cell import Cell, build_cell
+from microplan.executor.simulated.hub import read_world
+from microplan.featuresel.routines.chain import measure_chain
+from microplan.featuresel.routines.contract import Failure, Guess
+from microplan.optics.lens.displacement import displaced
+from microplan.optics.transfer.microscope import Microscope
+from microplan.schemas.files.world import World, WorldAxes
+from microplan.schemas.plan import Look, Plan, Region, Step, VerifyAction, parse_plan
 
 SHARE = 0.95
 RUNS = 60  # of the seeds given, at most

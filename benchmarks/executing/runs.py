@@ -23,7 +23,7 @@ from benchmarks.executing.final_errors import (
     share_bounds,
 )
 from benchmarks.figures import Benchmark, Figure, Options
-from executor.cli.main import main as run_main
+from microplan.executor.cli.main import main as run_main
 
 SHARE = 0.95
 # Tamadazte, Arnould, Dembele, Lefort-Piat & Marchand (AIM 2009): 41 s an assembly and a

@@ -17,20 +17,20 @@ import numpy as np
 
 from benchmarks.figures import Benchmark, Figure, Options
 from benchmarks.localisation.scenes import gear
-from executor.devices.errors import ExecutorError
-from executor.motion.beliefs import Beliefs
-from executor.record.frames import Frames
-from executor.record.journal import Journal
-from executor.run.artifacts import Artifacts
-from executor.run.focus_sweep import Height, height_by_pair, height_by_sweep
-from executor.run.measure_target import Sighting
-from executor.run.run_context import Rig
-from executor.simulated.cell import Cell, build_cell
-from featuresel.look.nominal import nominal_render
-from featuresel.routines import Artifact
-from featuresel.routines.likelihood import defocus_pair
-from schemas.plan import HeightSearch, Look, Region
-from schemas.pose import Pose
+from microplan.executor.devices.errors import ExecutorError
+from microplan.executor.motion.beliefs import Beliefs
+from microplan.executor.record.frames import Frames
+from microplan.executor.record.journal import Journal
+from microplan.executor.run.artifacts import Artifacts
+from microplan.executor.run.focus_sweep import Height, height_by_pair, height_by_sweep
+from microplan.executor.run.measure_target import Sighting
+from microplan.executor.run.run_context import Rig
+from microplan.executor.simulated.cell import Cell, build_cell
+from microplan.featuresel.look.nominal import nominal_render
+from microplan.featuresel.routines.contract import Artifact
+from microplan.featuresel.routines.likelihood import defocus_pair
+from microplan.schemas.plan import HeightSearch, Look, Region
+from microplan.schemas.pose import Pose
 from tests.executor.bench import plan_of, world
 from tests.executor.disc import look as disc_look
 

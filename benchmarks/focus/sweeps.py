@@ -13,18 +13,21 @@ from dataclasses import dataclass
 from functools import cache, partial
 
 import numpy as np
-import numpy.typing as npt
 
 from benchmarks.figures import Benchmark, Figure, Options
 from benchmarks.focus.truth import LAWS, PARTS, SENSOR, limit_um, noisy, still, sweep
-from featuresel.routines import Camera, Failure
-from featuresel.routines.focus.focus import FITS, MEASURE
-from featuresel.routines.focus.measures import MEASURES
-from featuresel.routines.focus.mirror import mirror_error_um, mirror_peak
-from featuresel.routines.focus.peak import FocusPeak
-from featuresel.routines.focus.sweep import FocusCurve, Sweep, focus_curve, plan_sweep
-
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray
+from microplan.featuresel.routines.contract import Camera, Failure
+from microplan.featuresel.routines.focus.focus import FITS, MEASURE
+from microplan.featuresel.routines.focus.measures import MEASURES
+from microplan.featuresel.routines.focus.mirror import mirror_error_um, mirror_peak
+from microplan.featuresel.routines.focus.peak import FocusPeak
+from microplan.featuresel.routines.focus.sweep import (
+    FocusCurve,
+    Sweep,
+    focus_curve,
+    plan_sweep,
+)
 
 STEPS_UM = (5, 2)
 FIT = "mirror"  # the default

@@ -12,16 +12,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
-from optics.lens.sensor import Sensor, expose, to_unit
-from optics.outline.outline import Outline, place
-from optics.render.render import render_stack
-from optics.render.scene import Layer, Scene, Window
-from optics.transfer.microscope import Microscope
+from microplan.arrays import FloatArray
+from microplan.optics.lens.sensor import Sensor, expose, to_unit
+from microplan.optics.outline.outline import Outline, place
+from microplan.optics.render.render import render_stack
+from microplan.optics.render.scene import Layer, Scene, Window
+from microplan.optics.transfer.microscope import Microscope
 from tests.optics.shapes import disc, gear
-
-FloatArray = npt.NDArray[np.float64]
 
 LAWS = ("exact", "stokseth")
 SENSOR = Sensor(full_well_e=10_000, read_noise_e=10, bits=8)

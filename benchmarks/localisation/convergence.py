@@ -108,7 +108,7 @@ def _pair(unit: Unit) -> tuple[Unit, Part]:
 def _modules(way: str) -> tuple[str, str]:
     """Return the modules whose code a result depends on."""
     module, routine = _CODE[way]
-    return module.__name__, f"featuresel.routines.{routine}"
+    return module.__name__, f"microplan.featuresel.routines.{routine}"
 
 
 def _part(value: dict[str, Any]) -> Part:

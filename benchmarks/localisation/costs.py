@@ -16,17 +16,12 @@ import numpy as np
 
 from benchmarks.figures import Benchmark, Figure, Options
 from benchmarks.timing import cpu_s
-from featuresel.look.nominal import nominal_render
-from featuresel.look.scenario import LookCase
-from featuresel.routines import (
-    FRAME_PX,
-    REGISTRY,
-    Failure,
-    FloatArray,
-    Guess,
-    load,
-)
-from optics.render.scene import Window
+from microplan.arrays import FloatArray
+from microplan.featuresel.look.nominal import nominal_render
+from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.routines.contract import FRAME_PX, Failure, Guess
+from microplan.featuresel.routines.registry import REGISTRY, load
+from microplan.optics.render.scene import Window
 from tests.featuresel.conftest import CASES, noisy, on_target
 
 ZOOMS = (1.0, 2.0)

@@ -21,13 +21,13 @@ from benchmarks.localisation.trials import (
     summed,
     timed,
 )
-from featuresel.limits.crlb import camera_of, fisher
-from featuresel.limits.information import limit
-from featuresel.look.nominal import nominal_render
-from featuresel.look.scenario import LookCase
-from featuresel.look.sensitivity import Setting, sensitivities
-from featuresel.routines import Artifact, Failure
-from featuresel.routines.likelihood import defocus_pair
+from microplan.featuresel.limits.crlb import camera_of, fisher
+from microplan.featuresel.limits.information import limit
+from microplan.featuresel.look.nominal import nominal_render
+from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.look.sensitivity import Setting, sensitivities
+from microplan.featuresel.routines.contract import Artifact, Failure
+from microplan.featuresel.routines.likelihood import defocus_pair
 
 PAIR_UM = 10.0  # on both sides of the height that a pair is taken for
 OFFSETS_UM = (-PAIR_UM, PAIR_UM)

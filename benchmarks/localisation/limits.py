@@ -7,24 +7,24 @@ from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
 
-from featuresel.limits.crlb import camera_of, fisher, informative
-from featuresel.limits.information import limit
-from featuresel.limits.nuisances import prices
-from featuresel.limits.resolution import (
+from microplan.featuresel.limits.crlb import camera_of, fisher, informative
+from microplan.featuresel.limits.information import limit
+from microplan.featuresel.limits.nuisances import prices
+from microplan.featuresel.limits.resolution import (
     contrast,
     depth_of_field,
     limit_curve,
     spurious_um,
 )
-from featuresel.look.scenario import LookCase
-from featuresel.look.sensitivity import (
+from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.look.sensitivity import (
     LIGHT,
     POSE,
     Sensitivities,
     Setting,
     sensitivities,
 )
-from optics.render.scene import Window
+from microplan.optics.render.scene import Window
 from tests.featuresel.conftest import find_gear, post_alone
 
 HEIGHTS = (0.0, 0.3, 10.0, 25.0, 50.0)

@@ -11,16 +11,16 @@ from pathlib import Path
 
 import numpy as np
 
-from featuresel.look.nominal import nominal_render
-from featuresel.look.scenario import LookCase
-from featuresel.routines import Artifact, Failure, Guess
-from featuresel.routines.contour import match as contour_match
-from planner.assembly.step_states import unfold
-from planner.looks.scenario import build_case
-from planner.source.diagnostics import Report
-from planner.task.read_task import load_task
-from planner.views.requests import requests
-from planner.views.target_views import views
+from microplan.featuresel.look.nominal import nominal_render
+from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.routines.contour import match as contour_match
+from microplan.featuresel.routines.contract import Artifact, Failure, Guess
+from microplan.planner.assembly.step_states import unfold
+from microplan.planner.looks.scenario import build_case
+from microplan.planner.source.diagnostics import Report
+from microplan.planner.task.read_task import load_task
+from microplan.planner.views.requests import requests
+from microplan.planner.views.target_views import views
 
 TASK = Path(__file__).parents[2] / "examples" / "laser_die" / "task.yaml"
 STEP = "see_fingers"

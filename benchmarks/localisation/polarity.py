@@ -14,20 +14,18 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from benchmarks.figures import Benchmark, Figure, Options
 from benchmarks.selection.random_parts import random_case
-from featuresel.look.nominal import nominal_render
-from featuresel.look.scenario import LookCase
-from featuresel.routines.contour.polarity import place, predict
-from featuresel.routines.sampling import cubic
-from optics.oracle import Oracle
-from optics.outline.outline import place as placed
-from optics.render.scene import Window
-from optics.transfer.microscope import Microscope
-
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray
+from microplan.featuresel.look.nominal import nominal_render
+from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.routines.contour.polarity import place, predict
+from microplan.featuresel.routines.sampling import cubic
+from microplan.optics.oracle import Oracle
+from microplan.optics.outline.outline import place as placed
+from microplan.optics.render.scene import Window
+from microplan.optics.transfer.microscope import Microscope
 
 PARTS = 200
 _SEED = 7

@@ -33,16 +33,12 @@ from benchmarks.localisation.trials import (
     near,
     timed,
 )
-from featuresel.look.nominal import nominal_render
-from featuresel.look.reference_point import along
-from featuresel.look.scenario import LookCase
-from featuresel.routines import (
-    Artifact,
-    Failure,
-    Guess,
-    load,
-)
-from featuresel.trials.trials import start
+from microplan.featuresel.look.nominal import nominal_render
+from microplan.featuresel.look.reference_point import along
+from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.routines.contract import Artifact, Failure, Guess
+from microplan.featuresel.routines.registry import load
+from microplan.featuresel.trials.trials import start
 
 FEWEST = 30  # trials a point of the slowest routine
 WORK = 1500.0  # by the cost model, that a routine may take for all trials of a point

@@ -11,18 +11,18 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
-from featuresel.look.scenario import LookCase
-from featuresel.look.sensitivity import Setting
-from featuresel.routines import TargetKind
-from optics.lens.sensor import expose, to_unit
-from optics.outline.outline import Outline, Ring, place
-from optics.render.prepared_scene import Prepared, prepare
-from optics.render.sampling import Sampling
-from optics.render.scene import Illumination, Layer, Scene, Window
-from optics.render.view_range import Range
-from optics.transfer.microscope import Microscope
+from microplan.arrays import FloatArray
+from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.look.sensitivity import Setting
+from microplan.featuresel.routines.contract import TargetKind
+from microplan.optics.lens.sensor import expose, to_unit
+from microplan.optics.outline.outline import Outline, Ring, place
+from microplan.optics.render.prepared_scene import Prepared, prepare
+from microplan.optics.render.sampling import Sampling
+from microplan.optics.render.scene import Illumination, Layer, Scene, Window
+from microplan.optics.render.view_range import Range
+from microplan.optics.transfer.microscope import Microscope
 from tests.featuresel.conftest import (
     GEAR,
     JAWS,
@@ -36,8 +36,6 @@ from tests.featuresel.conftest import (
     post_layer,
 )
 from tests.featuresel.conftest import bracket as bracket_case
-
-FloatArray = npt.NDArray[np.float64]
 
 FOCUS_SIGMA_UM = 9.0  # three of them hold 25 um, the farthest that is measured
 ZOOM = 0.05  # largest relative error

@@ -31,7 +31,7 @@ from benchmarks.localisation.record import (  # noqa: E402
 )
 from benchmarks.localisation.rows import LIMIT, Row, rows  # noqa: E402
 from benchmarks.localisation.scenes import ACROSS, SCENES  # noqa: E402
-from featuresel.routines import REGISTRY, load  # noqa: E402
+from microplan.featuresel.routines.registry import REGISTRY, load  # noqa: E402
 
 TRIALS = 100
 SHOWN = ("plain", "all")

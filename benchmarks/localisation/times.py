@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 from scipy import fft
 
 from benchmarks.localisation.scenes import draws, gear
@@ -19,11 +18,10 @@ from benchmarks.localisation.trials import (
     timed,
 )
 from benchmarks.timing import cpu_s
-from featuresel.routines import Artifact, Failure, Guess, Measurement
-from featuresel.routines.chain import measure_chain
-from featuresel.trials.trials import start
-
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray
+from microplan.featuresel.routines.chain import measure_chain
+from microplan.featuresel.routines.contract import Artifact, Failure, Guess, Measurement
+from microplan.featuresel.trials.trials import start
 
 _Z_UM = 2.0
 _TIMED = 60

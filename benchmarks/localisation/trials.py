@@ -16,7 +16,6 @@ from typing import TypeVar
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from benchmarks.localisation.scenes import (
     SCENES,
@@ -26,17 +25,23 @@ from benchmarks.localisation.scenes import (
     free_names,
 )
 from benchmarks.timing import cpu_s
-from featuresel.limits.crlb import camera_of, fisher
-from featuresel.limits.information import limit
-from featuresel.look.nominal import nominal_render
-from featuresel.look.scenario import LookCase
-from featuresel.look.sensitivity import POSE, Sensitivities, Setting, sensitivities
-from featuresel.routines import Artifact, Failure, Guess, Measurement, load
-from featuresel.routines.chain import measure_chain
-from optics.render.layer_blending import light_up
-from optics.render.scene import Illumination
+from microplan.arrays import FloatArray
+from microplan.featuresel.limits.crlb import camera_of, fisher
+from microplan.featuresel.limits.information import limit
+from microplan.featuresel.look.nominal import nominal_render
+from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.look.sensitivity import (
+    POSE,
+    Sensitivities,
+    Setting,
+    sensitivities,
+)
+from microplan.featuresel.routines.chain import measure_chain
+from microplan.featuresel.routines.contract import Artifact, Failure, Guess, Measurement
+from microplan.featuresel.routines.registry import load
+from microplan.optics.render.layer_blending import light_up
+from microplan.optics.render.scene import Illumination
 
-FloatArray = npt.NDArray[np.float64]
 T = TypeVar("T")
 
 SEED = 7

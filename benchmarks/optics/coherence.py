@@ -8,22 +8,20 @@ from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 
 from benchmarks.figures import Benchmark, Figure, Options
 from benchmarks.optics.edge_table import edge_row
 from benchmarks.timing import cpu_s
-from optics.coherence.coherence import render_coherent
-from optics.coherence.coherence_bound import scene_error
-from optics.coherence.edge_offsets import coherence_error, edge_offset_um
-from optics.coherence.source import SAMPLES, source_error
-from optics.outline.outline import Outline
-from optics.render.render import render
-from optics.render.scene import Layer, Scene, Window
-from optics.transfer.microscope import Microscope
+from microplan.arrays import FloatArray
+from microplan.optics.coherence.coherence import render_coherent
+from microplan.optics.coherence.coherence_bound import scene_error
+from microplan.optics.coherence.edge_offsets import coherence_error, edge_offset_um
+from microplan.optics.coherence.source import SAMPLES, source_error
+from microplan.optics.outline.outline import Outline
+from microplan.optics.render.render import render
+from microplan.optics.render.scene import Layer, Scene, Window
+from microplan.optics.transfer.microscope import Microscope
 from tests.optics.shapes import circle, disc, gear, microscope, one_layer, rectangle
-
-FloatArray = npt.NDArray[np.float64]
 
 # Between the nodes of the table: middles, and either side of the bend at 1
 BETWEEN = (0.05, 0.25, 0.55, 0.85, 0.975, 1.025, 1.15, 1.35, 1.75, 2.5, 6.0)

@@ -12,20 +12,18 @@ from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq
 
 from benchmarks.figures import Options
-from optics.transfer.otf import hopkins
+from microplan.arrays import FloatArray
+from microplan.optics.transfer.otf import hopkins
 from tests.optics.coherence.coherent_edge import (
     EdgeImage,
     abbe_edge,
     no_phase,
     quadratic,
 )
-
-FloatArray = npt.NDArray[np.float64]
 
 TABLE = Path(__file__).parents[2] / "optics" / "coherence" / "edge_table.py"
 COHERENCE = (

@@ -2,8 +2,9 @@
 
 Measured against the exact phase for W20 of .01 to 1000 waves and A of .05 to .95 n:
 in the transfer, and in images of unit contrast of shapes of every size (a straight
-edge, slots, discs, gratings), next to what `optics.transfer.model_error` predicts for
-any shape. Maps go to `build/error_maps`, as numbers (csv) and as pictures (png).
+edge, slots, discs, gratings), next to what `microplan.optics.transfer.model_error`
+predicts for any shape. Maps go to `build/error_maps`, as numbers (csv) and as pictures
+(png).
 """
 
 from __future__ import annotations
@@ -13,7 +14,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 from scipy.special import j1
 
 from benchmarks.figures import Benchmark, Figure, Options
@@ -28,11 +28,11 @@ from benchmarks.optics.law_bounds import (
     setting,
 )
 from benchmarks.optics.map_pictures import Grid, draw_laws, draw_tables, save_csv
-from optics.transfer.microscope import Microscope
-from optics.transfer.model_error import law_error
-from optics.transfer.models import MODELS, TABLE_ERROR, tabulate, transfer
+from microplan.arrays import FloatArray
+from microplan.optics.transfer.microscope import Microscope
+from microplan.optics.transfer.model_error import law_error
+from microplan.optics.transfer.models import MODELS, TABLE_ERROR, tabulate, transfer
 
-FloatArray = npt.NDArray[np.float64]
 Maps = dict[str, FloatArray]  # (waves, steepness), by "law.kind" or by model
 
 FOLDER = Path(__file__).parents[2] / "build" / "error_maps"

@@ -15,15 +15,13 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 from scipy import fft
 from scipy.interpolate import CubicSpline
 from scipy.special import j0
 
-from optics.transfer.microscope import Microscope
-from optics.transfer.models import MODELS
-
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray
+from microplan.optics.transfer.microscope import Microscope
+from microplan.optics.transfer.models import MODELS
 
 TARGET = Path(__file__).parents[2] / "optics" / "transfer" / "model_error_table.py"
 LAWS = tuple(model for model in MODELS if model != "exact")

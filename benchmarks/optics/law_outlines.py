@@ -13,19 +13,17 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from benchmarks.figures import Benchmark, Figure, Options
 from benchmarks.optics.law_bounds import LAWS
-from optics.outline.outline import Outline, place
-from optics.render.render import render
-from optics.render.sampling import Sampling
-from optics.transfer.microscope import Microscope
-from optics.transfer.model_error import law_error
-from optics.transfer.models import TABLE_ERROR
+from microplan.optics.outline.outline import Outline, place
+from microplan.optics.render.render import render
+from microplan.optics.render.sampling import Sampling
+from microplan.optics.transfer.microscope import Microscope
+from microplan.optics.transfer.model_error import law_error
+from microplan.optics.transfer.models import TABLE_ERROR
 from tests.optics.shapes import circle, disc, gear, one_layer, polygon, rectangle
 
-FloatArray = npt.NDArray[np.float64]
 Draw = Callable[[np.random.Generator, float], Outline]
 
 COUNT = 500

@@ -1,7 +1,7 @@
 """How far blending and traced rays are from a wave calculation, for edges and bars.
 
-The constants of `optics.layers.layer_error` are the largest values found here, rounded
-up.
+The constants of `microplan.optics.layers.layer_error` are the largest values found
+here, rounded up.
 """
 
 from __future__ import annotations
@@ -11,21 +11,20 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 from scipy import fft
 
 from benchmarks.figures import Figure
-from optics.layers.layer_error import layer_error
-from optics.layers.occlusion import occluded
-from optics.outline.outline import Outline
-from optics.render.render import render
-from optics.render.scene import Layer, Scene
-from optics.transfer.microscope import Microscope
-from optics.transfer.otf import diffraction, hopkins
+from microplan.arrays import FloatArray
+from microplan.optics.layers.layer_error import layer_error
+from microplan.optics.layers.occlusion import occluded
+from microplan.optics.outline.outline import Outline
+from microplan.optics.render.render import render
+from microplan.optics.render.scene import Layer, Scene
+from microplan.optics.transfer.microscope import Microscope
+from microplan.optics.transfer.otf import diffraction, hopkins
 from tests.optics.shapes import microscope, rectangle
 from tests.optics.wave import behind_a_mask, places, points
 
-FloatArray = npt.NDArray[np.float64]
 Bars = tuple[tuple[float, float], ...]
 
 STEP = 0.0875  # of the wave grid, wavelength / A

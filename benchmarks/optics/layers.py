@@ -12,26 +12,24 @@ from functools import partial
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 
 from benchmarks.example import TASK
 from benchmarks.figures import Benchmark, Figure, Options
 from benchmarks.optics import layer_waves
 from benchmarks.timing import cpu_s
-from optics.layers.layer_error import layer_error
-from optics.layers.occlusion import SAMPLES, Tracing, cell_um, occluded
-from optics.layers.rays import slopes
-from optics.render.render import Covered, cover, render
-from optics.render.sampling import Sampling
-from optics.render.scene import Scene, Window
-from optics.transfer.microscope import Microscope
-from planner.assembly.step_states import unfold
-from planner.source.diagnostics import Report
-from planner.task.read_task import load_task
-from planner.views.scenes import relevant, world_scene
+from microplan.arrays import FloatArray
+from microplan.optics.layers.layer_error import layer_error
+from microplan.optics.layers.occlusion import SAMPLES, Tracing, cell_um, occluded
+from microplan.optics.layers.rays import slopes
+from microplan.optics.render.render import Covered, cover, render
+from microplan.optics.render.sampling import Sampling
+from microplan.optics.render.scene import Scene, Window
+from microplan.optics.transfer.microscope import Microscope
+from microplan.planner.assembly.step_states import unfold
+from microplan.planner.source.diagnostics import Report
+from microplan.planner.task.read_task import load_task
+from microplan.planner.views.scenes import relevant, world_scene
 from tests.optics.shapes import microscope
-
-FloatArray = npt.NDArray[np.float64]
 
 STEPS = ("grasp", "over_shaft")
 MAGNIFICATIONS = (6.9, 44.5)

@@ -16,7 +16,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray
 
 _SMALLEST = 1e-5  # half of what the tables may err by; darker is less
 _DOTS_PER_INCH = 80

@@ -11,20 +11,18 @@ from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 from scipy import fft
 
 from benchmarks.figures import Benchmark, Figure, Options
 from benchmarks.rivals import peers
 from benchmarks.rivals.naive import Naive
 from benchmarks.timing import cpu_s
-from optics.oracle import Oracle
-from optics.render.raster import coverage
-from optics.render.render import render, render_stack
-from optics.transfer.microscope import Microscope
+from microplan.arrays import FloatArray
+from microplan.optics.oracle import Oracle
+from microplan.optics.render.raster import coverage
+from microplan.optics.render.render import render, render_stack
+from microplan.optics.transfer.microscope import Microscope
 from tests.optics.shapes import gear, microscope, one_layer, polygon
-
-FloatArray = npt.NDArray[np.float64]
 
 PLANES_UM = np.linspace(-50, 50, 41)  # pairs at one distance share their blur
 ONE_SIDED_UM = np.linspace(0, 50, 41)

@@ -16,22 +16,20 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from benchmarks.figures import Benchmark, Figure, Options
-from optics.layers.layer_error import choose_layers
-from optics.layers.occlusion import occluded
-from optics.outline.outline import Outline, place
-from optics.outline.warp import scaled
-from optics.render.fidelity import Fidelity, choose
-from optics.render.render import render
-from optics.render.scene import Layer, Scene
-from optics.render.view_range import full
-from optics.transfer.microscope import Microscope
-from planner.tradeoff.reference_images import Sight, law_truth, layer_truth
+from microplan.arrays import FloatArray
+from microplan.optics.layers.layer_error import choose_layers
+from microplan.optics.layers.occlusion import occluded
+from microplan.optics.outline.outline import Outline, place
+from microplan.optics.outline.warp import scaled
+from microplan.optics.render.fidelity import Fidelity, choose
+from microplan.optics.render.render import render
+from microplan.optics.render.scene import Layer, Scene
+from microplan.optics.render.view_range import full
+from microplan.optics.transfer.microscope import Microscope
+from microplan.planner.tradeoff.reference_images import Sight, law_truth, layer_truth
 from tests.optics.shapes import circle, disc, gear, rectangle
-
-FloatArray = npt.NDArray[np.float64]
 
 COUNT = 500
 LAYERED = 60  # of them, traced

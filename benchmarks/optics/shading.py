@@ -12,19 +12,18 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from benchmarks.figures import Benchmark, Figure, Options
 from benchmarks.timing import best_s, once_s
-from optics.layers.occlusion import occluded
-from optics.layers.shading import shade_error, shaded
-from optics.outline.outline import Outline, place
-from optics.render.render import render
-from optics.render.scene import Layer, Scene, Window
-from optics.transfer.microscope import Microscope
+from microplan.arrays import FloatArray
+from microplan.optics.layers.occlusion import occluded
+from microplan.optics.layers.shading import shade_error, shaded
+from microplan.optics.outline.outline import Outline, place
+from microplan.optics.render.render import render
+from microplan.optics.render.scene import Layer, Scene, Window
+from microplan.optics.transfer.microscope import Microscope
 from tests.optics.shapes import disc, gear, microscope, rectangle
 
-FloatArray = npt.NDArray[np.float64]
 Case = tuple[Scene, float]  # a scene over a stage, and the height in focus
 
 LAMP = 0.42

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.figures import Benchmark, Figure, Options
-from optics.transfer.microscope import Microscope, paper_depth_of_field_um
-from optics.transfer.otf import diffraction, exact, geometric, hopkins
+from microplan.optics.transfer.microscope import Microscope, paper_depth_of_field_um
+from microplan.optics.transfer.otf import diffraction, exact, geometric, hopkins
 
 VECTORS = Path(__file__).parents[2] / "tests" / "optics" / "optics_vectors.json"
 Given = Mapping[str, float]

@@ -15,7 +15,6 @@ from dataclasses import replace
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 from scipy import fft
 from scipy.signal import fftconvolve
 from skimage.feature import match_template
@@ -25,21 +24,20 @@ from benchmarks.example import TASK
 from benchmarks.figures import Benchmark, Figure, Options
 from benchmarks.rivals.naive import point_spread
 from benchmarks.timing import cpu_s
-from featuresel.look.design import Trial, design
-from featuresel.look.perturb import counts
-from featuresel.look.scenario import LookCase, scene
-from featuresel.selection.evaluate import make_ready
-from featuresel.trials.trials import Prepared, measure_trial, prepare
-from optics.lens.sensor import expose, to_unit
-from optics.outline.outline import flatten
-from planner.assembly.step_states import unfold
-from planner.looks.scenario import build_case
-from planner.source.diagnostics import Report
-from planner.task.read_task import load_task
-from planner.views.requests import requests
-from planner.views.target_views import views
-
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray
+from microplan.featuresel.look.design import Trial, design
+from microplan.featuresel.look.perturb import counts
+from microplan.featuresel.look.scenario import LookCase, scene
+from microplan.featuresel.selection.evaluate import make_ready
+from microplan.featuresel.trials.trials import Prepared, measure_trial, prepare
+from microplan.optics.lens.sensor import expose, to_unit
+from microplan.optics.outline.outline import flatten
+from microplan.planner.assembly.step_states import unfold
+from microplan.planner.looks.scenario import build_case
+from microplan.planner.source.diagnostics import Report
+from microplan.planner.task.read_task import load_task
+from microplan.planner.views.requests import requests
+from microplan.planner.views.target_views import views
 
 TRIALS = 24  # of ours; every other of these by the script, which takes long
 CHAIN = ("ncc",)  # matching the nominal image's patch, too

@@ -11,13 +11,11 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 from scipy.signal import fftconvolve
 
-from optics.outline.outline import Outline, flatten
-from optics.transfer.microscope import Microscope
-
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray
+from microplan.optics.outline.outline import Outline, flatten
+from microplan.optics.transfer.microscope import Microscope
 
 _FINE_UM = 0.3  # the raster step it aims for, below half a wavelength / (2 A)
 _CHORD_UM = 0.05

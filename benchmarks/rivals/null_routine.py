@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
-from featuresel.routines import (
+from microplan.arrays import FloatArray
+from microplan.featuresel.routines.contract import (
     Artifact,
     Failure,
-    FloatArray,
     Guess,
     Known,
     LookModel,

@@ -19,12 +19,11 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import numpy.typing as npt
 
-from optics.outline.outline import Outline
-from optics.render.raster import coverage
-from optics.render.scene import Window
-from optics.transfer.microscope import Microscope
-
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray
+from microplan.optics.outline.outline import Outline
+from microplan.optics.render.raster import coverage
+from microplan.optics.render.scene import Window
+from microplan.optics.transfer.microscope import Microscope
 
 ROOT = Path(__file__).parent.parent / "build" / "peers"
 LIBRARIES = ("prysm", "pyotf")

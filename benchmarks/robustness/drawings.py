@@ -23,14 +23,24 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from benchmarks.executing.drawings_located import HEAD, Job, located
-from optics.outline.outline import Arc, Outline
-from planner.drawings.census import Taken
-from planner.drawings.dxf.census import by_layer, held
-from planner.drawings.dxf.drawing import MAX_BYTES, Drawing, load_drawing, take
-from planner.drawings.gds.drawing import GdsDrawing, held_gds, load_gds, take_gds
-from planner.source.diagnostics import Report, Span
-from planner.source.files import read_bytes
-from planner.task.second_reader import compare
+from microplan.optics.outline.outline import Arc, Outline
+from microplan.planner.drawings.census import Taken
+from microplan.planner.drawings.dxf.census import by_layer, held
+from microplan.planner.drawings.dxf.drawing import (
+    MAX_BYTES,
+    Drawing,
+    load_drawing,
+    take,
+)
+from microplan.planner.drawings.gds.drawing import (
+    GdsDrawing,
+    held_gds,
+    load_gds,
+    take_gds,
+)
+from microplan.planner.source.diagnostics import Report, Span
+from microplan.planner.source.files import read_bytes
+from microplan.planner.task.second_reader import compare
 
 CHORD = 1e-5  # of the second road, drawing units
 UNITS = ("um", "mm")  # that a part is tried in, until it is MIN_UM large

@@ -93,7 +93,8 @@ def check(case: Case) -> Spent:
         lay_out(folder)
         case.put(folder)
         return spent(
-            [sys.executable, "-m", "planner.cli.main", "check", "task.yaml"], folder
+            [sys.executable, "-m", "microplan.planner.cli.main", "check", "task.yaml"],
+            folder,
         )
 
 
@@ -167,7 +168,7 @@ def row(case: Case, found: Spent, *, bad: bool) -> str:
 
 
 def _measure(_options: Options) -> Iterator[Figure]:
-    call = [sys.executable, "-m", "planner.cli.main", "check", str(TASK)]
+    call = [sys.executable, "-m", "microplan.planner.cli.main", "check", str(TASK)]
     floors = [spent(call, TASK.parent) for _ in range(FLOORS)]
     found = [(case, check(case)) for case in cases()]
     yield from figures(found, floors)

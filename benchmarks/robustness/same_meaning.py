@@ -61,7 +61,7 @@ def plan(job: Job, form: Form, folder: Path) -> Mapping[str, Any]:
     out = folder / "job.plan"
     call = ["compile", str(task), "-o", str(out), "--preset", "fast"]
     done = subprocess.run(
-        [sys.executable, "-m", "planner.cli.main", *call],
+        [sys.executable, "-m", "microplan.planner.cli.main", *call],
         cwd=Path(__file__).parents[2], capture_output=True, text=True, check=False,
     )  # fmt: skip
     if done.returncode not in (0, 1):

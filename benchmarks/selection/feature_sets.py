@@ -15,9 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.figures import Benchmark, Figure, Options
-from featuresel.sets.pose_covariance import Sight
-from featuresel.sets.pose_requirement import Need, log_det
-from featuresel.sets.set_search import MARGIN, Search
+from microplan.featuresel.sets.pose_covariance import Sight
+from microplan.featuresel.sets.pose_requirement import Need, log_det
+from microplan.featuresel.sets.set_search import MARGIN, Search
 
 COUNT = 1000
 SEED = 14

@@ -11,15 +11,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from featuresel.look.scenario import LookCase, Spread
-from featuresel.routines import Target, TargetKind
-from featuresel.trials.chains import Chain
-from optics.lens.lens import LensErrors
-from optics.lens.sensor import Sensor
-from optics.outline.outline import Outline, place
-from optics.render.sampling import Sampling
-from optics.render.scene import Illumination, Layer, Window
-from optics.transfer.microscope import Microscope
+from microplan.featuresel.look.scenario import LookCase, Spread
+from microplan.featuresel.routines.contract import Target, TargetKind
+from microplan.featuresel.trials.chains import Chain
+from microplan.optics.lens.lens import LensErrors
+from microplan.optics.lens.sensor import Sensor
+from microplan.optics.outline.outline import Outline, place
+from microplan.optics.render.sampling import Sampling
+from microplan.optics.render.scene import Illumination, Layer, Window
+from microplan.optics.transfer.microscope import Microscope
 from tests.optics.shapes import circle, disc, polygon, rectangle
 
 SEED = 29

@@ -14,23 +14,21 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 from scipy.stats import binom
 
 from benchmarks.figures import Benchmark, Figure, Options
 from benchmarks.selection.problems import draw
-from featuresel.look.design import design
-from featuresel.look.scenario import LookCase
-from featuresel.selection.race import race
-from featuresel.selection.select import select
-from featuresel.trials.bounds import CONFIDENCE
-from featuresel.trials.calibration import Calibration
-from featuresel.trials.gates import choose_gate, gated
-from featuresel.trials.outcomes import Outcome, Outcomes
-from featuresel.trials.score import Score, score
-from featuresel.trials.trials import Prepared, is_wrong, prepare, run
-
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray
+from microplan.featuresel.look.design import design
+from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.selection.race import race
+from microplan.featuresel.selection.select import select
+from microplan.featuresel.trials.bounds import CONFIDENCE
+from microplan.featuresel.trials.calibration import Calibration
+from microplan.featuresel.trials.gates import choose_gate, gated
+from microplan.featuresel.trials.outcomes import Outcome, Outcomes
+from microplan.featuresel.trials.score import Score, score
+from microplan.featuresel.trials.trials import Prepared, is_wrong, prepare, run
 
 PROBLEMS = 200
 TRIALS = 64  # what the preset `balanced` spends

@@ -7,17 +7,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from featuresel.features.contour import with_contour
-from featuresel.look.scenario import LookCase, Spread
-from featuresel.routines import Target
-from optics.lens.lens import LensErrors
-from optics.lens.sensor import Sensor
-from optics.outline.outline import Arc, Outline, Ring, Segment, place
-from optics.render.sampling import Sampling
-from optics.render.scene import Illumination, Layer, Window
-from optics.transfer.microscope import Microscope
-
-Point = tuple[float, float]
+from microplan.arrays import Point
+from microplan.featuresel.features.contour import with_contour
+from microplan.featuresel.look.scenario import LookCase, Spread
+from microplan.featuresel.routines.contract import Target
+from microplan.optics.lens.lens import LensErrors
+from microplan.optics.lens.sensor import Sensor
+from microplan.optics.outline.outline import Arc, Outline, Ring, Segment, place
+from microplan.optics.render.sampling import Sampling
+from microplan.optics.render.scene import Illumination, Layer, Window
+from microplan.optics.transfer.microscope import Microscope
 
 _RADIUS_UM = 30.0  # of the parts
 

@@ -14,8 +14,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-import executor.cli.main
-import planner.cli.main
+import microplan.executor.cli.main
+import microplan.planner.cli.main
 
 HERE = Path(__file__).parent
 COLUMNS = 4  # of the contact sheet
@@ -41,14 +41,14 @@ def main() -> int:
     print(WAIT, flush=True)
     began_s = time.monotonic()
     options = ["-o", str(plan), "--jobs", "2", "--preset", call.preset, "--report"]
-    status = planner.cli.main.main(["compile", task, *options])
+    status = microplan.planner.cli.main.main(["compile", task, *options])
     if status:
         return status
     print(f"compiled in {time.monotonic() - began_s:.0f} s", flush=True)
     print("\nrunning the plan on the simulated cell ... (half a minute)", flush=True)
     print("what happened beside what the plan predicted:", flush=True)
     station = ["--station", "sim", "--seed", call.seed, "--run-dir", str(run)]
-    status = executor.cli.main.main([str(plan / "plan.json"), *station])
+    status = microplan.executor.cli.main.main([str(plan / "plan.json"), *station])
     if not (run / "summary.json").is_file():
         return status
     sheet = call.out / "steps.png"

@@ -10,7 +10,7 @@ import math
 import sys
 from pathlib import Path
 
-Point = tuple[float, float]
+from microplan.arrays import Point
 
 TEETH = 18
 OUTER_UM, ROOT_UM, BORE_UM = 50.0, 45.0, 25.0

@@ -12,7 +12,7 @@ import struct
 import sys
 from pathlib import Path
 
-Point = tuple[float, float]
+from microplan.arrays import Point
 
 CLADDING, VIA, TARGET, PLATE, MARK, LEFT, RIGHT = 1, 2, 3, 10, 11, 20, 21  # layers
 # The die is drawn where it belongs on the submount, whose first mark is the origin.

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from executor.analysis.pictures import Attempt, Finding, Viewer
-from executor.devices.errors import ExecutorError, why
-from executor.record.plan_file import world_beside
-from schemas.pose import Pose
+from microplan.executor.analysis.pictures import Attempt, Finding, Viewer
+from microplan.executor.devices.errors import ExecutorError, why
+from microplan.executor.record.plan_file import world_beside
+from microplan.schemas.pose import Pose
 
 _world = cache(world_beside)
 Marked = npt.NDArray[np.uint8]

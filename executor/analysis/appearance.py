@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from featuresel.routines import FloatArray
+from microplan.arrays import FloatArray
 
 # What an operator should see to, well before the gates notice: they pass half the
 # light. The plan's trials vary the light by some percent.

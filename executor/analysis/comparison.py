@@ -7,14 +7,14 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from executor.analysis.distributions import (
+from microplan.executor.analysis.distributions import (
     binomial_at_most,
     student_above,
     student_quantile,
 )
-from executor.analysis.run_summaries import Run
-from executor.analysis.scatter import LEVEL, Mean, mean, share, spread
-from schemas.plan import Control, Plan, Step
+from microplan.executor.analysis.run_summaries import Run
+from microplan.executor.analysis.scatter import LEVEL, Mean, mean, share, spread
+from microplan.schemas.plan import Control, Plan, Step
 
 STOPPED = "MP860"  # the operator's word says nothing of the plan
 ALPHA = 0.05  # of one false alarm in the whole comparison
@@ -176,7 +176,7 @@ def _checks(step: Step, runs: Sequence[Run]) -> list[Check]:
 def _success(plan: Plan, done: int, counted: int) -> Check:
     """Test the chance that a run ends well."""
     # what pages are made of is not loaded where a run begins
-    from schemas.page.figures import chance as as_chance
+    from microplan.schemas.page.figures import chance as as_chance
 
     one = share(done, counted, min(plan.success_probability, 1 - _DIGITS))
     return Check(

@@ -6,10 +6,10 @@ import json
 import math
 from typing import Any
 
-from executor.analysis.comparison import ALPHA, Check, Comparison, Figure
-from executor.record.summary import columns
-from schemas.codec import to_data
-from schemas.plan import Plan
+from microplan.executor.analysis.comparison import ALPHA, Check, Comparison, Figure
+from microplan.executor.record.summary import columns
+from microplan.schemas.codec import to_data
+from microplan.schemas.plan import Plan
 
 _HEAD = ("step", "figure", "runs", "mean", "95 %", "sd", "p95", "predicted", "limit")
 _CHECKS = ("step", "prediction", "plan", "runs", "chance", "")

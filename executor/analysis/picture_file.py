@@ -9,9 +9,9 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from executor.devices.errors import ExecutorError, why
-from featuresel.routines import FloatArray
-from schemas.plan import Region, Requirements
+from microplan.arrays import FloatArray
+from microplan.executor.devices.errors import ExecutorError, why
+from microplan.schemas.plan import Region, Requirements
 
 SUFFIXES = (".png", ".tif", ".tiff")
 SHALLOW = (10, 12, 14)  # bits that cameras have and programs keep in files of 16

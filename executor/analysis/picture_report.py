@@ -8,12 +8,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from executor.analysis.pictures import Attempt, Finding, Viewer
-from executor.analysis.scatter import Mean, Share, Spread, mean, share, spread
-from executor.devices.errors import CODES
-from executor.record.summary import columns
-from executor.run.gates import Gate
-from schemas.codec import to_data
+from microplan.executor.analysis.pictures import Attempt, Finding, Viewer
+from microplan.executor.analysis.scatter import Mean, Share, Spread, mean, share, spread
+from microplan.executor.devices.errors import CODES
+from microplan.executor.record.summary import columns
+from microplan.executor.run.gates import Gate
+from microplan.schemas.codec import to_data
 
 ALPHA = 0.05  # of a false alarm in all that is asked together
 _HEAD = (

@@ -7,19 +7,25 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from executor.analysis.appearance import Appearance, Likeness, appearance, likeness
-from executor.analysis.picture_file import read_picture
-from executor.devices.calibration import LookFrame, look_frame
-from executor.devices.errors import ExecutorError, why
-from executor.motion.beliefs import Beliefs
-from executor.record.frames import INDEX
-from executor.run.artifacts import Artifacts
-from executor.run.gates import Gate, gates_of
-from executor.run.measure_feature import Picture, Shown, measured, spare
-from featuresel.routines import Failure, FloatArray
-from featuresel.routines.fusion import Believed, fuse
-from schemas.plan import Look, Measure, Plan, Region, RoutineUse
-from schemas.pose import Pose
+from microplan.arrays import FloatArray
+from microplan.executor.analysis.appearance import (
+    Appearance,
+    Likeness,
+    appearance,
+    likeness,
+)
+from microplan.executor.analysis.picture_file import read_picture
+from microplan.executor.devices.calibration import LookFrame, look_frame
+from microplan.executor.devices.errors import ExecutorError, why
+from microplan.executor.motion.beliefs import Beliefs
+from microplan.executor.record.frames import INDEX
+from microplan.executor.run.artifacts import Artifacts
+from microplan.executor.run.gates import Gate, gates_of
+from microplan.executor.run.measure_feature import Picture, Shown, measured, spare
+from microplan.featuresel.routines.contract import Failure
+from microplan.featuresel.routines.fusion import Believed, fuse
+from microplan.schemas.plan import Look, Measure, Plan, Region, RoutineUse
+from microplan.schemas.pose import Pose
 
 MOST = 10_000  # pictures of a folder
 _KNOWN_RAD = math.radians(1)  # how well a user knows an angle he states

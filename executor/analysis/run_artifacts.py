@@ -9,11 +9,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from executor.devices.errors import ExecutorError
-from executor.devices.paths import is_file
-from executor.record.frames import FOLDER, INDEX
-from executor.record.run_folder import EVENTS, PLAN, SUMMARY
-from schemas.folders import contents
+from microplan.executor.devices.errors import ExecutorError
+from microplan.executor.devices.paths import is_file
+from microplan.executor.record.frames import FOLDER, INDEX
+from microplan.executor.record.run_folder import EVENTS, PLAN, SUMMARY
+from microplan.schemas.folders import contents
 
 _MOST_BYTES = 1 << 26  # of a file of lines
 _MOST = 1e100  # of a number: no device measures more, and no chart could show it

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from executor.analysis.run_artifacts import Left, Row, real, text
-from executor.record.frames import FOLDER, png_bytes, read_png
-from schemas.page.elements import Element, el
-from schemas.page.figures import um
-from schemas.page.page import Caption, figure, png_size, png_uri
+from microplan.executor.analysis.run_artifacts import Left, Row, real, text
+from microplan.executor.record.frames import FOLDER, png_bytes, read_png
+from microplan.schemas.page.elements import Element, el
+from microplan.schemas.page.figures import um
+from microplan.schemas.page.page import Caption, figure, png_size, png_uri
 
 _MOST_PX = 320  # of the longer side of a frame in the page
 _CAPTION = Caption(

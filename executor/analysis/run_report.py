@@ -6,18 +6,33 @@ import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from executor.analysis.run_artifacts import Left, Row, read_left, real, reals, text
-from executor.analysis.run_frames import frame_figures
-from executor.analysis.run_times import pair, predicted, times
-from executor.devices.errors import ExecutorError
-from executor.record.journal import ESCAPED
-from executor.record.run_folder import REPORT
-from executor.record.summary import injected
-from schemas.page.axes import Axes, Scale, around
-from schemas.page.charts import Bar, bars, curve
-from schemas.page.elements import Element, Node, el, slug
-from schemas.page.figures import MICRO, chance, number, quantity, seconds, um
-from schemas.page.page import Caption, Column, document, facts, figure, link, table
+from microplan.executor.analysis.run_artifacts import (
+    Left,
+    Row,
+    read_left,
+    real,
+    reals,
+    text,
+)
+from microplan.executor.analysis.run_frames import frame_figures
+from microplan.executor.analysis.run_times import pair, predicted, times
+from microplan.executor.devices.errors import ExecutorError
+from microplan.executor.record.journal import ESCAPED
+from microplan.executor.record.run_folder import REPORT
+from microplan.executor.record.summary import injected
+from microplan.schemas.page.axes import Axes, Scale, around
+from microplan.schemas.page.charts import Bar, bars, curve
+from microplan.schemas.page.elements import Element, Node, el, slug
+from microplan.schemas.page.figures import MICRO, chance, number, quantity, seconds, um
+from microplan.schemas.page.page import (
+    Caption,
+    Column,
+    document,
+    facts,
+    figure,
+    link,
+    table,
+)
 
 _FOOT = "One file, no scripts, nothing fetched. SHA-256 of the plan: "
 _SECTIONS = (

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from executor.devices.errors import ExecutorError, why
-from executor.record.plan_file import PlanFile
+from microplan.executor.devices.errors import ExecutorError, why
+from microplan.executor.record.plan_file import PlanFile
 
 SUMMARY = "summary.json"
 _MOST_BYTES = 1 << 26

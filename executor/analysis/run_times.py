@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from executor.analysis.run_artifacts import Left, Row, real, text
-from schemas.files.times import JAWS, PROBE
-from schemas.page.elements import Element, el
-from schemas.page.figures import number, seconds
+from microplan.executor.analysis.run_artifacts import Left, Row, real, text
+from microplan.schemas.files.times import JAWS, PROBE
+from microplan.schemas.page.elements import Element, el
+from microplan.schemas.page.figures import number, seconds
 
 
 def predicted(left: Left) -> Element | None:

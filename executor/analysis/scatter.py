@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from executor.analysis.distributions import (
+from microplan.executor.analysis.distributions import (
     binomial_at_most,
     binomial_bounds,
     chi_square_above,

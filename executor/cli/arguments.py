@@ -6,9 +6,9 @@ import argparse
 import math
 from pathlib import Path
 
-from executor.cli.completion import SHELLS, Completion
-from executor.simulated.faults import FAULTS
-from schemas.page.version_option import add_version
+from microplan.executor.cli.completion import SHELLS, Completion
+from microplan.executor.simulated.faults import FAULTS
+from microplan.schemas.page.version_option import add_version
 
 MODES = ("run", "check", "dry-run", "replay", "compare", "report")
 

@@ -10,18 +10,25 @@ from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
-from executor.analysis.annotate import mark, write_marked
-from executor.analysis.comparison import compare
-from executor.analysis.comparison_report import comparison_json, comparison_text
-from executor.analysis.picture_report import report_json, report_text, together
-from executor.analysis.pictures import files_of, find_in, viewer
-from executor.analysis.run_summaries import read_runs
-from executor.cli.options import Call, parse
-from executor.cli.replay import replay
-from executor.cli.run_result import Ended, told
-from executor.cli.select_station import Site, find_site
-from executor.cli.session import Asking, Job, header_of, perform
-from executor.devices.errors import (
+from microplan.executor.analysis.annotate import mark, write_marked
+from microplan.executor.analysis.comparison import compare
+from microplan.executor.analysis.comparison_report import (
+    comparison_json,
+    comparison_text,
+)
+from microplan.executor.analysis.picture_report import (
+    report_json,
+    report_text,
+    together,
+)
+from microplan.executor.analysis.pictures import files_of, find_in, viewer
+from microplan.executor.analysis.run_summaries import read_runs
+from microplan.executor.cli.options import Call, parse
+from microplan.executor.cli.replay import replay
+from microplan.executor.cli.run_result import Ended, told
+from microplan.executor.cli.select_station import Site, find_site
+from microplan.executor.cli.session import Asking, Job, header_of, perform
+from microplan.executor.devices.errors import (
     BUG,
     CODES,
     DONE,
@@ -30,12 +37,12 @@ from executor.devices.errors import (
     STOPPED,
     ExecutorError,
 )
-from executor.devices.paths import is_file
-from executor.devices.station import preflight
-from executor.record.listing import plan_lines
-from executor.record.plan_file import PlanFile, read_plan
-from executor.record.recorded_calls import read_record, records_of
-from executor.record.run_folder import (
+from microplan.executor.devices.paths import is_file
+from microplan.executor.devices.station import preflight
+from microplan.executor.record.listing import plan_lines
+from microplan.executor.record.plan_file import PlanFile, read_plan
+from microplan.executor.record.recorded_calls import read_record, records_of
+from microplan.executor.record.run_folder import (
     RunFolder,
     check_free,
     check_same,
@@ -43,9 +50,9 @@ from executor.record.run_folder import (
     new_run,
     old_run,
 )
-from executor.run.artifacts import Artifacts
-from schemas.page.console import OutputLostError, flush, say, tell
-from schemas.plan import Plan, newer_note
+from microplan.executor.run.artifacts import Artifacts
+from microplan.schemas.page.console import OutputLostError, flush, say, tell
+from microplan.schemas.plan import Plan, newer_note
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -100,7 +107,7 @@ def _run(call: Call) -> int:
     if call.mode == "compare":
         return _compare(call, file)
     if call.mode == "report" and call.record is not None:
-        from executor.analysis.run_report import write_report
+        from microplan.executor.analysis.run_report import write_report
 
         say(f"report: {write_report(call.record)}")
         return DONE
@@ -195,7 +202,9 @@ def _report(call: Call, plan: Plan, ended: Ended) -> int:
 
 def _write_report(folder: Path) -> None:
     """Write the run's report; one that cannot be written changes no outcome."""
-    from executor.analysis.run_report import write_report  # only when it is written
+    from microplan.executor.analysis.run_report import (
+        write_report,  # only when it is written
+    )
 
     try:
         say(f"report: {write_report(folder)}")

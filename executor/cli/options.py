@@ -8,9 +8,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from executor.cli.arguments import build_parser
-from executor.cli.select_station import SIMULATED
-from executor.devices.paths import is_folder
+from microplan.executor.cli.arguments import build_parser
+from microplan.executor.cli.select_station import SIMULATED
+from microplan.executor.devices.paths import is_folder
 
 NO_STATION = ("replay", "compare", "report")  # they touch no device
 

@@ -5,21 +5,21 @@ from __future__ import annotations
 import io
 from dataclasses import dataclass
 
-from executor.devices.errors import ExecutorError, why
-from executor.motion.beliefs import Beliefs
-from executor.record.frames import Frames
-from executor.record.journal import Journal
-from executor.record.outcome import RunResult
-from executor.record.plan_file import PlanFile
-from executor.record.recorded_calls import Recorded, Tape
-from executor.record.recording import CALLS, RESUMES
-from executor.record.recovery import Past, past_in
-from executor.record.replay_station import tape_station
-from executor.record.write_ahead_log import FILE
-from executor.run.artifacts import Artifacts
-from executor.run.resume import take_up
-from executor.run.run import run_plan
-from executor.run.run_context import Rig
+from microplan.executor.devices.errors import ExecutorError, why
+from microplan.executor.motion.beliefs import Beliefs
+from microplan.executor.record.frames import Frames
+from microplan.executor.record.journal import Journal
+from microplan.executor.record.outcome import RunResult
+from microplan.executor.record.plan_file import PlanFile
+from microplan.executor.record.recorded_calls import Recorded, Tape
+from microplan.executor.record.recording import CALLS, RESUMES
+from microplan.executor.record.recovery import Past, past_in
+from microplan.executor.record.replay_station import tape_station
+from microplan.executor.record.write_ahead_log import FILE
+from microplan.executor.run.artifacts import Artifacts
+from microplan.executor.run.resume import take_up
+from microplan.executor.run.run import run_plan
+from microplan.executor.run.run_context import Rig
 
 ASKED = "MP864"  # how a run ends whose question the operator did not say yes to
 

@@ -6,18 +6,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from executor.cli.options import Call
-from executor.cli.select_station import Site
-from executor.devices.errors import ExecutorError
-from executor.record.journal import ESCAPED
-from executor.record.outcome import RunResult
-from executor.record.plan_file import PlanFile
-from executor.record.run_folder import FRESH, SUMMARY
-from executor.record.summary import injected, summary_json, table
-from schemas.codec import to_data
+from microplan.executor.cli.options import Call
+from microplan.executor.cli.select_station import Site
+from microplan.executor.devices.errors import ExecutorError
+from microplan.executor.record.journal import ESCAPED
+from microplan.executor.record.outcome import RunResult
+from microplan.executor.record.plan_file import PlanFile
+from microplan.executor.record.run_folder import FRESH, SUMMARY
+from microplan.executor.record.summary import injected, summary_json, table
+from microplan.schemas.codec import to_data
 
 if TYPE_CHECKING:
-    from executor.simulated.judging import Verdict
+    from microplan.executor.simulated.judging import Verdict
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

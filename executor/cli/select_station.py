@@ -8,13 +8,13 @@ from inspect import getattr_static
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from executor.devices.errors import ExecutorError
-from executor.devices.station import Station
-from executor.devices.station_file import read_station
-from executor.simulated.faults import Faults
+from microplan.executor.devices.errors import ExecutorError
+from microplan.executor.devices.station import Station
+from microplan.executor.devices.station_file import read_station
+from microplan.executor.simulated.faults import Faults
 
 if TYPE_CHECKING:
-    from executor.simulated.cell import Cell
+    from microplan.executor.simulated.cell import Cell
 
 SIMULATED = "sim"
 
@@ -82,12 +82,14 @@ def _simulated(
     plan_folder: Path, seed: int, faults: Sequence[str], left: Path | None
 ) -> Site:
     """Return the simulated cell of the plan's world."""
-    from executor.simulated.cell import build_cell  # optics only for the simulated cell
-    from executor.simulated.hub import read_world
+    from microplan.executor.simulated.cell import (
+        build_cell,  # optics only for the simulated cell
+    )
+    from microplan.executor.simulated.hub import read_world
 
     cell = build_cell(read_world(plan_folder / "world.json"), seed, faults)
     if left is not None:
-        from executor.simulated.keeping import take
+        from microplan.executor.simulated.keeping import take
 
         take(cell, left)
     return Site(name=SIMULATED, station=cell.station, cell=cell)

@@ -9,28 +9,28 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, TextIO
 
-from executor.cli.options import Call
-from executor.cli.run_result import Ended, write_summary
-from executor.cli.select_station import SIMULATED, Site
-from executor.cli.simulated_truth import judged, keep_world, watch
-from executor.devices.errors import ExecutorError, why
-from executor.devices.station import Station
-from executor.motion.beliefs import Beliefs
-from executor.motion.motion import Motion
-from executor.motion.operator import Operator
-from executor.record.frames import Frames
-from executor.record.journal import ESCAPED, Journal
-from executor.record.outcome import RunResult
-from executor.record.plan_file import PlanFile, world_beside
-from executor.record.recording import CALLS, RESUMES, Record
-from executor.record.recovery import Header
-from executor.record.run_folder import EVENTS, RunFolder
-from executor.record.write_ahead_log import Intents
-from executor.run.artifacts import Artifacts
-from executor.run.resume import begin, take_up
-from executor.run.run import run_plan
-from executor.run.run_context import Rig
-from schemas.files.times import planned_s
+from microplan.executor.cli.options import Call
+from microplan.executor.cli.run_result import Ended, write_summary
+from microplan.executor.cli.select_station import SIMULATED, Site
+from microplan.executor.cli.simulated_truth import judged, keep_world, watch
+from microplan.executor.devices.errors import ExecutorError, why
+from microplan.executor.devices.station import Station
+from microplan.executor.motion.beliefs import Beliefs
+from microplan.executor.motion.motion import Motion
+from microplan.executor.motion.operator import Operator
+from microplan.executor.record.frames import Frames
+from microplan.executor.record.journal import ESCAPED, Journal
+from microplan.executor.record.outcome import RunResult
+from microplan.executor.record.plan_file import PlanFile, world_beside
+from microplan.executor.record.recording import CALLS, RESUMES, Record
+from microplan.executor.record.recovery import Header
+from microplan.executor.record.run_folder import EVENTS, RunFolder
+from microplan.executor.record.write_ahead_log import Intents
+from microplan.executor.run.artifacts import Artifacts
+from microplan.executor.run.resume import begin, take_up
+from microplan.executor.run.run import run_plan
+from microplan.executor.run.run_context import Rig
+from microplan.schemas.files.times import planned_s
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,7 +78,7 @@ def perform(job: Job, asking: Asking) -> Ended:
     ------
     ExecutorError
         MP860 if the run is interrupted; MP863 if something cannot be written; codes of
-        `executor.run.resume.take_up`.
+        `microplan.executor.run.resume.take_up`.
     """
     call, file, site, run = job.call, job.file, job.site, job.run
     seq, before = run.last_event(), run.executors

@@ -7,18 +7,20 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from executor.devices.errors import ExecutorError
-from executor.run.run_context import Rig
-from schemas.plan import Plan, VerifyAction
+from microplan.executor.devices.errors import ExecutorError
+from microplan.executor.run.run_context import Rig
+from microplan.schemas.plan import Plan, VerifyAction
 
 if TYPE_CHECKING:
-    from executor.simulated.cell import Cell
-    from executor.simulated.judging import Verdict
+    from microplan.executor.simulated.cell import Cell
+    from microplan.executor.simulated.judging import Verdict
 
 
 def keep_world(cell: Cell, path: Path) -> None:
     """Have a simulated cell keep its world beside the journal."""
-    from executor.simulated.keeping import keep  # optics only for the simulated cell
+    from microplan.executor.simulated.keeping import (
+        keep,  # optics only for the simulated cell
+    )
 
     try:
         keep(cell, path)

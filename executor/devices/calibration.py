@@ -6,10 +6,10 @@ import bisect
 import math
 from dataclasses import dataclass
 
-from featuresel.routines.frame import RegionFrame
-from schemas.plan import Look, Requirements
+from microplan.arrays import Point
+from microplan.featuresel.routines.frame import RegionFrame
+from microplan.schemas.plan import Look, Requirements
 
-Point = tuple[float, float]
 Matrix = tuple[tuple[float, float], tuple[float, float]]
 
 # A calibrated zoom stands for a plan's when they agree to what an encoder can repeat.

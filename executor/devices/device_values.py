@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from executor.devices.drivers import AxisReading, Clock, Frame
-from executor.devices.errors import ExecutorError
-from executor.devices.safety import AXES
-from executor.devices.timeouts import told
+from microplan.executor.devices.drivers import AxisReading, Clock, Frame
+from microplan.executor.devices.errors import ExecutorError
+from microplan.executor.devices.safety import AXES
+from microplan.executor.devices.timeouts import told
 
 
 def as_reading(name: str, found: Any) -> AxisReading:

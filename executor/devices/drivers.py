@@ -2,9 +2,9 @@
 
 A driver moves its device to absolute states and tells what it reads; it decides
 nothing. Limits, steps, settling, timeouts and stops are the executor's, in
-`executor.motion.motion`. No two calls overlap but `stop`, which may come from another
-thread at any time, also twice, also at rest. A driver raises what it likes when its
-device fails.
+`microplan.executor.motion.motion`. No two calls overlap but `stop`, which may come from
+another thread at any time, also twice, also at rest. A driver raises what it likes when
+its device fails.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from schemas.plan import Region
+from microplan.schemas.plan import Region
 
 Counts = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
 

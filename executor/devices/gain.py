@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
-from executor.devices.calibration import IDENTITY, Calibration
-from executor.devices.errors import ExecutorError
-from schemas.plan import Plan
+from microplan.executor.devices.calibration import IDENTITY, Calibration
+from microplan.executor.devices.errors import ExecutorError
+from microplan.schemas.plan import Plan
 
 
 def stable_gain(latency_frames: int, turn_rad: float = 0.0) -> float:

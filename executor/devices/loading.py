@@ -7,13 +7,14 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
-from executor.devices.errors import ExecutorError
-from executor.devices.timeouts import Caller, told
+from microplan.executor.devices.errors import ExecutorError
+from microplan.executor.devices.timeouts import Caller, told
 
 GROUP = "microplan.drivers"
 ASK_S = 5.0  # a device may take so long to tell what it has
 
-# what a device must have, by role; `executor.devices.drivers` says what each must do
+# what a device must have, by role; `microplan.executor.devices.drivers` says what each
+# must do
 _DEVICE = ("model", "serial")
 _MOVER = (*_DEVICE, "reading", "moving", "stop")
 ROLES: Mapping[str, tuple[str, ...]] = {
@@ -81,6 +82,8 @@ def _has(device: object, name: str, key: str) -> bool:
 def _attribute(name: str, key: str) -> Any:
     """Return an attribute of a module."""
     module, _, attribute = name.partition(":")
+    if module.startswith("executor."):  # station files name our drivers without it
+        module = f"microplan.{module}"
     with _refused(f"{key}: {name!r}"):
         found: Any = importlib.import_module(module)
         for part in attribute.split("."):

@@ -7,9 +7,9 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-from executor.devices.drivers import AxisReading
-from executor.devices.errors import ExecutorError
-from schemas.plan import AxesName, AxisMove
+from microplan.executor.devices.drivers import AxisReading
+from microplan.executor.devices.errors import ExecutorError
+from microplan.schemas.plan import AxesName, AxisMove
 
 Interval = tuple[float, float]
 Phase = Literal["approach", "servo", "insert", "retreat"]

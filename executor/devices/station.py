@@ -7,9 +7,9 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 
-from executor.devices.calibration import IDENTITY, Calibration
-from executor.devices.device_values import as_number, as_reading
-from executor.devices.drivers import (
+from microplan.executor.devices.calibration import IDENTITY, Calibration
+from microplan.executor.devices.device_values import as_number, as_reading
+from microplan.executor.devices.drivers import (
     Axes,
     AxisReading,
     Camera,
@@ -19,12 +19,12 @@ from executor.devices.drivers import (
     Lens,
     Light,
 )
-from executor.devices.errors import ExecutorError
-from executor.devices.gain import check_gains
-from executor.devices.safety import AXES, Rules, check_finite
-from executor.devices.timeouts import Caller
-from featuresel.routines import REGISTRY
-from schemas.plan import AxesName, AxisMove, InsertAction, Look, Plan
+from microplan.executor.devices.errors import ExecutorError
+from microplan.executor.devices.gain import check_gains
+from microplan.executor.devices.safety import AXES, Rules, check_finite
+from microplan.executor.devices.timeouts import Caller
+from microplan.featuresel.routines.registry import REGISTRY
+from microplan.schemas.plan import AxesName, AxisMove, InsertAction, Look, Plan
 
 Interval = tuple[float, float]
 

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
 
-from executor.devices.calibration import Calibration, ZoomPoint
-from executor.devices.device_values import CheckedClock
-from executor.devices.errors import ExecutorError, why
-from executor.devices.loading import ROLES, build, check_role, load, part_of
-from executor.devices.safety import (
+from microplan.executor.devices.calibration import Calibration, ZoomPoint
+from microplan.executor.devices.device_values import CheckedClock
+from microplan.executor.devices.errors import ExecutorError, why
+from microplan.executor.devices.loading import ROLES, build, check_role, load, part_of
+from microplan.executor.devices.safety import (
     PHASES,
     Phase,
     PhaseLimit,
@@ -24,9 +24,9 @@ from executor.devices.safety import (
     Settle,
     Speeds,
 )
-from executor.devices.station import Offer, Station
-from executor.devices.tables import Table
-from executor.devices.wall_clock import WallClock
+from microplan.executor.devices.station import Offer, Station
+from microplan.executor.devices.tables import Table
+from microplan.executor.devices.wall_clock import WallClock
 
 FORMAT = 1
 LENGTHS = ("x_um", "y_um", "z_um")

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import Any, NoReturn
 
-from executor.devices.errors import ExecutorError
+from microplan.executor.devices.errors import ExecutorError
 
 
 class Table:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from queue import SimpleQueue
 from typing import Any, TypeVar
 
-from executor.devices.errors import ExecutorError
+from microplan.executor.devices.errors import ExecutorError
 
 T = TypeVar("T")
 

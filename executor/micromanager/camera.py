@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from executor.devices.drivers import Clock, Counts, Frame
-from executor.micromanager.core import describe
-from schemas.plan import Region
+from microplan.executor.devices.drivers import Clock, Counts, Frame
+from microplan.executor.micromanager.core import describe
+from microplan.schemas.plan import Region
 
 if TYPE_CHECKING:
     from pymmcore_plus import CMMCorePlus

@@ -6,13 +6,13 @@ import time
 from pathlib import Path
 from typing import Any
 
-from executor.devices.drivers import Mover
-from executor.devices.tables import Table
-from executor.devices.wall_clock import WallClock
-from executor.micromanager.hub import FILE, Hub, make_hub
-from executor.simulated.cell import Cell, build_cell
-from executor.simulated.following import Readings, follow
-from executor.simulated.hub import read_world
+from microplan.executor.devices.drivers import Mover
+from microplan.executor.devices.tables import Table
+from microplan.executor.devices.wall_clock import WallClock
+from microplan.executor.micromanager.hub import FILE, Hub, make_hub
+from microplan.executor.simulated.cell import Cell, build_cell
+from microplan.executor.simulated.following import Readings, follow
+from microplan.executor.simulated.hub import read_world
 
 ARRIVE_S = 30.0  # to the plan's start, for each device
 POLL_S = 0.01
@@ -88,8 +88,8 @@ def rendered_hub(*, world: str, seed: int = 0, **options: Any) -> RenderedHub:
     seed : int
         Root of the cell's random numbers.
     **options
-        As of `executor.micromanager.hub.hub`. The camera's device is the renderer; it
-        is loaded under the label that `camera` names.
+        As of `microplan.executor.micromanager.hub.hub`. The camera's device is the
+        renderer; it is loaded under the label that `camera` names.
 
     Raises
     ------
@@ -100,7 +100,7 @@ def rendered_hub(*, world: str, seed: int = 0, **options: Any) -> RenderedHub:
     """
     from pymmcore_plus.experimental.unicore import UniMMCore  # an extra
 
-    from executor.micromanager.rendered_camera import RenderedCamera
+    from microplan.executor.micromanager.rendered_camera import RenderedCamera
 
     cell, made = build_cell(read_world(Path(world)), seed), list[RenderedHub]()
     table = Table(FILE, "", options)

@@ -6,13 +6,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from executor.devices.tables import Table
-from executor.devices.wall_clock import WallClock
-from executor.micromanager.camera import MMCamera
-from executor.micromanager.core import close_core, open_core
-from executor.micromanager.light import MMLight
-from executor.micromanager.movers import MMAxes, MMGripper, MMLens
-from executor.micromanager.options import (
+from microplan.executor.devices.tables import Table
+from microplan.executor.devices.wall_clock import WallClock
+from microplan.executor.micromanager.camera import MMCamera
+from microplan.executor.micromanager.core import close_core, open_core
+from microplan.executor.micromanager.light import MMLight
+from microplan.executor.micromanager.movers import MMAxes, MMGripper, MMLens
+from microplan.executor.micromanager.options import (
     axes,
     drive,
     light,

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from executor.micromanager.core import describe
-from executor.micromanager.drives import check_limits
-from executor.micromanager.properties import check_property, property_limits
+from microplan.executor.micromanager.core import describe
+from microplan.executor.micromanager.drives import check_limits
+from microplan.executor.micromanager.properties import check_property, property_limits
 
 if TYPE_CHECKING:
     from pymmcore_plus import CMMCorePlus

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from executor.devices.drivers import AxisReading
-from executor.micromanager.drives import Drive
+from microplan.executor.devices.drivers import AxisReading
+from microplan.executor.micromanager.drives import Drive
 
 AXES = ("x_um", "y_um", "z_um", "theta_rad")
 
@@ -98,7 +98,7 @@ class MMAxes:
         theta_rad: float | None = None,
         speed_um_per_s: float | None = None,
     ) -> None:
-        """Begin to go to absolute readings; see `executor.devices.drivers.Axes`."""
+        """Begin to go to absolute readings; see `drivers.Axes`."""
         asked = dict(zip(AXES, (x_um, y_um, z_um, theta_rad), strict=True))
         targets = {name: value for name, value in asked.items() if value is not None}
         speeds = dict.fromkeys(AXES[:3], speed_um_per_s)  # it is none of the angle's
@@ -127,7 +127,7 @@ class MMGripper:
         self.model, self.serial = parts.model, parts.serial
 
     def start(self, opening_um: float) -> None:
-        """Begin to open or close; see `executor.devices.drivers.Gripper`."""
+        """Begin to open or close; see `microplan.executor.devices.drivers.Gripper`."""
         self._parts.order({"opening_um": opening_um}, {})
 
     def reading(self) -> float:

@@ -6,19 +6,19 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from executor.devices.tables import Table
-from executor.micromanager.core import LoadedDevice, describe
-from executor.micromanager.drives import (
+from microplan.executor.devices.tables import Table
+from microplan.executor.micromanager.core import LoadedDevice, describe
+from microplan.executor.micromanager.drives import (
     Drive,
     Scale,
     Speed,
     StageDrive,
     XYDrive,
 )
-from executor.micromanager.light import MMLight
-from executor.micromanager.movers import Moved
-from executor.micromanager.paced import Paced
-from executor.micromanager.properties import PropertyDrive, StateDrive
+from microplan.executor.micromanager.light import MMLight
+from microplan.executor.micromanager.movers import Moved
+from microplan.executor.micromanager.paced import Paced
+from microplan.executor.micromanager.properties import PropertyDrive, StateDrive
 
 if TYPE_CHECKING:
     from pymmcore_plus import CMMCorePlus

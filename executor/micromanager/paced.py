@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from executor.micromanager.drives import Drive
+from microplan.executor.micromanager.drives import Drive
 
 LONGEST_S = 0.1  # of a gap between two looks at the drive that still counts as motion
 

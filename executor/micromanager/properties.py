@@ -6,7 +6,13 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from executor.micromanager.drives import SLACK, Interval, Scale, Speed, check_limits
+from microplan.executor.micromanager.drives import (
+    SLACK,
+    Interval,
+    Scale,
+    Speed,
+    check_limits,
+)
 
 if TYPE_CHECKING:
     from pymmcore_plus import CMMCorePlus

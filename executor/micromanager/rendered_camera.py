@@ -17,13 +17,13 @@ import numpy as np
 import numpy.typing as npt
 from pymmcore_plus.experimental.unicore import SimpleCameraDevice
 
-from executor.devices.drivers import AxisReading, Counts
+from microplan.executor.devices.drivers import AxisReading, Counts
 
 if TYPE_CHECKING:
     from pymmcore_plus import CMMCorePlus
 
-    from executor.simulated.cell import Cell
-    from executor.simulated.following import Readings
+    from microplan.executor.simulated.cell import Cell
+    from microplan.executor.simulated.following import Readings
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,7 +40,7 @@ class Labels:
 
     def readings(self, core: CMMCorePlus, start: AxisReading) -> Readings:
         """Return where the devices of a core are."""
-        from executor.simulated.following import Readings
+        from microplan.executor.simulated.following import Readings
 
         x_um, y_um = (
             core.getXYPosition(self.xy) if self.xy else (start.x_um, start.y_um)
@@ -84,9 +84,9 @@ class RenderedCamera(SimpleCameraDevice):
         ExecutorError
             MP803 if the world cannot be read.
         """
-        from executor.simulated.cell import build_cell  # loads the renderer
-        from executor.simulated.following import follow
-        from executor.simulated.hub import read_world
+        from microplan.executor.simulated.cell import build_cell  # loads the renderer
+        from microplan.executor.simulated.following import follow
+        from microplan.executor.simulated.hub import read_world
 
         cell = build_cell(read_world(plan_folder / "world.json"), seed)
         start, began_s = cell.stage.reading(), time.monotonic()

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 
-from executor.devices.drivers import AxisReading
-from executor.devices.errors import ExecutorError
-from executor.devices.safety import AXES, Progress, check_travel, outside
-from executor.devices.station import Station
-from schemas.plan import AxesName
+from microplan.executor.devices.drivers import AxisReading
+from microplan.executor.devices.errors import ExecutorError
+from microplan.executor.devices.safety import AXES, Progress, check_travel, outside
+from microplan.executor.devices.station import Station
+from microplan.schemas.plan import AxesName
 
 SHORTEST_S = 1e-3  # a wait that moves any clock on
 

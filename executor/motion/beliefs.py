@@ -11,13 +11,12 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
-from executor.devices.drivers import AxisReading
-from executor.devices.errors import ExecutorError
-from featuresel.routines.fusion import Believed
-from schemas.plan import AxesName, Belief, FeaturePlace
-from schemas.pose import Pose
-
-Point = tuple[float, float]
+from microplan.arrays import Point
+from microplan.executor.devices.drivers import AxisReading
+from microplan.executor.devices.errors import ExecutorError
+from microplan.featuresel.routines.fusion import Believed
+from microplan.schemas.plan import AxesName, Belief, FeaturePlace
+from microplan.schemas.pose import Pose
 
 ANY_ANGLE_RAD = 3.0  # a plan says pi for "any"; six digits of it are less than pi
 

@@ -6,20 +6,20 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeVar
 
-from executor.devices.device_values import (
+from microplan.executor.devices.device_values import (
     as_frame,
     as_number,
     as_pair,
     as_reading,
     as_truth,
 )
-from executor.devices.drivers import AxisReading, Frame, Mover
-from executor.devices.errors import ExecutorError
-from executor.devices.safety import AXES, check_finite
-from executor.devices.station import Station
-from executor.devices.timeouts import Caller, call_all
-from executor.motion.arrival import SHORTEST_S
-from schemas.plan import AxesName, Region
+from microplan.executor.devices.drivers import AxisReading, Frame, Mover
+from microplan.executor.devices.errors import ExecutorError
+from microplan.executor.devices.safety import AXES, check_finite
+from microplan.executor.devices.station import Station
+from microplan.executor.devices.timeouts import Caller, call_all
+from microplan.executor.motion.arrival import SHORTEST_S
+from microplan.schemas.plan import AxesName, Region
 
 T = TypeVar("T")
 

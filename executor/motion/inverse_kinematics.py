@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from executor.motion.beliefs import Readings
-from schemas.plan import AxesName, AxisMove
-from schemas.pose import Pose
+from microplan.executor.motion.beliefs import Readings
+from microplan.schemas.plan import AxesName, AxisMove
+from microplan.schemas.pose import Pose
 
 
 def readings_for(

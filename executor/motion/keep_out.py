@@ -8,13 +8,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from executor.devices.errors import ExecutorError
-from executor.devices.safety import check_finite, targets
-from executor.motion.beliefs import Beliefs, Readings
-from executor.motion.swept_volume import ROUNDING_UM, Room, Travel, first_meeting, hull
-from schemas.codec import to_data
-from schemas.plan import AxesName, AxisMove, GraspAction, InsertAction, Plan
-from schemas.plan.solids import MOST_CORNERS, Prism
+from microplan.executor.devices.errors import ExecutorError
+from microplan.executor.devices.safety import check_finite, targets
+from microplan.executor.motion.beliefs import Beliefs, Readings
+from microplan.executor.motion.swept_volume import (
+    ROUNDING_UM,
+    Room,
+    Travel,
+    first_meeting,
+    hull,
+)
+from microplan.schemas.codec import to_data
+from microplan.schemas.plan import AxesName, AxisMove, GraspAction, InsertAction, Plan
+from microplan.schemas.plan.solids import MOST_CORNERS, Prism
 
 Pair = frozenset[str]
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from executor.devices.drivers import AxisReading, Frame
-from executor.devices.errors import ExecutorError
-from executor.devices.safety import (
+from microplan.executor.devices.drivers import AxisReading, Frame
+from microplan.executor.devices.errors import ExecutorError
+from microplan.executor.devices.safety import (
     Phase,
     check_fingers,
     check_finite,
@@ -16,11 +16,11 @@ from executor.devices.safety import (
     check_travel,
     targets,
 )
-from executor.devices.station import Station
-from executor.devices.timeouts import Caller
-from executor.motion.arrival import arrive
-from executor.motion.device_calls import DeviceCalls
-from schemas.plan import AxesName, AxisMove, Region
+from microplan.executor.devices.station import Station
+from microplan.executor.devices.timeouts import Caller
+from microplan.executor.motion.arrival import arrive
+from microplan.executor.motion.device_calls import DeviceCalls
+from microplan.schemas.plan import AxesName, AxisMove, Region
 
 
 class Motion:

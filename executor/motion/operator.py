@@ -8,7 +8,7 @@ from collections.abc import Callable
 from types import FrameType, TracebackType
 from typing import Any
 
-from executor.devices.errors import ExecutorError
+from microplan.executor.devices.errors import ExecutorError
 
 # a terminal that is closed; Windows has no SIGHUP
 CLOSED = getattr(signal, "SIGHUP", signal.SIGTERM)

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from executor.devices.drivers import AxisReading
-from featuresel.routines import FloatArray
+from microplan.arrays import FloatArray
+from microplan.executor.devices.drivers import AxisReading
 
 # What sums of readings may miss contact by: plans carry six digits, of at most 10 mm.
 ROUNDING_UM = 1e-2

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from executor.devices.drivers import Counts
-from executor.devices.errors import ExecutorError
-from executor.record.journal import ESCAPED
-from schemas.plan import Region
+from microplan.executor.devices.drivers import Counts
+from microplan.executor.devices.errors import ExecutorError
+from microplan.executor.record.journal import ESCAPED
+from microplan.schemas.plan import Region
 
 FOLDER = "frames"
 INDEX = "index.jsonl"

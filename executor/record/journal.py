@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 from typing import Any, TextIO
 
-from executor.devices.drivers import Clock
-from executor.devices.errors import ExecutorError
-from schemas.codec import to_data
+from microplan.executor.devices.drivers import Clock
+from microplan.executor.devices.errors import ExecutorError
+from microplan.schemas.codec import to_data
 
 # a name or a driver's words may hold a lone half of a character, which UTF-8 has not;
 # written so it is what JSON calls it

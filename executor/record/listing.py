@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from schemas.codec import to_data
-from schemas.files.times import probes
-from schemas.plan import (
+from microplan.schemas.codec import to_data
+from microplan.schemas.files.times import probes
+from microplan.schemas.plan import (
     AlignAction,
     GraspAction,
     InsertAction,

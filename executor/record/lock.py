@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from executor.devices.errors import ExecutorError, why
+from microplan.executor.devices.errors import ExecutorError, why
 
 if sys.platform == "win32":  # pragma: no cover - there is no fcntl
     import msvcrt

@@ -7,11 +7,11 @@ import json
 from dataclasses import dataclass
 from pathlib import Path
 
-from executor.devices.errors import ExecutorError
-from schemas.codec import CodecError, from_data
-from schemas.files.world import World
-from schemas.folders import contents
-from schemas.plan import Plan, parse_plan
+from microplan.executor.devices.errors import ExecutorError
+from microplan.schemas.codec import CodecError, from_data
+from microplan.schemas.files.world import World
+from microplan.schemas.folders import contents
+from microplan.schemas.plan import Plan, parse_plan
 
 _NO_FILE = frozenset('/\\:*?"<>|')  # of Windows' names, which take in all others
 _MOST_WORLD = 1 << 26  # bytes

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from executor.devices.errors import ExecutorError, why
-from executor.record.recording import CALLS, COMMANDS, FORMAT, MORE_CALLS
+from microplan.executor.devices.errors import ExecutorError, why
+from microplan.executor.record.recording import CALLS, COMMANDS, FORMAT, MORE_CALLS
 
 # Far below what any axis resolves, above what other processors round otherwise.
 SAME_UM = 1e-6

@@ -11,11 +11,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any, TextIO
 
-from executor.devices.drivers import AxisReading, Frame
-from executor.devices.errors import ExecutorError
-from executor.devices.safety import AXES
-from executor.devices.station import Station
-from executor.record.frames import Frames, region_data
+from microplan.executor.devices.drivers import AxisReading, Frame
+from microplan.executor.devices.errors import ExecutorError
+from microplan.executor.devices.safety import AXES
+from microplan.executor.devices.station import Station
+from microplan.executor.record.frames import Frames, region_data
 
 FORMAT = 1
 RESUMES = "journal_lines"  # of the first line: how many a run was resumed from, or 0
@@ -238,7 +238,7 @@ def _given(args: tuple[Any, ...], named: Mapping[str, Any]) -> dict[str, Any]:
 
 def _region(rows: Any) -> Any:
     """Return a region from its four numbers."""
-    from schemas.plan import Region
+    from microplan.schemas.plan import Region
 
     if rows is None:
         return None

@@ -7,12 +7,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from executor.devices.errors import ExecutorError
-from executor.devices.paths import is_file
-from executor.devices.safety import Phase
-from executor.motion.beliefs import Known
-from executor.record.outcome import StepResult
-from executor.record.write_ahead_log import (
+from microplan.executor.devices.errors import ExecutorError
+from microplan.executor.devices.paths import is_file
+from microplan.executor.devices.safety import Phase
+from microplan.executor.motion.beliefs import Known
+from microplan.executor.record.outcome import StepResult
+from microplan.executor.record.write_ahead_log import (
     AWAY,
     FILE,
     FORMAT,
@@ -22,8 +22,8 @@ from executor.record.write_ahead_log import (
     Standing,
     opened,
 )
-from schemas.codec import CodecError, from_data
-from schemas.plan import View
+from microplan.schemas.codec import CodecError, from_data
+from microplan.schemas.plan import View
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -5,16 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from executor.devices.drivers import AxisReading, Frame
-from executor.devices.errors import ExecutorError, why
-from executor.devices.paths import stays_in
-from executor.devices.safety import AXES, Rules
-from executor.devices.station import Offer, Station
-from executor.record.frames import read_png, region_data
-from executor.record.recorded_calls import Tape, numbers
-from executor.record.recording import pixels_sha256
-from schemas.codec import CodecError, from_data
-from schemas.plan import Region
+from microplan.executor.devices.drivers import AxisReading, Frame
+from microplan.executor.devices.errors import ExecutorError, why
+from microplan.executor.devices.paths import stays_in
+from microplan.executor.devices.safety import AXES, Rules
+from microplan.executor.devices.station import Offer, Station
+from microplan.executor.record.frames import read_png, region_data
+from microplan.executor.record.recorded_calls import Tape, numbers
+from microplan.executor.record.recording import pixels_sha256
+from microplan.schemas.codec import CodecError, from_data
+from microplan.schemas.plan import Region
 
 
 def tape_station(tape: Tape, *, anyway: bool = False) -> Station:
@@ -76,7 +76,7 @@ class _TapeDevice:
 
 
 class TapeAxes(_TapeDevice):
-    """A stage or robot; see `executor.devices.drivers.Axes`."""
+    """A stage or robot; see `microplan.executor.devices.drivers.Axes`."""
 
     def start(self, **targets: float | None) -> None:
         """Compare a motion with the recorded one."""
@@ -90,7 +90,7 @@ class TapeAxes(_TapeDevice):
 
 
 class TapeJaws(_TapeDevice):
-    """Jaws; see `executor.devices.drivers.Gripper`."""
+    """Jaws; see `microplan.executor.devices.drivers.Gripper`."""
 
     def start(self, opening_um: float) -> None:
         """Compare an opening with the recorded one."""
@@ -103,7 +103,7 @@ class TapeJaws(_TapeDevice):
 
 
 class TapeLens(_TapeDevice):
-    """Zoom and focus; see `executor.devices.drivers.Lens`."""
+    """Zoom and focus; see `microplan.executor.devices.drivers.Lens`."""
 
     def start_magnification(self, magnification: float) -> None:
         """Compare a zoom with the recorded one."""
@@ -121,7 +121,7 @@ class TapeLens(_TapeDevice):
 
 
 class TapeLight(_TapeDevice):
-    """The light; see `executor.devices.drivers.Light`."""
+    """The light; see `microplan.executor.devices.drivers.Light`."""
 
     def set_level(self, level: float) -> None:
         """Compare a brightness with the recorded one."""
@@ -129,7 +129,7 @@ class TapeLight(_TapeDevice):
 
 
 class TapeCamera(_TapeDevice):
-    """The camera; see `executor.devices.drivers.Camera`."""
+    """The camera; see `microplan.executor.devices.drivers.Camera`."""
 
     def __init__(self, tape: Tape, name: str, *, anyway: bool) -> None:
         super().__init__(tape, name)
@@ -156,7 +156,7 @@ class TapeCamera(_TapeDevice):
 
 
 class TapeClock:
-    """The recorded time; see `executor.devices.drivers.Clock`."""
+    """The recorded time; see `microplan.executor.devices.drivers.Clock`."""
 
     def __init__(self, tape: Tape) -> None:
         self._tape = tape

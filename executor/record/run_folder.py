@@ -11,13 +11,13 @@ from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from pathlib import Path
 
-from executor.devices.errors import ExecutorError, why
-from executor.devices.paths import is_file
-from executor.record.frames import FOLDER
-from executor.record.lock import held
-from executor.record.recording import CALLS, MORE_CALLS
-from executor.record.recovery import Found, Header, is_open, read_past
-from executor.record.write_ahead_log import FILE, FileStore, Intents
+from microplan.executor.devices.errors import ExecutorError, why
+from microplan.executor.devices.paths import is_file
+from microplan.executor.record.frames import FOLDER
+from microplan.executor.record.lock import held
+from microplan.executor.record.recording import CALLS, MORE_CALLS
+from microplan.executor.record.recovery import Found, Header, is_open, read_past
+from microplan.executor.record.write_ahead_log import FILE, FileStore, Intents
 
 EVENTS = "events.jsonl"
 LOCK = "lock"

@@ -6,9 +6,9 @@ import json
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from executor.record.outcome import RunResult, StepResult
-from schemas.codec import to_data
-from schemas.plan import Plan
+from microplan.executor.record.outcome import RunResult, StepResult
+from microplan.schemas.codec import to_data
+from microplan.schemas.plan import Plan
 
 _HEAD = (
     "step",

@@ -14,10 +14,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, Protocol
 
-from executor.devices.drivers import AxisReading
-from executor.devices.errors import ExecutorError
-from executor.devices.safety import Phase
-from schemas.codec import to_data
+from microplan.executor.devices.drivers import AxisReading
+from microplan.executor.devices.errors import ExecutorError
+from microplan.executor.devices.safety import Phase
+from microplan.schemas.codec import to_data
 
 FILE = "journal.jsonl"
 FORMAT = 1

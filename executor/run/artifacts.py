@@ -11,25 +11,19 @@ from pathlib import Path
 
 import numpy as np
 
-from executor.devices.errors import ExecutorError
-from executor.devices.paths import stays_in
-from featuresel.routines import (
-    REGISTRY,
-    Artifact,
-    Failure,
-    FloatArray,
-    Guess,
-    Measurement,
-    load,
-)
-from featuresel.routines.chain import measure_chain
-from schemas.plan import Look, Measure, Plan, RoutineUse
+from microplan.arrays import FloatArray
+from microplan.executor.devices.errors import ExecutorError
+from microplan.executor.devices.paths import stays_in
+from microplan.featuresel.routines.chain import measure_chain
+from microplan.featuresel.routines.contract import Artifact, Failure, Guess, Measurement
+from microplan.featuresel.routines.registry import REGISTRY, load
+from microplan.schemas.plan import Look, Measure, Plan, RoutineUse
 
 Stages = Sequence[tuple[str, Artifact]]
 
 
 class Artifacts:
-    """Chains ready for `featuresel.routines.chain.measure_chain`.
+    """Chains ready for `microplan.featuresel.routines.chain.measure_chain`.
 
     `sha256` is of the files that the arrays were read from, in the plan's order.
     """

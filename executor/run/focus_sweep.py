@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from executor.devices.errors import ExecutorError
-from executor.run.measure_target import Sighting, to_unit
-from executor.run.run_context import Rig
-from featuresel.routines import Artifact, Failure, Guess
-from schemas.plan import HeightSearch, Look
+from microplan.executor.devices.errors import ExecutorError
+from microplan.executor.run.measure_target import Sighting, to_unit
+from microplan.executor.run.run_context import Rig
+from microplan.featuresel.routines.contract import Artifact, Failure, Guess
+from microplan.schemas.plan import HeightSearch, Look
 
 # Half width of the scored ring over its radius: wide enough for the edge's blur some
 # tens of um out of focus, too narrow for the post inside a bore or the teeth outside.
@@ -68,7 +68,9 @@ def height_by_sweep(
 
 def peak_of(curve: Curve, target: str, seconds: float = 0.0) -> Height:
     """Return the one true peak of a curve; MP853 if it has none."""
-    from featuresel.routines.focus.focus import peak  # loads cv2, not needed at start
+    from microplan.featuresel.routines.focus.focus import (
+        peak,  # loads cv2, not needed at start
+    )
 
     height = max(curve.scores) - min(curve.scores)
     if not height >= LEAST_HEIGHT * curve.noise:
@@ -106,8 +108,8 @@ def height_by_pair(
     Parameters
     ----------
     artifact : Artifact
-        By `featuresel.routines.likelihood.defocus_pair.prepare` for this look, at
-        `offset_um`.
+        By `microplan.featuresel.routines.likelihood.defocus_pair.prepare` for this
+        look, at `offset_um`.
     expected_um : float
         World height of the face, nominally; where the artifact's focus is 0.
     offset_um : float
@@ -118,7 +120,7 @@ def height_by_pair(
     ExecutorError
         MP853 if the pictures tell no height.
     """
-    from featuresel.routines.likelihood import defocus_pair
+    from microplan.featuresel.routines.likelihood import defocus_pair
 
     began_s, offsets = rig.station.clock.now_s(), (-offset_um, offset_um)
     images = []
@@ -148,7 +150,7 @@ def _score_at(
     rig: Rig, search: HeightSearch, look: Look, part: Sighting, focus_um: float
 ) -> float:
     """Return how sharp the part's edges are with the focus at `focus_um`."""
-    from featuresel.routines.focus.focus import ring_mask, score  # as above
+    from microplan.featuresel.routines.focus.focus import ring_mask, score  # as above
 
     rig.set_view(look.view, focus_um=focus_um)
     counts = rig.grab(look.measure.region, keep=False)  # mostly blurred

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from featuresel.routines.fusion import Seen
-from schemas.plan import Measure
-from schemas.pose import Pose
+from microplan.featuresel.routines.fusion import Seen
+from microplan.schemas.plan import Measure
+from microplan.schemas.pose import Pose
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -8,12 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from executor.devices.errors import ExecutorError
-from executor.devices.station import ALIGNED
-from featuresel.routines import FloatArray
-from schemas.plan import Look
-
-Point = tuple[float, float]
+from microplan.arrays import FloatArray, Point
+from microplan.executor.devices.errors import ExecutorError
+from microplan.executor.devices.station import ALIGNED
+from microplan.schemas.plan import Look
 
 LIMIT = 4.5  # sigmas: of eight numbers one is beyond it in 20 000 probes
 

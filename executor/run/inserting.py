@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from executor.devices.errors import ExecutorError
-from executor.run.run_context import Rig
-from schemas.plan import AxisMove, InsertAction
+from microplan.executor.devices.errors import ExecutorError
+from microplan.executor.run.run_context import Rig
+from microplan.schemas.plan import AxisMove, InsertAction
 
 # A move that is refused before it begins, by where things are: all devices are well.
 IN_THE_WAY = "MP836"

@@ -6,16 +6,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
 
-from executor.devices.calibration import LookFrame
-from executor.devices.errors import ExecutorError
-from executor.run.artifacts import Artifacts, Stages, answer_of, key_of
-from executor.run.gates import gates_of
-from executor.run.run_context import Rig
-from executor.run.warm_start import Found, Near, guess_from, nearest_routine
-from featuresel.routines import Failure, FloatArray, Guess, Measurement
-from featuresel.routines.fusion import Believed, Seen
-from schemas.plan import BiasAt, Look, Measure, RoutineUse
-from schemas.pose import Pose
+from microplan.arrays import FloatArray
+from microplan.executor.devices.calibration import LookFrame
+from microplan.executor.devices.errors import ExecutorError
+from microplan.executor.run.artifacts import Artifacts, Stages, answer_of, key_of
+from microplan.executor.run.gates import gates_of
+from microplan.executor.run.run_context import Rig
+from microplan.executor.run.warm_start import Found, Near, guess_from, nearest_routine
+from microplan.featuresel.routines.contract import Failure, Guess, Measurement
+from microplan.featuresel.routines.fusion import Believed, Seen
+from microplan.schemas.plan import BiasAt, Look, Measure, RoutineUse
+from microplan.schemas.pose import Pose
 
 
 class Eye(Protocol):

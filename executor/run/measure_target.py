@@ -6,15 +6,16 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-from executor.devices.drivers import Counts
-from executor.devices.errors import MACHINE, STOPPED, ExecutorError
-from executor.motion.inverse_kinematics import readings_for
-from executor.run.measure_feature import Picture, Shown, look_for
-from executor.run.run_context import Rig
-from executor.run.warm_start import Found, Near
-from featuresel.routines import Failure, FloatArray
-from featuresel.routines.fusion import fuse
-from schemas.plan import AxisMove, Look, OnFailure
+from microplan.arrays import FloatArray
+from microplan.executor.devices.drivers import Counts
+from microplan.executor.devices.errors import MACHINE, STOPPED, ExecutorError
+from microplan.executor.motion.inverse_kinematics import readings_for
+from microplan.executor.run.measure_feature import Picture, Shown, look_for
+from microplan.executor.run.run_context import Rig
+from microplan.executor.run.warm_start import Found, Near
+from microplan.featuresel.routines.contract import Failure
+from microplan.featuresel.routines.fusion import fuse
+from microplan.schemas.plan import AxisMove, Look, OnFailure
 
 # The least that reflects, a stage of .01 in half of the light, shows brighter; a dark
 # frame of the camera does not.

@@ -11,23 +11,22 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from executor.devices.calibration import IDENTITY
-from executor.devices.errors import ExecutorError
-from executor.motion.inverse_kinematics import readings_for
-from executor.run.image_jacobian import (
+from microplan.arrays import Point
+from microplan.executor.devices.calibration import IDENTITY
+from microplan.executor.devices.errors import ExecutorError
+from microplan.executor.motion.inverse_kinematics import readings_for
+from microplan.executor.run.image_jacobian import (
     Followed,
     check_directions,
     check_scale,
     check_turn,
     followed,
 )
-from executor.run.measure_target import UNSEEN, Sighting, look_at
-from executor.run.probe_limits import axis_sigma_um, in_the_way, steers_angle
-from executor.run.run_context import Rig
-from executor.run.warm_start import Near
-from schemas.plan import AxesName, AxisMove, Look, OnFailure
-
-Point = tuple[float, float]
+from microplan.executor.run.measure_target import UNSEEN, Sighting, look_at
+from microplan.executor.run.probe_limits import axis_sigma_um, in_the_way, steers_angle
+from microplan.executor.run.run_context import Rig
+from microplan.executor.run.warm_start import Near
+from microplan.schemas.plan import AxesName, AxisMove, Look, OnFailure
 
 LEAST_UM = 3.0  # a first move: what any stage can do and any eye can see
 WANTED = 10.0  # sigmas of a first move's own scatter: what it is to be

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 
-from executor.devices.errors import ExecutorError
-from executor.devices.safety import check_step, check_travel, targets
-from executor.run.run_context import Rig
-from executor.run.verify import in_view
-from schemas.plan import AlignAction, AxesName, AxisMove, Look
+from microplan.executor.devices.errors import ExecutorError
+from microplan.executor.devices.safety import check_step, check_travel, targets
+from microplan.executor.run.run_context import Rig
+from microplan.executor.run.verify import in_view
+from microplan.schemas.plan import AlignAction, AxesName, AxisMove, Look
 
 CLEAR = 3.0  # sigmas that a probe stays away from everything
 # A tolerance below .6 move sigmas is refused by the compiler.

@@ -7,11 +7,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Literal
 
-from executor.devices.errors import ExecutorError
-from executor.devices.safety import AXES, Rules
-from executor.record.recovery import Header, Past
-from executor.record.write_ahead_log import FORMAT, REPEATED, Intent, Standing
-from executor.run.run_context import Rig
+from microplan.executor.devices.errors import ExecutorError
+from microplan.executor.devices.safety import AXES, Rules
+from microplan.executor.record.recovery import Header, Past
+from microplan.executor.record.write_ahead_log import FORMAT, REPEATED, Intent, Standing
+from microplan.executor.run.run_context import Rig
 
 Was = Literal["done", "not begun", "on the way"]
 Ask = Callable[[str], bool]

@@ -5,17 +5,17 @@ from __future__ import annotations
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
-from executor.devices.errors import ExecutorError
-from executor.devices.safety import Phase
-from executor.record.listing import action_line, step_lines
-from executor.record.outcome import RunResult, StepResult
-from executor.run.inserting import insert
-from executor.run.measure_target import look_near
-from executor.run.probe import look_probed
-from executor.run.run_context import Rig
-from executor.run.servo import align
-from executor.run.verify import verify
-from schemas.plan import (
+from microplan.executor.devices.errors import ExecutorError
+from microplan.executor.devices.safety import Phase
+from microplan.executor.record.listing import action_line, step_lines
+from microplan.executor.record.outcome import RunResult, StepResult
+from microplan.executor.run.inserting import insert
+from microplan.executor.run.measure_target import look_near
+from microplan.executor.run.probe import look_probed
+from microplan.executor.run.run_context import Rig
+from microplan.executor.run.servo import align
+from microplan.executor.run.verify import verify
+from microplan.schemas.plan import (
     AlignAction,
     GraspAction,
     InsertAction,

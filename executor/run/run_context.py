@@ -7,27 +7,27 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
-from executor.devices.calibration import LookFrame, look_frame
-from executor.devices.drivers import Counts
-from executor.devices.errors import ExecutorError
-from executor.devices.safety import (
+from microplan.executor.devices.calibration import LookFrame, look_frame
+from microplan.executor.devices.drivers import Counts
+from microplan.executor.devices.errors import ExecutorError
+from microplan.executor.devices.safety import (
     Phase,
     check_finite,
     check_opening,
     check_travel,
     targets,
 )
-from executor.devices.station import Station
-from executor.motion.beliefs import Beliefs, Readings
-from executor.motion.keep_out import KeepOut, Moment
-from executor.motion.motion import Motion
-from executor.record.frames import Frames
-from executor.record.journal import Journal
-from executor.record.outcome import StepResult
-from executor.record.recovery import Past
-from executor.record.write_ahead_log import AWAY, Intent, Intents, Standing
-from executor.run.artifacts import Artifacts
-from schemas.plan import AxisMove, Look, Plan, Region, View
+from microplan.executor.devices.station import Station
+from microplan.executor.motion.beliefs import Beliefs, Readings
+from microplan.executor.motion.keep_out import KeepOut, Moment
+from microplan.executor.motion.motion import Motion
+from microplan.executor.record.frames import Frames
+from microplan.executor.record.journal import Journal
+from microplan.executor.record.outcome import StepResult
+from microplan.executor.record.recovery import Past
+from microplan.executor.record.write_ahead_log import AWAY, Intent, Intents, Standing
+from microplan.executor.run.artifacts import Artifacts
+from microplan.schemas.plan import AxisMove, Look, Plan, Region, View
 
 
 @dataclass(slots=True, kw_only=True)

@@ -6,13 +6,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from executor.devices.errors import ExecutorError
-from executor.motion.inverse_kinematics import readings_for
-from executor.run.measure_target import UNSEEN, Sighting
-from executor.run.probe import look_probed
-from executor.run.run_context import Rig
-from executor.run.warm_start import Near
-from schemas.plan import AlignAction, AxisMove, Control, Look, OnFailure
+from microplan.executor.devices.errors import ExecutorError
+from microplan.executor.motion.inverse_kinematics import readings_for
+from microplan.executor.run.measure_target import UNSEEN, Sighting
+from microplan.executor.run.probe import look_probed
+from microplan.executor.run.run_context import Rig
+from microplan.executor.run.warm_start import Near
+from microplan.schemas.plan import AlignAction, AxisMove, Control, Look, OnFailure
 
 # A tolerance below .6 move sigmas is refused by the compiler, so sigma <= t / .6. Axes
 # that land about their reading leave an error of sigma sqrt(2 / (2 - gain)) per axis

@@ -6,12 +6,12 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from executor.devices.errors import ExecutorError
-from executor.run.focus_sweep import Height, height_by_sweep
-from executor.run.measure_target import UNSEEN, Sighting, look_at
-from executor.run.run_context import Rig
-from schemas.plan import HeightSearch, Look, OnFailure, VerifyAction
-from schemas.pose import Pose
+from microplan.executor.devices.errors import ExecutorError
+from microplan.executor.run.focus_sweep import Height, height_by_sweep
+from microplan.executor.run.measure_target import UNSEEN, Sighting, look_at
+from microplan.executor.run.run_context import Rig
+from microplan.schemas.plan import HeightSearch, Look, OnFailure, VerifyAction
+from microplan.schemas.pose import Pose
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from featuresel.routines import Guess, Measurement, load
-from featuresel.routines.chain import HANDOVER_SIGMAS
-from schemas.plan import RoutineUse
+from microplan.featuresel.routines.chain import HANDOVER_SIGMAS
+from microplan.featuresel.routines.contract import Guess, Measurement
+from microplan.featuresel.routines.registry import load
+from microplan.schemas.plan import RoutineUse
 
 # A fit, and its one linear step: they read the same arrays and end at the same pose.
 FIT, STEP = "likelihood", "one_step"

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from executor.serial.link import ANSWER_S, Link
-from executor.serial.port import Port
+from microplan.executor.serial.link import ANSWER_S, Link
+from microplan.executor.serial.port import Port
 
 Interval = tuple[float, float]
 _Name = tuple[str, str]  # model and serial number
@@ -97,11 +97,11 @@ class SerialLens:
         self.model, self.serial = name[0], f"{name[1]} lens"
 
     def start_magnification(self, magnification: float) -> None:
-        """Begin to zoom; see `executor.devices.drivers.Lens`."""
+        """Begin to zoom; see `microplan.executor.devices.drivers.Lens`."""
         self._zoom.go(magnification)
 
     def start_focus_um(self, focus_um: float) -> None:
-        """Begin to focus; see `executor.devices.drivers.Lens`."""
+        """Begin to focus; see `microplan.executor.devices.drivers.Lens`."""
         self._focus.go(focus_um)
 
     def reading(self) -> tuple[float, float]:
@@ -125,7 +125,7 @@ class SerialGripper:
         self.model, self.serial = name[0], f"{name[1]} jaws"
 
     def start(self, opening_um: float) -> None:
-        """Begin to open or close; see `executor.devices.drivers.Gripper`."""
+        """Begin to open or close; see `microplan.executor.devices.drivers.Gripper`."""
         self._axis.go(opening_um)
 
     def reading(self) -> float:

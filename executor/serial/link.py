@@ -6,9 +6,15 @@ import itertools
 import threading
 import time
 
-from executor.devices.errors import ExecutorError
-from executor.serial.port import Port
-from executor.serial.protocol import NUMBERS, Answer, RefusedError, answer, question
+from microplan.executor.devices.errors import ExecutorError
+from microplan.executor.serial.port import Port
+from microplan.executor.serial.protocol import (
+    NUMBERS,
+    Answer,
+    RefusedError,
+    answer,
+    question,
+)
 
 TRIES = 3  # every order is an absolute state: asked again it does nothing new
 ANSWER_S = 0.1  # a line of 96 bytes takes 8 ms at 115200 baud

@@ -8,7 +8,7 @@ import termios
 import threading
 import time
 
-from executor.serial.protocol import LONGEST
+from microplan.executor.serial.protocol import LONGEST
 
 _CHUNK = 4096
 SPEEDS = {

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from executor.devices.drivers import AxisReading
-from executor.simulated.contact import touch
-from executor.simulated.timeline import Timeline, Trouble
-from executor.simulated.truth import AXES, AxisState
+from microplan.executor.devices.drivers import AxisReading
+from microplan.executor.simulated.contact import touch
+from microplan.executor.simulated.timeline import Timeline, Trouble
+from microplan.executor.simulated.truth import AXES, AxisState
 
 STEP_UM = {"x_um": 4.0, "y_um": 4.0, "z_um": 1.0}  # between contact tests
 STEP_RAD = 0.02  # 2 um at 100 um from the axis
@@ -95,7 +95,7 @@ class SimAxes:
         theta_rad: float | None = None,
         speed_um_per_s: float | None = None,
     ) -> None:
-        """Begin to go to absolute readings; see `executor.devices.drivers.Axes`."""
+        """Begin to go to absolute readings; see `drivers.Axes`."""
         asked = {"x_um": x_um, "y_um": y_um, "z_um": z_um, "theta_rad": theta_rad}
         self._check(asked)
         self._trouble.refuse("raises")

@@ -8,24 +8,22 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from executor.devices.drivers import Counts, Frame
-from executor.simulated.faults import Faults
-from executor.simulated.lens import SimLens
-from executor.simulated.timeline import Timeline, Trouble
-from executor.simulated.truth import Body, Truth
-from optics.layers.shading import shaded
-from optics.lens.distorted_scene import lens_scene
-from optics.lens.sensor import Sensor, expose
-from optics.outline.outline import Outline, place
-from optics.render.scene import Illumination, Layer, Scene, Window
-from optics.transfer.microscope import Microscope
-from schemas.files.world import WorldOptics
-from schemas.plan import Region
-from schemas.pose import Pose
-
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray
+from microplan.executor.devices.drivers import Counts, Frame
+from microplan.executor.simulated.faults import Faults
+from microplan.executor.simulated.lens import SimLens
+from microplan.executor.simulated.timeline import Timeline, Trouble
+from microplan.executor.simulated.truth import Body, Truth
+from microplan.optics.layers.shading import shaded
+from microplan.optics.lens.distorted_scene import lens_scene
+from microplan.optics.lens.sensor import Sensor, expose
+from microplan.optics.outline.outline import Outline, place
+from microplan.optics.render.scene import Illumination, Layer, Scene, Window
+from microplan.optics.transfer.microscope import Microscope
+from microplan.schemas.files.world import WorldOptics
+from microplan.schemas.plan import Region
+from microplan.schemas.pose import Pose
 
 # Another blur law than the compiler's: it is not the cell's judge.
 BLUR_LAW = "stokseth"
@@ -114,7 +112,7 @@ class SimCamera:
         return "sim-camera"
 
     def grab(self, region: Region | None = None, *, after_s: float = 0.0) -> Frame:
-        """Expose and return a frame; see `executor.devices.drivers.Camera`."""
+        """Expose and return a frame; see `drivers.Camera`."""
         self._trouble.refuse("raises")
         self._trouble.hang("hangs")
         self._timeline.advance(max(after_s - self._truth.time_s, 0.0))

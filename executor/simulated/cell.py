@@ -7,18 +7,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from executor.devices.safety import Rules, Settle, Speeds
-from executor.devices.station import Offer, Station
-from executor.simulated.axes import Drive, SimAxes
-from executor.simulated.camera import SimCamera, SimLight
-from executor.simulated.faults import Faults
-from executor.simulated.gripper import SimGripper
-from executor.simulated.judging import Verdict, judge
-from executor.simulated.lens import SimLens, drawn_errors
-from executor.simulated.making import made_truth
-from executor.simulated.timeline import SimClock, Timeline, Trouble
-from executor.simulated.truth import Truth
-from schemas.files.world import World, WorldAxes
+from microplan.executor.devices.safety import Rules, Settle, Speeds
+from microplan.executor.devices.station import Offer, Station
+from microplan.executor.simulated.axes import Drive, SimAxes
+from microplan.executor.simulated.camera import SimCamera, SimLight
+from microplan.executor.simulated.faults import Faults
+from microplan.executor.simulated.gripper import SimGripper
+from microplan.executor.simulated.judging import Verdict, judge
+from microplan.executor.simulated.lens import SimLens, drawn_errors
+from microplan.executor.simulated.making import made_truth
+from microplan.executor.simulated.timeline import SimClock, Timeline, Trouble
+from microplan.executor.simulated.truth import Truth
+from microplan.schemas.files.world import World, WorldAxes
 
 # Each purpose has its own stream, so that one more draw here moves nothing there.
 PURPOSES = (
@@ -102,7 +102,7 @@ def build_cell(
     seed : int
         Root of all the cell's random numbers.
     faults : iterable of str
-        Names of `executor.simulated.faults.FAULTS`, or NAME@STEP.
+        Names of `microplan.executor.simulated.faults.FAULTS`, or NAME@STEP.
     drives : mapping of str to Drive
         By "stage" and "robot"; a drive that is left out is where it reads.
     """

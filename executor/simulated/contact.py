@@ -11,10 +11,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from executor.simulated.fingers import check_fingers
-from executor.simulated.shapes import FloatArray, inside, moved
-from executor.simulated.truth import Body, Post, Truth
-from schemas.pose import Pose
+from microplan.arrays import FloatArray
+from microplan.executor.simulated.fingers import check_fingers
+from microplan.executor.simulated.shapes import inside, moved
+from microplan.executor.simulated.truth import Body, Post, Truth
+from microplan.schemas.pose import Pose
 
 FROM_ABOVE_UM = 3.0  # deeper at once than this is a hit from the side: z steps are 1 um
 BENT_UM = 5.0  # pushed farther than this, a post or finger is bent

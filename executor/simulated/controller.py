@@ -1,7 +1,7 @@
 """A fake controller behind a pseudo-terminal, with zoom, focus, jaws and its faults.
 
-It speaks the protocol of `executor.serial` from its description: it shares no code
-with the driver, so that a mistake in one of them shows.
+It speaks the protocol of `microplan.executor.serial` from its description: it shares no
+code with the driver, so that a mistake in one of them shows.
 """
 
 from __future__ import annotations

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from executor.simulated.shapes import FloatArray, inside, moved
-from executor.simulated.truth import Truth
-from schemas.pose import Pose
+from microplan.arrays import FloatArray
+from microplan.executor.simulated.shapes import inside, moved
+from microplan.executor.simulated.truth import Truth
+from microplan.schemas.pose import Pose
 
 
 def check_fingers(truth: Truth) -> None:

@@ -6,11 +6,11 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from executor.devices.drivers import AxisReading
-from executor.simulated.axes import STEP_RAD, STEP_UM
-from executor.simulated.cell import Cell
-from executor.simulated.contact import touch
-from executor.simulated.truth import AXES, AxisState
+from microplan.executor.devices.drivers import AxisReading
+from microplan.executor.simulated.axes import STEP_RAD, STEP_UM
+from microplan.executor.simulated.cell import Cell
+from microplan.executor.simulated.contact import touch
+from microplan.executor.simulated.truth import AXES, AxisState
 
 DIGITS = 6  # of a reading, um: what differs by less has not moved
 

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from executor.simulated.contact import touch
-from executor.simulated.jaws import close_jaws, open_jaws
-from executor.simulated.timeline import Delayed, Timeline, Trouble
+from microplan.executor.simulated.contact import touch
+from microplan.executor.simulated.jaws import close_jaws, open_jaws
+from microplan.executor.simulated.timeline import Delayed, Timeline, Trouble
 
 JAW_TIME_S = 0.3  # the workcell states none
 
@@ -46,7 +46,7 @@ class SimGripper:
         return "sim-jaws"
 
     def start(self, opening_um: float) -> None:
-        """Begin to open or close; see `executor.devices.drivers.Gripper`."""
+        """Begin to open or close; see `microplan.executor.devices.drivers.Gripper`."""
         tool = self._truth.tool
         low, high = (0.0, 0.0) if tool is None else tool.opening_um
         if not (math.isfinite(opening_um) and low <= opening_um <= high):

@@ -6,12 +6,12 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
-from executor.devices.errors import ExecutorError
-from executor.simulated.axes import Drive
-from executor.simulated.cell import Cell, build_cell
-from executor.simulated.keeping import keep, take
-from schemas.codec import from_data
-from schemas.files.world import World
+from microplan.executor.devices.errors import ExecutorError
+from microplan.executor.simulated.axes import Drive
+from microplan.executor.simulated.cell import Cell, build_cell
+from microplan.executor.simulated.keeping import keep, take
+from microplan.schemas.codec import from_data
+from microplan.schemas.files.world import World
 
 
 def cell(
@@ -33,9 +33,9 @@ def cell(
     seed : int
         Root of all the cell's random numbers.
     faults : sequence of str
-        Names of `executor.simulated.faults.FAULTS`, or NAME@STEP.
+        Names of `microplan.executor.simulated.faults.FAULTS`, or NAME@STEP.
     quantum_um, backlash_um, lag_s : float
-        Of both drives; see `executor.simulated.axes.Drive`.
+        Of both drives; see `microplan.executor.simulated.axes.Drive`.
     kept : str
         A file in which the cell's world outlives the executor; deleted, the cell is new
         again. "": nothing is kept.

@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from executor.simulated.contact import drop, lean
-from executor.simulated.shapes import extent_x, moved
-from executor.simulated.truth import Body, Truth
-from schemas.pose import Pose
+from microplan.executor.simulated.contact import drop, lean
+from microplan.executor.simulated.shapes import extent_x, moved
+from microplan.executor.simulated.truth import Body, Truth
+from microplan.schemas.pose import Pose
 
 BEHIND_TIPS_UM = 5.0  # a part's middle must lie at least this far behind the tips
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from executor.simulated.contact import hole_error
-from executor.simulated.truth import Body, Truth
+from microplan.executor.simulated.contact import hole_error
+from microplan.executor.simulated.truth import Body, Truth
 
 SEATED_UM = 1.0  # a part lying this close to its seat lies on it
 

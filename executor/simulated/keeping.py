@@ -15,10 +15,10 @@ from typing import Any
 
 import numpy as np
 
-from executor.devices.errors import ExecutorError
-from executor.simulated.cell import Cell
-from schemas.codec import from_data, to_data
-from schemas.pose import Pose
+from microplan.executor.devices.errors import ExecutorError
+from microplan.executor.simulated.cell import Cell
+from microplan.schemas.codec import from_data, to_data
+from microplan.schemas.pose import Pose
 
 FORMAT = 1
 _DAY_S = 86400.0  # what axes, jaws and lens do takes seconds

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from executor.simulated.timeline import Delayed, Timeline, Trouble
-from optics.lens.lens import MAX_DISTORTION, LensErrors
-from schemas.files.world import WorldLens
+from microplan.executor.simulated.timeline import Delayed, Timeline, Trouble
+from microplan.optics.lens.lens import MAX_DISTORTION, LensErrors
+from microplan.schemas.files.world import WorldLens
 
 # Not the aperture of the data sheet: with the compiler's own model it were no judge.
 APERTURE_RATIO = 1.02

@@ -7,16 +7,16 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from executor.simulated.shapes import (
+from microplan.executor.simulated.shapes import (
     boundary,
     made_post,
     outline_of,
     polygons,
     with_holes,
 )
-from executor.simulated.truth import AxisState, Body, Post, Truth
-from schemas.files.world import World, WorldAxes, WorldPart, WorldPost
-from schemas.pose import Pose
+from microplan.executor.simulated.truth import AxisState, Body, Post, Truth
+from microplan.schemas.files.world import World, WorldAxes, WorldPart, WorldPost
+from microplan.schemas.pose import Pose
 
 
 def made_truth(

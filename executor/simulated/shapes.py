@@ -8,11 +8,18 @@ from collections.abc import Iterable
 import numpy as np
 import numpy.typing as npt
 
-from optics.outline.outline import JOIN_UM, Arc, Edge, Outline, Ring, Segment, flatten
-from schemas.files.world import WorldHole, WorldOutline, WorldPost, WorldRing
-from schemas.pose import Pose
-
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray
+from microplan.optics.outline.outline import (
+    JOIN_UM,
+    Arc,
+    Edge,
+    Outline,
+    Ring,
+    Segment,
+    flatten,
+)
+from microplan.schemas.files.world import WorldHole, WorldOutline, WorldPost, WorldRing
+from microplan.schemas.pose import Pose
 
 CHORD_UM = 0.02  # sagitta of flattened arcs: well below any clearance judged here
 ROUNDED_UM = 0.05  # six digits of 2e4 um, the length of a finger

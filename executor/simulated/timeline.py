@@ -7,8 +7,8 @@ import threading
 from collections.abc import Callable
 from typing import Protocol
 
-from executor.simulated.faults import Faults
-from executor.simulated.truth import Truth
+from microplan.executor.simulated.faults import Faults
+from microplan.executor.simulated.truth import Truth
 
 HANG_S = 60.0  # of the machine's own time; `stop` ends it
 

@@ -7,11 +7,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from executor.simulated.shapes import FloatArray, boundary, polygons
-from optics.outline.outline import Outline
-from schemas.files.world import World, WorldAxes, WorldPart, WorldTool
-from schemas.plan import AxesName
-from schemas.pose import Pose
+from microplan.arrays import FloatArray
+from microplan.executor.simulated.shapes import boundary, polygons
+from microplan.optics.outline.outline import Outline
+from microplan.schemas.files.world import World, WorldAxes, WorldPart, WorldTool
+from microplan.schemas.plan import AxesName
+from microplan.schemas.pose import Pose
 
 AXES = ("x_um", "y_um", "z_um", "theta_rad")
 

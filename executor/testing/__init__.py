@@ -1,6 +1,6 @@
-"""What a driver must do, as checks its author runs: `python -m executor.testing`."""
+"""Conformance checks of drivers: `python -m microplan.executor.testing`."""
 
-from executor.testing.bench import Bench, ConformanceError
-from executor.testing.conformance import Result, conforms, failures
+from microplan.executor.testing.bench import Bench, ConformanceError
+from microplan.executor.testing.conformance import Result, conforms, failures
 
 __all__ = ["Bench", "ConformanceError", "Result", "conforms", "failures"]

@@ -1,4 +1,4 @@
-"""The command `python -m executor.testing`: run the checks of a role on a driver."""
+"""The command `python -m microplan.executor.testing`: check a driver's role."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from executor.devices.errors import ExecutorError
-from executor.devices.loading import ROLES, build, load
-from executor.testing.bench import Bench
-from executor.testing.conformance import results
-from schemas.page.console import say, tell
+from microplan.executor.devices.errors import ExecutorError
+from microplan.executor.devices.loading import ROLES, build, load
+from microplan.executor.testing.bench import Bench
+from microplan.executor.testing.conformance import results
+from microplan.schemas.page.console import say, tell
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Return 0 if the driver does what it must, 1 if not, 2 if it cannot be made."""
     parser = argparse.ArgumentParser(
-        prog="python -m executor.testing",
+        prog="python -m microplan.executor.testing",
         description="Check a driver. It moves: by the steps of --step, up and back.",
     )
     parser.add_argument("driver", help="an entry point, or module:attribute")

@@ -7,10 +7,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
-from executor.devices.drivers import Clock
-from executor.devices.errors import ExecutorError
-from executor.devices.timeouts import Caller
-from executor.devices.wall_clock import WallClock
+from microplan.executor.devices.drivers import Clock
+from microplan.executor.devices.errors import ExecutorError
+from microplan.executor.devices.timeouts import Caller
+from microplan.executor.devices.wall_clock import WallClock
 
 T = TypeVar("T")
 STEPS = {
@@ -25,7 +25,7 @@ BAD = (math.nan, math.inf, -math.inf)
 
 
 class ConformanceError(AssertionError):
-    """A driver does not do what `executor.devices.drivers` says."""
+    """A driver does not do what `microplan.executor.devices.drivers` says."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

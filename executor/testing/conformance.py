@@ -6,11 +6,11 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from executor.devices.errors import ExecutorError
-from executor.devices.loading import ROLES, check_role
-from executor.testing.bench import Bench, Check, ConformanceError, must
-from executor.testing.movers import AXES, JAWS, LENS
-from executor.testing.others import CAMERA, CLOCK, LIGHT
+from microplan.executor.devices.errors import ExecutorError
+from microplan.executor.devices.loading import ROLES, check_role
+from microplan.executor.testing.bench import Bench, Check, ConformanceError, must
+from microplan.executor.testing.movers import AXES, JAWS, LENS
+from microplan.executor.testing.others import CAMERA, CLOCK, LIGHT
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,8 +8,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from executor.devices.safety import AXES as AXIS_NAMES
-from executor.testing.bench import BAD, Bench, Check, identity, must
+from microplan.executor.devices.safety import AXES as AXIS_NAMES
+from microplan.executor.testing.bench import BAD, Bench, Check, identity, must
 
 
 @dataclass(frozen=True, slots=True)

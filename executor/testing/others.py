@@ -8,9 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from executor.devices.drivers import Frame
-from executor.testing.bench import BAD, Bench, Check, ConformanceError, identity, must
-from schemas.plan import Region
+from microplan.executor.devices.drivers import Frame
+from microplan.executor.testing.bench import (
+    BAD,
+    Bench,
+    Check,
+    ConformanceError,
+    identity,
+    must,
+)
+from microplan.schemas.plan import Region
 
 AHEAD_S = 0.2  # how far in the future a frame is asked for
 

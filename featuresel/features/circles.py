@@ -7,14 +7,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from featuresel.features.feature import Feature
-from featuresel.features.ring_cleanup import SAME, Clean, same_circle
-from optics.outline.outline import Arc, Edge, Point
-from optics.outline.tolerant_order import least
-
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray, Point
+from microplan.featuresel.features.feature import Feature
+from microplan.featuresel.features.ring_cleanup import SAME, Clean, same_circle
+from microplan.optics.outline.outline import Arc, Edge
+from microplan.optics.outline.tolerant_order import least
 
 SHARE = 0.5  # of the full turn that has to be drawn: less leaves one direction weak
 _SIDES = 12  # a polygon with fewer sides is taken for what it is

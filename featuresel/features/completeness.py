@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 
-from featuresel.routines import FloatArray, Target, Veil
+from microplan.arrays import FloatArray
+from microplan.featuresel.routines.contract import Target, Veil
 
 # Of the most light that any of the edges sends through: at the middle of a blurred edge
 # of what stands in front half of it comes through.

@@ -7,13 +7,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
-from featuresel.routines import Target, TargetKind
-from optics.outline.outline import Arc, Edge, Outline, Segment
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
+from microplan.arrays import BoolArray, FloatArray
+from microplan.featuresel.routines.contract import Target, TargetKind
+from microplan.optics.outline.outline import Arc, Edge, Outline, Segment
 
 SPACING_PX = 0.5  # of neighbouring points: an image holds no finer detail
 MOST = 4000  # points: more would say the same again

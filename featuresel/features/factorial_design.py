@@ -12,11 +12,10 @@ import hashlib
 from functools import cache
 
 import numpy as np
-import numpy.typing as npt
 from scipy.linalg import hadamard
 from scipy.stats import qmc
 
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray
 
 # name -> the first dimension and the one after the last; groups are only ever appended
 GROUPS: dict[str, tuple[int, int]] = {

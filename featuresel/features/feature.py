@@ -6,8 +6,8 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
-from featuresel.routines import TargetKind
-from optics.outline.outline import Point
+from microplan.arrays import Point
+from microplan.featuresel.routines.contract import TargetKind
 
 # what tells two features of one kind and place apart
 _SIZES = ("radius_um", "outer_um", "extent_um", "length_um", "width_um", "reach_um")

@@ -6,21 +6,21 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-from featuresel.features.circles import Circle, circles, rounded, to_feature
-from featuresel.features.feature import Feature, coincide, renamed
-from featuresel.features.ring_cleanup import SAME, Clean, clean, extent_um
-from featuresel.features.straight import (
+from microplan.featuresel.features.circles import Circle, circles, rounded, to_feature
+from microplan.featuresel.features.feature import Feature, coincide, renamed
+from microplan.featuresel.features.ring_cleanup import SAME, Clean, clean, extent_um
+from microplan.featuresel.features.straight import (
     LONG,
     corner_features,
     edge_features,
     pair_features,
     sides,
 )
-from featuresel.features.symmetry import NEAR, centroid, curve, order_of
-from featuresel.features.teeth import Notch, notch_of, teeth
-from featuresel.routines import TargetKind
-from optics.outline.outline import Outline
-from optics.outline.tolerant_order import least, ordered
+from microplan.featuresel.features.symmetry import NEAR, centroid, curve, order_of
+from microplan.featuresel.features.teeth import Notch, notch_of, teeth
+from microplan.featuresel.routines.contract import TargetKind
+from microplan.optics.outline.outline import Outline
+from microplan.optics.outline.tolerant_order import least, ordered
 
 # Per kind, the longest edges first: what says most of a place. A drawing of a thousand
 # holes is not tried a thousand times.

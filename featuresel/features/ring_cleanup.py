@@ -7,11 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
-from optics.outline.outline import Arc, Edge, Outline, Point, Segment, flatten
-
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray, Point
+from microplan.optics.outline.outline import Arc, Edge, Outline, Segment, flatten
 
 SAME = 1e-5  # of the extent: what is this near is the same point, line or circle
 STUB = 1e-4  # of the extent: shorter edges are drawing errors, 10 nm of 100 um

@@ -6,9 +6,10 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from featuresel.features.feature import Feature
-from featuresel.features.ring_cleanup import SAME, Clean
-from optics.outline.outline import Point, Segment
+from microplan.arrays import Point
+from microplan.featuresel.features.feature import Feature
+from microplan.featuresel.features.ring_cleanup import SAME, Clean
+from microplan.optics.outline.outline import Segment
 
 LONG = 0.1  # of the extent: shorter edges say too little of a place
 PARALLEL_RAD = 1e-3  # what a drawing that rounds to 1 nm may err over a 1 um edge

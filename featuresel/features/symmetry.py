@@ -7,14 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial import cKDTree
 
-from featuresel.features.ring_cleanup import Clean
-from optics.outline.outline import Point
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
+from microplan.arrays import BoolArray, FloatArray, Point
+from microplan.featuresel.features.ring_cleanup import Clean
 
 NEAR = 2e-3  # of the radius: edges nearer than this meet when one is turned
 WHOLE = 0.998  # of the length has to meet for a symmetry that nothing breaks

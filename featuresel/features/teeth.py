@@ -8,13 +8,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial import ConvexHull, QhullError
 
-from featuresel.features.circles import Circle, is_on
-from featuresel.features.feature import Feature
-from featuresel.features.ring_cleanup import Clean
-from featuresel.features.symmetry import (
+from microplan.arrays import BoolArray, FloatArray, Point
+from microplan.featuresel.features.circles import Circle, is_on
+from microplan.featuresel.features.feature import Feature
+from microplan.featuresel.features.ring_cleanup import Clean
+from microplan.featuresel.features.symmetry import (
     NEAR,
     TRIED,
     WHOLE,
@@ -24,11 +24,8 @@ from featuresel.features.symmetry import (
     curve,
     pattern_of,
 )
-from optics.outline.outline import Arc, Edge, Point
-from optics.outline.tolerant_order import ordered
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
+from microplan.optics.outline.outline import Arc, Edge
+from microplan.optics.outline.tolerant_order import ordered
 
 DEPTH = 0.02  # of the outer radius: shallower teeth are no teeth
 _LEAST_TEETH = 3

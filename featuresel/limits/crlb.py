@@ -12,13 +12,17 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import log_ndtr, ndtr
 
-from featuresel.limits.information import Information, covariance, inverse, places
-from featuresel.look.scenario import LookCase
-from featuresel.look.sensitivity import Sensitivities
-from featuresel.routines import Camera
+from microplan.arrays import BoolArray, FloatArray
+from microplan.featuresel.limits.information import (
+    Information,
+    covariance,
+    inverse,
+    places,
+)
+from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.look.sensitivity import Sensitivities
+from microplan.featuresel.routines.contract import Camera
 
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 IndexArray = npt.NDArray[np.intp]
 
 _FAR = 38.0  # sigmas beyond which a normal density is 0 in double precision

@@ -7,10 +7,8 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
+from microplan.arrays import BoolArray, FloatArray
 
 # A slope known to a tenth only is none: what it tells is below 100 times what its
 # errors can fake.

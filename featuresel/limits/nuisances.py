@@ -8,8 +8,8 @@ from collections.abc import Collection, Mapping
 
 import numpy as np
 
-from featuresel.limits.information import Information, inverse, limit, places
-from optics.outline import tolerant_order as ties
+from microplan.featuresel.limits.information import Information, inverse, limit, places
+from microplan.optics.outline import tolerant_order as ties
 
 
 def prices(

@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from featuresel.limits.crlb import camera_of, fisher
-from featuresel.limits.information import limit
-from featuresel.look.nominal import swayed
-from featuresel.look.scenario import LookCase
-from featuresel.look.sensitivity import Sensitivities, sensitivities
-from featuresel.routines.likelihood.occluder_modes import principal
+from microplan.featuresel.limits.crlb import camera_of, fisher
+from microplan.featuresel.limits.information import limit
+from microplan.featuresel.look.nominal import swayed
+from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.look.sensitivity import Sensitivities, sensitivities
+from microplan.featuresel.routines.likelihood.occluder_modes import principal
 
 _SWAY = "sway_"  # begins the names of what lies elsewhere
 

@@ -6,16 +6,19 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
-from featuresel.limits.information import Information
-from optics.lens.jacobian import point_jacobian
-from optics.transfer.microscope import Microscope
-
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray
+from microplan.featuresel.limits.information import Information
+from microplan.optics.lens.jacobian import point_jacobian
+from microplan.optics.transfer.microscope import Microscope
 
 _ANGLE = 1e-12  # rad, what rounding leaves of the direction of an edge
-_COLUMNS = ("x", "y", "theta", "zoom")  # of `optics.lens.jacobian.point_jacobian`
+_COLUMNS = (
+    "x",
+    "y",
+    "theta",
+    "zoom",
+)  # of `microplan.optics.lens.jacobian.point_jacobian`
 
 
 def pose_information(
@@ -41,7 +44,7 @@ def pose_information(
         World point that theta turns about.
     names : sequence of str
         What is unknown, of x, y, theta, zoom; units as in
-        `featuresel.look.sensitivity`.
+        `microplan.featuresel.look.sensitivity`.
 
     Raises
     ------

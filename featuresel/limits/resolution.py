@@ -7,17 +7,16 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 from scipy.ndimage import map_coordinates
 
-from featuresel.features.contour import with_contour
-from featuresel.limits.crlb import camera_of, fisher
-from featuresel.limits.information import limit
-from featuresel.look.nominal import nominal_render
-from featuresel.look.scenario import LookCase
-from featuresel.look.sensitivity import Setting, sensitivities
+from microplan.arrays import FloatArray
+from microplan.featuresel.features.contour import with_contour
+from microplan.featuresel.limits.crlb import camera_of, fisher
+from microplan.featuresel.limits.information import limit
+from microplan.featuresel.look.nominal import nominal_render
+from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.look.sensitivity import Setting, sensitivities
 
-FloatArray = npt.NDArray[np.float64]
 Curve = Callable[[float], float]
 
 SAFE = 0.8  # of the spurious-resolution limit: how far teeth are taken at their word
@@ -110,7 +109,7 @@ def limit_curve(case: LookCase, name: str, names: Sequence[str]) -> Curve:
     name : str
         Whose limit, one of `names`.
     names : sequence of str
-        All that is unknown, see `featuresel.look.sensitivity`.
+        All that is unknown, see `microplan.featuresel.look.sensitivity`.
     """
     camera = camera_of(case)
 

@@ -8,17 +8,19 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import overload
 
-import numpy as np
-import numpy.typing as npt
 from scipy.stats import truncnorm
 
-from featuresel.features.factorial_design import corner, generator, interior, words
-from featuresel.look.disturb import true_lens
-from featuresel.look.scenario import LookCase
-from featuresel.look.static_layers import CUT
-from optics.lens.lens import LensErrors
-
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray
+from microplan.featuresel.features.factorial_design import (
+    corner,
+    generator,
+    interior,
+    words,
+)
+from microplan.featuresel.look.disturb import true_lens
+from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.look.static_layers import CUT
+from microplan.optics.lens.lens import LensErrors
 
 _EVERY = 4  # each fourth trial is an extreme, whatever their number
 _CORNER = 2.0  # sigmas at the extremes, all at once: already far out together

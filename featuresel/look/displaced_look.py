@@ -6,10 +6,10 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 
-from featuresel.look.disturb import turned
-from featuresel.look.scenario import LookCase
-from optics.outline.outline import place
-from optics.render.scene import Layer
+from microplan.featuresel.look.disturb import turned
+from microplan.featuresel.look.scenario import LookCase
+from microplan.optics.outline.outline import place
+from microplan.optics.render.scene import Layer
 
 _TURNS = 12  # of the circle, where an angle is unknown: blur leaves its first waves
 

@@ -6,11 +6,11 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-from featuresel.look.scenario import Turning
-from optics.lens.lens import MAX_DISTORTION, LensErrors
-from optics.lens.sensor import Sensor
-from optics.outline.outline import place
-from optics.render.scene import Layer
+from microplan.featuresel.look.scenario import Turning
+from microplan.optics.lens.lens import MAX_DISTORTION, LensErrors
+from microplan.optics.lens.sensor import Sensor
+from microplan.optics.outline.outline import place
+from microplan.optics.render.scene import Layer
 
 
 def shifted(

@@ -7,15 +7,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from featuresel.look.design import Trial
-from featuresel.look.perturb import image, still
-from featuresel.look.scenario import LookCase, moved_layers
-from featuresel.look.static_layers import standing
-from featuresel.routines import FloatArray
-from optics.lens.sensor import expose, to_unit
-from optics.render.prepared_scene import Prepared, prepare
-from optics.render.scene import Layer, Scene
-from optics.render.view_range import Range
+from microplan.arrays import FloatArray
+from microplan.featuresel.look.design import Trial
+from microplan.featuresel.look.perturb import image, still
+from microplan.featuresel.look.scenario import LookCase, moved_layers
+from microplan.featuresel.look.static_layers import standing
+from microplan.optics.lens.sensor import expose, to_unit
+from microplan.optics.render.prepared_scene import Prepared, prepare
+from microplan.optics.render.scene import Layer, Scene
+from microplan.optics.render.view_range import Range
 
 Pictures = Callable[[Sequence[Trial]], Iterator[FloatArray]]
 
@@ -83,8 +83,9 @@ def through_focus(case: LookCase, farthest: Sequence[Trial]) -> Pictures:
     -------
     callable of sequence of Trial
         Yields the images of trials that differ from those given in focus and noise
-        alone, as `featuresel.look.perturb.image` within the errors of
-        `optics.render.sampling`. Spectra are computed once, in single precision.
+        alone, as `microplan.featuresel.look.perturb.image` within the errors of
+        `microplan.optics.render.sampling`. Spectra are computed once, in single
+        precision.
     """
     end_um = case.focus_um + farthest[0].dz_um
     reach = Range(focus_um=(min(case.focus_um, end_um), max(case.focus_um, end_um)))

@@ -7,24 +7,22 @@ from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
-from featuresel.look.displaced_look import elsewhere
-from featuresel.look.occluders import veil
-from featuresel.look.scenario import (
+from microplan.arrays import FloatArray
+from microplan.featuresel.look.displaced_look import elsewhere
+from microplan.featuresel.look.occluders import veil
+from microplan.featuresel.look.scenario import (
     LookCase,
     moved_layers,
     picture,
     still_layers,
     still_lights,
 )
-from featuresel.look.static_layers import Backdrop, standing, usual_range
-from featuresel.look.templates import template
-from featuresel.routines import Blur, Camera, Drifts, Sway, Veil
-from optics.render.scene import Illumination
-from optics.transfer.microscope import Microscope
-
-FloatArray = npt.NDArray[np.float64]
+from microplan.featuresel.look.static_layers import Backdrop, standing, usual_range
+from microplan.featuresel.look.templates import template
+from microplan.featuresel.routines.contract import Blur, Camera, Drifts, Sway, Veil
+from microplan.optics.render.scene import Illumination
+from microplan.optics.transfer.microscope import Microscope
 
 _HELD_PX = 1 << 22  # of images that are kept, 32 MiB: routines ask for the same ones
 _BACKDROPS = 4  # settings whose still layers are kept
@@ -115,7 +113,7 @@ class NominalRender:
     def template(
         self, dz_um: Sequence[float], *, over: int, half_px: tuple[int, int]
     ) -> FloatArray:
-        """Return the target alone: see `featuresel.look.templates.template`."""
+        """Return the target alone: see `look.templates.template`."""
         return template(self.case, dz_um, over=over, half_px=half_px)
 
     def alone(
@@ -130,7 +128,7 @@ class NominalRender:
         return lone._picture((dx_um, dy_um, 0.0), dz_um=dz_um, zoom=1.0)
 
     def veil(self, dz_um: float = 0.0) -> Veil:
-        """Return what stands in front: see `featuresel.look.occluders.veil`."""
+        """Return what stands in front: see `look.occluders.veil`."""
         return veil(self.case, dz_um)
 
     def sways(self) -> tuple[Sway, ...]:

@@ -5,16 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
-from featuresel.look.scenario import LookCase, picture
-from featuresel.look.static_layers import CUT, Backdrop, standing
-from featuresel.routines import Veil
-from optics.outline.outline import Outline, Ring, Segment
-from optics.render.scene import Illumination, Layer
-from optics.render.view_range import Range
-
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray
+from microplan.featuresel.look.scenario import LookCase, picture
+from microplan.featuresel.look.static_layers import CUT, Backdrop, standing
+from microplan.featuresel.routines.contract import Veil
+from microplan.optics.outline.outline import Outline, Ring, Segment
+from microplan.optics.render.scene import Illumination, Layer
+from microplan.optics.render.view_range import Range
 
 _VEILED = 3.0  # fields: the face behind what stands in front ends out of sight
 

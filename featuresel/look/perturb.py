@@ -5,24 +5,22 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
-from featuresel.look.design import Trial
-from featuresel.look.disturb import noisier, shifted
-from featuresel.look.scenario import LookCase, moved_layers, picture
-from featuresel.look.static_layers import (
+from microplan.arrays import FloatArray
+from microplan.featuresel.look.design import Trial
+from microplan.featuresel.look.disturb import noisier, shifted
+from microplan.featuresel.look.scenario import LookCase, moved_layers, picture
+from microplan.featuresel.look.static_layers import (
     Backdrop,
     displaced,
     fresh,
     standing,
     usual_range,
 )
-from optics.lens.sensor import CountArray, expose, to_unit
-from optics.render.scene import Illumination, Layer
-from optics.render.view_range import Range
-from optics.transfer.microscope import Microscope
-
-FloatArray = npt.NDArray[np.float64]
+from microplan.optics.lens.sensor import CountArray, expose, to_unit
+from microplan.optics.render.scene import Illumination, Layer
+from microplan.optics.render.view_range import Range
+from microplan.optics.transfer.microscope import Microscope
 
 
 def image(

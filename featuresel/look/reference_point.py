@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, fields
 
-from featuresel.look.scenario import LookCase
-from featuresel.routines import Failure, Measurement
+from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.routines.contract import Failure, Measurement
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -6,24 +6,20 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-import numpy.typing as npt
-
-from featuresel.routines import Target
-from featuresel.routines.frame import RegionFrame
-from optics.layers.coaxial_light import Light, lights
-from optics.layers.occlusion import occluded
-from optics.layers.shading import shaded
-from optics.lens.distorted_scene import lens_scene
-from optics.lens.lens import LensErrors
-from optics.lens.sensor import Sensor
-from optics.outline.outline import place
-from optics.render.render import Covered, cover
-from optics.render.sampling import Sampling
-from optics.render.scene import Illumination, Layer, Scene, Window
-from optics.transfer.microscope import Microscope
-
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray
+from microplan.featuresel.routines.contract import Target
+from microplan.featuresel.routines.frame import RegionFrame
+from microplan.optics.layers.coaxial_light import Light, lights
+from microplan.optics.layers.occlusion import occluded
+from microplan.optics.layers.shading import shaded
+from microplan.optics.lens.distorted_scene import lens_scene
+from microplan.optics.lens.lens import LensErrors
+from microplan.optics.lens.sensor import Sensor
+from microplan.optics.outline.outline import place
+from microplan.optics.render.render import Covered, cover
+from microplan.optics.render.sampling import Sampling
+from microplan.optics.render.scene import Illumination, Layer, Scene, Window
+from microplan.optics.transfer.microscope import Microscope
 
 _SURE = LensErrors()  # no error is known, none unknown
 
@@ -117,7 +113,7 @@ class LookCase:
     lens: LensErrors  # what is known of it
     lamp_aperture: float | None  # of coaxial light that bodies shade; None: no shade
     background_z_um: float | None  # None: the background is never shaded
-    treatment: str  # of layers, one of `optics.layers.layer_error.TREATMENTS`
+    treatment: str  # of layers, one of `microplan.optics.layers.layer_error.TREATMENTS`
     tolerance_um: float  # what the look has to meet per axis, 2 sigma and bias
     tolerance_theta_rad: float | None  # None: the angle is not needed
     spread: Spread
@@ -210,7 +206,7 @@ def picture(
     microscope : Microscope
         The optical setting, perturbed or not.
     focus_um, model, light
-        As in `optics.render.render.render`.
+        As in `microplan.optics.render.render.render`.
     backdrop : sequence of Covered
         What stands still, by `still_layers` with the same arguments.
     under : sequence of Light, optional

@@ -7,18 +7,16 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
-import numpy.typing as npt
 
-from featuresel.look.design import Trial
-from featuresel.look.scenario import LookCase, moved_layers, picture
-from featuresel.look.static_layers import Backdrop, Standing, standing
-from optics.outline.outline import Outline
-from optics.render.layer_blending import light_up
-from optics.render.scene import Illumination, Layer
-from optics.render.view_range import Range
-from optics.transfer.microscope import Microscope
-
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray
+from microplan.featuresel.look.design import Trial
+from microplan.featuresel.look.scenario import LookCase, moved_layers, picture
+from microplan.featuresel.look.static_layers import Backdrop, Standing, standing
+from microplan.optics.outline.outline import Outline
+from microplan.optics.render.layer_blending import light_up
+from microplan.optics.render.scene import Illumination, Layer
+from microplan.optics.render.view_range import Range
+from microplan.optics.transfer.microscope import Microscope
 
 POSE = ("x", "y", "theta", "z", "zoom")  # um, um, rad, um of the focus, over nominal
 # of the nominal light; change across the field, twice; share of full scale

@@ -8,15 +8,15 @@ from functools import lru_cache
 
 import numpy as np
 
-from featuresel.look.scenario import LookCase
-from optics.layers.coaxial_light import Light, lights
-from optics.outline.outline import place
-from optics.render.prepared_scene import Prepared, prepare
-from optics.render.render import Covered, cover
-from optics.render.sampling import Sampling
-from optics.render.scene import Layer, Scene, Window
-from optics.render.view_range import Range
-from optics.transfer.microscope import Microscope
+from microplan.featuresel.look.scenario import LookCase
+from microplan.optics.layers.coaxial_light import Light, lights
+from microplan.optics.outline.outline import place
+from microplan.optics.render.prepared_scene import Prepared, prepare
+from microplan.optics.render.render import Covered, cover
+from microplan.optics.render.sampling import Sampling
+from microplan.optics.render.scene import Layer, Scene, Window
+from microplan.optics.render.view_range import Range
+from microplan.optics.transfer.microscope import Microscope
 
 CUT = 3.0  # normal spreads of trials end here: they stand for a working station
 _HELD = 16  # groups of layers: those of a look or two, under two laws

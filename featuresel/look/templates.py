@@ -6,15 +6,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
-from featuresel.look.scenario import LookCase, moved_layers, picture
-from featuresel.look.static_layers import Backdrop, standing
-from optics.render.scene import Illumination, Layer, Window
-from optics.render.view_range import Range
-from optics.transfer.microscope import Microscope
-
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray
+from microplan.featuresel.look.scenario import LookCase, moved_layers, picture
+from microplan.featuresel.look.static_layers import Backdrop, standing
+from microplan.optics.render.scene import Illumination, Layer, Window
+from microplan.optics.render.view_range import Range
+from microplan.optics.transfer.microscope import Microscope
 
 _NOTHING = Backdrop()
 _POINT = 1e-12  # fill factor of samples that integrate over no area
@@ -23,7 +21,7 @@ _POINT = 1e-12  # fill factor of samples that integrate over no area
 def template(
     case: LookCase, dz_um: Sequence[float], *, over: int, half_px: tuple[int, int]
 ) -> FloatArray:
-    """Return the target alone at points, see `featuresel.routines.LookModel`.
+    """Return the target alone at points, see `contract.LookModel`.
 
     Raises
     ------

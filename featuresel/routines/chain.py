@@ -6,15 +6,15 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from featuresel.routines import (
+from microplan.arrays import FloatArray
+from microplan.featuresel.routines.contract import (
     Artifact,
     Failure,
-    FloatArray,
     Guess,
     Measurement,
     Routine,
-    load,
 )
+from microplan.featuresel.routines.registry import load
 
 HANDOVER_SIGMAS = 3.0  # of the place before must fit into a routine's capture range
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from featuresel.routines import FloatArray, Target
+from microplan.arrays import FloatArray
+from microplan.featuresel.routines.contract import Target
 
 _MARGIN_PX = 4.0  # around the target, so that its edge is in the template
 

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from featuresel.routines import Failure, FloatArray
+from microplan.arrays import FloatArray
+from microplan.featuresel.routines.contract import Failure
 
 _ROUNDS = 8  # of Gauss-Newton: the turn is all that is not linear
 _STILL_RAD = 1e-12
-_FINEST_UM = (
-    1e-4  # a spread below it counts as it, as in `featuresel.sets.pose_covariance`
-)
+# a spread below it counts as it, as in `microplan.featuresel.sets.pose_covariance`
+_FINEST_UM = 1e-4
 _FINEST_RAD = 1e-6
 _BLIND = 1e-6  # of the largest singular value: an arm of a pm beside a um
 _TOLD_RAD = 0.5  # an angle that is known worse is not told

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
-from featuresel.routines import Failure
-
-Float32Array = npt.NDArray[np.float32]
+from microplan.arrays import Float32Array
+from microplan.featuresel.routines.contract import Failure
 
 _RIVAL = 0.95  # of the best score, the most a peak elsewhere may reach
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from featuresel.routines import Failure, FloatArray
+from microplan.arrays import FloatArray
+from microplan.featuresel.routines.contract import Failure
 
 # Full scale is 1, and no correction of dark or uneven light comes near this. Squares of
 # it, summed over any frame, are still far from the end of single precision.

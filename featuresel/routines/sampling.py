@@ -10,11 +10,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from featuresel.routines import FloatArray
-
-BoolArray = npt.NDArray[np.bool_]
+from microplan.arrays import BoolArray, FloatArray
 
 STEP_PX = 0.5  # of the samples along a line: half a pixel, finer adds no information
 # Widths tried for the edge filter: in focus to a blur of about 30 px across.

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-from featuresel.routines import Target
-from featuresel.trials.chains import has_angle
-from featuresel.trials.score import CONFIDENCE, Score
-from optics.outline.tolerant_order import above, at_most
+from microplan.featuresel.routines.contract import Target
+from microplan.featuresel.trials.chains import has_angle
+from microplan.featuresel.trials.score import CONFIDENCE, Score
+from microplan.optics.outline.tolerant_order import above, at_most
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

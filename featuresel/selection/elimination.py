@@ -6,15 +6,20 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from featuresel.look.scenario import LookCase
-from featuresel.selection.constraints import Limits
-from featuresel.selection.pareto import by_cost
-from featuresel.trials.bounds import CONFIDENCE, Estimate, failure_upper, success_lower
-from featuresel.trials.chains import Chain
-from featuresel.trials.outcomes import Outcome
-from featuresel.trials.score import Score, score
-from featuresel.trials.trials import Prepared
-from optics.outline.tolerant_order import above, at_most
+from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.selection.constraints import Limits
+from microplan.featuresel.selection.pareto import by_cost
+from microplan.featuresel.trials.bounds import (
+    CONFIDENCE,
+    Estimate,
+    failure_upper,
+    success_lower,
+)
+from microplan.featuresel.trials.chains import Chain
+from microplan.featuresel.trials.outcomes import Outcome
+from microplan.featuresel.trials.score import Score, score
+from microplan.featuresel.trials.trials import Prepared
+from microplan.optics.outline.tolerant_order import above, at_most
 
 _TESTS = 4  # success, silent failures, place, angle: a chain may fall by any of them
 

@@ -6,20 +6,21 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
-from featuresel.features.completeness import seen_share
-from featuresel.limits.place_limit import limit_um
-from featuresel.look.nominal import nominal_render
-from featuresel.look.scenario import LookCase
-from featuresel.routines import Artifact, Failure, load
-from featuresel.selection.constraints import Constraints
-from featuresel.selection.race import Race, race, round_ends
-from featuresel.selection.select import Limits, Selection, select
-from featuresel.selection.undecided import chains_ahead
-from featuresel.trials.chains import Chain, chains, routines
-from featuresel.trials.outcomes import Outcomes
-from featuresel.trials.score import Score
-from featuresel.trials.trial_cache import Known, Looks
-from featuresel.trials.trials import Map, Prepared, prepare
+from microplan.featuresel.features.completeness import seen_share
+from microplan.featuresel.limits.place_limit import limit_um
+from microplan.featuresel.look.nominal import nominal_render
+from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.routines.contract import Artifact, Failure
+from microplan.featuresel.routines.registry import load
+from microplan.featuresel.selection.constraints import Constraints
+from microplan.featuresel.selection.race import Race, race, round_ends
+from microplan.featuresel.selection.select import Limits, Selection, select
+from microplan.featuresel.selection.undecided import chains_ahead
+from microplan.featuresel.trials.chains import Chain, chains, routines
+from microplan.featuresel.trials.outcomes import Outcomes
+from microplan.featuresel.trials.score import Score
+from microplan.featuresel.trials.trial_cache import Known, Looks
+from microplan.featuresel.trials.trials import Map, Prepared, prepare
 
 ROUNDS = (8, 24, 64, 304, 1024)  # trials at the end of each; most chains leave early
 
@@ -66,7 +67,7 @@ def compete(
     most : int
         Trials of a chain that stays in the race to its end.
     limits : Limits, optional
-        What a chain must meet, as in `featuresel.selection.select.select`.
+        What a chain must meet, as in `microplan.featuresel.selection.select.select`.
     thorough : bool
         Whether dear routines take part in any case, and `to_the_end`.
     to_the_end : bool
@@ -75,9 +76,9 @@ def compete(
     limited : bool
         Whether the Cramer-Rao limit is computed: it takes two dozen images.
     in_set : bool
-        As in `featuresel.selection.select.select`.
+        As in `microplan.featuresel.selection.select.select`.
     map : callable
-        As in `featuresel.trials.trials.run`.
+        As in `microplan.featuresel.trials.trials.run`.
     looks : Looks, optional
         What is known from a contest over the same look that had to meet something else;
         takes what is found.

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 
-from featuresel.trials.chains import Chain
-from featuresel.trials.score import Score
-from optics.outline.tolerant_order import above, ordered
+from microplan.featuresel.trials.chains import Chain
+from microplan.featuresel.trials.score import Score
+from microplan.optics.outline.tolerant_order import above, ordered
 
 
 def front(
@@ -27,8 +27,8 @@ def front(
     -------
     tuple of Score
         The cheapest first, each more accurate than those before it. Of scores that are
-        equal in both, within the margin of `optics.outline.tolerant_order`, the first
-        by name.
+        equal in both, within the margin of `microplan.optics.outline.tolerant_order`,
+        the first by name.
     """
     ranked = ordered(ordered(sorted(scores, key=_name), error), _cost)
     kept: list[Score] = []

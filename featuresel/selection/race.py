@@ -6,16 +6,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
-from featuresel.look.design import design
-from featuresel.look.scenario import LookCase
-from featuresel.selection.constraints import Limits
-from featuresel.selection.elimination import Verdicts
-from featuresel.selection.race_schedule import Ahead, Heats
-from featuresel.trials.chains import Chain
-from featuresel.trials.outcomes import Outcomes
-from featuresel.trials.score import Score, score
-from featuresel.trials.trial_cache import Known
-from featuresel.trials.trials import Curves, Map, Prepared, run
+from microplan.featuresel.look.design import design
+from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.selection.constraints import Limits
+from microplan.featuresel.selection.elimination import Verdicts
+from microplan.featuresel.selection.race_schedule import Ahead, Heats
+from microplan.featuresel.trials.chains import Chain
+from microplan.featuresel.trials.outcomes import Outcomes
+from microplan.featuresel.trials.score import Score, score
+from microplan.featuresel.trials.trial_cache import Known
+from microplan.featuresel.trials.trials import Curves, Map, Prepared, run
 
 ROUNDS = (32, 256, 1024)  # trials at the end of each
 
@@ -49,7 +49,7 @@ def race(
     """Return the outcomes of chains that are tried while they may be chosen.
 
     All chains see the same images (common random numbers), those of
-    `featuresel.look.design.design`. After each round a chain is dropped if
+    `microplan.featuresel.look.design.design`. After each round a chain is dropped if
 
     - the upper bound of its success rate is below the limit,
     - the lower bound of its silent failures is above the limit,
@@ -61,8 +61,8 @@ def race(
       silently wrong no more often. One that begins with another routine is kept: it
       may be the fallback.
 
-    After `featuresel.selection.race_schedule.SHOWN` trials only those chains go on that
-    `ahead` tells; the others follow where that changes.
+    After `microplan.featuresel.selection.race_schedule.SHOWN` trials only those chains
+    go on that `ahead` tells; the others follow where that changes.
 
     The race ends when no chain is left, after `most` trials, or when a chain is proved
     good enough with room to spare and none that is cheaper is left.
@@ -76,7 +76,7 @@ def race(
     most : int
         Trials of a chain that stays to the end.
     limits : Limits, optional
-        What a chain must meet, as in `featuresel.selection.select.select`.
+        What a chain must meet, as in `microplan.featuresel.selection.select.select`.
     rounds : sequence of int
         Trials at the end of each round, rising; those below `most` count.
     peeks : int, optional
@@ -84,12 +84,13 @@ def race(
         the default. Where one race's outcomes decide whether another is run, both want
         the rounds of both: the bounds of whichever chain wins then hold.
     in_set : bool
-        As in `featuresel.selection.select.select`.
+        As in `microplan.featuresel.selection.select.select`.
     ahead : callable, optional
         Returns the chains that the choice hangs on by the scores so far, as
-        `featuresel.selection.undecided.chains_ahead` does. Without it that is all.
+        `microplan.featuresel.selection.undecided.chains_ahead` does. Without it that is
+        all.
     map, curves, known
-        As in `featuresel.trials.trials.run`.
+        As in `microplan.featuresel.trials.trials.run`.
 
     Returns
     -------

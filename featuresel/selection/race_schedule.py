@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field, replace
 
-from featuresel.look.design import Trial
-from featuresel.trials.chains import Chain
-from featuresel.trials.outcomes import Outcome, Outcomes
-from featuresel.trials.score import Score
-from featuresel.trials.trials import Prepared
+from microplan.featuresel.look.design import Trial
+from microplan.featuresel.trials.chains import Chain
+from microplan.featuresel.trials.outcomes import Outcome, Outcomes
+from microplan.featuresel.trials.score import Score
+from microplan.featuresel.trials.trials import Prepared
 
 SHOWN = 24  # trials before a chain waits: what it can do shows in these
 

@@ -6,15 +6,15 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from featuresel.routines import Target
-from featuresel.selection.constraints import Constraints, half_period_rad
-from featuresel.selection.constraints import (
+from microplan.featuresel.routines.contract import Target
+from microplan.featuresel.selection.constraints import Constraints, half_period_rad
+from microplan.featuresel.selection.constraints import (
     Limits as Limits,  # handed on: they are select's
 )
-from featuresel.selection.pareto import by_cost, front
-from featuresel.trials.chains import Chain
-from featuresel.trials.score import Score
-from optics.outline.tolerant_order import above, least
+from microplan.featuresel.selection.pareto import by_cost, front
+from microplan.featuresel.trials.chains import Chain
+from microplan.featuresel.trials.score import Score
+from microplan.optics.outline.tolerant_order import above, least
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,7 +48,8 @@ def select(
     within each tolerance, and it costs no more than `limits.cost`. Of those the
     cheapest is taken, the first by name among equals, unless it uses more than
     `limits.roomy` of a tolerance and a dearer one is `limits.better` times more
-    accurate. Numbers within the margin of `optics.outline.tolerant_order` are equal.
+    accurate. Numbers within the margin of `microplan.optics.outline.tolerant_order` are
+    equal.
 
     Parameters
     ----------
@@ -62,7 +63,7 @@ def select(
         What was looked for; without it uniqueness is not judged.
     visible : float, optional
         Share of its edges that is seen, from
-        `featuresel.features.completeness.seen_share`.
+        `microplan.featuresel.features.completeness.seen_share`.
     in_set : bool
         Whether the target is one of several features, so that a place known in one
         direction will do.

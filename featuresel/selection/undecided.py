@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from featuresel.selection.constraints import Constraints
-from featuresel.selection.pareto import by_cost
-from featuresel.selection.select import Selection
-from featuresel.trials.chains import Chain
-from featuresel.trials.score import Score
+from microplan.featuresel.selection.constraints import Constraints
+from microplan.featuresel.selection.pareto import by_cost
+from microplan.featuresel.selection.select import Selection
+from microplan.featuresel.trials.chains import Chain
+from microplan.featuresel.trials.score import Score
 
 
 def chains_ahead(

@@ -6,10 +6,14 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from featuresel.features.feature import Feature
-from featuresel.sets.pose_covariance import Sight, conditioning, controllability
-from featuresel.trials.chains import Chain
-from featuresel.trials.score import Score
+from microplan.featuresel.features.feature import Feature
+from microplan.featuresel.sets.pose_covariance import (
+    Sight,
+    conditioning,
+    controllability,
+)
+from microplan.featuresel.trials.chains import Chain
+from microplan.featuresel.trials.score import Score
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,7 +32,7 @@ class Criteria:
     - `cost`: work of one fix, in 640 x 480 box filters; of a set the sum.
 
     Of the control, by the Jacobian J of the features with the rotation scaled by the
-    part's radius (`featuresel.sets.pose_covariance`):
+    part's radius (`microplan.featuresel.sets.pose_covariance`):
 
     - `resolution_um`: the smallest move that is told from noise, one standard deviation
       of the place in the worse direction, what is left of the bias in it; of a set
@@ -70,7 +74,9 @@ class Candidate:
     feature: Feature
     score: Score
     sight: Sight
-    seen: float | None  # share of its edges, from `featuresel.features.completeness`
+    seen: (
+        float | None
+    )  # share of its edges, from `microplan.featuresel.features.completeness`
 
 
 def criteria(

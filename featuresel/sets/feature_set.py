@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from itertools import combinations
 
-from featuresel.sets.pose_covariance import Sight, jacobian
-from featuresel.sets.pose_requirement import Known, Need
-from featuresel.sets.set_search import Search
-from optics.outline.tolerant_order import at_most, least
+from microplan.featuresel.sets.pose_covariance import Sight, jacobian
+from microplan.featuresel.sets.pose_requirement import Known, Need
+from microplan.featuresel.sets.set_search import Search
+from microplan.optics.outline.tolerant_order import at_most, least
 
 _MORE = 2  # features more than allowed that relaxations are tried with
 _ROUND = 1.001  # limits are said with three digits and have to hold

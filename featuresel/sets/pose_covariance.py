@@ -7,13 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from featuresel.features.feature import Feature
-from featuresel.trials.score import Score
-from optics.outline.outline import Point
-
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray, Point
+from microplan.featuresel.features.feature import Feature
+from microplan.featuresel.trials.score import Score
 
 FINEST_UM = 1e-4  # a spread below it counts as it: less than an atom's width
 _BLIND = 1e-6  # of the largest singular value: an arm of .1 nm on a part of 100 um

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from featuresel.sets.pose_covariance import Sight, conditioning, covariance
+from microplan.featuresel.sets.pose_covariance import Sight, conditioning, covariance
 
 CONDITIONING = 50.0  # a set beyond it hardly sees some motion
 

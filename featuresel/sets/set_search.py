@@ -6,13 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from featuresel.sets.pose_covariance import Sight, information
-from featuresel.sets.pose_requirement import Known, Need, known
-from optics.outline.tolerant_order import above, at_most, least, ordered
-
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray
+from microplan.featuresel.sets.pose_covariance import Sight, information
+from microplan.featuresel.sets.pose_requirement import Known, Need, known
+from microplan.optics.outline.tolerant_order import above, at_most, least, ordered
 
 MARGIN = 0.02  # of log det: a hundredth of every sigma is no reason to pay more
 _FAR = 1e3  # radii: a pose known so badly is not known

@@ -7,16 +7,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
-from featuresel.look.design import Trial
-from featuresel.look.perturb import image
-from featuresel.look.reference_point import Located, located
-from featuresel.look.scenario import LookCase
-from featuresel.routines import Failure, FloatArray
-from featuresel.routines.fusion import Believed, Seen, fuse
-from featuresel.trials.chains import Chain
-from featuresel.trials.outcomes import Outcome
-from featuresel.trials.score import Score, chain_cost, score_chain
-from featuresel.trials.trials import Map, Prepared, follow, outcome_of
+from microplan.arrays import FloatArray
+from microplan.featuresel.look.design import Trial
+from microplan.featuresel.look.perturb import image
+from microplan.featuresel.look.reference_point import Located, located
+from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.routines.contract import Failure
+from microplan.featuresel.routines.fusion import Believed, Seen, fuse
+from microplan.featuresel.trials.chains import Chain
+from microplan.featuresel.trials.outcomes import Outcome
+from microplan.featuresel.trials.score import Score, chain_cost, score_chain
+from microplan.featuresel.trials.trials import Map, Prepared, follow, outcome_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,17 +58,17 @@ def score_set(
     members : sequence of Member
         At least one; their cases differ from `case` in the target alone.
     trials : sequence of Trial
-        Of `case`, see `featuresel.look.design.design`.
+        Of `case`, see `microplan.featuresel.look.design.design`.
     least : int
         Features that must answer for the set to answer.
     map : callable
-        As in `featuresel.trials.trials.run`; gets one trial at a time.
+        As in `microplan.featuresel.trials.trials.run`; gets one trial at a time.
 
     Returns
     -------
     Score
         Of a chain that names the features; each trial's errors are of the pose that
-        `featuresel.routines.fusion.fuse` makes of those that answered.
+        `microplan.featuresel.routines.fusion.fuse` makes of those that answered.
 
     Raises
     ------

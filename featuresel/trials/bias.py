@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from featuresel.look.reference_point import Located
-from featuresel.look.scenario import LookCase
+from microplan.featuresel.look.reference_point import Located
+from microplan.featuresel.look.scenario import LookCase
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

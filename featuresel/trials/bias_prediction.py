@@ -8,15 +8,15 @@ from functools import partial
 
 import numpy as np
 
-from featuresel.features.factorial_design import interior
-from featuresel.look.design import Trial
-from featuresel.look.nominal import nominal_render
-from featuresel.look.scenario import LookCase
-from featuresel.routines import FloatArray
-from featuresel.trials.bias import BiasCurve
-from featuresel.trials.chains import Chain
-from featuresel.trials.outcomes import Outcome
-from featuresel.trials.trials import Map, Prepared, is_wrong, measure_picture
+from microplan.arrays import FloatArray
+from microplan.featuresel.features.factorial_design import interior
+from microplan.featuresel.look.design import Trial
+from microplan.featuresel.look.nominal import nominal_render
+from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.trials.bias import BiasCurve
+from microplan.featuresel.trials.chains import Chain
+from microplan.featuresel.trials.outcomes import Outcome
+from microplan.featuresel.trials.trials import Map, Prepared, is_wrong, measure_picture
 
 _REACH = 3.0  # sigmas of the focus: trials go no farther
 _HEIGHTS = 9  # within that; the bias between two of them is interpolated
@@ -53,7 +53,7 @@ def predict_bias(
     root_seed : int
         Of the poses, which heights and chains share.
     map : callable
-        As in `featuresel.trials.trials.run`; gets one height at a time.
+        As in `microplan.featuresel.trials.trials.run`; gets one height at a time.
 
     Returns
     -------

@@ -6,10 +6,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy import special
 
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray
 
 CONFIDENCE = 0.95  # of all bounds, one-sided
 

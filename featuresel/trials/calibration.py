@@ -6,9 +6,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray
 
 COVERAGE = 0.95  # of intervals, two-sided
 

@@ -6,8 +6,9 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from featuresel.routines import REGISTRY, Known, Routine, Target, load
-from optics.outline.tolerant_order import ordered
+from microplan.featuresel.routines.contract import Known, Routine, Target
+from microplan.featuresel.routines.registry import REGISTRY, load
+from microplan.optics.outline.tolerant_order import ordered
 
 Chain = tuple[str, ...]
 

@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from featuresel.look.scenario import LookCase
-from featuresel.routines import FloatArray
-from featuresel.trials.bounds import CONFIDENCE, failure_upper
-from featuresel.trials.outcomes import Outcome
-from featuresel.trials.trials import is_wrong
+from microplan.arrays import FloatArray
+from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.trials.bounds import CONFIDENCE, failure_upper
+from microplan.featuresel.trials.outcomes import Outcome
+from microplan.featuresel.trials.trials import is_wrong
 
 GATED = "gated"  # the failure of an answer that a gate refuses
 

@@ -12,9 +12,8 @@ from typing import overload
 import numpy as np
 import numpy.typing as npt
 
-from featuresel.trials.chains import Chain
-
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray
+from microplan.featuresel.trials.chains import Chain
 
 _AT_ONCE = 1024  # rows that are read as Python's numbers at a time
 

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from featuresel.routines import FloatArray
-from featuresel.trials.bounds import Estimate, estimate
-from featuresel.trials.calibration import Calibration, calibrate
-from featuresel.trials.outcomes import Outcome
+from microplan.arrays import FloatArray
+from microplan.featuresel.trials.bounds import Estimate, estimate
+from microplan.featuresel.trials.calibration import Calibration, calibrate
+from microplan.featuresel.trials.outcomes import Outcome
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

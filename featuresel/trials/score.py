@@ -9,20 +9,22 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from featuresel.look.scenario import LookCase
-from featuresel.routines import Failure, FloatArray, load
-from featuresel.trials.bias import BiasCurve
-from featuresel.trials.bounds import (
+from microplan.arrays import FloatArray
+from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.routines.contract import Failure
+from microplan.featuresel.routines.registry import load
+from microplan.featuresel.trials.bias import BiasCurve
+from microplan.featuresel.trials.bounds import (
     CONFIDENCE as CONFIDENCE,  # handed on: those of a score
 )
-from featuresel.trials.bounds import Estimate, estimate
-from featuresel.trials.bounds import failure_upper as failure_upper
-from featuresel.trials.bounds import success_lower as success_lower
-from featuresel.trials.calibration import Calibration, calibrate
-from featuresel.trials.chains import Chain
-from featuresel.trials.outcomes import Outcome, Outcomes
-from featuresel.trials.place_errors import PlaceErrors, given
-from featuresel.trials.trials import Prepared, is_wrong
+from microplan.featuresel.trials.bounds import Estimate, estimate
+from microplan.featuresel.trials.bounds import failure_upper as failure_upper
+from microplan.featuresel.trials.bounds import success_lower as success_lower
+from microplan.featuresel.trials.calibration import Calibration, calibrate
+from microplan.featuresel.trials.chains import Chain
+from microplan.featuresel.trials.outcomes import Outcome, Outcomes
+from microplan.featuresel.trials.place_errors import PlaceErrors, given
+from microplan.featuresel.trials.trials import Prepared, is_wrong
 
 _TOGETHER = 4  # sigma and mean of two axes: their bounds hold all at once
 
@@ -144,7 +146,7 @@ def score(
     limit_um : float, optional
         Cramer-Rao limit of the worse axis.
     curves : mapping of Chain to BiasCurve, optional
-        What was taken off the outcomes, as in `featuresel.trials.trials.run`.
+        What was taken off the outcomes, as in `microplan.featuresel.trials.trials.run`.
 
     Raises
     ------

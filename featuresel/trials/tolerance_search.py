@@ -11,13 +11,18 @@ from typing import Literal, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from featuresel.features.factorial_design import words
-from featuresel.look.design import Trial
-from featuresel.look.focus_series import Pictures, one_by_one, posed, through_focus
-from featuresel.look.scenario import LookCase
-from featuresel.trials.bias import BiasCurve
-from featuresel.trials.outcomes import Outcome
-from featuresel.trials.trials import Prepared, measure_picture
+from microplan.featuresel.features.factorial_design import words
+from microplan.featuresel.look.design import Trial
+from microplan.featuresel.look.focus_series import (
+    Pictures,
+    one_by_one,
+    posed,
+    through_focus,
+)
+from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.trials.bias import BiasCurve
+from microplan.featuresel.trials.outcomes import Outcome
+from microplan.featuresel.trials.trials import Prepared, measure_picture
 
 BytesArray = npt.NDArray[np.uint8]
 Setting = Literal["focus", "zoom", "light", "gradient", "pose"]

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
-from featuresel.look.scenario import LookCase
-from featuresel.routines import Artifact, Failure
-from featuresel.trials.outcomes import Book
-from optics.lens.sensor import CountArray
+from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.routines.contract import Artifact, Failure
+from microplan.featuresel.trials.outcomes import Book
+from microplan.optics.lens.sensor import CountArray
 
 _MOST_BYTES = 1 << 26  # of pictures: 64 full frames, and far more regions
 

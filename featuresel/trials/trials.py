@@ -9,25 +9,20 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Protocol, TypeVar
 
-from featuresel.look.design import Trial
-from featuresel.look.nominal import nominal_render
-from featuresel.look.perturb import counts, image
-from featuresel.look.reference_point import Located, along, located
-from featuresel.look.scenario import LookCase
-from featuresel.routines import (
-    Artifact,
-    Failure,
-    FloatArray,
-    Guess,
-    Measurement,
-    load,
-)
-from featuresel.routines.chain import Progress, advance
-from featuresel.trials.bias import BiasCurve, unbiased
-from featuresel.trials.chains import Chain
-from featuresel.trials.outcomes import Outcome, Outcomes
-from featuresel.trials.trial_cache import Known
-from optics.lens.sensor import CountArray, to_unit
+from microplan.arrays import FloatArray
+from microplan.featuresel.look.design import Trial
+from microplan.featuresel.look.nominal import nominal_render
+from microplan.featuresel.look.perturb import counts, image
+from microplan.featuresel.look.reference_point import Located, along, located
+from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.routines.chain import Progress, advance
+from microplan.featuresel.routines.contract import Artifact, Failure, Guess, Measurement
+from microplan.featuresel.routines.registry import load
+from microplan.featuresel.trials.bias import BiasCurve, unbiased
+from microplan.featuresel.trials.chains import Chain
+from microplan.featuresel.trials.outcomes import Outcome, Outcomes
+from microplan.featuresel.trials.trial_cache import Known
+from microplan.optics.lens.sensor import CountArray, to_unit
 
 _CHUNK = 2  # trials handed to one worker at a time: 24 keep 4 workers busy to the end
 _AT_ONCE = 512  # trials made and handed out before their outcomes are waited for
@@ -103,13 +98,13 @@ def run(
     prepared : Prepared
         Its chains and artifacts.
     trials : sequence of Trial
-        From `featuresel.look.design.design`.
+        From `microplan.featuresel.look.design.design`.
     map : callable
         Stands in for the builtin; gets a picklable function and chunks of trials, so
         that a process pool's `map` can do the work. The result does not depend on it.
     curves : mapping of Chain to BiasCurve, optional
         What is taken off the places that a chain finds, by
-        `featuresel.trials.bias_prediction.predict_bias`.
+        `microplan.featuresel.trials.bias_prediction.predict_bias`.
     known : Known, optional
         What is known of the look already, with the same artifacts and without curves:
         no chain measures a trial twice. Takes what is found.

@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from functools import partial
 
-from featuresel.look.scenario import LookCase
-from featuresel.trials.bias import BiasCurve
-from featuresel.trials.chains import Chain
-from featuresel.trials.outcomes import Outcome
-from featuresel.trials.tolerance_search import BytesArray, Direction, Search
-from featuresel.trials.trials import Map, Prepared
+from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.trials.bias import BiasCurve
+from microplan.featuresel.trials.chains import Chain
+from microplan.featuresel.trials.outcomes import Outcome
+from microplan.featuresel.trials.tolerance_search import BytesArray, Direction, Search
+from microplan.featuresel.trials.trials import Map, Prepared
 
 # Focus goes farther and takes longer: those two first.
 NEARER, FARTHER = Direction("focus", -1), Direction("focus", 1)
@@ -39,11 +39,11 @@ def usable_range(
 ) -> UsableRange:
     """Return the drifts of focus and zoom that `chain` stands.
 
-    Each direction is searched outward by `featuresel.trials.tolerance_search` until one
-    of `draws` noisy images is not measured within the tolerance; the last step before
-    that is the answer. `map` gets one direction at a time, as in
-    `featuresel.trials.trials.run`; `curve` is taken off the places that the chain
-    finds.
+    Each direction is searched outward by `microplan.featuresel.trials.tolerance_search`
+    until one of `draws` noisy images is not measured within the tolerance; the last
+    step before that is the answer. `map` gets one direction at a time, as in
+    `microplan.featuresel.trials.trials.run`; `curve` is taken off the places that the
+    chain finds.
 
     Raises
     ------

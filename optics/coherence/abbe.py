@@ -9,12 +9,10 @@ import numpy as np
 import numpy.typing as npt
 from scipy import fft
 
-from optics.coherence.source import Source
-from optics.render.spectrum import Spectrum, Tile
-from optics.transfer.microscope import Microscope
-
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
+from microplan.arrays import ComplexArray, FloatArray
+from microplan.optics.coherence.source import Source
+from microplan.optics.render.spectrum import Spectrum, Tile
+from microplan.optics.transfer.microscope import Microscope
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -7,28 +7,24 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
-from optics.coherence.abbe import Sheet, band_per_um, centred, intensity
-from optics.coherence.source import SAMPLES, disc_source
-from optics.outline.outline import Outline
-from optics.render.pixels import choose_tile, sample, to_world
-from optics.render.render import render
-from optics.render.sampling import margin_um
-from optics.render.scene import Illumination, Layer, Scene, Window
-from optics.render.spectrum import Spectrum, spectrum
-from optics.transfer.microscope import Microscope
-from optics.transfer.otf import diffraction
-
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
+from microplan.arrays import ComplexArray, FloatArray
+from microplan.optics.coherence.abbe import Sheet, band_per_um, centred, intensity
+from microplan.optics.coherence.source import SAMPLES, disc_source
+from microplan.optics.outline.outline import Outline
+from microplan.optics.render.pixels import choose_tile, sample, to_world
+from microplan.optics.render.render import render
+from microplan.optics.render.sampling import margin_um
+from microplan.optics.render.scene import Illumination, Layer, Scene, Window
+from microplan.optics.render.spectrum import Spectrum, spectrum
+from microplan.optics.transfer.microscope import Microscope
+from microplan.optics.transfer.otf import diffraction
 
 # From here on the difference from incoherent light falls as 1 / coherence, within 3e-4
 # of unit contrast (the edge's one-dimensional calculation, in the tests).
 FULL_COHERENCE = 4.0
-_OVERLAP = (
-    0.01  # as in `optics.render.render`: covers of one height above 1 by more overlap
-)
+# as in `microplan.optics.render.render`: covers of one height above 1 by more overlap
+_OVERLAP = 0.01
 
 
 def render_coherent(
@@ -54,8 +50,8 @@ def render_coherent(
         World height of the plane in focus.
     coherence : float
         Aperture of the condenser over that of the objective. Small values are coherent
-        and large ones incoherent; 0 means `optics.render.render.render`, as in a
-        workcell.
+        and large ones incoherent; 0 means `microplan.optics.render.render.render`, as
+        in a workcell.
     window : Window, optional
         The part of the frame wanted. Default: all.
     light : Illumination, optional
@@ -64,7 +60,7 @@ def render_coherent(
         Displacement of the whole image, um in object space.
     samples : int
         Source points along a radius of the pupil; see
-        `optics.coherence.source.source_error`.
+        `microplan.optics.coherence.source.source_error`.
 
     Returns
     -------

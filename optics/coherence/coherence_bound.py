@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
-from optics.coherence.edge_offsets import amplitude_contrast, coherence_error
-from optics.outline.outline import Outline, Ring
-from optics.render.scene import Scene
-from optics.transfer.microscope import Microscope
+from microplan.optics.coherence.edge_offsets import amplitude_contrast, coherence_error
+from microplan.optics.outline.outline import Outline, Ring
+from microplan.optics.render.scene import Scene
+from microplan.optics.transfer.microscope import Microscope
 
 # Errors of whole bodies over that of a straight edge, rounded up from the worst that
 # `benchmarks.optics.coherence` measures on gear, bore, pins and finger: corners and
@@ -21,7 +21,7 @@ _NARROW = 2.0  # mean width over the radius of the first Fresnel zone
 def scene_error(
     scene: Scene, microscope: Microscope, *, focus_um: float, coherence: float
 ) -> float:
-    """Return what `optics.render.render.render` errs by, of full scale.
+    """Return what `microplan.optics.render.render.render` errs by, of full scale.
 
     Parameters
     ----------
@@ -38,19 +38,20 @@ def scene_error(
     Returns
     -------
     float
-        Bound of the difference from `optics.coherence.coherence.render_coherent`: the
-        largest step of reflectance times the error of a straight edge times
-        `CLOSE_EDGES`, or `NARROW_EDGES` where the mean width of a body or hole is below
-        two Fresnel radii, added up over the layers' heights. What `render_coherent`
-        itself errs by, `optics.coherence.source.source_error`, comes on top. Measured
-        on single bodies with some tens of edges; many that lie in a regular pattern may
+        Bound of the difference from
+        `microplan.optics.coherence.coherence.render_coherent`: the largest step of
+        reflectance times the error of a straight edge times `CLOSE_EDGES`, or
+        `NARROW_EDGES` where the mean width of a body or hole is below two Fresnel
+        radii, added up over the layers' heights. What `render_coherent` itself errs by,
+        `microplan.optics.coherence.source.source_error`, comes on top. Measured on
+        single bodies with some tens of edges; many that lie in a regular pattern may
         interfere more.
 
     Raises
     ------
     ValueError
-        As `optics.coherence.edge_offsets.coherence_error`: also if a layer is farther
-        out of focus than `optics.coherence.edge_offsets.EDGE_WAVES`.
+        As `microplan.optics.coherence.edge_offsets.coherence_error`: also if a layer is
+        farther out of focus than `microplan.optics.coherence.edge_offsets.EDGE_WAVES`.
     """
     layers = [layer for layer in scene.layers if layer.outline.rings]
     levels = [scene.background, *(layer.reflectance for layer in layers)]

@@ -6,16 +6,14 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy.interpolate import RegularGridInterpolator
 
-from optics.coherence.edge_table import COHERENCE, CONTRAST, EDGES, WAVES
-from optics.outline.clip import to_edges
-from optics.outline.outline import JOIN_UM, Arc, Outline, Ring
-from optics.render.spectrum import boundary_nodes
-from optics.transfer.microscope import Microscope
-
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray
+from microplan.optics.coherence.edge_table import COHERENCE, CONTRAST, EDGES, WAVES
+from microplan.optics.outline.clip import to_edges
+from microplan.optics.outline.outline import JOIN_UM, Arc, Outline, Ring
+from microplan.optics.render.spectrum import boundary_nodes
+from microplan.optics.transfer.microscope import Microscope
 
 EDGE_WAVES = WAVES[-1]  # |W20| up to which edges are predicted
 
@@ -98,7 +96,7 @@ def coherence_error(
     one over black, the latter's share c / (2 - c) at a contrast c; so the largest error
     is convex over that share, and read linearly it is not too small. Edges closer than
     a few wavelengths over A, and corners, add up: see
-    `optics.coherence.coherence_bound`.
+    `microplan.optics.coherence.coherence_bound`.
     """
     waves = _checked(coherence, microscope, contrast, defocus_um)
     if coherence == 0:

@@ -6,9 +6,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray
 
 SAMPLES = 16  # rings to a radius of the pupil, unless told
 _GOLDEN = (math.sqrt(5) - 1) / 2  # of a step: no two rings stand alike

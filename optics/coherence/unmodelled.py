@@ -10,12 +10,10 @@ from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
-import numpy.typing as npt
 
-from optics.transfer.microscope import Microscope
-from optics.transfer.models import transfer
-
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray
+from microplan.optics.transfer.microscope import Microscope
+from microplan.optics.transfer.models import transfer
 
 FLAT_BAND = 0.3  # full width over its mean, of a light whose spectrum is not stated
 _WAVELENGTHS = 16  # Gauss nodes over the band

@@ -14,17 +14,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
-from optics.layers.lattice import MORE, Area, Lattice, Places
-from optics.render.pixels import axis_px
-from optics.render.render import cover
-from optics.render.sampling import Sampling
-from optics.render.scene import Layer, Window
-from optics.render.view_range import full
-from optics.transfer.microscope import Microscope
-
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray
+from microplan.optics.layers.lattice import MORE, Area, Lattice, Places
+from microplan.optics.render.pixels import axis_px
+from microplan.optics.render.render import cover
+from microplan.optics.render.sampling import Sampling
+from microplan.optics.render.scene import Layer, Window
+from microplan.optics.render.view_range import full
+from microplan.optics.transfer.microscope import Microscope
 
 # Points a radius of the shade's soft rim, which rises as the overlap of two discs, and
 # of the blur by which it is seen: `benchmarks/optics/shading.py` tells what they leave.

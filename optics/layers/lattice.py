@@ -9,17 +9,15 @@ from functools import lru_cache
 from typing import Self
 
 import numpy as np
-import numpy.typing as npt
 from scipy import fft
 from scipy.interpolate import CubicSpline
 
-from optics.outline.scanlines import cells
-from optics.render.scene import Layer, Window
-from optics.transfer.microscope import Microscope
-from optics.transfer.models import tabulate
+from microplan.arrays import Float32Array, FloatArray
+from microplan.optics.outline.scanlines import cells
+from microplan.optics.render.scene import Layer, Window
+from microplan.optics.transfer.microscope import Microscope
+from microplan.optics.transfer.models import tabulate
 
-FloatArray = npt.NDArray[np.float64]
-Float32Array = npt.NDArray[np.float32]
 Area = tuple[float, float, float, float]  # x_min, y_min, x_max, y_max, um
 Places = tuple[float, float, int]  # the first, the step, how many
 
@@ -202,7 +200,7 @@ def blur(
     step_um : float
         Distance of the points.
     microscope, model, z_um
-        As in `optics.transfer.models.transfer`.
+        As in `microplan.optics.transfer.models.transfer`.
     """
     rows, columns = values.shape[-2:]
     wide = _fast(rows), _fast(columns)

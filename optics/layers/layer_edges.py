@@ -11,13 +11,12 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
-from optics.outline.clip import Box, Edges, clip
-from optics.render.fidelity import steps
-from optics.render.pixels import axis_px
-from optics.render.scene import Layer, Scene, Window
-from optics.transfer.microscope import Microscope
-
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import Box, FloatArray
+from microplan.optics.outline.clip import Edges, clip
+from microplan.optics.render.fidelity import steps
+from microplan.optics.render.pixels import axis_px
+from microplan.optics.render.scene import Layer, Scene, Window
+from microplan.optics.transfer.microscope import Microscope
 
 # Edges farther than this beyond the blur do not matter, in wavelengths / A: the image
 # of an endless edge is 1 / (20 pi**3) from its end there.

@@ -14,17 +14,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from optics.layers.layer_edges import Face, Points, faces, meeting_points
-from optics.layers.ray_probes import probe_error, probes
-from optics.outline.tolerant_order import at_most, least
-from optics.render.fidelity import rounded_up
-from optics.render.scene import Scene, Window
-from optics.render.view_range import full
-from optics.transfer.microscope import Microscope
-
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray
+from microplan.optics.layers.layer_edges import Face, Points, faces, meeting_points
+from microplan.optics.layers.ray_probes import probe_error, probes
+from microplan.optics.outline.tolerant_order import at_most, least
+from microplan.optics.render.fidelity import rounded_up
+from microplan.optics.render.scene import Scene, Window
+from microplan.optics.render.view_range import full
+from microplan.optics.transfer.microscope import Microscope
 
 TREATMENTS = ("blend", "occluded")  # the cheapest first
 # Largest difference between a wave calculation of two straight edges and traced rays,
@@ -136,9 +134,9 @@ def layer_error(
     focus_um : float
         World height of the plane in focus.
     treatment : str
-        "blend" for `optics.render.render`, "occluded" for
-        `optics.layers.occlusion.occluded` with its usual settings. There is none for
-        layers within a depth of field, which `occluded` hides before it blurs.
+        "blend" for `microplan.optics.render.render`, "occluded" for
+        `microplan.optics.layers.occlusion.occluded` with its usual settings. There is
+        none for layers within a depth of field, which `occluded` hides before it blurs.
     window : Window, optional
         The part of the frame that matters. Default: all.
 

@@ -15,7 +15,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy import fft
 
-from optics.layers.rays import (
+from microplan.arrays import FloatArray
+from microplan.optics.layers.rays import (
     Grid,
     Sheet,
     Traced,
@@ -26,15 +27,14 @@ from optics.layers.rays import (
     slopes,
     trace,
 )
-from optics.layers.shade import light_share
-from optics.render.pixels import axis_px
-from optics.render.render import Covered, cover, render
-from optics.render.scene import Illumination, Layer, Scene, Window
-from optics.transfer.microscope import Microscope
-from optics.transfer.models import tabulate
-from optics.transfer.otf import diffraction
+from microplan.optics.layers.shade import light_share
+from microplan.optics.render.pixels import axis_px
+from microplan.optics.render.render import Covered, cover, render
+from microplan.optics.render.scene import Illumination, Layer, Scene, Window
+from microplan.optics.transfer.microscope import Microscope
+from microplan.optics.transfer.models import tabulate
+from microplan.optics.transfer.otf import diffraction
 
-FloatArray = npt.NDArray[np.float64]
 # the layers blurred by the law at the pixels of a finer microscope
 Blurred = Callable[[Microscope, Window], Sequence[Covered]]
 
@@ -66,7 +66,7 @@ def occluded(
     Parameters
     ----------
     scene, microscope, focus_um, model, window, light, shift_um
-        As in `optics.render.render.render`.
+        As in `microplan.optics.render.render.render`.
     samples : int
         Rays through each cell.
     step_um : float, optional

@@ -12,15 +12,13 @@ import numpy.typing as npt
 from scipy.special import j0, j1
 from scipy.stats import qmc
 
-from optics.layers.layer_edges import Face, grown
-from optics.layers.rays import sheets
-from optics.outline.scanlines import cells
-from optics.transfer.microscope import Microscope
+from microplan.arrays import BoolArray, Float32Array, FloatArray
+from microplan.optics.layers.layer_edges import Face, grown
+from microplan.optics.layers.rays import sheets
+from microplan.optics.outline.scanlines import cells
+from microplan.optics.transfer.microscope import Microscope
 
-FloatArray = npt.NDArray[np.float64]
-Float32Array = npt.NDArray[np.float32]
 IntArray = npt.NDArray[np.int32]
-BoolArray = npt.NDArray[np.bool_]
 
 # Side of a cell: a share of wavelength / A, or of the blur circle's diameter.
 _FINE, _OF_BLUR = 0.1, 1 / 40

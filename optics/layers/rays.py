@@ -12,18 +12,15 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from optics.outline.scanlines import cells
-from optics.render.scene import Layer
-from optics.transfer.microscope import Microscope
-
-FloatArray = npt.NDArray[np.float64]
-Float32Array = npt.NDArray[np.float32]
+from microplan.arrays import Float32Array, FloatArray
+from microplan.optics.outline.scanlines import cells
+from microplan.optics.render.scene import Layer
+from microplan.optics.transfer.microscope import Microscope
 
 _GOLDEN_RAD = math.pi * (1 + math.sqrt(5))
 # Coverages of one height add up to 1 at most unless bodies overlap; the rest is error
-# of the band and the margin, as in `optics.render.render`.
+# of the band and the margin, as in `microplan.optics.render.render`.
 _SHARED = 0.01
 
 

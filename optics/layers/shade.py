@@ -3,8 +3,8 @@
 Coaxial light reaches a face through the pupil of the lamp, and what the face sends back
 leaves through that of the objective. A body h above shades the face within h times the
 slope of the marginal ray: once on the way down, once more on the way up. The way up is
-what `optics.layers.occlusion` traces; here is the way down, and both in closed form for
-the floor of a round bore.
+what `microplan.optics.layers.occlusion` traces; here is the way down, and both in
+closed form for the floor of a round bore.
 """
 
 from __future__ import annotations
@@ -14,13 +14,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
-from optics.layers.rays import Grid, hard, slopes, trace
-from optics.render.scene import Layer
-from optics.transfer.microscope import Microscope
-
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray
+from microplan.optics.layers.rays import Grid, hard, slopes, trace
+from microplan.optics.render.scene import Layer
+from microplan.optics.transfer.microscope import Microscope
 
 
 def light_share(

@@ -17,14 +17,12 @@ from functools import cache
 import numpy as np
 import numpy.typing as npt
 
-from optics.layers.coaxial_light import Light
-from optics.layers.lattice import Lattice, blur
-from optics.layers.rays import slopes
-from optics.render.scene import Layer
-from optics.transfer.microscope import Microscope
-
-FloatArray = npt.NDArray[np.float64]
-Float32Array = npt.NDArray[np.float32]
+from microplan.arrays import Float32Array, FloatArray
+from microplan.optics.layers.coaxial_light import Light
+from microplan.optics.layers.lattice import Lattice, blur
+from microplan.optics.layers.rays import slopes
+from microplan.optics.render.scene import Layer
+from microplan.optics.transfer.microscope import Microscope
 
 _RAYS = 64  # a point: `benchmarks/optics/shading.py` tells what they leave
 _AT_ONCE = 1 << 16  # values of one array: they stay in the cache
@@ -84,8 +82,8 @@ def crossed(
     lost, sums = walk(faces, tangents, lattice)
     means = np.concatenate([lost[None], sums.reshape(-1, rows, columns)])
     means /= len(tangents)
-    # as in `optics.layers.occlusion`: what meets in focus is cut off before it
-    # diffracts
+    # as in `microplan.optics.layers.occlusion`: what meets in focus is cut off before
+    # it diffracts
     some = [bool(each.min() < each.max()) for each in means]  # what is even stays
     if any(some):
         means[some] = blur(means[some], lattice.step_um, microscope, "exact", 0.0)

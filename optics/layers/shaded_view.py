@@ -7,16 +7,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
-from optics.layers.coaxial_light import Light, area_um, fine_um, places_um
-from optics.layers.lattice import Lattice, blur
-from optics.layers.shade_and_occlusion import crossed
-from optics.render.render import Covered
-from optics.render.scene import Scene, Window
-from optics.transfer.microscope import Microscope
-
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray
+from microplan.optics.layers.coaxial_light import Light, area_um, fine_um, places_um
+from microplan.optics.layers.lattice import Lattice, blur
+from microplan.optics.layers.shade_and_occlusion import crossed
+from microplan.optics.render.render import Covered
+from microplan.optics.render.scene import Scene, Window
+from microplan.optics.transfer.microscope import Microscope
 
 # Points of the rays' lattice: this many in the blur's radius of what hides, and of what
 # is shaded, where 64 rays lie no closer; `benchmarks/optics/shading.py` tells what they
@@ -24,7 +22,9 @@ FloatArray = npt.NDArray[np.float64]
 _HIDING, _SHADED = 3, 8
 _WIDEST = 300  # points aside that a ray may meet a layer: a limit to memory
 _STEPS = 4  # an octave of distances between points
-_UNIFORM = 0.005  # a coverage this close to 0 or 1, as in `optics.layers.occlusion`
+_UNIFORM = (
+    0.005  # a coverage this close to 0 or 1, as in `microplan.optics.layers.occlusion`
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

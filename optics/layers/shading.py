@@ -1,7 +1,8 @@
 """Images in light that comes through the objective, where higher bodies shade lower.
 
-`optics.layers.occlusion` traces such images ray by ray; here each layer is blurred
-together with the light that reaches it, and blended as in `optics.render.render`.
+`microplan.optics.layers.occlusion` traces such images ray by ray; here each layer is
+blurred together with the light that reaches it, and blended as in
+`microplan.optics.render.render`.
 """
 
 from __future__ import annotations
@@ -11,20 +12,18 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
-from optics.layers.coaxial_light import Light, lights, places_um
-from optics.layers.shaded_view import Face, Sight
-from optics.outline.tolerant_order import MARGIN
-from optics.render.fidelity import rounded_up
-from optics.render.layer_blending import Patch, lay, light_up
-from optics.render.render import Covered, cover, render
-from optics.render.sampling import Sampling
-from optics.render.scene import Illumination, Scene, Window
-from optics.render.view_range import full
-from optics.transfer.microscope import Microscope
-
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray
+from microplan.optics.layers.coaxial_light import Light, lights, places_um
+from microplan.optics.layers.shaded_view import Face, Sight
+from microplan.optics.outline.tolerant_order import MARGIN
+from microplan.optics.render.fidelity import rounded_up
+from microplan.optics.render.layer_blending import Patch, lay, light_up
+from microplan.optics.render.render import Covered, cover, render
+from microplan.optics.render.sampling import Sampling
+from microplan.optics.render.scene import Illumination, Scene, Window
+from microplan.optics.render.view_range import full
+from microplan.optics.transfer.microscope import Microscope
 
 # What `shaded` errs by at most against traced images (`benchmarks/optics/shading.py`),
 # but for edges where blending itself errs.
@@ -53,13 +52,13 @@ def shaded(
     Parameters
     ----------
     scene, microscope, focus_um, model, window, light, shift_um, also, sampling
-        As in `optics.render.render.render`.
+        As in `microplan.optics.render.render.render`.
     lamp_aperture : float
         Numerical aperture of the light through the objective, in (0, n); None for
         light from elsewhere, whose image is that of `render`.
     under : sequence of Light, optional
         The light that the layers of `also` leave at every height that is seen, by
-        `optics.layers.coaxial_light.lights`. Default: it is computed.
+        `microplan.optics.layers.coaxial_light.lights`. Default: it is computed.
 
     Returns
     -------

@@ -11,10 +11,9 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from optics.lens.lens import LensErrors
-from optics.transfer.microscope import Microscope
-
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray
+from microplan.optics.lens.lens import LensErrors
+from microplan.optics.transfer.microscope import Microscope
 
 # Up to here, in corner radii, outlines follow the distortion; then the map goes on
 # straight, since a cubic would fold or blow up bodies that reach far out of the field.

@@ -7,19 +7,14 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-import numpy as np
-import numpy.typing as npt
-
-from optics.lens.displacement import REACH, corner_um, displaced_far
-from optics.lens.lens import LensErrors
-from optics.outline.offset import offset
-from optics.outline.outline import Arc, Edge, Outline
-from optics.outline.warp import scaled, warped
-from optics.render.scene import Layer, Scene
-from optics.transfer.microscope import Microscope
-
-FloatArray = npt.NDArray[np.float64]
-Box = tuple[float, float, float, float]  # x_min, y_min, x_max, y_max, um
+from microplan.arrays import Box, FloatArray
+from microplan.optics.lens.displacement import REACH, corner_um, displaced_far
+from microplan.optics.lens.lens import LensErrors
+from microplan.optics.outline.offset import offset
+from microplan.optics.outline.outline import Arc, Edge, Outline
+from microplan.optics.outline.warp import scaled, warped
+from microplan.optics.render.scene import Layer, Scene
+from microplan.optics.transfer.microscope import Microscope
 
 # Edges in focus that are farther apart than this, in wavelength / A, can be blended
 # one over the other: that errs by .01 at most, as the ledger says.
@@ -46,10 +41,11 @@ def lens_scene(
     -------
     Scene
         The same object where nothing known changes it. Else edges are offset, then
-        displaced as in `optics.lens.displacement.displaced_far`, by arcs within
-        `optics.outline.warp.WARP_UM` unless the map is a similarity, which keeps every
-        edge; and layers are raised by `curvature_um`. Aperture and light are not of the
-        scene: `optics.lens.lens.with_aperture`, `with_gradient`.
+        displaced as in `microplan.optics.lens.displacement.displaced_far`, by arcs
+        within `microplan.optics.outline.warp.WARP_UM` unless the map is a similarity,
+        which keeps every edge; and layers are raised by `curvature_um`. Aperture and
+        light are not of the scene: `microplan.optics.lens.lens.with_aperture`,
+        `with_gradient`.
 
     Raises
     ------

@@ -5,15 +5,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
-from optics.outline.clip import to_edges
-from optics.outline.outline import Outline
-from optics.render.spectrum import boundary_nodes
-from optics.transfer.microscope import Microscope
-from optics.transfer.otf import hopkins
-
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray
+from microplan.optics.outline.clip import to_edges
+from microplan.optics.outline.outline import Outline
+from microplan.optics.render.spectrum import boundary_nodes
+from microplan.optics.transfer.microscope import Microscope
+from microplan.optics.transfer.otf import hopkins
 
 _GAUSS = np.polynomial.legendre.leggauss(512)  # over the band: tests say how good
 _DENSITY_PER_UM = 0.1  # of boundary nodes: exact for segments, 1e-8 for arcs
@@ -147,7 +145,7 @@ def relative_gradient(
     microscope : Microscope
         The optical setting, whose field the gradients refer to.
     gradient : (x, y)
-        As in `optics.render.scene.Illumination`.
+        As in `microplan.optics.render.scene.Illumination`.
     at_um : (x, y)
         The point, from the optical axis.
 
@@ -173,7 +171,7 @@ def centroid_shift_um(
     outline : Outline
         A body over a black ground, um.
     gradient : (x, y)
-        As in `optics.render.scene.Illumination`.
+        As in `microplan.optics.render.scene.Illumination`.
     microscope : Microscope
         The optical setting, whose field the gradients refer to.
 

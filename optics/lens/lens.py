@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from optics.render.scene import Illumination
-from optics.transfer.microscope import Microscope
+from microplan.optics.render.scene import Illumination
+from microplan.optics.transfer.microscope import Microscope
 
 # A barrel distortion of -1/3 at the corner would fold the image there.
 MAX_DISTORTION = 0.25

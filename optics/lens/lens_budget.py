@@ -8,20 +8,19 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from optics.lens.displacement import corner_um, displaced
-from optics.lens.distorted_scene import curvature_rest_um
-from optics.lens.gradient import (
+from microplan.arrays import FloatArray
+from microplan.optics.lens.displacement import corner_um, displaced
+from microplan.optics.lens.distorted_scene import curvature_rest_um
+from microplan.optics.lens.gradient import (
     centroid_shift_um,
     relative_gradient,
     slope_per_um,
     steepest_shift_um,
     threshold_shift_um,
 )
-from optics.lens.lens import LensErrors
-from optics.outline.outline import Outline
-from optics.transfer.microscope import Microscope
-
-FloatArray = npt.NDArray[np.float64]
+from microplan.optics.lens.lens import LensErrors
+from microplan.optics.outline.outline import Outline
+from microplan.optics.transfer.microscope import Microscope
 
 LEVELS = ("off", "modelled", "charged from sigma", "not modelled")
 # Edge finders smooth by at least this, and by the spread of a blur circle.
@@ -74,8 +73,8 @@ def predict(
         Reflectances on both sides of its edges.
     modelled : bool
         Whether images, and what is measured in them, are of
-        `optics.lens.distorted_scene.lens_scene` with the light of
-        `optics.lens.lens.with_gradient`.
+        `microplan.optics.lens.distorted_scene.lens_scene` with the light of
+        `microplan.optics.lens.lens.with_gradient`.
 
     Returns
     -------

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray
+
 CountArray = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
 
 

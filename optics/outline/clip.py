@@ -8,10 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from optics.outline.outline import Arc, Outline, Segment
-
-FloatArray = npt.NDArray[np.float64]
-Box = tuple[float, float, float, float]  # x_min, y_min, x_max, y_max, um
+from microplan.arrays import Box, FloatArray
+from microplan.optics.outline.outline import Arc, Outline, Segment
 
 # Of radius and place: so near to a side an arc touches it, wherever rounding puts it.
 _TOUCHING = 1e-14

@@ -5,13 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 from scipy.special import j1
 
-from optics.outline.clip import Edges
-
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
+from microplan.arrays import ComplexArray, FloatArray
+from microplan.optics.outline.clip import Edges
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(32)
 # Half the phase, rad, that 32 nodes integrate to rounding, along a line or an arc of

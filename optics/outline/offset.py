@@ -5,21 +5,18 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial import cKDTree
 
-from optics.outline.outline import (
+from microplan.arrays import FloatArray, Point
+from microplan.optics.outline.outline import (
     JOIN_UM,
     Arc,
     Edge,
     Outline,
-    Point,
     Ring,
     Segment,
     edge_bounds,
 )
-
-FloatArray = npt.NDArray[np.float64]
 
 # Edges that meet at a smaller turn are smooth: a gap of 1e-6 of the offset opens.
 _SMOOTH_RAD = 1e-6

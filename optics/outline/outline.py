@@ -11,10 +11,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
-Point = tuple[float, float]
+from microplan.arrays import FloatArray, Point
 
 # Two edge ends closer than this are the same point: a tenth of a nanometre is far
 # below any drawing's resolution and far above the rounding of 1e4 um coordinates.

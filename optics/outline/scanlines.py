@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from optics.outline.clip import Edges, clip
-from optics.outline.outline import Outline
-
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray
+from microplan.optics.outline.clip import Edges, clip
+from microplan.optics.outline.outline import Outline
 
 CHORD_UM = 1e-3  # sagitta of the chords that stand for arcs
 _LINES = 8  # scan lines a cell: exact along a line, a sixteenth of a cell across

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from optics.outline.outline import Arc, Edge, Outline, Ring, Segment
+from microplan.arrays import FloatArray
+from microplan.optics.outline.outline import Arc, Edge, Outline, Ring, Segment
 
-FloatArray = npt.NDArray[np.float64]
 IndexArray = npt.NDArray[np.intp]
 Map = Callable[[FloatArray], FloatArray]  # (..., 2) um to (..., 2) um
 

@@ -14,17 +14,15 @@ from functools import lru_cache
 from typing import Self
 
 import numpy as np
-import numpy.typing as npt
 
-from optics.outline.clip import Edges
-from optics.render.pixel_mtf import Quadrant, pixel_gain
-from optics.render.pixels import PixelTile, to_world
-from optics.render.pruned_ifft import Factors, waves_at, weigh
-from optics.render.spectrum import Spectrum, spectrum
-from optics.transfer.microscope import Microscope
-from optics.transfer.models import RadialTable
-
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray
+from microplan.optics.outline.clip import Edges
+from microplan.optics.render.pixel_mtf import Quadrant, pixel_gain
+from microplan.optics.render.pixels import PixelTile, to_world
+from microplan.optics.render.pruned_ifft import Factors, waves_at, weigh
+from microplan.optics.render.spectrum import Spectrum, spectrum
+from microplan.optics.transfer.microscope import Microscope
+from microplan.optics.transfer.models import RadialTable
 
 # The low orders end like 1 - (1 - exp(-q))**2, q = (f / s)**2 / 2. The kink of the
 # transfer at 0 becomes one in f**5, so what is left falls like r**-7, and s = 7 / (2 pi
@@ -155,7 +153,8 @@ def make_far(
     shift_um : (x, y)
         Displacement of the image.
     single : bool
-        Whether to transform in single precision, `optics.render.sampling.SINGLE_ERROR`.
+        Whether to transform in single precision,
+        `microplan.optics.render.sampling.SINGLE_ERROR`.
     """
     world, box = to_world(wide, microscope, shift_um)
     top = min(highest_per_um(reach_um), microscope.cutoff_per_um)

@@ -12,17 +12,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
-from optics.outline.tolerant_order import at_most
-from optics.render.render import render
-from optics.render.sampling import FAR_ERROR, SINGLE_ERROR, Sampling
-from optics.render.scene import Layer, Scene, Window
-from optics.render.tile_aliasing import MARGINS, margin_for, wrap_error
-from optics.transfer.microscope import Microscope
-from optics.transfer.models import TABLE_ERROR, find_model
-
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray
+from microplan.optics.outline.tolerant_order import at_most
+from microplan.optics.render.render import render
+from microplan.optics.render.sampling import FAR_ERROR, SINGLE_ERROR, Sampling
+from microplan.optics.render.scene import Layer, Scene, Window
+from microplan.optics.render.tile_aliasing import MARGINS, margin_for, wrap_error
+from microplan.optics.transfer.microscope import Microscope
+from microplan.optics.transfer.models import TABLE_ERROR, find_model
 
 LADDER = ("stokseth", "hopkins", "exact")  # defocus laws, the cheapest table first
 # Shares of the limit that band, margin and single precision may take; the law has
@@ -50,7 +48,7 @@ class Refusal:
 class Fidelity:
     """How an image is computed, and the largest error that makes, of unit contrast."""
 
-    model: str  # a key of `optics.transfer.models.MODELS`
+    model: str  # a key of `microplan.optics.transfer.models.MODELS`
     sampling: Sampling
     predicted_error: float  # law, band, margin and tables together
     sampling_error: float  # the part of it that stays with the exact law
@@ -93,7 +91,7 @@ def choose(
     -------
     Fidelity
         The prediction is of law and sampling; what blending layers costs comes on
-        top, see `optics.ledger`.
+        top, see `microplan.optics.ledger`.
 
     Raises
     ------

@@ -7,14 +7,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from optics.render.pixels import axis_px
-from optics.render.pruned_ifft import Samples
-from optics.render.scene import Illumination, Layer, Window
-from optics.transfer.microscope import Microscope
-
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray
+from microplan.optics.render.pixels import axis_px
+from microplan.optics.render.pruned_ifft import Samples
+from microplan.optics.render.scene import Illumination, Layer, Window
+from microplan.optics.transfer.microscope import Microscope
 
 # Coverages of one height add up to 1 at most unless bodies overlap; the rest is error
 # of the band and the margin.

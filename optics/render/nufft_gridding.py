@@ -10,7 +10,7 @@ import numpy.typing as npt
 from scipy import fft
 from scipy.special import i0
 
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray
 
 _WIDTH = 8  # grid points under the spreading kernel
 _OVERSAMPLING = 1.25  # of the band grid

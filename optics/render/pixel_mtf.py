@@ -7,14 +7,12 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-import numpy.typing as npt
 
-from optics.render.pruned_ifft import Samples
-from optics.render.spectrum import Tile
-from optics.transfer.microscope import Microscope
-from optics.transfer.models import RadialTable
-
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray
+from microplan.optics.render.pruned_ifft import Samples
+from microplan.optics.render.spectrum import Tile
+from microplan.optics.transfer.microscope import Microscope
+from microplan.optics.transfer.models import RadialTable
 
 _AT_ONCE = 1 << 14  # orders read at once: their cubics stay in the cache
 

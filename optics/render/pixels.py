@@ -6,12 +6,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy import fft
 
-from optics.outline.clip import Box, Edges
-from optics.outline.outline import Outline
-from optics.render.pruned_ifft import (
+from microplan.arrays import Box
+from microplan.optics.outline.clip import Edges
+from microplan.optics.outline.outline import Outline
+from microplan.optics.render.pruned_ifft import (
     Coefficients,
     Factors,
     Samples,
@@ -20,11 +20,9 @@ from optics.render.pruned_ifft import (
     waves_at,
     weigh,
 )
-from optics.render.scene import Window
-from optics.render.spectrum import Tile
-from optics.transfer.microscope import Microscope
-
-FloatArray = npt.NDArray[np.float64]
+from microplan.optics.render.scene import Window
+from microplan.optics.render.spectrum import Tile
+from microplan.optics.transfer.microscope import Microscope
 
 # Complex products in the time of one butterfly a sample, by which a matrix product is
 # chosen: measured .5 to 1.2 with one thread, 60 x 60 to 480 x 640 pixels.
@@ -170,7 +168,7 @@ def sample_part(
     Parameters
     ----------
     values : (2 K + 1, J + 1) complex array
-        Coefficients as in `optics.render.spectrum.Spectrum`.
+        Coefficients as in `microplan.optics.render.spectrum.Spectrum`.
     gain : (k + 1, j + 1) float array
         An even gain by which they are multiplied and to whose orders they are cut.
     tile : PixelTile

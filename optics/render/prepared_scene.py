@@ -6,18 +6,16 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
-from optics.outline.clip import to_edges
-from optics.render.layer_blending import Patch, lay, light_up
-from optics.render.sampling import Sampling
-from optics.render.scene import Illumination, Scene, Window
-from optics.render.tiled_layer import Part, make_part
-from optics.render.view_range import Range, View, full
-from optics.transfer.microscope import Microscope
-from optics.transfer.models import find_model
-
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray
+from microplan.optics.outline.clip import to_edges
+from microplan.optics.render.layer_blending import Patch, lay, light_up
+from microplan.optics.render.sampling import Sampling
+from microplan.optics.render.scene import Illumination, Scene, Window
+from microplan.optics.render.tiled_layer import Part, make_part
+from microplan.optics.render.view_range import Range, View, full
+from microplan.optics.transfer.microscope import Microscope
+from microplan.optics.transfer.models import find_model
 
 _PLAIN = Illumination()
 
@@ -63,7 +61,7 @@ class Prepared:
         Returns
         -------
         (rows, columns) float64 array
-            As `optics.render.render.render`, within the predicted errors.
+            As `microplan.optics.render.render.render`, within the predicted errors.
 
         Raises
         ------
@@ -181,7 +179,7 @@ def prepare(
         Focus heights, shifts and zooms that will be asked for: they decide about tile
         and band, so a wide range makes every image slower.
     model : str
-        The defocus law, a key of `optics.transfer.models.MODELS`.
+        The defocus law, a key of `microplan.optics.transfer.models.MODELS`.
     window : Window, optional
         The part of the frame wanted. Default: all.
     sampling : Sampling, optional

@@ -45,7 +45,7 @@ def waves_at(
     Parameters
     ----------
     values : (2 K + 1, J + 1) complex array
-        Coefficients as in `optics.render.spectrum.Spectrum`.
+        Coefficients as in `microplan.optics.render.spectrum.Spectrum`.
     y, x : (R,), (C,) float64 arrays
         Heights from the bottom and places from the left, in tiles.
 
@@ -93,7 +93,7 @@ def weigh(
     Parameters
     ----------
     values : (2 K + 1, J + 1) complex array
-        Coefficients as in `optics.render.spectrum.Spectrum`.
+        Coefficients as in `microplan.optics.render.spectrum.Spectrum`.
     gain : (k + 1, j + 1) float array
         For orders 0..k <= K and 0..j <= J.
     out : (N >= 2 k + 1, j + 1) complex array, optional
@@ -130,8 +130,8 @@ def fold(
     Parameters
     ----------
     values : (2 K + 1, J + 1) complex array
-        Coefficients as in `optics.render.spectrum.Spectrum`; frequencies beyond half a
-        cycle a sample fold.
+        Coefficients as in `microplan.optics.render.spectrum.Spectrum`; frequencies
+        beyond half a cycle a sample fold.
     gain : (k + 1, j + 1) float array
         An even gain by which they are multiplied and to whose orders they are cut.
     shape : (R, C)

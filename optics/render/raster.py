@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-from optics.outline.clip import Edges, clip
-from optics.outline.outline import Outline
-from optics.render.pixels import axis_px
-from optics.render.scene import Window
-from optics.transfer.microscope import Microscope
-
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray
+from microplan.optics.outline.clip import Edges, clip
+from microplan.optics.outline.outline import Outline
+from microplan.optics.render.pixels import axis_px
+from microplan.optics.render.scene import Window
+from microplan.optics.transfer.microscope import Microscope
 
 CHORD_UM = 1e-3  # a thousandth of a pixel
 

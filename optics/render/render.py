@@ -8,20 +8,18 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 
-from optics.outline.clip import to_edges
-from optics.render.layer_blending import Patch, lay, light_up
-from optics.render.prepared_scene import prepare
-from optics.render.sampling import Sampling
-from optics.render.scene import Illumination, Layer, Scene, Window
-from optics.render.tiled_layer import make_part
-from optics.render.view_range import Range, View, full
-from optics.transfer.lru import Recent
-from optics.transfer.microscope import Microscope
-from optics.transfer.models import find_model
-
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray
+from microplan.optics.outline.clip import to_edges
+from microplan.optics.render.layer_blending import Patch, lay, light_up
+from microplan.optics.render.prepared_scene import prepare
+from microplan.optics.render.sampling import Sampling
+from microplan.optics.render.scene import Illumination, Layer, Scene, Window
+from microplan.optics.render.tiled_layer import make_part
+from microplan.optics.render.view_range import Range, View, full
+from microplan.optics.transfer.lru import Recent
+from microplan.optics.transfer.microscope import Microscope
+from microplan.optics.transfer.models import find_model
 
 _USUAL = Sampling()
 _SINGLE = Sampling(single=True)
@@ -51,7 +49,7 @@ def render(
     focus_um : float
         World height of the plane in focus.
     model : str
-        The defocus law, a key of `optics.transfer.models.MODELS`.
+        The defocus law, a key of `microplan.optics.transfer.models.MODELS`.
     window : Window, optional
         The part of the frame wanted; it may reach beyond the frame. Default: all.
     light : Illumination, optional
@@ -77,7 +75,7 @@ def render(
     -----
     Layers are blurred each with its own defocus and blended from the lowest to the
     highest, image = (1 - a) image + reflectance a. Layers of equal height share one
-    step. Errors of band and margin: `optics.render.sampling`.
+    step. Errors of band and margin: `microplan.optics.render.sampling`.
     """
     frame = window or full(microscope)
     fresh = cover(

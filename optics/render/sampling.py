@@ -7,13 +7,11 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-import numpy.typing as npt
 
-from optics.transfer.microscope import Microscope
-from optics.transfer.models import find_model
-from optics.transfer.otf import diffraction
-
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray
+from microplan.optics.transfer.microscope import Microscope
+from microplan.optics.transfer.models import find_model
+from microplan.optics.transfer.otf import diffraction
 
 BAND_ERROR = 5e-4  # of unit contrast, what cutting the band may cost by `band_error`
 # The edge spread of an Airy pattern nears its end as (wavelength / A) / (pi**3 d):
@@ -35,9 +33,8 @@ class Sampling:
     band_error: float = BAND_ERROR  # of unit contrast, what cutting the band may cost
     margin: float = MARGIN  # around all that spreads light, in wavelengths / A
     single: bool = False  # transforms in single precision: `SINGLE_ERROR` more
-    near: float = (
-        NEAR  # the margin beyond it is made up for by `optics.render.far_field`
-    )
+    # the margin beyond it is made up for by `microplan.optics.render.far_field`
+    near: float = NEAR
 
     def __post_init__(self) -> None:
         for name in ("band_error", "margin", "near"):
@@ -66,7 +63,7 @@ def band_error(model: str, microscope: Microscope, z_um: float) -> FloatArray:
     Parameters
     ----------
     model : str
-        A key of `optics.transfer.models.MODELS`.
+        A key of `microplan.optics.transfer.models.MODELS`.
     microscope : Microscope
         The optical setting.
     z_um : float
@@ -86,7 +83,7 @@ def band_error(model: str, microscope: Microscope, z_um: float) -> FloatArray:
     is cut off comes from all of the rim in phase and adds up, to 1.75 times the
     prediction for a disc of 2 um at 20 x (A .42, pixels of 7.5 um, 5e-3 asked for).
     Where that matters an image of all of the band tells, as in
-    `optics.render.fidelity`.
+    `microplan.optics.render.fidelity`.
     """
     rung = find_model(model)
     # the smaller W20 of the two, and x (1 - x) for the product too: the safe side

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from optics.outline.outline import Outline
+from microplan.optics.outline.outline import Outline
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -14,13 +14,17 @@ import numpy as np
 import numpy.typing as npt
 from scipy import fft
 
-from optics.outline.clip import Box, Edges, clip, to_edges
-from optics.outline.outline import Outline
-from optics.render.nufft_gridding import deposit, grid_size, kernel_transforms, spread
-from optics.transfer.lru import Recent
+from microplan.arrays import Box, ComplexArray, FloatArray
+from microplan.optics.outline.clip import Edges, clip, to_edges
+from microplan.optics.outline.outline import Outline
+from microplan.optics.render.nufft_gridding import (
+    deposit,
+    grid_size,
+    kernel_transforms,
+    spread,
+)
+from microplan.optics.transfer.lru import Recent
 
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
 Coefficients = npt.NDArray[np.complex64] | npt.NDArray[np.complex128]
 
 # Nodes n of Gauss's rules, and half the phase, rad, that they integrate to 1e-8 on a
@@ -119,14 +123,15 @@ def spectrum(
         Where the outline is cut off, by default at the tile. Beyond the tile it would
         come in again from the other side.
     single : bool
-        Whether to transform in single precision, `optics.render.sampling.SINGLE_ERROR`.
+        Whether to transform in single precision,
+        `microplan.optics.render.sampling.SINGLE_ERROR`.
 
     Returns
     -------
     Spectrum
         A single coefficient where the tile is covered or empty. Else within
-        `optics.render.nufft_gridding.KERNEL_ERROR` times the perimeter over 2 pi tile
-        heights of the exact coefficients.
+        `microplan.optics.render.nufft_gridding.KERNEL_ERROR` times the perimeter over 2
+        pi tile heights of the exact coefficients.
 
     Raises
     ------

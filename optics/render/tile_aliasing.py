@@ -10,15 +10,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
-from optics.outline.clip import Box, clip
-from optics.outline.outline import Outline
-from optics.render.pixels import PixelTile, axis_px, choose_tile
-from optics.render.scene import Window
-from optics.transfer.microscope import Microscope
-
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import Box, FloatArray
+from microplan.optics.outline.clip import clip
+from microplan.optics.outline.outline import Outline
+from microplan.optics.render.pixels import PixelTile, axis_px, choose_tile
+from microplan.optics.render.scene import Window
+from microplan.optics.transfer.microscope import Microscope
 
 MARGINS: FloatArray = np.geomspace(5.0, 160.0, 21)  # wavelengths / A worth choosing
 _DOUBLINGS = 12  # of the margin, in the search for the nearest edge

@@ -6,14 +6,14 @@ import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-import numpy.typing as npt
 
-from optics.outline.clip import Edges
-from optics.render.far_field import Far, make_far
-from optics.render.layer_blending import Patch
-from optics.render.pixel_mtf import Quadrant, pixel_gain
-from optics.render.pixels import PixelTile, choose_tile, sample_part, to_world
-from optics.render.pruned_ifft import (
+from microplan.arrays import FloatArray
+from microplan.optics.outline.clip import Edges
+from microplan.optics.render.far_field import Far, make_far
+from microplan.optics.render.layer_blending import Patch
+from microplan.optics.render.pixel_mtf import Quadrant, pixel_gain
+from microplan.optics.render.pixels import PixelTile, choose_tile, sample_part, to_world
+from microplan.optics.render.pruned_ifft import (
     Coefficients,
     Factors,
     Samples,
@@ -21,14 +21,12 @@ from optics.render.pruned_ifft import (
     waves_at,
     weigh,
 )
-from optics.render.sampling import Sampling, band_cut, margin_um
-from optics.render.scene import Layer, Window
-from optics.render.spectrum import Spectrum, spectrum
-from optics.render.view_range import ROUNDING_PX, Range, View
-from optics.transfer.microscope import Microscope
-from optics.transfer.models import RadialTable, tabulate
-
-FloatArray = npt.NDArray[np.float64]
+from microplan.optics.render.sampling import Sampling, band_cut, margin_um
+from microplan.optics.render.scene import Layer, Window
+from microplan.optics.render.spectrum import Spectrum, spectrum
+from microplan.optics.render.view_range import ROUNDING_PX, Range, View
+from microplan.optics.transfer.microscope import Microscope
+from microplan.optics.transfer.models import RadialTable, tabulate
 
 # Samples by which a tile must shrink before a correction is worth its time: an image of
 # its own gains from 50 000 (a wall) or 250 000 (a gear) on, one of a stack sooner.

@@ -6,13 +6,11 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
-from optics.render.pixels import axis_px
-from optics.render.scene import Window
-from optics.transfer.microscope import Microscope
-
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray
+from microplan.optics.render.pixels import axis_px
+from microplan.optics.render.scene import Window
+from microplan.optics.transfer.microscope import Microscope
 
 ROUNDING_PX = 1e-6  # of pixel positions after conversions; moves no edge visibly
 

@@ -6,9 +6,15 @@ import math
 
 import numpy as np
 
-from optics.transfer.microscope import Microscope
-from optics.transfer.model_error_table import BOUND, PIXEL, STEEPNESS, WAVES, Table
-from optics.transfer.models import TABLE_ERROR, find_model
+from microplan.optics.transfer.microscope import Microscope
+from microplan.optics.transfer.model_error_table import (
+    BOUND,
+    PIXEL,
+    STEEPNESS,
+    WAVES,
+    Table,
+)
+from microplan.optics.transfer.models import TABLE_ERROR, find_model
 
 # Between two nodes the curves rise above their chord by up to .07 of what the table,
 # rounded up by a tenth, says; those of rays and of pixels by up to .2, as they ring.
@@ -25,7 +31,7 @@ def law_error(model: str, microscope: Microscope, z_um: float) -> float:
     Parameters
     ----------
     model : str
-        A key of `optics.transfer.models.MODELS`.
+        A key of `microplan.optics.transfer.models.MODELS`.
     microscope : Microscope
         The optical setting; its pixels average the error.
     z_um : float

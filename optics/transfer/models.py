@@ -10,13 +10,12 @@ from types import MappingProxyType
 from typing import Self
 
 import numpy as np
-import numpy.typing as npt
 
-from optics.transfer.microscope import Microscope
-from optics.transfer.node_refinement import refined
-from optics.transfer.otf import exact, geometric, hopkins, product, stokseth
+from microplan.arrays import FloatArray
+from microplan.optics.transfer.microscope import Microscope
+from microplan.optics.transfer.node_refinement import refined
+from microplan.optics.transfer.otf import exact, geometric, hopkins, product, stokseth
 
-FloatArray = npt.NDArray[np.float64]
 Curve = Callable[[FloatArray], FloatArray]  # x -> transfer
 
 # What cubic interpolation errs by at most, as a transfer, up to z = 1e6 um and

@@ -9,9 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray
 
 _POINTS = 12  # of the polynomial through computed values
 _EXACT = _POINTS - 2  # nodes at either end that are all computed: the next has 6 aside

@@ -10,12 +10,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 from scipy.special import j1
 
-from optics.transfer.overlap import HighAperture, Paraxial, overlap
-
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray
+from microplan.optics.transfer.overlap import HighAperture, Paraxial, overlap
 
 
 def diffraction(x: FloatArray) -> FloatArray:
@@ -172,8 +170,8 @@ def exact(
     References
     ----------
     The axial transform of the three-dimensional OTF: Sheppard, Gu, Kawata & Kawata
-    (1994), J. Opt. Soc. Am. A 11, 593. `optics.transfer.overlap` derives the single
-    integral.
+    (1994), J. Opt. Soc. Am. A 11, 593. `microplan.optics.transfer.overlap` derives the
+    single integral.
     """
     if not (0 < aperture < index and wavelength_um > 0 and math.isfinite(index)):
         raise ValueError(

@@ -16,7 +16,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import roots_genlaguerre
 
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray
+
 # real on the axis, complex on the paths of steepest descent
 Values = npt.NDArray[np.float64] | npt.NDArray[np.complex128]
 

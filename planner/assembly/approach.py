@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from planner.assembly.assembly import (
+from microplan.arrays import Box
+from microplan.planner.assembly.assembly import (
     Axis4,
     Carrier,
     Place,
@@ -15,9 +16,9 @@ from planner.assembly.assembly import (
     locate_place,
     owner_of,
 )
-from planner.assembly.swept_volume import SIGMAS, Box, sweep_hits
-from planner.source.diagnostics import Report
-from planner.task.task import Step, Task
+from microplan.planner.assembly.swept_volume import SIGMAS, sweep_hits
+from microplan.planner.source.diagnostics import Report
+from microplan.planner.task.task import Step, Task
 
 # Order of the axes in the first approach of an alignment, cheapest first.
 PATHS = (("xy",), ("x", "y"), ("y", "x"))

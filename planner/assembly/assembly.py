@@ -11,10 +11,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from optics.outline.outline import Outline, place
-from planner.task.task import Part, Reading, Task
-from planner.task.workcell import Axes, Tool
-from schemas.pose import Pose
+from microplan.optics.outline.outline import Outline, place
+from microplan.planner.task.task import Part, Reading, Task
+from microplan.planner.task.workcell import Axes, Tool
+from microplan.schemas.pose import Pose
 
 Carrier = Literal["stage", "robot"]
 

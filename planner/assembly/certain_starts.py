@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from planner.source.diagnostics import Report
-from planner.task.task import Task
+from microplan.planner.source.diagnostics import Report
+from microplan.planner.task.task import Task
 
 
 def report_certain(task: Task, report: Report) -> None:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import shapely
 
-from planner.assembly.assembly import State
-from planner.assembly.shapes import hull
-from planner.task.task import Task
+from microplan.planner.assembly.assembly import State
+from microplan.planner.assembly.shapes import hull
+from microplan.planner.task.task import Task
 
 # A corner of a hull within this of a jaw touches it: edges as made vary by more.
 TOUCH_UM = 0.05

@@ -6,9 +6,9 @@ import itertools
 import math
 from dataclasses import dataclass, replace
 
-from optics.outline.outline import Outline, place
-from optics.outline.tolerant_order import least
-from planner.assembly.assembly import (
+from microplan.optics.outline.outline import Outline, place
+from microplan.optics.outline.tolerant_order import least
+from microplan.planner.assembly.assembly import (
     PartState,
     State,
     carrier_pose,
@@ -20,13 +20,13 @@ from planner.assembly.assembly import (
     stage_pose,
     with_part,
 )
-from planner.assembly.jaw_sweep import report_jaws
-from planner.assembly.resting import report_resting
-from planner.assembly.shapes import hull, squeeze_minima_rad, squeeze_width_um
-from planner.assembly.swept_volume import SIGMAS
-from planner.source.diagnostics import Report
-from planner.task.task import Step, Task
-from schemas.pose import Pose
+from microplan.planner.assembly.jaw_sweep import report_jaws
+from microplan.planner.assembly.resting import report_resting
+from microplan.planner.assembly.shapes import hull, squeeze_minima_rad, squeeze_width_um
+from microplan.planner.assembly.swept_volume import SIGMAS
+from microplan.planner.source.diagnostics import Report
+from microplan.planner.task.task import Step, Task
+from microplan.schemas.pose import Pose
 
 TAIL_SIGMAS = 9.0  # beyond, a normal tail is below 1e-18 and a double adds nothing
 

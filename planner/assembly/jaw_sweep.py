@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from planner.assembly.assembly import State, owner_of
-from planner.assembly.swept_volume import SURFACE, Hit, sweep_hits
-from planner.source.diagnostics import Report
-from planner.task.task import Step, Task
+from microplan.planner.assembly.assembly import State, owner_of
+from microplan.planner.assembly.swept_volume import SURFACE, Hit, sweep_hits
+from microplan.planner.source.diagnostics import Report
+from microplan.planner.task.task import Step, Task
 
 
 def jaw_hits(

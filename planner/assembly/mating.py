@@ -10,9 +10,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from planner.assembly.assembly import State, part_z_um
-from planner.task.task import Step, Task
-from schemas.plan.verdicts import FitClass, FitVerdict
+from microplan.planner.assembly.assembly import State, part_z_um
+from microplan.planner.task.task import Step, Task
+from microplan.schemas.plan.verdicts import FitClass, FitVerdict
 
 # Tilts of the axes are taken at this many sigmas where a limit must hold.
 TILT_SIGMAS = 3.0

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from planner.assembly.assembly import Carrier, State, turned_tip_um
-from planner.assembly.swept_volume import sweep_hits
-from planner.source.diagnostics import Report
-from planner.task.task import Move, Reading, Step, Task
+from microplan.planner.assembly.assembly import Carrier, State, turned_tip_um
+from microplan.planner.assembly.swept_volume import sweep_hits
+from microplan.planner.source.diagnostics import Report
+from microplan.planner.task.task import Move, Reading, Step, Task
 
 
 def apply_reading(task: Task, state: State, axes: Carrier, to: Reading) -> State:

@@ -9,11 +9,11 @@ import shapely
 from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from planner.assembly.assembly import Body, State, bodies, part_sigma_um
-from planner.assembly.shapes import hull, polygon
-from planner.assembly.swept_volume import ROUNDING_UM, SIGMAS
-from planner.source.diagnostics import Report
-from planner.task.task import Step, Task
+from microplan.planner.assembly.assembly import Body, State, bodies, part_sigma_um
+from microplan.planner.assembly.shapes import hull, polygon
+from microplan.planner.assembly.swept_volume import ROUNDING_UM, SIGMAS
+from microplan.planner.source.diagnostics import Report
+from microplan.planner.task.task import Step, Task
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

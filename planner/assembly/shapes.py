@@ -9,7 +9,7 @@ import shapely
 from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from optics.outline.outline import Outline, flatten
+from microplan.optics.outline.outline import Outline, flatten
 
 # Chord tolerance of collision and shade polygons: far below any clearance that matters
 # (um), far above what would cost time.

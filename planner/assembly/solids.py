@@ -5,15 +5,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 
-from optics.outline.outline import Outline
-from planner.assembly.shapes import CHORD_UM, hull
-from planner.task.task import Task
-from schemas.plan.solids import MOST_CORNERS, Fingers, Prism, Solid
-
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray
+from microplan.optics.outline.outline import Outline
+from microplan.planner.assembly.shapes import CHORD_UM, hull
+from microplan.planner.task.task import Task
+from microplan.schemas.plan.solids import MOST_CORNERS, Fingers, Prism, Solid
 
 ROUNDING = 4  # decimals, um: far within CHORD_UM, by which every prism is wider
 TIE = 1e-6  # relative: areas that differ by less are equal but for rounding

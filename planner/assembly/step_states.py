@@ -5,19 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
-from planner.assembly.approach import approach
-from planner.assembly.assembly import (
+from microplan.planner.assembly.approach import approach
+from microplan.planner.assembly.assembly import (
     State,
     initial,
     locate_place,
     owner_of,
 )
-from planner.assembly.certain_starts import report_certain
-from planner.assembly.holding import grasp, release
-from planner.assembly.moves import apply_move
-from planner.assembly.unused import report_faces, report_unused
-from planner.source.diagnostics import Report
-from planner.task.task import Move, Reading, Step, Task
+from microplan.planner.assembly.certain_starts import report_certain
+from microplan.planner.assembly.holding import grasp, release
+from microplan.planner.assembly.moves import apply_move
+from microplan.planner.assembly.unused import report_faces, report_unused
+from microplan.planner.source.diagnostics import Report
+from microplan.planner.task.task import Move, Reading, Step, Task
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

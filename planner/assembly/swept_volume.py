@@ -14,16 +14,15 @@ from dataclasses import dataclass, replace
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from planner.assembly.assembly import Axis4, Body, Carrier, State, bodies
-from planner.assembly.shapes import hull, polygon, swept
-from planner.task.task import Task
+from microplan.arrays import Box
+from microplan.planner.assembly.assembly import Axis4, Body, Carrier, State, bodies
+from microplan.planner.assembly.shapes import hull, polygon, swept
+from microplan.planner.task.task import Task
 
 SIGMAS = 2.0  # at which clearances must hold
 TURN_RAD = math.radians(1.0)
 SURFACE = "the stage"
 ROUNDING_UM = 1e-6  # what sums of readings may miss contact by
-
-Box = tuple[float, float, float, float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from planner.assembly.assembly import State, locate_place
-from planner.source.diagnostics import Report
-from planner.task.task import Step, Task
+from microplan.planner.assembly.assembly import State, locate_place
+from microplan.planner.source.diagnostics import Report
+from microplan.planner.task.task import Step, Task
 
 
 def report_faces(task: Task, report: Report) -> None:

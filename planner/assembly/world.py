@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from optics.lens.lens import LensErrors
-from optics.outline.outline import Outline, Segment
-from planner.assembly.assembly import Axis4, Carrier, State
-from planner.assembly.shapes import squeeze_minima_rad
-from planner.task.task import Part, Task
-from planner.task.workcell import Axes, Interval, Tool
-from schemas.files.world import (
+from microplan.optics.lens.lens import LensErrors
+from microplan.optics.outline.outline import Outline, Segment
+from microplan.planner.assembly.assembly import Axis4, Carrier, State
+from microplan.planner.assembly.shapes import squeeze_minima_rad
+from microplan.planner.task.task import Part, Task
+from microplan.planner.task.workcell import Axes, Interval, Tool
+from microplan.schemas.files.world import (
     World,
     WorldAxes,
     WorldHole,
@@ -20,8 +20,8 @@ from schemas.files.world import (
     WorldRing,
     WorldTool,
 )
-from schemas.plan import AxisMove
-from schemas.pose import Pose
+from microplan.schemas.plan import AxisMove
+from microplan.schemas.pose import Pose
 
 
 def build_world(task: Task, start: State) -> World:

@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from planner.assembly.assembly import owner_of
-from planner.assembly.step_states import StepState
-from planner.budget.alignment_residual import left_by
-from planner.budget.budget import Sighted
-from planner.budget.insert_budget import share_of_goal
-from planner.budget.insertion import Insertion
-from planner.budget.insertion_problem import insertion_of
-from planner.budget.offenders import largest_um
-from planner.store.memo import EVERY_TIME, Memo
-from planner.task.task import Task
-from planner.views.requests import insertion_after
+from microplan.planner.assembly.assembly import owner_of
+from microplan.planner.assembly.step_states import StepState
+from microplan.planner.budget.alignment_residual import left_by
+from microplan.planner.budget.budget import Sighted
+from microplan.planner.budget.insert_budget import share_of_goal
+from microplan.planner.budget.insertion import Insertion
+from microplan.planner.budget.insertion_problem import insertion_of
+from microplan.planner.budget.offenders import largest_um
+from microplan.planner.store.memo import EVERY_TIME, Memo
+from microplan.planner.task.task import Task
+from microplan.planner.views.requests import insertion_after
 
 OTHER_ZOOM = 2.0  # any that is not the present one: every change has the same jump
 HOPELESS = 1e-3  # a chance elsewhere that decides nothing

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
-from planner.assembly.assembly import (
+from microplan.planner.assembly.assembly import (
     Carrier,
     State,
     axes_of,
@@ -13,12 +13,12 @@ from planner.assembly.assembly import (
     owner_of,
     part_sigma_um,
 )
-from planner.assembly.step_states import StepState
-from planner.budget.budget import Sighted
-from planner.budget.insert_budget import Left
-from planner.budget.probability.fit_probability import Residual, gain_limit
-from planner.task.task import Task
-from schemas.plan.verdicts import MethodName
+from microplan.planner.assembly.step_states import StepState
+from microplan.planner.budget.budget import Sighted
+from microplan.planner.budget.insert_budget import Left
+from microplan.planner.budget.probability.fit_probability import Residual, gain_limit
+from microplan.planner.task.task import Task
+from microplan.schemas.plan.verdicts import MethodName
 
 
 def left_by(

@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from functools import partial
 
-from featuresel.trials.tolerance_search import Direction, Search, Setting
-from featuresel.trials.usable_range import alone
-from planner.budget.insertion import Insertion
-from planner.budget.probability_under_drift import Borne, is_placed
-from planner.looks.look_problem import Effects
-from planner.looks.look_record import CompiledLook
-from planner.looks.measures import Measured
-from planner.task.task import Task
-from schemas.plan.verdicts import Allowed
+from microplan.featuresel.trials.tolerance_search import Direction, Search, Setting
+from microplan.featuresel.trials.usable_range import alone
+from microplan.planner.budget.insertion import Insertion
+from microplan.planner.budget.probability_under_drift import Borne, is_placed
+from microplan.planner.looks.look_problem import Effects
+from microplan.planner.looks.look_record import CompiledLook
+from microplan.planner.looks.measures import Measured
+from microplan.planner.task.task import Task
+from microplan.schemas.plan.verdicts import Allowed
 
 # Fewer tell nothing of their scatter: six degrees of freedom put a sigma to 30 %.
 LEAST_DRAWS = 4
@@ -57,7 +57,8 @@ def allowed(
     -------
     tuple of Allowed
         Of a look at several features, what each of them bears by itself. Steps are
-        those of `featuresel.trials.tolerance_search`: the next one was not borne.
+        those of `microplan.featuresel.trials.tolerance_search`: the next one was not
+        borne.
     """
     if goal <= 0 or 1 - job.miss < goal:
         return ()

@@ -6,14 +6,14 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from planner.assembly.assembly import Carrier, State, locate_place
-from planner.assembly.holding import between_jaws
-from planner.assembly.mating import mating_of
-from planner.assembly.step_states import StepState
-from planner.budget.probability.fit_probability import Fit
-from planner.task.task import Step, Task
-from planner.task.workcell import Workcell
-from schemas.plan import Budget, BudgetRow
+from microplan.planner.assembly.assembly import Carrier, State, locate_place
+from microplan.planner.assembly.holding import between_jaws
+from microplan.planner.assembly.mating import mating_of
+from microplan.planner.assembly.step_states import StepState
+from microplan.planner.budget.probability.fit_probability import Fit
+from microplan.planner.task.task import Step, Task
+from microplan.planner.task.workcell import Workcell
+from microplan.schemas.plan import Budget, BudgetRow
 
 SECONDS_PER_MIN = 60.0
 FOCUS_TERM = "lateral shift with focus"

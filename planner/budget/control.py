@@ -7,34 +7,36 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from statistics import NormalDist
 
-from planner.assembly.assembly import Carrier, axes_of, locate_place, owner_of
-from planner.assembly.step_states import StepState
-from planner.budget.alignment_residual import (
+from microplan.planner.assembly.assembly import Carrier, axes_of, locate_place, owner_of
+from microplan.planner.assembly.step_states import StepState
+from microplan.planner.budget.alignment_residual import (
     approach_um,
     gain_of,
     left_by,
     moved_by,
     residual_of,
 )
-from planner.budget.budget import Sighted, blind_rows, fit_of
-from planner.budget.insert_budget import share_of_goal
-from planner.budget.insertion_problem import insert_s, insertion_of, travel_of
-from planner.budget.methods import choose
-from planner.budget.probability.fit_probability import (
+from microplan.planner.budget.budget import Sighted, blind_rows, fit_of
+from microplan.planner.budget.insert_budget import share_of_goal
+from microplan.planner.budget.insertion_problem import insert_s, insertion_of, travel_of
+from microplan.planner.budget.methods import choose
+from microplan.planner.budget.probability.fit_probability import (
     LEAST_SIGMAS,
     Residual,
     combine,
     gain_limit,
     servo_tolerance_um,
 )
-from planner.budget.probability.fit_probability import expected_looks as settled_looks
-from planner.budget.probability.servo_looks import Loop, expected_looks
-from planner.source.diagnostics import Report
-from planner.task.task import Task
-from planner.views.requests import insertion_after
-from planner.views.views import SEARCH_SIGMAS
-from schemas.plan import Control
-from schemas.plan.verdicts import MethodChoice, MethodName, MethodOption
+from microplan.planner.budget.probability.fit_probability import (
+    expected_looks as settled_looks,
+)
+from microplan.planner.budget.probability.servo_looks import Loop, expected_looks
+from microplan.planner.source.diagnostics import Report
+from microplan.planner.task.task import Task
+from microplan.planner.views.requests import insertion_after
+from microplan.planner.views.views import SEARCH_SIGMAS
+from microplan.schemas.plan import Control
+from microplan.schemas.plan.verdicts import MethodChoice, MethodName, MethodOption
 
 # The chance that a servo needs more looks than this is below 1e-6.
 GIVE_UP = 1e-6

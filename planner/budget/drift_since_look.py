@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 
-from planner.assembly.assembly import (
+from microplan.planner.assembly.assembly import (
     Carrier,
     Place,
     State,
@@ -14,10 +14,10 @@ from planner.assembly.assembly import (
     owner_of,
     robot_pose,
 )
-from planner.assembly.step_states import StepState
-from planner.budget.budget import Sighted
-from planner.task.task import Task
-from schemas.plan import BudgetRow
+from microplan.planner.assembly.step_states import StepState
+from microplan.planner.budget.budget import Sighted
+from microplan.planner.task.task import Task
+from microplan.schemas.plan import BudgetRow
 
 # A look tells where a part is with the error of the axes as they stood; what moves
 # afterwards loses that error and gets another.

@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from planner.assembly.mating import fit_verdict, mating_of
-from planner.assembly.step_states import StepState
-from planner.budget.placing import placing_words
-from planner.mechanics.gripping import grasp_verdict
-from planner.mechanics.releasing import release_verdict
-from planner.source.diagnostics import Report
-from planner.task.task import Task
-from schemas.plan.verdicts import (
+from microplan.planner.assembly.mating import fit_verdict, mating_of
+from microplan.planner.assembly.step_states import StepState
+from microplan.planner.budget.placing import placing_words
+from microplan.planner.mechanics.gripping import grasp_verdict
+from microplan.planner.mechanics.releasing import release_verdict
+from microplan.planner.source.diagnostics import Report
+from microplan.planner.task.task import Task
+from microplan.schemas.plan.verdicts import (
     FitVerdict,
     GraspVerdict,
     PlacingVerdict,

@@ -6,19 +6,19 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from planner.budget.insertion import Insertion
-from planner.budget.offenders import (
+from microplan.planner.budget.insertion import Insertion
+from microplan.planner.budget.offenders import (
     changes,
     offenders,
     sizes_of,
     yield_over_shaft,
     yield_over_tolerance,
 )
-from planner.budget.probability.fit_probability import Residual
-from planner.task.task import Task
-from schemas.page.figures import chance
-from schemas.plan import Budget, BudgetRow
-from schemas.plan.verdicts import BudgetAnalysis
+from microplan.planner.budget.probability.fit_probability import Residual
+from microplan.planner.task.task import Task
+from microplan.schemas.page.figures import chance
+from microplan.schemas.plan import Budget, BudgetRow
+from microplan.schemas.plan.verdicts import BudgetAnalysis
 
 SIZE_TERM = "size of hole and shaft"
 OFFSET_TERM = "offset that the moves leave"

@@ -6,15 +6,20 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
-from planner.budget.probability.ellipse_probability import Spread, beyond_radii
-from planner.budget.probability.fit_probability import Fit, Residual, miss_probability
-from planner.budget.probability.quadrature import cuts_between, nodes_between
-from planner.budget.probability.servo_landing import BODY_SIGMAS, STEP_SIGMAS
-from schemas.plan import BudgetRow
-
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray
+from microplan.planner.budget.probability.ellipse_probability import (
+    Spread,
+    beyond_radii,
+)
+from microplan.planner.budget.probability.fit_probability import (
+    Fit,
+    Residual,
+    miss_probability,
+)
+from microplan.planner.budget.probability.quadrature import cuts_between, nodes_between
+from microplan.planner.budget.probability.servo_landing import BODY_SIGMAS, STEP_SIGMAS
+from microplan.schemas.plan import BudgetRow
 
 SERVO, OFFSET, SIZE, ALL = "servo", "offset", "size", "all"
 # Axes of a covariance closer than this are one: it moves chances by less than 1e-9.

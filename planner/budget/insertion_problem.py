@@ -5,14 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from planner.assembly.assembly import Carrier, State, axes_of, locate_place, owner_of
-from planner.assembly.step_states import StepState
-from planner.assembly.swept_volume import ROUNDING_UM
-from planner.budget.budget import Sighted, blind_rows, fit_of
-from planner.budget.drift_since_look import since_rows
-from planner.budget.insert_budget import Left
-from planner.budget.insertion import Insertion
-from planner.task.task import Task
+from microplan.planner.assembly.assembly import (
+    Carrier,
+    State,
+    axes_of,
+    locate_place,
+    owner_of,
+)
+from microplan.planner.assembly.step_states import StepState
+from microplan.planner.assembly.swept_volume import ROUNDING_UM
+from microplan.planner.budget.budget import Sighted, blind_rows, fit_of
+from microplan.planner.budget.drift_since_look import since_rows
+from microplan.planner.budget.insert_budget import Left
+from microplan.planner.budget.insertion import Insertion
+from microplan.planner.task.task import Task
 
 
 def insertion_of(

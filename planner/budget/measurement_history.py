@@ -6,12 +6,12 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
-from planner.assembly.assembly import owner_of
-from planner.assembly.step_states import StepState
-from planner.budget.budget import Sighted
-from planner.looks.look_record import CompiledLook
-from planner.views.view_times import Setting
-from schemas.plan.verdicts import MethodChoice, MethodName
+from microplan.planner.assembly.assembly import owner_of
+from microplan.planner.assembly.step_states import StepState
+from microplan.planner.budget.budget import Sighted
+from microplan.planner.looks.look_record import CompiledLook
+from microplan.planner.views.view_times import Setting
+from microplan.schemas.plan.verdicts import MethodChoice, MethodName
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

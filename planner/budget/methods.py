@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from optics.outline.tolerant_order import least
-from schemas.page.figures import chance
-from schemas.plan.verdicts import MethodChoice, MethodOption
+from microplan.optics.outline.tolerant_order import least
+from microplan.schemas.page.figures import chance
+from microplan.schemas.plan.verdicts import MethodChoice, MethodOption
 
 # Chances that differ by less are equal: the quicker way is taken.
 SAME_CHANCE = 1e-6

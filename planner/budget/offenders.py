@@ -9,9 +9,9 @@ from dataclasses import replace
 import numpy as np
 from scipy import optimize
 
-from optics.outline.tolerant_order import ordered
-from planner.budget.insertion import ALL, OFFSET, SERVO, SIZE, Insertion
-from schemas.plan.verdicts import Change, Offender, YieldCurve, YieldPoint
+from microplan.optics.outline.tolerant_order import ordered
+from microplan.planner.budget.insertion import ALL, OFFSET, SERVO, SIZE, Insertion
+from microplan.schemas.plan.verdicts import Change, Offender, YieldCurve, YieldPoint
 
 # Slopes are central differences over this share of a term: chances are right to 1e-12,
 # so that both the curvature (1e-6) and their rounding (1e-9) are out of sight.

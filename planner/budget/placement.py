@@ -8,23 +8,22 @@ from dataclasses import dataclass
 
 import shapely
 
-from planner.assembly.assembly import (
+from microplan.arrays import Point
+from microplan.planner.assembly.assembly import (
     Carrier,
     axes_of,
     inner_center,
     owner_of,
     part_pose,
 )
-from planner.assembly.moves import apply_reading
-from planner.assembly.shapes import hull
-from planner.assembly.step_states import StepState
-from planner.budget.budget import Sighted
-from planner.budget.measurement_history import Memory
-from planner.task.task import Move, Part, Step, Task
-from planner.views.targets import middle_um
-from planner.views.view_times import move_times
-
-Point = tuple[float, float]
+from microplan.planner.assembly.moves import apply_reading
+from microplan.planner.assembly.shapes import hull
+from microplan.planner.assembly.step_states import StepState
+from microplan.planner.budget.budget import Sighted
+from microplan.planner.budget.measurement_history import Memory
+from microplan.planner.task.task import Move, Part, Step, Task
+from microplan.planner.views.targets import middle_um
+from microplan.planner.views.view_times import move_times
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -6,22 +6,28 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-from planner.assembly.assembly import (
+from microplan.arrays import Point
+from microplan.planner.assembly.assembly import (
     Carrier,
     axes_of,
     owner_of,
 )
-from planner.assembly.step_states import StepState
-from planner.assembly.swept_volume import ROUNDING_UM
-from planner.budget.alignment_residual import gain_of, left_by, moved_by, unaligned
-from planner.budget.allowable_errors import allowed
-from planner.budget.budget import Sighted, blind_rows
-from planner.budget.drift_since_look import since_rows
-from planner.budget.insert_budget import Left, share_of_goal
-from planner.budget.insertion import Insertion
-from planner.budget.insertion_problem import apart
-from planner.budget.measurement_history import Memory, method_taken
-from planner.budget.placement import (
+from microplan.planner.assembly.step_states import StepState
+from microplan.planner.assembly.swept_volume import ROUNDING_UM
+from microplan.planner.budget.alignment_residual import (
+    gain_of,
+    left_by,
+    moved_by,
+    unaligned,
+)
+from microplan.planner.budget.allowable_errors import allowed
+from microplan.planner.budget.budget import Sighted, blind_rows
+from microplan.planner.budget.drift_since_look import since_rows
+from microplan.planner.budget.insert_budget import Left, share_of_goal
+from microplan.planner.budget.insertion import Insertion
+from microplan.planner.budget.insertion_problem import apart
+from microplan.planner.budget.measurement_history import Memory, method_taken
+from microplan.planner.budget.placement import (
     Putting,
     far_um,
     moves_of,
@@ -29,14 +35,18 @@ from planner.budget.placement import (
     putting_of,
     way_um,
 )
-from planner.budget.placing import Placement, chance_beside, placing_budget, within
-from planner.budget.probability.angle_budget import Turning
-from planner.looks.look_problem import Effects
-from planner.task.task import Task
-from schemas.plan import Budget, BudgetRow
-from schemas.plan.verdicts import PlacingVerdict, TurnRow
+from microplan.planner.budget.placing import (
+    Placement,
+    chance_beside,
+    placing_budget,
+    within,
+)
+from microplan.planner.budget.probability.angle_budget import Turning
+from microplan.planner.looks.look_problem import Effects
+from microplan.planner.task.task import Task
+from microplan.schemas.plan import Budget, BudgetRow
+from microplan.schemas.plan.verdicts import PlacingVerdict, TurnRow
 
-Point = tuple[float, float]
 LEVER = "angle of {} over the way to what is placed"
 TURNED = "turn that the alignment leaves"
 

@@ -7,14 +7,24 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from planner.budget.insert_budget import OFFSET_TERM, Left, advice_of
-from planner.budget.insertion import SIZE, Insertion
-from planner.budget.offenders import YIELD_POINTS, changes, offenders, sizes_of
-from planner.budget.probability.angle_budget import Turning
-from planner.budget.probability.fit_probability import Fit
-from schemas.page.figures import chance
-from schemas.plan import Budget, BudgetRow
-from schemas.plan.verdicts import BudgetAnalysis, PlacingVerdict, YieldCurve, YieldPoint
+from microplan.planner.budget.insert_budget import OFFSET_TERM, Left, advice_of
+from microplan.planner.budget.insertion import SIZE, Insertion
+from microplan.planner.budget.offenders import (
+    YIELD_POINTS,
+    changes,
+    offenders,
+    sizes_of,
+)
+from microplan.planner.budget.probability.angle_budget import Turning
+from microplan.planner.budget.probability.fit_probability import Fit
+from microplan.schemas.page.figures import chance
+from microplan.schemas.plan import Budget, BudgetRow
+from microplan.schemas.plan.verdicts import (
+    BudgetAnalysis,
+    PlacingVerdict,
+    YieldCurve,
+    YieldPoint,
+)
 
 NOT_MODELLED = (
     ("sideways shift as the jaws open", "not modelled: no force has a known size"),

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from featuresel.trials.outcomes import Outcome
-from featuresel.trials.tolerance_search import Setting
-from planner.budget.budget import FOCUS_TERM
-from planner.budget.insertion import Insertion
+from microplan.featuresel.trials.outcomes import Outcome
+from microplan.featuresel.trials.tolerance_search import Setting
+from microplan.planner.budget.budget import FOCUS_TERM
+from microplan.planner.budget.insertion import Insertion
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

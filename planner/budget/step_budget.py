@@ -4,24 +4,24 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from planner.assembly.assembly import owner_of
-from planner.assembly.step_states import StepState
-from planner.budget.alignment_residual import left_by, unaligned
-from planner.budget.allowable_errors import allowed
-from planner.budget.budget import (
+from microplan.planner.assembly.assembly import owner_of
+from microplan.planner.assembly.step_states import StepState
+from microplan.planner.budget.alignment_residual import left_by, unaligned
+from microplan.planner.budget.allowable_errors import allowed
+from microplan.planner.budget.budget import (
     empty_budget,
     grasp_budget,
     release_budget,
     verify_budget,
 )
-from planner.budget.insert_budget import Left, insert_budget, share_of_goal
-from planner.budget.insertion_problem import insertion_of
-from planner.budget.measurement_history import Memory, method_taken
-from planner.budget.probability.collision_probability import passed
-from planner.looks.look_problem import Effects
-from planner.task.task import Task
-from planner.views.requests import insertion_after
-from schemas import plan as p
+from microplan.planner.budget.insert_budget import Left, insert_budget, share_of_goal
+from microplan.planner.budget.insertion_problem import insertion_of
+from microplan.planner.budget.measurement_history import Memory, method_taken
+from microplan.planner.budget.probability.collision_probability import passed
+from microplan.planner.looks.look_problem import Effects
+from microplan.planner.task.task import Task
+from microplan.planner.views.requests import insertion_after
+from microplan.schemas import plan as p
 
 
 def budget_of(

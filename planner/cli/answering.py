@@ -7,9 +7,9 @@ import os
 import sys
 from typing import Protocol
 
-from planner.cli.terminal import in_colour, painted
-from planner.source.diagnostics import Report, Span
-from schemas.page.console import say, tell
+from microplan.planner.cli.terminal import in_colour, painted
+from microplan.planner.source.diagnostics import Report, Span
+from microplan.schemas.page.console import say, tell
 
 DONE, NO, BAD_INPUT = 0, 1, 2
 
@@ -23,7 +23,7 @@ class Coded(Protocol):
 
 def answer(call: argparse.Namespace, report: Report, result: str) -> int:
     """Print findings and result; return the exit status they amount to."""
-    from planner.cli.findings import render_findings
+    from microplan.planner.cli.findings import render_findings
 
     out, err = render_findings(report.in_order, result, call.format)
     tell_findings(err)

@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Callable
 from typing import TypeVar
 
-from planner.diff.changes import KINDS
+from microplan.planner.diff.changes import KINDS
 
 T = TypeVar("T")
 

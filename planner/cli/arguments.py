@@ -6,17 +6,18 @@ import argparse
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from planner.cli.argument_values import asked, count, kinds, share
-from planner.diff.changes import KINDS
-from planner.diff.tolerances import parse_rule
-from planner.task.presets import PRESETS
-from planner.tradeoff.vary import AXES, parse_vary
-from schemas import NAMES
-from schemas.page.version_option import add_version
+from microplan.planner.cli.argument_values import asked, count, kinds, share
+from microplan.planner.diff.changes import KINDS
+from microplan.planner.diff.tolerances import parse_rule
+from microplan.planner.task.presets import PRESETS
+from microplan.planner.tradeoff.vary import AXES, parse_vary
+from microplan.schemas.files.json_schema import NAMES
+from microplan.schemas.page.version_option import add_version
 
 Run = Callable[[argparse.Namespace], int]
 
-# the keys of `optics.transfer.models.MODELS`, which --help cannot load: it loads scipy
+# the keys of `microplan.optics.transfer.models.MODELS`, which --help cannot load: it
+# loads scipy
 LAWS = "geometric, product, stokseth, hopkins, exact"
 
 EPILOG = (

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from planner.cli.answering import (
+from microplan.planner.cli.answering import (
     BAD_INPUT,
     DONE,
     answer,
@@ -16,19 +16,19 @@ from planner.cli.answering import (
     tell_findings,
     tell_progress,
 )
-from planner.source.diagnostics import Report, Span
-from schemas.page.console import say, tell
+from microplan.planner.source.diagnostics import Report, Span
+from microplan.schemas.page.console import say, tell
 
 if TYPE_CHECKING:
-    from planner.plan.options import Options
-    from planner.store.folder import PlanBytes
-    from schemas.plan import Plan
+    from microplan.planner.plan.options import Options
+    from microplan.planner.store.folder import PlanBytes
+    from microplan.schemas.plan import Plan
 
 
 def compile_task(call: argparse.Namespace) -> int:
     """Compile a task into a plan folder."""
-    from planner.diff.errors import DiffError
-    from planner.store.errors import OutputError
+    from microplan.planner.diff.errors import DiffError
+    from microplan.planner.store.errors import OutputError
 
     if call.update and call.golden is None:
         tell("--update renews a golden plan: name it with --golden")
@@ -48,7 +48,7 @@ def compile_task(call: argparse.Namespace) -> int:
         report.error(error.code, Span(file=error.file), str(error))
     status = answer(call, report, said)
     if call.timings and timings:
-        from planner.store.summary import times_summary
+        from microplan.planner.store.summary import times_summary
 
         tell(times_summary(timings))  # last: notes would push them out of sight
     return status
@@ -60,7 +60,7 @@ def _written(
     """Return what to say of the plan that was written."""
     said = [made.summary, f"plan folder: {folder}"]
     if call.report:
-        from planner.report.report import write_report
+        from microplan.planner.report.report import write_report
 
         said.append(f"report: {write_report(folder, None)}")
     if call.golden is not None:
@@ -72,14 +72,14 @@ def _compiled(
     call: argparse.Namespace, report: Report
 ) -> tuple[PlanBytes, Path] | None:
     """Return what a task compiles to and where it was written, None if at fault."""
-    from planner.plan.cached_compile import compile_file
-    from planner.store.folder import check_folder, write_folder
-    from planner.store.store import Store, place
+    from microplan.planner.plan.cached_compile import compile_file
+    from microplan.planner.store.folder import check_folder, write_folder
+    from microplan.planner.store.store import Store, place
 
     def ready(name: str) -> None:
         check_folder(call.out or _beside(call.task, name))
         if call.golden is not None:
-            from planner.diff.diffing import check_golden, read_plan
+            from microplan.planner.diff.diffing import check_golden, read_plan
 
             # what can be neither compared nor replaced need not be compiled for
             (check_golden if call.update else read_plan)(call.golden)
@@ -95,7 +95,7 @@ def _compiled(
 
 def _options(call: argparse.Namespace) -> Options:
     """Return what the user asks of the compiler."""
-    from planner.plan.options import Options
+    from microplan.planner.plan.options import Options
 
     return Options(
         preset=call.preset,
@@ -119,8 +119,8 @@ def _golden(
     call: argparse.Namespace, made: PlanBytes, folder: Path, report: Report
 ) -> str:
     """Return how a new plan compares with the golden one, renewed if asked for."""
-    from planner.diff.change_text import changes_text
-    from planner.diff.diffing import diff_with_golden, plan_file, renew_golden
+    from microplan.planner.diff.change_text import changes_text
+    from microplan.planner.diff.diffing import diff_with_golden, plan_file, renew_golden
 
     golden: Path = call.golden
     if call.update:
@@ -138,7 +138,7 @@ def _golden(
 
 def _asking_for_all(call: argparse.Namespace, folder: Path) -> str:
     """Return what shows every difference from the golden plan."""
-    from planner.diff.diffing import has_pictures
+    from microplan.planner.diff.diffing import has_pictures
 
     words = ["microplan", "diff", str(call.golden), str(folder), "--all"]
     words += [] if has_pictures(call.golden) else ["--no-images"]
@@ -148,7 +148,7 @@ def _asking_for_all(call: argparse.Namespace, folder: Path) -> str:
 
 def _watch(call: argparse.Namespace) -> int:
     """Compile whenever a file changes; only Ctrl-C or an unusable call ends it."""
-    from planner.store.errors import OutputError
+    from microplan.planner.store.errors import OutputError
 
     if call.golden is not None or call.format != "text":
         tell("--watch goes with neither --golden nor --format")
@@ -162,8 +162,8 @@ def _watch(call: argparse.Namespace) -> int:
 
 def _rounds(call: argparse.Namespace) -> None:
     """Compile at every change, and tell what came of each round."""
-    from planner.cli.findings import render_findings
-    from planner.cli.watching import last_plan, round_text, watch
+    from microplan.planner.cli.findings import render_findings
+    from microplan.planner.cli.watching import last_plan, round_text, watch
 
     def compiled(report: Report) -> Plan | None:
         made = _compiled(call, report)

@@ -18,7 +18,13 @@ from pathlib import PurePath
 from typing import Any
 from urllib.parse import quote
 
-from planner.source.diagnostics import TITLES, Diagnostic, Severity, Span, render_text
+from microplan.planner.source.diagnostics import (
+    TITLES,
+    Diagnostic,
+    Severity,
+    Span,
+    render_text,
+)
 
 FORMATS = ("text", "json", "github", "sarif")
 _GITHUB: Mapping[Severity, str] = {

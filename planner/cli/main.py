@@ -7,13 +7,13 @@ import os
 import sys
 from collections.abc import Sequence
 
-from planner.cli.answering import BAD_INPUT, DONE
-from planner.cli.arguments import build_parser
-from planner.cli.compiling import compile_task
-from planner.cli.plans import diff, export, report_plan
-from planner.cli.shipped import explain, init, schema
-from planner.cli.tasks import check, migrate, render, tradeoff
-from schemas.page.console import OutputLostError, flush, say, tell
+from microplan.planner.cli.answering import BAD_INPUT, DONE
+from microplan.planner.cli.arguments import build_parser
+from microplan.planner.cli.compiling import compile_task
+from microplan.planner.cli.plans import diff, export, report_plan
+from microplan.planner.cli.shipped import explain, init, schema
+from microplan.planner.cli.tasks import check, migrate, render, tradeoff
+from microplan.schemas.page.console import OutputLostError, flush, say, tell
 
 BUG = 70
 STOPPED = 130  # by Ctrl-C, as shells tell it
@@ -63,7 +63,7 @@ def _status(argv: Sequence[str] | None) -> int:
 
 def _completion(call: argparse.Namespace) -> int:
     """Print a script that completes this command in a shell."""
-    from planner.cli.completion import script
+    from microplan.planner.cli.completion import script
 
     try:
         say(script(build_parser(_RUNS), call.shell).rstrip("\n"))

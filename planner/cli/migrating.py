@@ -6,10 +6,10 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
-from planner.source.diagnostics import Report
-from planner.source.migrations import migrated
-from planner.store.errors import OutputError
-from planner.store.folder import replace_text
+from microplan.planner.source.diagnostics import Report
+from microplan.planner.source.migrations import migrated
+from microplan.planner.store.errors import OutputError
+from microplan.planner.store.folder import replace_text
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -6,10 +6,11 @@ from collections.abc import Iterator
 from pathlib import Path
 
 _PACKAGE = Path(__file__).parents[1]
+_CHECKOUT = Path(__file__).resolve().parents[2]  # beyond the links in microplan/
 # in a wheel, and where they are kept in the source tree
 _PLACES = {
-    "pages": (_PACKAGE / "pages", _PACKAGE.parent / "docs" / "diagnostics"),
-    "starter": (_PACKAGE / "starter", _PACKAGE.parent / "examples" / "gear_on_shaft"),
+    "pages": (_PACKAGE / "pages", _CHECKOUT / "docs" / "diagnostics"),
+    "starter": (_PACKAGE / "starter", _CHECKOUT / "examples" / "gear_on_shaft"),
 }
 _STARTER = ("task.yaml", "workcell.yaml", "parts")
 

@@ -5,20 +5,20 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from planner.cli.answering import DONE, NO, answer
-from planner.source.diagnostics import Report, Span
-from schemas.page.console import say, tell
+from microplan.planner.cli.answering import DONE, NO, answer
+from microplan.planner.source.diagnostics import Report, Span
+from microplan.schemas.page.console import say, tell
 
 if TYPE_CHECKING:
-    from planner.diff.diffing import DiffCall, Difference
-    from planner.export.export import ExportCall
+    from microplan.planner.diff.diffing import DiffCall, Difference
+    from microplan.planner.export.export import ExportCall
 
 
 def diff(call: argparse.Namespace) -> int:
     """Compare two plans: 0 for the same, 1 for different."""
-    from planner.diff.change_text import findings_of, headline, verdicts_text
-    from planner.diff.diffing import diff as compared
-    from planner.diff.errors import DiffError
+    from microplan.planner.diff.change_text import findings_of, headline, verdicts_text
+    from microplan.planner.diff.diffing import diff as compared
+    from microplan.planner.diff.errors import DiffError
 
     try:
         found = compared(_diff_call(call))
@@ -38,7 +38,7 @@ def diff(call: argparse.Namespace) -> int:
 
 def _diff_call(call: argparse.Namespace) -> DiffCall:
     """Return which plans are compared, and how strictly."""
-    from planner.diff.diffing import DiffCall
+    from microplan.planner.diff.diffing import DiffCall
 
     return DiffCall(
         old=call.old,
@@ -51,7 +51,7 @@ def _diff_call(call: argparse.Namespace) -> DiffCall:
 
 def _differences(call: argparse.Namespace, found: Difference) -> str:
     """Return what differs, for people or as JSON."""
-    from planner.diff.change_text import changes_json, changes_text
+    from microplan.planner.diff.change_text import changes_json, changes_text
 
     if call.format == "json":
         ends = (str(call.old), found.old), (str(call.new), found.new)
@@ -61,9 +61,9 @@ def _differences(call: argparse.Namespace, found: Difference) -> str:
 
 def export(call: argparse.Namespace) -> int:
     """Write a plan's looks in another tool's format."""
-    from planner.export.export import export as exported
-    from planner.export.folder import ExportError
-    from planner.store.errors import OutputError
+    from microplan.planner.export.export import export as exported
+    from microplan.planner.export.folder import ExportError
+    from microplan.planner.store.errors import OutputError
 
     report, said = Report(), ""
     try:
@@ -77,7 +77,7 @@ def export(call: argparse.Namespace) -> int:
 
 def _export_call(call: argparse.Namespace) -> ExportCall:
     """Return what is exported, and to where."""
-    from planner.export.export import ExportCall
+    from microplan.planner.export.export import ExportCall
 
     return ExportCall(
         plan=call.plan,
@@ -91,9 +91,9 @@ def _export_call(call: argparse.Namespace) -> ExportCall:
 
 def report_plan(call: argparse.Namespace) -> int:
     """Write the report of a plan folder."""
-    from planner.diff.errors import DiffError
-    from planner.report.report import write_report
-    from planner.store.errors import OutputError
+    from microplan.planner.diff.errors import DiffError
+    from microplan.planner.report.report import write_report
+    from microplan.planner.store.errors import OutputError
 
     report, said = Report(), ""
     try:

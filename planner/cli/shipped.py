@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import argparse
 
-from planner.cli.answering import BAD_INPUT, DONE
-from planner.source.diagnostics import TITLES
-from schemas.page.console import say, tell
+from microplan.planner.cli.answering import BAD_INPUT, DONE
+from microplan.planner.source.diagnostics import TITLES
+from microplan.schemas.page.console import say, tell
 
 
 def init(call: argparse.Namespace) -> int:
     """Write a task that compiles into a folder."""
-    from planner.cli.starter import write_starter
-    from planner.store.errors import OutputError
+    from microplan.planner.cli.starter import write_starter
+    from microplan.planner.store.errors import OutputError
 
     try:
         say(write_starter(call.folder))
@@ -24,7 +24,7 @@ def init(call: argparse.Namespace) -> int:
 
 def explain(call: argparse.Namespace) -> int:
     """Print the page of a code, or all codes."""
-    from planner.cli.package_files import page
+    from microplan.planner.cli.package_files import page
 
     if call.code is None:
         listed = (f"{code}  {title}" for code, title in TITLES.items())
@@ -42,7 +42,7 @@ def schema(call: argparse.Namespace) -> int:
     """Print a JSON Schema."""
     import json
 
-    from schemas import load
+    from microplan.schemas.files.json_schema import load
 
     say(json.dumps(load(call.name), indent=2, ensure_ascii=False))
     return DONE

@@ -6,9 +6,9 @@ import json
 from collections.abc import Iterator
 from pathlib import Path
 
-from planner.cli.package_files import starter
-from planner.store.errors import OutputError, not_written
-from schemas import load
+from microplan.planner.cli.package_files import starter
+from microplan.planner.store.errors import OutputError, not_written
+from microplan.schemas.files.json_schema import load
 
 # files that people edit, and the schema that each obeys
 _SCHEMAS = {"task.yaml": "task", "workcell.yaml": "workcell"}

@@ -6,20 +6,20 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from planner.cli.answering import DONE, answer, refuse, tell_progress
-from planner.source.diagnostics import Report
-from schemas.page.console import say, tell
+from microplan.planner.cli.answering import DONE, answer, refuse, tell_progress
+from microplan.planner.source.diagnostics import Report
+from microplan.schemas.page.console import say, tell
 
 if TYPE_CHECKING:
-    from planner.task.task import Task
-    from planner.tradeoff.preview import RenderCall
+    from microplan.planner.task.task import Task
+    from microplan.planner.tradeoff.preview import RenderCall
 
 
 def check(call: argparse.Namespace) -> int:
     """Read and check a task without rendering."""
-    from planner.task.part_summary import parts_summary
-    from planner.task.read_task import load_task
-    from planner.views.check_task import (
+    from microplan.planner.task.part_summary import parts_summary
+    from microplan.planner.task.read_task import load_task
+    from microplan.planner.views.check_task import (
         check_task,  # shapely, but no imaging and no scipy
     )
 
@@ -29,8 +29,8 @@ def check(call: argparse.Namespace) -> int:
         return answer(call, report, "")
     said = [check_task(task, report), parts_summary(task.parts)]
     if call.out:
-        from planner.store.errors import OutputError
-        from planner.task.drawn import write_drawings
+        from microplan.planner.store.errors import OutputError
+        from microplan.planner.task.drawn import write_drawings
 
         try:
             said.append(write_drawings(task.parts, call.out))
@@ -41,9 +41,9 @@ def check(call: argparse.Namespace) -> int:
 
 def render(call: argparse.Namespace) -> int:
     """Render one step's image to a file."""
-    from planner.store.errors import OutputError
-    from planner.task.read_task import load_task
-    from planner.tradeoff.preview import RenderError, render_step
+    from microplan.planner.store.errors import OutputError
+    from microplan.planner.task.read_task import load_task
+    from microplan.planner.tradeoff.preview import RenderError, render_step
 
     report = Report()
     task = load_task(call.task, report)
@@ -58,7 +58,7 @@ def render(call: argparse.Namespace) -> int:
 
 def _render_call(call: argparse.Namespace) -> RenderCall:
     """Return which image is asked for."""
-    from planner.tradeoff.preview import RenderCall
+    from microplan.planner.tradeoff.preview import RenderCall
 
     return RenderCall(
         step=call.step,
@@ -74,7 +74,7 @@ def _render_call(call: argparse.Namespace) -> RenderCall:
 
 def tradeoff(call: argparse.Namespace) -> int:
     """Measure time and error of every way to compute a task's images."""
-    from planner.task.read_task import load_task
+    from microplan.planner.task.read_task import load_task
 
     report = Report()
     task = load_task(call.task, report)
@@ -87,9 +87,9 @@ def tradeoff(call: argparse.Namespace) -> int:
 
 def _tradeoff_of_images(call: argparse.Namespace, task: Task, report: Report) -> int:
     """Render the images of steps in several ways."""
-    from planner.store.errors import OutputError
-    from planner.tradeoff.preview import RenderError
-    from planner.tradeoff.tradeoff import TradeoffCall, write_tradeoff
+    from microplan.planner.store.errors import OutputError
+    from microplan.planner.tradeoff.preview import RenderError
+    from microplan.planner.tradeoff.tradeoff import TradeoffCall, write_tradeoff
 
     asked = TradeoffCall(
         step=call.step,
@@ -105,8 +105,12 @@ def _tradeoff_of_images(call: argparse.Namespace, task: Task, report: Report) ->
 
 def _tradeoff_of_task(call: argparse.Namespace, task: Task, report: Report) -> int:
     """Compile a whole task in several ways."""
-    from planner.store.errors import OutputError
-    from planner.tradeoff.task_tradeoff import TaskCall, VaryError, write_task_tradeoff
+    from microplan.planner.store.errors import OutputError
+    from microplan.planner.tradeoff.task_tradeoff import (
+        TaskCall,
+        VaryError,
+        write_task_tradeoff,
+    )
 
     asked = TaskCall(
         vary=call.vary,
@@ -133,9 +137,9 @@ def _progress(step: str) -> None:
 
 def migrate(call: argparse.Namespace) -> int:
     """Rewrite a task or workcell of an older format."""
-    from planner.cli.migrating import MigrateCall
-    from planner.cli.migrating import migrate as migrated
-    from planner.store.errors import OutputError
+    from microplan.planner.cli.migrating import MigrateCall
+    from microplan.planner.cli.migrating import migrate as migrated
+    from microplan.planner.store.errors import OutputError
 
     report = Report()
     asked = MigrateCall(file=call.task, out=call.out, in_place=call.in_place)

@@ -10,14 +10,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeAlias
 
-from planner.diff.change_text import headline
-from planner.diff.compare import compare_plans
-from planner.diff.diffing import read_plan
-from planner.diff.errors import DiffError
-from planner.source.diagnostics import Report
-from planner.store.summary import success
-from planner.store.whole import MOST_BYTES
-from schemas.plan import Plan
+from microplan.planner.diff.change_text import headline
+from microplan.planner.diff.compare import compare_plans
+from microplan.planner.diff.diffing import read_plan
+from microplan.planner.diff.errors import DiffError
+from microplan.planner.source.diagnostics import Report
+from microplan.planner.store.summary import success
+from microplan.planner.store.whole import MOST_BYTES
+from microplan.schemas.plan import Plan
 
 POLL_S = 0.25  # between two looks at the files: soon enough for a person, and no load
 # An editor that moves a file away and a new one into its place leaves none for a

@@ -6,11 +6,11 @@ import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
-from planner.diff.changes import KINDS, Change, Name, causes_first
-from planner.source.diagnostics import Diagnostic, Severity, Span
-from planner.store.summary import success
-from schemas.page.console import one_line
-from schemas.plan import Plan
+from microplan.planner.diff.changes import KINDS, Change, Name, causes_first
+from microplan.planner.source.diagnostics import Diagnostic, Severity, Span
+from microplan.planner.store.summary import success
+from microplan.schemas.page.console import one_line
+from microplan.schemas.plan import Plan
 
 FEW = 12  # lines of a kind that are told, unless all are asked for
 FEW_ALIKE = 2  # places of changes that are alike

@@ -7,13 +7,13 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from planner.diff.changes import Change, Kind, Name, is_number, keys_of
-from planner.diff.identity import ORDERED, WHOLE, named
-from planner.diff.kinds import kind_of, trend_of
-from planner.diff.tolerances import Rule, rule_for
-from planner.diff.units import stated_unit, unit_of
-from schemas.codec import to_data
-from schemas.plan import Plan
+from microplan.planner.diff.changes import Change, Kind, Name, is_number, keys_of
+from microplan.planner.diff.identity import ORDERED, WHOLE, named
+from microplan.planner.diff.kinds import kind_of, trend_of
+from microplan.planner.diff.tolerances import Rule, rule_for
+from microplan.planner.diff.units import stated_unit, unit_of
+from microplan.schemas.codec import to_data
+from microplan.schemas.plan import Plan
 
 Path = tuple[str, ...]
 _BY_NAME = frozenset({"drawings_sha256", "travel", "repeatability_um"})

@@ -7,19 +7,19 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from planner.diff.changes import Change, Kind
-from planner.diff.compare import compare_plans
-from planner.diff.errors import DiffError
-from planner.diff.pictures import compare_pictures
-from planner.diff.tolerances import Rule
-from planner.store.folder import (
+from microplan.planner.diff.changes import Change, Kind
+from microplan.planner.diff.compare import compare_plans
+from microplan.planner.diff.errors import DiffError
+from microplan.planner.diff.pictures import compare_pictures
+from microplan.planner.diff.tolerances import Rule
+from microplan.planner.store.folder import (
     check_file,
     check_folder,
     replace_file,
     replace_folder,
 )
-from schemas.codec import CodecError
-from schemas.plan import Plan, newer_note, parse_plan
+from microplan.schemas.codec import CodecError
+from microplan.schemas.plan import Plan, newer_note, parse_plan
 
 MOST_BYTES = 1 << 26  # of a plan.json: some 64 MiB
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from fnmatch import fnmatchcase
 from typing import Any
 
-from planner.diff.changes import Kind, Trend, keys_of
+from microplan.planner.diff.changes import Kind, Trend, keys_of
 
 # patterns of paths, the first that matches counts
 _KINDS: tuple[tuple[str, Kind], ...] = (

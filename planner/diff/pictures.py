@@ -10,10 +10,10 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from planner.diff.changes import Change
-from schemas.folders import contents_within
-from schemas.page.page import png_size
-from schemas.plan import Plan
+from microplan.planner.diff.changes import Change
+from microplan.schemas.folders import contents_within
+from microplan.schemas.page.page import png_size
+from microplan.schemas.plan import Plan
 
 Picture = npt.NDArray[np.uint8]
 LEVELS = 1  # of 255: rounding may fall to either side

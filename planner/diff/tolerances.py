@@ -16,7 +16,7 @@ from fnmatch import fnmatchcase
 from functools import lru_cache
 from typing import Any
 
-from planner.diff.changes import is_number, keys_of
+from microplan.planner.diff.changes import is_number, keys_of
 
 _NUMBER = re.compile(r"(?:[<>] )?[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?%?")
 

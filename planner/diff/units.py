@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from planner.diff.changes import Name
+from microplan.planner.diff.changes import Name
 
 # ends of keys, the longer ones before those that they end in
 _ENDS: tuple[tuple[str, str], ...] = (

@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterator
 from typing import Protocol
 
-from optics.outline.outline import Arc, Edge, Segment
+from microplan.optics.outline.outline import Arc, Edge, Segment
 
 # How far a chain of arcs may be from its curve: 0.1 nm, and less for curves smaller
 # than 100 um. Areas are right to 1e-6 down to ellipses of 5 : 1, of some 230 arcs each.

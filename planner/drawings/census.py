@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from optics.outline.outline import Outline
-from planner.source.diagnostics import Span
+from microplan.optics.outline.outline import Outline
+from microplan.planner.source.diagnostics import Span
 
 Counts = Mapping[tuple[str, str], int]  # by layer and what it is
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray
 
 
 def fit_circle(corners: FloatArray) -> tuple[tuple[float, float], float]:

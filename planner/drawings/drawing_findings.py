@@ -6,11 +6,11 @@ import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 
-from optics.outline.outline import Arc, Outline, Ring, Segment
-from planner.drawings.biarcs import CURVE_UM
-from planner.drawings.pieces import Drawn, Piece, Trouble
-from planner.drawings.rings import OpenEnd
-from planner.source.diagnostics import Report, Span
+from microplan.optics.outline.outline import Arc, Outline, Ring, Segment
+from microplan.planner.drawings.biarcs import CURVE_UM
+from microplan.planner.drawings.pieces import Drawn, Piece, Trouble
+from microplan.planner.drawings.rings import OpenEnd
+from microplan.planner.source.diagnostics import Report, Span
 
 UM_PER_UNIT = {"nm": 1e-3, "um": 1.0, "mm": 1e3, "inch": 25.4e3, "m": 1e6}
 _INSUNITS = {

@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from optics.outline.outline import Arc, Outline, Ring, flatten
-from planner.drawings.rings import cell, edges_key
+from microplan.optics.outline.outline import Arc, Outline, Ring, flatten
+from microplan.planner.drawings.rings import cell, edges_key
 
 CHORD_UM = 0.005  # of the polygons that containment is judged by
 _CHORD_PART = 1e-7  # and of a ring's length, where that is more

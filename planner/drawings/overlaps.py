@@ -10,9 +10,10 @@ from itertools import islice, pairwise
 import numpy as np
 import shapely
 
-from optics.outline.outline import JOIN_UM, Arc, Edge, Point, Segment, edge_bounds
-from planner.drawings.pieces import Piece
-from planner.drawings.rings import edge_key, same_circle
+from microplan.arrays import Point
+from microplan.optics.outline.outline import JOIN_UM, Arc, Edge, Segment, edge_bounds
+from microplan.planner.drawings.pieces import Piece
+from microplan.planner.drawings.rings import edge_key, same_circle
 
 _ALONG_UM = 1e-3  # edges closer than this run along each other: 1 nm, as keys have it
 _LEAST_UM = 0.01  # of an overlap: shorter ones are gaps that went too far

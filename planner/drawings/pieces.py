@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass, field
 
-from optics.outline.outline import Edge
+from microplan.optics.outline.outline import Edge
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,9 +6,10 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from optics.outline.outline import JOIN_UM, Arc, Edge, Point, Ring, Segment
-from optics.outline.tolerant_order import least
-from planner.drawings.pieces import Piece
+from microplan.arrays import Point
+from microplan.optics.outline.outline import JOIN_UM, Arc, Edge, Ring, Segment
+from microplan.optics.outline.tolerant_order import least
+from microplan.planner.drawings.pieces import Piece
 
 GAP_UM = 0.01  # wider gaps are not closed; real drawings' gaps are below 10 nm
 _CROWD = 16  # ends within 10 nm of each other

@@ -7,8 +7,8 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from optics.outline.outline import Arc, Edge, Segment, chords
-from schemas.files.outlines import (
+from microplan.optics.outline.outline import Arc, Edge, Segment, chords
+from microplan.schemas.files.outlines import (
     ArcEdge,
     EdgePiece,
     LookOutlines,

@@ -7,17 +7,22 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from planner.diff.diffing import plan_file
-from planner.export.dxf import dxf
-from planner.export.folder import PlanFolder, read_folder
-from planner.export.ome import ome_tiff
-from planner.export.pieces import look_outlines
-from planner.export.sequence import sequence, sequence_json, sequence_yaml
-from planner.export.writing import check_free, file_names, write_file, write_folder
-from planner.source.diagnostics import Report, Span
-from planner.store.errors import OutputError
-from schemas.codec import to_data
-from schemas.files.outlines import Outlines
+from microplan.planner.diff.diffing import plan_file
+from microplan.planner.export.dxf import dxf
+from microplan.planner.export.folder import PlanFolder, read_folder
+from microplan.planner.export.ome import ome_tiff
+from microplan.planner.export.pieces import look_outlines
+from microplan.planner.export.sequence import sequence, sequence_json, sequence_yaml
+from microplan.planner.export.writing import (
+    check_free,
+    file_names,
+    write_file,
+    write_folder,
+)
+from microplan.planner.source.diagnostics import Report, Span
+from microplan.planner.store.errors import OutputError
+from microplan.schemas.codec import to_data
+from microplan.schemas.files.outlines import Outlines
 
 Format = Literal["dxf", "json", "ome-tiff", "useq"]
 
@@ -46,7 +51,7 @@ def export(call: ExportCall, report: Report) -> str:
     Raises
     ------
     ExportError
-        MP704, MP720, MP721: see `planner.export.folder`.
+        MP704, MP720, MP721: see `microplan.planner.export.folder`.
     OutputError
         MP702 or MP703 if it cannot be written, or something is there already.
     """

@@ -12,14 +12,14 @@ from typing import Any, TypeVar
 import cv2
 import numpy as np
 
-from optics.outline.outline import Arc, Edge, Outline, Ring, Segment
-from planner.diff.diffing import MOST_BYTES, plan_file, read_plan
-from planner.diff.errors import DiffError
-from planner.store.pictures import Picture, picture_sha256
-from schemas.codec import CodecError, from_data
-from schemas.files.scenes import LookScene, Scenes
-from schemas.files.world import World, WorldOutline, WorldRing
-from schemas.plan import Look, Plan, Step
+from microplan.optics.outline.outline import Arc, Edge, Outline, Ring, Segment
+from microplan.planner.diff.diffing import MOST_BYTES, plan_file, read_plan
+from microplan.planner.diff.errors import DiffError
+from microplan.planner.store.pictures import Picture, picture_sha256
+from microplan.schemas.codec import CodecError, from_data
+from microplan.schemas.files.scenes import LookScene, Scenes
+from microplan.schemas.files.world import World, WorldOutline, WorldRing
+from microplan.schemas.plan import Look, Plan, Step
 
 T = TypeVar("T")
 

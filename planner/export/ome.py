@@ -6,9 +6,9 @@ import re
 import struct
 from xml.etree import ElementTree as ET
 
-from planner.export.folder import PlanFolder, Viewed
-from planner.export.sight import microscope
-from planner.store.pictures import Picture
+from microplan.planner.export.folder import PlanFolder, Viewed
+from microplan.planner.export.sight import microscope
+from microplan.planner.store.pictures import Picture
 
 NAMESPACE = "http://www.openmicroscopy.org/Schemas/OME/2016-06"
 _LOCATION = f"{NAMESPACE} {NAMESPACE}/ome.xsd"

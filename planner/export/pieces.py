@@ -7,27 +7,29 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from featuresel.routines.contour.polarity import FAINT, Prediction, profiles, worth
-from featuresel.routines.sampling import STEP_PX, WIDTHS_PX, edge_kernel
-from optics.outline.outline import Edge, Ring, Segment
-from planner.export.folder import PlanFolder, Viewed
-from planner.export.runs import Run, border, runs
-from planner.export.sight import Sight, sight_of, target_rings
-from planner.export.tracks import Track
-from planner.store.pictures import Picture
-from schemas.files.outlines import (
+from microplan.arrays import BoolArray, FloatArray
+from microplan.featuresel.routines.contour.polarity import (
+    FAINT,
+    Prediction,
+    profiles,
+    worth,
+)
+from microplan.featuresel.routines.sampling import STEP_PX, WIDTHS_PX, edge_kernel
+from microplan.optics.outline.outline import Edge, Ring, Segment
+from microplan.planner.export.folder import PlanFolder, Viewed
+from microplan.planner.export.runs import Run, border, runs
+from microplan.planner.export.sight import Sight, sight_of, target_rings
+from microplan.planner.export.tracks import Track
+from microplan.planner.store.pictures import Picture
+from microplan.schemas.files.outlines import (
     ArcEdge,
     EdgePiece,
     LookOutlines,
     Polarity,
     SegmentEdge,
 )
-from schemas.pose import Pose
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
+from microplan.schemas.pose import Pose
 
 SPACING_PX = 0.5  # of samples along the edges: an image holds no finer detail
 MOST = 200_000  # samples of a look: a finger of 2e4 um all round at a fifth of a um
@@ -71,7 +73,7 @@ def look_outlines(folder: PlanFolder, viewed: Viewed) -> LookOutlines:
     it, from inside the material to outside, is the response of a Gaussian derivative
     of which a unit step gives 1, along the edge's normal in the reference image. The
     filter is the one that would fix the target best (Canny 1986), as in
-    `featuresel.routines.contour.polarity`.
+    `microplan.featuresel.routines.contour.polarity`.
     """
     look, pose = viewed.look, viewed.scene.target.pose
     sight = sight_of(folder, viewed)

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
+from microplan.arrays import BoolArray, FloatArray
+
 IntArray = npt.NDArray[np.int64]
 
 _HALVINGS = 24  # of the way between two samples: 1e-7 of it is left

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import yaml
 
-from planner.export.folder import PlanFolder, Viewed
-from planner.export.sight import microscope
-from schemas.codec import to_data
-from schemas.files.scenes import LookScene
+from microplan.planner.export.folder import PlanFolder, Viewed
+from microplan.planner.export.sight import microscope
+from microplan.schemas.codec import to_data
+from microplan.schemas.files.scenes import LookScene
 
 MOST_PLANES = 25  # of a focus stack
 LEAST_PLANES = 3

@@ -7,23 +7,20 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from featuresel.routines.sampling import WIDTHS_PX
-from optics.lens.displacement import displaced_far
-from optics.lens.lens import LensErrors
-from optics.outline.outline import Outline, Ring, place
-from optics.transfer.microscope import Microscope
-from planner.assembly.shapes import polygon
-from planner.export.folder import ExportError, PlanFolder, Viewed
-from schemas.files.scenes import PlacedBody
-from schemas.files.world import World
-from schemas.plan import Look
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
+from microplan.arrays import BoolArray, FloatArray
+from microplan.featuresel.routines.sampling import WIDTHS_PX
+from microplan.optics.lens.displacement import displaced_far
+from microplan.optics.lens.lens import LensErrors
+from microplan.optics.outline.outline import Outline, Ring, place
+from microplan.optics.transfer.microscope import Microscope
+from microplan.planner.assembly.shapes import polygon
+from microplan.planner.export.folder import ExportError, PlanFolder, Viewed
+from microplan.schemas.files.scenes import PlacedBody
+from microplan.schemas.files.world import World
+from microplan.schemas.plan import Look
 
 HIGHER_UM = 1e-6  # what is less above a face is level with it
 # of the frame's border: an edge filter of the widest kind must find pixels on both

@@ -6,11 +6,9 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
-import numpy.typing as npt
 
-from optics.outline.outline import Arc, Edge, Ring, Segment
-
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray
+from microplan.optics.outline.outline import Arc, Edge, Ring, Segment
 
 LEAST_UM = 1e-6  # of an edge that is left of a cut: below it is rounding
 

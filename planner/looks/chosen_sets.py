@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from featuresel.sets.feature_set import FeatureSet
-from featuresel.sets.pose_covariance import Sight
-from featuresel.trials.score import Score
-from planner.looks.evaluated_feature import Raced
+from microplan.featuresel.sets.feature_set import FeatureSet
+from microplan.featuresel.sets.pose_covariance import Sight
+from microplan.featuresel.trials.score import Score
+from microplan.planner.looks.evaluated_feature import Raced
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

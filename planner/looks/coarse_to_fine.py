@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from planner.looks.compile_look import compile_look
-from planner.looks.look_problem import Begun, Effects
-from planner.looks.look_record import CompiledLook
-from planner.source.diagnostics import Report
-from planner.task.task import Task
-from planner.views.coarse import (
+from microplan.planner.looks.compile_look import compile_look
+from microplan.planner.looks.look_problem import Begun, Effects
+from microplan.planner.looks.look_record import CompiledLook
+from microplan.planner.source.diagnostics import Report
+from microplan.planner.task.task import Task
+from microplan.planner.views.coarse import (
     MAY_HELP,
     Sighting,
     assumed,
@@ -20,10 +20,10 @@ from planner.views.coarse import (
     may_gain,
     report_coarse,
 )
-from planner.views.requests import Request
-from planner.views.target_views import needed_shape, spot_of, views
-from planner.views.view_times import centre_times
-from schemas.plan.views import TimeRow
+from microplan.planner.views.requests import Request
+from microplan.planner.views.target_views import needed_shape, spot_of, views
+from microplan.planner.views.view_times import centre_times
+from microplan.schemas.plan.views import TimeRow
 
 
 def compile_looks(

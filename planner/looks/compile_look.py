@@ -6,19 +6,24 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from featuresel.selection.evaluate import is_fit
-from planner.looks.evaluation import Tried
-from planner.looks.feature_evaluation import Races
-from planner.looks.feature_sets import Search, Sets, wanted
-from planner.looks.look_problem import Alone, Begun, Effects, Job
-from planner.looks.look_record import CompiledLook, Decided, compiled, measured
-from planner.looks.rejections import commonest_hint, rejections
-from planner.source.diagnostics import Report
-from planner.task.task import Task
-from planner.views.requests import Request
-from planner.views.target_views import marks_view, views, whole_view
-from planner.views.views import ViewPlan
-from schemas.plan.views import ZoomTried
+from microplan.featuresel.selection.evaluate import is_fit
+from microplan.planner.looks.evaluation import Tried
+from microplan.planner.looks.feature_evaluation import Races
+from microplan.planner.looks.feature_sets import Search, Sets, wanted
+from microplan.planner.looks.look_problem import Alone, Begun, Effects, Job
+from microplan.planner.looks.look_record import (
+    CompiledLook,
+    Decided,
+    compiled,
+    measured,
+)
+from microplan.planner.looks.rejections import commonest_hint, rejections
+from microplan.planner.source.diagnostics import Report
+from microplan.planner.task.task import Task
+from microplan.planner.views.requests import Request
+from microplan.planner.views.target_views import marks_view, views, whole_view
+from microplan.planner.views.views import ViewPlan
+from microplan.schemas.plan.views import ZoomTried
 
 BORNE = "what the insertion bears at this magnification"
 WORTH = "the best here: another zoom would cost the insertion more"

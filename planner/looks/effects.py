@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
-from featuresel.look.scenario import scene
-from optics.layers.layer_error import TREATMENTS, LayerChoice, LayerRefusal, layer_error
-from optics.ledger import Imaged, ledger
-from optics.lens.distorted_scene import lens_scene
-from planner.looks.evaluation import Tried
-from planner.store.memo import EVERY_TIME, Memo
-from planner.task.task import Task
-from planner.views.lens_errors import NM_PER_UM, lamp_aperture, lens_rows
-from planner.views.requests import Request
-from planner.views.target_views import needed_shape, spot_of
-from schemas import plan as p
+from microplan.featuresel.look.scenario import scene
+from microplan.optics.layers.layer_error import (
+    TREATMENTS,
+    LayerChoice,
+    LayerRefusal,
+    layer_error,
+)
+from microplan.optics.ledger import Imaged, ledger
+from microplan.optics.lens.distorted_scene import lens_scene
+from microplan.planner.looks.evaluation import Tried
+from microplan.planner.store.memo import EVERY_TIME, Memo
+from microplan.planner.task.task import Task
+from microplan.planner.views.lens_errors import NM_PER_UM, lamp_aperture, lens_rows
+from microplan.planner.views.requests import Request
+from microplan.planner.views.target_views import needed_shape, spot_of
+from microplan.schemas import plan as p
 
 
 def effect_rows(

@@ -6,15 +6,20 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from featuresel.features.completeness import contour_px
-from featuresel.features.feature import Feature
-from featuresel.look.scenario import LookCase
-from featuresel.sets.criteria import Candidate, Criteria, criteria, set_criteria
-from featuresel.sets.pose_covariance import Sight
-from featuresel.trials.score import Score
-from planner.looks.evaluation import Tried
-from planner.views.targets import Shape
-from schemas import plan as p
+from microplan.featuresel.features.completeness import contour_px
+from microplan.featuresel.features.feature import Feature
+from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.sets.criteria import (
+    Candidate,
+    Criteria,
+    criteria,
+    set_criteria,
+)
+from microplan.featuresel.sets.pose_covariance import Sight
+from microplan.featuresel.trials.score import Score
+from microplan.planner.looks.evaluation import Tried
+from microplan.planner.views.targets import Shape
+from microplan.schemas import plan as p
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -8,15 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from featuresel.look.scenario import LookCase
-from featuresel.routines import Artifact, Failure, load
-from featuresel.selection.evaluate import Contest
-from featuresel.selection.select import Selection
-from featuresel.trials.outcomes import Outcomes
-from featuresel.trials.score import Score
-from featuresel.trials.trials import Prepared
-from optics.render.fidelity import Fidelity
-from schemas import plan as p
+from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.routines.contract import Artifact, Failure
+from microplan.featuresel.routines.registry import load
+from microplan.featuresel.selection.evaluate import Contest
+from microplan.featuresel.selection.select import Selection
+from microplan.featuresel.trials.outcomes import Outcomes
+from microplan.featuresel.trials.score import Score
+from microplan.featuresel.trials.trials import Prepared
+from microplan.optics.render.fidelity import Fidelity
+from microplan.schemas import plan as p
 
 Arrays = Mapping[str, Mapping[str, npt.NDArray[np.float32]]]
 

@@ -4,21 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from featuresel.look.design import design, rebuild
-from featuresel.look.perturb import image
-from featuresel.trials.outcomes import Outcome
-from featuresel.trials.score import Score
-from featuresel.trials.trials import is_wrong
-from planner.assembly.assembly import State, part_pose, robot_pose
-from planner.looks.evaluation import Tried
-from planner.looks.measures import Measured
-from planner.looks.shot import Shot
-from planner.store.memo import Memo
-from planner.store.pictures import Picture, picture
-from planner.task.task import Task
-from planner.views.requests import Request
-from schemas.files.evidence import FOLDER, FeatureMark, LookEvidence, Shown, TrialRecord
-from schemas.pose import Pose
+from microplan.featuresel.look.design import design, rebuild
+from microplan.featuresel.look.perturb import image
+from microplan.featuresel.trials.outcomes import Outcome
+from microplan.featuresel.trials.score import Score
+from microplan.featuresel.trials.trials import is_wrong
+from microplan.planner.assembly.assembly import State, part_pose, robot_pose
+from microplan.planner.looks.evaluation import Tried
+from microplan.planner.looks.measures import Measured
+from microplan.planner.looks.shot import Shot
+from microplan.planner.store.memo import Memo
+from microplan.planner.store.pictures import Picture, picture
+from microplan.planner.task.task import Task
+from microplan.planner.views.requests import Request
+from microplan.schemas.files.evidence import (
+    FOLDER,
+    FeatureMark,
+    LookEvidence,
+    Shown,
+    TrialRecord,
+)
+from microplan.schemas.pose import Pose
 
 _ENDS = ("focus", "focus", "magnification", "magnification")
 

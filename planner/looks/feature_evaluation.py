@@ -5,20 +5,20 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from featuresel.features.feature import Feature
-from featuresel.look.scenario import LookCase
-from featuresel.selection.evaluate import Contest, compete
-from featuresel.selection.select import select
-from featuresel.trials.trial_cache import Looks
-from featuresel.trials.trials import Map
-from planner.looks.evaluated_feature import Raced, unseen
-from planner.looks.evaluation import Tried
-from planner.looks.look_problem import Alone, Job
-from planner.looks.scenario import SHARE_TOGETHER, feature_case
-from planner.task.presets import Effort
-from planner.views.features import Proposals, drawn, proposals
-from planner.views.targets import Shape
-from schemas import plan as p
+from microplan.featuresel.features.feature import Feature
+from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.selection.evaluate import Contest, compete
+from microplan.featuresel.selection.select import select
+from microplan.featuresel.trials.trial_cache import Looks
+from microplan.featuresel.trials.trials import Map
+from microplan.planner.looks.evaluated_feature import Raced, unseen
+from microplan.planner.looks.evaluation import Tried
+from microplan.planner.looks.look_problem import Alone, Job
+from microplan.planner.looks.scenario import SHARE_TOGETHER, feature_case
+from microplan.planner.task.presets import Effort
+from microplan.planner.views.features import Proposals, drawn, proposals
+from microplan.planner.views.targets import Shape
+from microplan.schemas import plan as p
 
 _Spread = Callable[
     [Callable[[LookCase], Contest], Sequence[LookCase]], Iterable[Contest]

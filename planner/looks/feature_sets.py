@@ -6,25 +6,25 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from featuresel.look.design import design
-from featuresel.selection.constraints import Constraints, Limits
-from featuresel.selection.evaluate import is_roomy
-from featuresel.sets.feature_set import FeatureSet, choose_set
-from featuresel.sets.pose_covariance import Sight, sight_of
-from featuresel.sets.pose_requirement import Need
-from featuresel.sets.set_trials import Member, score_set
-from featuresel.trials.score import Score
-from featuresel.trials.trials import Prepared
-from optics.outline.tolerant_order import at_most
-from planner.looks.chosen_sets import ChosenSet
-from planner.looks.evaluated_feature import Judged, Raced
-from planner.looks.evaluation import Tried
-from planner.looks.feature_evaluation import Races
-from planner.looks.look_problem import Alone, Job
-from planner.looks.scenario import MOST_TOGETHER
-from planner.task.presets import Effort
-from planner.views.features import offset_um
-from schemas import plan as p
+from microplan.featuresel.look.design import design
+from microplan.featuresel.selection.constraints import Constraints, Limits
+from microplan.featuresel.selection.evaluate import is_roomy
+from microplan.featuresel.sets.feature_set import FeatureSet, choose_set
+from microplan.featuresel.sets.pose_covariance import Sight, sight_of
+from microplan.featuresel.sets.pose_requirement import Need
+from microplan.featuresel.sets.set_trials import Member, score_set
+from microplan.featuresel.trials.score import Score
+from microplan.featuresel.trials.trials import Prepared
+from microplan.optics.outline.tolerant_order import at_most
+from microplan.planner.looks.chosen_sets import ChosenSet
+from microplan.planner.looks.evaluated_feature import Judged, Raced
+from microplan.planner.looks.evaluation import Tried
+from microplan.planner.looks.feature_evaluation import Races
+from microplan.planner.looks.look_problem import Alone, Job
+from microplan.planner.looks.scenario import MOST_TOGETHER
+from microplan.planner.task.presets import Effort
+from microplan.planner.views.features import offset_um
+from microplan.schemas import plan as p
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -4,21 +4,17 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-import numpy.typing as npt
-
-from optics.layers.shading import shaded
-from optics.lens.distorted_scene import lens_scene
-from optics.render.sampling import Sampling
-from optics.render.scene import Illumination, Scene
-from optics.render.view_range import full
-from optics.transfer.microscope import Microscope
-from planner.store.memo import EVERY_TIME, Memo
-from planner.task.workcell import Workcell
-from planner.views.lens_errors import known_errors, lamp_aperture
-from planner.views.scenes import relevant
-
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray
+from microplan.optics.layers.shading import shaded
+from microplan.optics.lens.distorted_scene import lens_scene
+from microplan.optics.render.sampling import Sampling
+from microplan.optics.render.scene import Illumination, Scene
+from microplan.optics.render.view_range import full
+from microplan.optics.transfer.microscope import Microscope
+from microplan.planner.store.memo import EVERY_TIME, Memo
+from microplan.planner.task.workcell import Workcell
+from microplan.planner.views.lens_errors import known_errors, lamp_aperture
+from microplan.planner.views.scenes import relevant
 
 
 def seen_scene(

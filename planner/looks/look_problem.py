@@ -4,20 +4,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
-from featuresel.look.scenario import LookCase
-from featuresel.selection.evaluate import compete
-from featuresel.trials.trial_cache import Looks
-from featuresel.trials.trials import Map
-from optics.render.fidelity import Fidelity
-from planner.looks.evaluation import Tried
-from planner.looks.scenario import build_case
-from planner.store.memo import EVERY_TIME, Memo
-from planner.task.presets import Effort
-from planner.task.task import Task
-from planner.views.requests import Request
-from planner.views.target_views import needed_shape
-from planner.views.targets import Shape
-from planner.views.views import ViewPlan
+from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.selection.evaluate import compete
+from microplan.featuresel.trials.trial_cache import Looks
+from microplan.featuresel.trials.trials import Map
+from microplan.optics.render.fidelity import Fidelity
+from microplan.planner.looks.evaluation import Tried
+from microplan.planner.looks.scenario import build_case
+from microplan.planner.store.memo import EVERY_TIME, Memo
+from microplan.planner.task.presets import Effort
+from microplan.planner.task.task import Task
+from microplan.planner.views.requests import Request
+from microplan.planner.views.target_views import needed_shape
+from microplan.planner.views.targets import Shape
+from microplan.planner.views.views import ViewPlan
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,7 +46,7 @@ class Begun:
     def case(
         self, task: Task, request: Request, view: ViewPlan, limit: float, memo: Memo
     ) -> tuple[LookCase, Fidelity]:
-        """Return what `planner.looks.scenario.build_case` does."""
+        """Return what `microplan.planner.looks.scenario.build_case` does."""
         bare = replace(
             request, tolerance_um=None, asked_by="", borne_um=None, worth_um=None
         )

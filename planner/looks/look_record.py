@@ -6,32 +6,42 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
-from featuresel.look.scenario import LookCase
-from featuresel.trials.bias_prediction import predict_bias
-from featuresel.trials.usable_range import usable_range
-from planner.looks.chosen_sets import ChosenSet
-from planner.looks.effects import effect_rows
-from planner.looks.evaluation import Arrays, Tried, arrays_of
-from planner.looks.evidence import evidence_of
-from planner.looks.full_frames import frame, seen_scene
-from planner.looks.look_problem import Job
-from planner.looks.measures import Measured, depth_record, look_key, measure_record
-from planner.looks.records import evidence, scene_record, together_record, view_record
-from planner.looks.scale_free_sigma import steady_sigma_um
-from planner.looks.shot import Shot
-from planner.store.memo import EVERY_TIME, Memo
-from planner.store.pictures import Picture, picture
-from planner.task.task import Task
-from planner.views.lens_errors import middle_offset_um, middle_sigma_um
-from planner.views.look_scenes import look_scene
-from planner.views.requests import Request
-from planner.views.scenes import world_scene
-from planner.views.target_views import spot_of
-from planner.views.targets import Shape
-from planner.views.view_verdict import view_verdict
-from schemas import plan as p
-from schemas.files.scenes import LookScene
-from schemas.plan.views import ZoomTried
+from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.trials.bias_prediction import predict_bias
+from microplan.featuresel.trials.usable_range import usable_range
+from microplan.planner.looks.chosen_sets import ChosenSet
+from microplan.planner.looks.effects import effect_rows
+from microplan.planner.looks.evaluation import Arrays, Tried, arrays_of
+from microplan.planner.looks.evidence import evidence_of
+from microplan.planner.looks.full_frames import frame, seen_scene
+from microplan.planner.looks.look_problem import Job
+from microplan.planner.looks.measures import (
+    Measured,
+    depth_record,
+    look_key,
+    measure_record,
+)
+from microplan.planner.looks.records import (
+    evidence,
+    scene_record,
+    together_record,
+    view_record,
+)
+from microplan.planner.looks.scale_free_sigma import steady_sigma_um
+from microplan.planner.looks.shot import Shot
+from microplan.planner.store.memo import EVERY_TIME, Memo
+from microplan.planner.store.pictures import Picture, picture
+from microplan.planner.task.task import Task
+from microplan.planner.views.lens_errors import middle_offset_um, middle_sigma_um
+from microplan.planner.views.look_scenes import look_scene
+from microplan.planner.views.requests import Request
+from microplan.planner.views.scenes import world_scene
+from microplan.planner.views.target_views import spot_of
+from microplan.planner.views.targets import Shape
+from microplan.planner.views.view_verdict import view_verdict
+from microplan.schemas import plan as p
+from microplan.schemas.files.scenes import LookScene
+from microplan.schemas.plan.views import ZoomTried
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

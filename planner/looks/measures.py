@@ -7,21 +7,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from featuresel.limits.resolution import contrast, spurious_um
-from featuresel.look.scenario import LookCase
-from featuresel.selection.constraints import Limits
-from featuresel.trials.bias import BiasCurve
-from featuresel.trials.gates import choose_gate
-from featuresel.trials.score import Score
-from featuresel.trials.trials import is_wrong
-from featuresel.trials.usable_range import UsableRange
-from optics.lens.jacobian import point_jacobian, to_px
-from planner.looks.evaluation import Tried, use_of
-from planner.views.features import offset_um
-from planner.views.requests import Request
-from planner.views.targets import Shape
-from schemas import plan as p
-from schemas.pose import Pose
+from microplan.featuresel.limits.resolution import contrast, spurious_um
+from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.selection.constraints import Limits
+from microplan.featuresel.trials.bias import BiasCurve
+from microplan.featuresel.trials.gates import choose_gate
+from microplan.featuresel.trials.score import Score
+from microplan.featuresel.trials.trials import is_wrong
+from microplan.featuresel.trials.usable_range import UsableRange
+from microplan.optics.lens.jacobian import point_jacobian, to_px
+from microplan.planner.looks.evaluation import Tried, use_of
+from microplan.planner.views.features import offset_um
+from microplan.planner.views.requests import Request
+from microplan.planner.views.targets import Shape
+from microplan.schemas import plan as p
+from microplan.schemas.pose import Pose
 
 # Gates lie outside what every accepted trial showed, by these margins.
 SCORE_MARGIN = 0.8
@@ -170,7 +170,8 @@ def _min_score(tried: Tried, chain: Score) -> float:
 def _jacobian(case: LookCase) -> tuple[tuple[float, ...], ...]:
     """Return d(u, v) / d(x, y, theta, zoom) at the nominal place.
 
-    Columns as in `optics.lens.jacobian.point_jacobian`; the turn is about the target.
+    Columns as in `microplan.optics.lens.jacobian.point_jacobian`; the turn is about the
+    target.
     """
     here_um = (case.x_um, case.y_um)
     point = to_px(np.array([here_um]), case.microscope)

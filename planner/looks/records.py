@@ -5,19 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from featuresel.look.scenario import LookCase
-from featuresel.trials.score import Score
-from planner.assembly.assembly import height_sigma_um
-from planner.looks.chosen_sets import ChosenSet
-from planner.looks.evaluation import Tried
-from planner.store.pictures import Picture, picture_sha256
-from planner.task.task import Task
-from planner.views.focus import focus_stops, reach_margin_um
-from planner.views.requests import Request
-from planner.views.scenes import shade_of
-from planner.views.target_views import needed_shape, spot_of
-from planner.views.targets import Shape
-from schemas import plan as p
+from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.trials.score import Score
+from microplan.planner.assembly.assembly import height_sigma_um
+from microplan.planner.looks.chosen_sets import ChosenSet
+from microplan.planner.looks.evaluation import Tried
+from microplan.planner.store.pictures import Picture, picture_sha256
+from microplan.planner.task.task import Task
+from microplan.planner.views.focus import focus_stops, reach_margin_um
+from microplan.planner.views.requests import Request
+from microplan.planner.views.scenes import shade_of
+from microplan.planner.views.target_views import needed_shape, spot_of
+from microplan.planner.views.targets import Shape
+from microplan.schemas import plan as p
 
 
 def view_record(

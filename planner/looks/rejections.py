@@ -6,8 +6,8 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 
-from featuresel.trials.chains import Chain
-from featuresel.trials.score import Score
+from microplan.featuresel.trials.chains import Chain
+from microplan.featuresel.trials.score import Score
 
 _NUMBER = re.compile(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?")
 _UNSEEN = frozenset({
@@ -40,7 +40,7 @@ def rejections(reasons: Sequence[tuple[Chain, str]]) -> str:
     Parameters
     ----------
     reasons : sequence of (chain, reason)
-        As in `featuresel.selection.select.Selection`.
+        As in `microplan.featuresel.selection.select.Selection`.
     """
     kinds: dict[str, list[tuple[Chain, str]]] = {}
     for chain, why in reasons:

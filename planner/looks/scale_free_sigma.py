@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 
-from featuresel.look.design import design
-from featuresel.trials.score import Score
-from featuresel.trials.trials import is_wrong
-from planner.looks.evaluation import Tried
+from microplan.featuresel.look.design import design
+from microplan.featuresel.trials.score import Score
+from microplan.featuresel.trials.trials import is_wrong
+from microplan.planner.looks.evaluation import Tried
 
 # Beyond this the target's frame is not the world's, in which a scale acts.
 SMALL_RAD = 0.2

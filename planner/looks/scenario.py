@@ -6,28 +6,28 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-from featuresel.features.contour import with_contour
-from featuresel.look.scenario import LookCase, Spread, Turning
-from featuresel.routines import Target
-from optics.layers.layer_error import choose_layers
-from optics.layers.shading import shade_error
-from optics.lens.distorted_scene import lens_scene
-from optics.lens.lens import LensErrors
-from optics.lens.sensor import Sensor
-from optics.outline.outline import Outline, place
-from optics.outline.tolerant_order import above
-from optics.render.fidelity import Fidelity, choose
-from optics.render.scene import Illumination, Layer, Scene
-from planner.assembly.assembly import Place, locate_place
-from planner.store.memo import EVERY_TIME, Memo
-from planner.task.task import Task
-from planner.task.workcell import Workcell
-from planner.views.lens_errors import known_errors, lamp_aperture
-from planner.views.requests import ANGLE_RAD, PERIOD_SHARE, Request
-from planner.views.scenes import relevant, world_scene
-from planner.views.target_views import needed_shape, search_um, spot_of
-from planner.views.targets import Shape, outline_of, target_layers
-from planner.views.views import SEARCH_SIGMAS, ViewPlan
+from microplan.featuresel.features.contour import with_contour
+from microplan.featuresel.look.scenario import LookCase, Spread, Turning
+from microplan.featuresel.routines.contract import Target
+from microplan.optics.layers.layer_error import choose_layers
+from microplan.optics.layers.shading import shade_error
+from microplan.optics.lens.distorted_scene import lens_scene
+from microplan.optics.lens.lens import LensErrors
+from microplan.optics.lens.sensor import Sensor
+from microplan.optics.outline.outline import Outline, place
+from microplan.optics.outline.tolerant_order import above
+from microplan.optics.render.fidelity import Fidelity, choose
+from microplan.optics.render.scene import Illumination, Layer, Scene
+from microplan.planner.assembly.assembly import Place, locate_place
+from microplan.planner.store.memo import EVERY_TIME, Memo
+from microplan.planner.task.task import Task
+from microplan.planner.task.workcell import Workcell
+from microplan.planner.views.lens_errors import known_errors, lamp_aperture
+from microplan.planner.views.requests import ANGLE_RAD, PERIOD_SHARE, Request
+from microplan.planner.views.scenes import relevant, world_scene
+from microplan.planner.views.target_views import needed_shape, search_um, spot_of
+from microplan.planner.views.targets import Shape, outline_of, target_layers
+from microplan.planner.views.views import SEARCH_SIGMAS, ViewPlan
 
 MOST_TOGETHER = 4  # features that one look measures
 # of the look's tolerances that each of them has: their mean is as much better

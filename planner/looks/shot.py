@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from planner.store.pictures import Picture
-from schemas.files import evidence as shown
+from microplan.planner.store.pictures import Picture
+from microplan.schemas.files import evidence as shown
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

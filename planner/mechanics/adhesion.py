@@ -28,9 +28,9 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-from planner.mechanics.materials import Bounds
-from planner.task.task import Environment
-from schemas.plan.verdicts import Force
+from microplan.planner.mechanics.materials import Bounds
+from microplan.planner.task.task import Environment
+from microplan.schemas.plan.verdicts import Force
 
 ASPERITIES = 3  # on which one rigid face rests on another
 # Distance of two bodies at contact: surface tension is A / (24 pi D0**2) with it.

@@ -9,21 +9,21 @@ from typing import Literal
 import numpy as np
 import shapely
 
-from planner.assembly.assembly import locate_place, owner_of
-from planner.assembly.holding import between_jaws
-from planner.assembly.shapes import hull, squeeze_minima_rad, squeeze_width_um
-from planner.assembly.step_states import StepState
-from planner.mechanics.adhesion import Face, forces, total
-from planner.mechanics.materials import (
+from microplan.planner.assembly.assembly import locate_place, owner_of
+from microplan.planner.assembly.holding import between_jaws
+from microplan.planner.assembly.shapes import hull, squeeze_minima_rad, squeeze_width_um
+from microplan.planner.assembly.step_states import StepState
+from microplan.planner.mechanics.adhesion import Face, forces, total
+from microplan.planner.mechanics.materials import (
     Bounds,
     conducts,
     in_liquid,
     volume_um3,
     weight_un,
 )
-from planner.task.task import Step, Task
-from planner.task.workcell import Tool
-from schemas.plan.verdicts import GraspVerdict
+from microplan.planner.task.task import Step, Task
+from microplan.planner.task.workcell import Tool
+from microplan.schemas.plan.verdicts import GraspVerdict
 
 SIGMAS = 3.0  # at which the part must be clear of the jaws
 UN_PER_UM2_PER_GPA = 1e3  # a GPa is 1e3 uN/um2

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from planner.task.task import Part
+from microplan.planner.task.task import Part
 
 Bounds = tuple[float, float]
 

@@ -4,9 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from planner.assembly.step_states import StepState
-from schemas.plan import Budget, EffectRow
-from schemas.plan.verdicts import FitVerdict, Force, GraspVerdict, ReleaseVerdict
+from microplan.planner.assembly.step_states import StepState
+from microplan.schemas.plan import Budget, EffectRow
+from microplan.schemas.plan.verdicts import (
+    FitVerdict,
+    Force,
+    GraspVerdict,
+    ReleaseVerdict,
+)
 
 UN, RAD, UM = "uN", "rad", "um"
 LEFT_OUT = "not modelled"

@@ -5,24 +5,29 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from planner.assembly.assembly import bodies, height_sigma_um, owner_of, part_z_um
-from planner.assembly.contact import contact_um2
-from planner.assembly.jaw_sweep import jaw_hits
-from planner.assembly.mating import mating_of
-from planner.assembly.shapes import polygon, squeeze_width_um
-from planner.assembly.step_states import StepState
-from planner.assembly.swept_volume import ROUNDING_UM, SIGMAS
-from planner.mechanics.adhesion import Face, Sticks, forces, total, verdict
-from planner.mechanics.gripping import stiffness_un_per_um
-from planner.mechanics.materials import (
+from microplan.planner.assembly.assembly import (
+    bodies,
+    height_sigma_um,
+    owner_of,
+    part_z_um,
+)
+from microplan.planner.assembly.contact import contact_um2
+from microplan.planner.assembly.jaw_sweep import jaw_hits
+from microplan.planner.assembly.mating import mating_of
+from microplan.planner.assembly.shapes import polygon, squeeze_width_um
+from microplan.planner.assembly.step_states import StepState
+from microplan.planner.assembly.swept_volume import ROUNDING_UM, SIGMAS
+from microplan.planner.mechanics.adhesion import Face, Sticks, forces, total, verdict
+from microplan.planner.mechanics.gripping import stiffness_un_per_um
+from microplan.planner.mechanics.materials import (
     Bounds,
     conducts,
     in_liquid,
     volume_um3,
     weight_un,
 )
-from planner.task.task import Part, Step, Task
-from schemas.plan.verdicts import Force, ReleaseVerdict, Rung
+from microplan.planner.task.task import Part, Step, Task
+from microplan.schemas.plan.verdicts import Force, ReleaseVerdict, Rung
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -7,11 +7,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from planner.assembly.assembly import locate_place, owner_of
-from planner.assembly.step_states import StepState
-from planner.looks.look_record import CompiledLook
-from planner.task.task import Move, Step, Task
-from schemas import plan as p
+from microplan.planner.assembly.assembly import locate_place, owner_of
+from microplan.planner.assembly.step_states import StepState
+from microplan.planner.looks.look_record import CompiledLook
+from microplan.planner.task.task import Move, Step, Task
+from microplan.schemas import plan as p
 
 # A height sweep reaches this many limits to either side of the expected height.
 SWEEP_LIMITS = 3.0

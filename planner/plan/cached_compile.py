@@ -6,12 +6,12 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 
-from planner.plan.options import Options
-from planner.source.diagnostics import Report
-from planner.store.folder import PlanBytes
-from planner.store.memo import Memo
-from planner.store.store import Store
-from planner.store.whole import Whole, remember, remembered
+from microplan.planner.plan.options import Options
+from microplan.planner.source.diagnostics import Report
+from microplan.planner.store.folder import PlanBytes
+from microplan.planner.store.memo import Memo
+from microplan.planner.store.store import Store
+from microplan.planner.store.whole import Whole, remember, remembered
 
 _PASSING = frozenset({"MP227"})  # findings that another try may not have
 
@@ -48,9 +48,9 @@ def compile_file(
         spent = {"total_s": time.perf_counter() - started}
         return replace(whole.made, timings=spent)
     # what nothing is computed for need not be loaded: that takes ten times as long
-    from planner.plan.compiler import compile_task
-    from planner.plan.emit import plan_bytes
-    from planner.task.read_task import load_task
+    from microplan.planner.plan.compiler import compile_task
+    from microplan.planner.plan.emit import plan_bytes
+    from microplan.planner.task.read_task import load_task
 
     read = load_task(task, report)
     if read is None:

@@ -12,28 +12,28 @@ from contextlib import contextmanager
 from dataclasses import replace
 from importlib.metadata import version
 
-from planner.assembly.assembly import State, initial
-from planner.assembly.solids import finger_solids, part_solids
-from planner.assembly.step_states import StepState, unfold
-from planner.assembly.world import build_world
-from planner.budget.insert_budget import share_of_goal
-from planner.budget.measurement_history import Memory
-from planner.looks.look_problem import Effects
-from planner.plan.emit import PlanFiles
-from planner.plan.options import Options as Options
-from planner.plan.requirements import requirements
-from planner.plan.speculation import Ahead, begin, listen
-from planner.plan.steps import CompiledStep, compile_step
-from planner.source.diagnostics import Report, Span
-from planner.task.presets import PRESETS, Preset
-from planner.task.second_reader import read_twice
-from planner.task.task import Task
-from planner.views.check_task import check_fits
-from planner.views.targets import middle_um
-from schemas import plan as p
-from schemas.codec import to_data
-from schemas.files.scenes import Scenes
-from schemas.pose import Pose
+from microplan.planner.assembly.assembly import State, initial
+from microplan.planner.assembly.solids import finger_solids, part_solids
+from microplan.planner.assembly.step_states import StepState, unfold
+from microplan.planner.assembly.world import build_world
+from microplan.planner.budget.insert_budget import share_of_goal
+from microplan.planner.budget.measurement_history import Memory
+from microplan.planner.looks.look_problem import Effects
+from microplan.planner.plan.emit import PlanFiles
+from microplan.planner.plan.options import Options as Options
+from microplan.planner.plan.requirements import requirements
+from microplan.planner.plan.speculation import Ahead, begin, listen
+from microplan.planner.plan.steps import CompiledStep, compile_step
+from microplan.planner.source.diagnostics import Report, Span
+from microplan.planner.task.presets import PRESETS, Preset
+from microplan.planner.task.second_reader import read_twice
+from microplan.planner.task.task import Task
+from microplan.planner.views.check_task import check_fits
+from microplan.planner.views.targets import middle_um
+from microplan.schemas import plan as p
+from microplan.schemas.codec import to_data
+from microplan.schemas.files.scenes import Scenes
+from microplan.schemas.pose import Pose
 
 UNLIKELY = "MP602"  # every step can be done, together they succeed too rarely
 PLACES = 6  # decimals of a feature, um: a picometre, as in `sweep.ROUNDING_UM`

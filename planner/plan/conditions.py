@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from planner.assembly.assembly import Axis4
-from planner.assembly.step_states import StepState
-from schemas import plan as p
+from microplan.planner.assembly.assembly import Axis4
+from microplan.planner.assembly.step_states import StepState
+from microplan.schemas import plan as p
 
 # What a look may be tried again for, and how often: noise is new every time.
 RETRIES = (

@@ -10,15 +10,15 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from planner.looks.shot import Shot
-from planner.store.folder import PLAN, PlanBytes, json_bytes
-from planner.store.pictures import Picture
-from planner.store.summary import plan_summary
-from schemas.codec import to_data
-from schemas.files import evidence as shown
-from schemas.files.scenes import Scenes
-from schemas.files.world import World
-from schemas.plan import Plan, dump_plan
+from microplan.planner.looks.shot import Shot
+from microplan.planner.store.folder import PLAN, PlanBytes, json_bytes
+from microplan.planner.store.pictures import Picture
+from microplan.planner.store.summary import plan_summary
+from microplan.schemas.codec import to_data
+from microplan.schemas.files import evidence as shown
+from microplan.schemas.files.scenes import Scenes
+from microplan.schemas.files.world import World
+from microplan.schemas.plan import Plan, dump_plan
 
 # Enough that rings written as numbers still close when they are read again.
 WORLD_DIGITS = 15

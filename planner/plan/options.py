@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from planner.store.memo import EVERY_TIME, Memo
-from planner.task.presets import Effort, Preset
+from microplan.planner.store.memo import EVERY_TIME, Memo
+from microplan.planner.task.presets import Effort, Preset
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from planner.assembly.assembly import Axis4, Carrier, axes_of
-from planner.assembly.step_states import StepState
-from planner.task.task import Task
-from schemas import plan as p
+from microplan.planner.assembly.assembly import Axis4, Carrier, axes_of
+from microplan.planner.assembly.step_states import StepState
+from microplan.planner.task.task import Task
+from microplan.schemas import plan as p
 
 AXES = ("x_um", "y_um", "z_um", "theta_rad")
 CARRIERS: tuple[Carrier, ...] = ("robot", "stage")

@@ -9,17 +9,17 @@ from dataclasses import dataclass, field, replace
 from multiprocessing.synchronize import Event
 from typing import TypeVar
 
-from planner.assembly.step_states import StepState
-from planner.budget.control import tolerance_um
-from planner.looks.coarse_to_fine import compile_looks
-from planner.looks.compile_look import look_at_first
-from planner.looks.look_problem import Begun, Effects
-from planner.looks.look_record import CompiledLook
-from planner.source.diagnostics import Diagnostic, Report
-from planner.task.task import Task
-from planner.views.requests import Request, insertion_after, requests
-from planner.views.target_views import views
-from planner.views.views import ViewPlan
+from microplan.planner.assembly.step_states import StepState
+from microplan.planner.budget.control import tolerance_um
+from microplan.planner.looks.coarse_to_fine import compile_looks
+from microplan.planner.looks.compile_look import look_at_first
+from microplan.planner.looks.look_problem import Begun, Effects
+from microplan.planner.looks.look_record import CompiledLook
+from microplan.planner.source.diagnostics import Diagnostic, Report
+from microplan.planner.task.task import Task
+from microplan.planner.views.requests import Request, insertion_after, requests
+from microplan.planner.views.target_views import views
+from microplan.planner.views.views import ViewPlan
 
 A = TypeVar("A")
 B = TypeVar("B")
@@ -68,7 +68,7 @@ class Ahead:
         current: float,
         report: Report,
     ) -> tuple[CompiledLook, ...]:
-        """Return what `planner.looks.coarse_to_fine.compile_looks` does."""
+        """Return what `microplan.planner.looks.coarse_to_fine.compile_looks` does."""
         asked, future = self.under_way.pop(request.id, (None, None))
         if asked is None or future is None:
             return compile_looks(task, request, effects, current, report)

@@ -8,33 +8,33 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from planner.assembly.assembly import axes_of, locate_place, owner_of
-from planner.assembly.step_states import StepState
-from planner.budget.admissible_look_error import bearable
-from planner.budget.control import control_of, method_of, tolerance_um
-from planner.budget.handling import report_handling, verdicts_of
-from planner.budget.measurement_history import Memory, remember
-from planner.budget.placement_budget import place_budget
-from planner.budget.step_budget import budget_of
-from planner.looks.coarse_to_fine import waits_between
-from planner.looks.look_problem import Effects
-from planner.looks.look_record import CompiledLook
-from planner.mechanics.mechanics import mechanical_rows
-from planner.plan.actions import action_of, axis_move
-from planner.plan.conditions import conditions_of
-from planner.plan.speculation import Ahead
-from planner.source.diagnostics import Report
-from planner.task.task import Task
-from planner.views.requests import Request, requests
-from planner.views.view_times import (
+from microplan.planner.assembly.assembly import axes_of, locate_place, owner_of
+from microplan.planner.assembly.step_states import StepState
+from microplan.planner.budget.admissible_look_error import bearable
+from microplan.planner.budget.control import control_of, method_of, tolerance_um
+from microplan.planner.budget.handling import report_handling, verdicts_of
+from microplan.planner.budget.measurement_history import Memory, remember
+from microplan.planner.budget.placement_budget import place_budget
+from microplan.planner.budget.step_budget import budget_of
+from microplan.planner.looks.coarse_to_fine import waits_between
+from microplan.planner.looks.look_problem import Effects
+from microplan.planner.looks.look_record import CompiledLook
+from microplan.planner.mechanics.mechanics import mechanical_rows
+from microplan.planner.plan.actions import action_of, axis_move
+from microplan.planner.plan.conditions import conditions_of
+from microplan.planner.plan.speculation import Ahead
+from microplan.planner.source.diagnostics import Report
+from microplan.planner.task.task import Task
+from microplan.planner.views.requests import Request, requests
+from microplan.planner.views.view_times import (
     Setting,
     approach_times,
     setting_time_s,
     view_change,
 )
-from schemas import plan as p
-from schemas.codec import to_data
-from schemas.plan.views import TimeRow
+from microplan.schemas import plan as p
+from microplan.schemas.codec import to_data
+from microplan.schemas.plan.views import TimeRow
 
 IRREVERSIBLE = ("grasp", "insert", "release")
 PHYSICAL = (*IRREVERSIBLE, "move", "align")

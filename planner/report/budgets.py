@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from planner.report.margins import needed_probability
-from schemas.page.axes import Axes, Scale, around
-from schemas.page.charts import Bar, bars, curve
-from schemas.page.elements import Element, el
-from schemas.page.figures import chance, number, um
-from schemas.page.page import Caption, Column, figure, more, table
-from schemas.plan import Budget, BudgetRow, Plan, Step
-from schemas.plan.verdicts import Offender, YieldCurve
+from microplan.planner.report.margins import needed_probability
+from microplan.schemas.page.axes import Axes, Scale, around
+from microplan.schemas.page.charts import Bar, bars, curve
+from microplan.schemas.page.elements import Element, el
+from microplan.schemas.page.figures import chance, number, um
+from microplan.schemas.page.page import Caption, Column, figure, more, table
+from microplan.schemas.plan import Budget, BudgetRow, Plan, Step
+from microplan.schemas.plan.verdicts import Offender, YieldCurve
 
 LEFT_BY_SERVO = "left by the servo"  # how the term ends
 _NAMES = {"within_um": "distance that is allowed"}

@@ -6,15 +6,15 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from planner.report.budgets import LEFT_BY_SERVO
-from planner.report.folder import PlanFolder
-from planner.report.margins import margins
-from planner.report.outlines import Frame, feature
-from planner.report.pictures import image_id
-from schemas.page.elements import Element, el
-from schemas.page.figures import number, um
-from schemas.page.page import Caption, chart, figure
-from schemas.plan import AlignAction, Look, Step
+from microplan.planner.report.budgets import LEFT_BY_SERVO
+from microplan.planner.report.folder import PlanFolder
+from microplan.planner.report.margins import margins
+from microplan.planner.report.outlines import Frame, feature
+from microplan.planner.report.pictures import image_id
+from microplan.schemas.page.elements import Element, el
+from microplan.schemas.page.figures import number, um
+from microplan.schemas.page.page import Caption, chart, figure
+from microplan.schemas.plan import AlignAction, Look, Step
 
 _SIDE = 176.0  # of image and plan view, in units of the chart
 _SHARES = (0.68, 0.95)

@@ -4,21 +4,29 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from planner.report.budgets import fix, yield_figure
-from planner.report.errors import error_picture
-from planner.report.folder import PlanFolder
-from planner.report.margins import Margin, margins, needed_probability
-from planner.report.methods import methods
-from planner.report.steps import step_id
-from planner.report.timeline import left_out
-from schemas.files.evidence import LookEvidence
-from schemas.files.times import spans
-from schemas.page.axes import Axes, Scale, around
-from schemas.page.charts import Bar, bars, curve
-from schemas.page.elements import Element, Node, el
-from schemas.page.figures import MICRO, chance, number, seconds, signed, span, um
-from schemas.page.page import Caption, Column, facts, figure, link, table
-from schemas.plan import Look, Plan, Step
+from microplan.planner.report.budgets import fix, yield_figure
+from microplan.planner.report.errors import error_picture
+from microplan.planner.report.folder import PlanFolder
+from microplan.planner.report.margins import Margin, margins, needed_probability
+from microplan.planner.report.methods import methods
+from microplan.planner.report.steps import step_id
+from microplan.planner.report.timeline import left_out
+from microplan.schemas.files.evidence import LookEvidence
+from microplan.schemas.files.times import spans
+from microplan.schemas.page.axes import Axes, Scale, around
+from microplan.schemas.page.charts import Bar, bars, curve
+from microplan.schemas.page.elements import Element, Node, el
+from microplan.schemas.page.figures import (
+    MICRO,
+    chance,
+    number,
+    seconds,
+    signed,
+    span,
+    um,
+)
+from microplan.schemas.page.page import Caption, Column, facts, figure, link, table
+from microplan.schemas.plan import Look, Plan, Step
 
 _MOST_LOOKS = 5  # on the first page, the narrowest
 

@@ -9,15 +9,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
-from planner.diff.diffing import plan_file, read_plan
-from planner.diff.pictures import decoded
-from planner.store.pictures import picture_sha256
-from schemas.codec import CodecError, from_data
-from schemas.files.evidence import FOLDER, LookEvidence
-from schemas.files.world import World
-from schemas.folders import contents_within
-from schemas.page.page import png_size
-from schemas.plan import Look, Plan
+from microplan.planner.diff.diffing import plan_file, read_plan
+from microplan.planner.diff.pictures import decoded
+from microplan.planner.store.pictures import picture_sha256
+from microplan.schemas.codec import CodecError, from_data
+from microplan.schemas.files.evidence import FOLDER, LookEvidence
+from microplan.schemas.files.world import World
+from microplan.schemas.folders import contents_within
+from microplan.schemas.page.page import png_size
+from microplan.schemas.plan import Look, Plan
 
 MOST_BYTES = 1 << 24  # of any other file than plan.json
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from planner.store.summary import EFFECTS
-from schemas.page.elements import Element, Node, el
-from schemas.page.figures import number
-from schemas.page.page import Column, more, table
-from schemas.plan import EffectRow
+from microplan.planner.store.summary import EFFECTS
+from microplan.schemas.page.elements import Element, Node, el
+from microplan.schemas.page.figures import number
+from microplan.schemas.page.page import Column, more, table
+from microplan.schemas.plan import EffectRow
 
 _COLUMNS = (
     Column("effect"), Column("how it is treated"), Column("error left", numeric=True),

@@ -4,16 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from planner.report.folder import PlanFolder
-from planner.report.ledger import ledger
-from planner.report.margins import need_um
-from planner.report.pictures import look_picture, marked, place_id, trial_pictures
-from planner.report.trials import accuracy, rejected, robustness
-from schemas.page.elements import Element, Node, el, slug
-from schemas.page.figures import degrees, number, quantity, seconds, span, um
-from schemas.page.page import Column, facts, link, table
-from schemas.plan import Look, Measure
-from schemas.plan.views import ApertureRow
+from microplan.planner.report.folder import PlanFolder
+from microplan.planner.report.ledger import ledger
+from microplan.planner.report.margins import need_um
+from microplan.planner.report.pictures import (
+    look_picture,
+    marked,
+    place_id,
+    trial_pictures,
+)
+from microplan.planner.report.trials import accuracy, rejected, robustness
+from microplan.schemas.page.elements import Element, Node, el, slug
+from microplan.schemas.page.figures import degrees, number, quantity, seconds, span, um
+from microplan.schemas.page.page import Column, facts, link, table
+from microplan.schemas.plan import Look, Measure
+from microplan.schemas.plan.views import ApertureRow
 
 
 def look_id(look: Look) -> str:

@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from schemas.page.figures import degrees, number, um
-from schemas.plan import Look, Plan, Score, Step
+from microplan.schemas.page.figures import degrees, number, um
+from microplan.schemas.plan import Look, Plan, Score, Step
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

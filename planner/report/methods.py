@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from planner.report.folder import PlanFolder
-from planner.store.summary import CONTRAST
-from schemas.page.elements import Element, Node, el
-from schemas.page.figures import number
-from schemas.page.page import Column, table
+from microplan.planner.report.folder import PlanFolder
+from microplan.planner.store.summary import CONTRAST
+from microplan.schemas.page.elements import Element, Node, el
+from microplan.schemas.page.figures import number
+from microplan.schemas.page.page import Column, table
 
 
 def methods(folder: PlanFolder) -> Element:

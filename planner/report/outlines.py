@@ -6,11 +6,11 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from schemas.files.evidence import FeatureMark, LookEvidence
-from schemas.files.world import World, WorldOutline, WorldTool
-from schemas.page.elements import Element, el, slug
-from schemas.plan import Look, Plan
-from schemas.pose import Pose
+from microplan.schemas.files.evidence import FeatureMark, LookEvidence
+from microplan.schemas.files.world import World, WorldOutline, WorldTool
+from microplan.schemas.page.elements import Element, el, slug
+from microplan.schemas.plan import Look, Plan
+from microplan.schemas.pose import Pose
 
 _FAR = 4.0  # arms of a cross, um at the least
 _LEAST = 1e-9  # um per px: no lens magnifies more

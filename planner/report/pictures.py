@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from planner.report.folder import PlanFolder
-from planner.report.outlines import Frame, body, feature
-from schemas.files.evidence import LookEvidence, Shown
-from schemas.files.world import World
-from schemas.page.elements import Element, Node, el, slug
-from schemas.page.figures import number, signed, um
-from schemas.page.page import Caption, figure, png_size, png_uri
-from schemas.plan import Look
+from microplan.planner.report.folder import PlanFolder
+from microplan.planner.report.outlines import Frame, body, feature
+from microplan.schemas.files.evidence import LookEvidence, Shown
+from microplan.schemas.files.world import World
+from microplan.schemas.page.elements import Element, Node, el, slug
+from microplan.schemas.page.figures import number, signed, um
+from microplan.schemas.page.page import Caption, figure, png_size, png_uri
+from microplan.schemas.plan import Look
 
 _MODES = (
     ("image, marked", "as-marked"),

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from planner.diff.diffing import plan_file
-from planner.report.first_page import contents, first_page
-from planner.report.folder import PlanFolder, read_folder
-from planner.report.methods import provenance
-from planner.report.outlines import definitions
-from planner.report.steps import step_section
-from planner.report.timeline import timeline
-from planner.store.folder import REPORT, replace_alike
-from schemas.page.elements import el
-from schemas.page.page import document, link
+from microplan.planner.diff.diffing import plan_file
+from microplan.planner.report.first_page import contents, first_page
+from microplan.planner.report.folder import PlanFolder, read_folder
+from microplan.planner.report.methods import provenance
+from microplan.planner.report.outlines import definitions
+from microplan.planner.report.steps import step_section
+from microplan.planner.report.timeline import timeline
+from microplan.planner.store.folder import REPORT, replace_alike
+from microplan.schemas.page.elements import el
+from microplan.schemas.page.page import document, link
 
 _FOOT = (
     "One file, no scripts, nothing fetched. Lengths are of the object; a spread is one "

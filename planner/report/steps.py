@@ -4,15 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from planner.report.budgets import budget_figures
-from planner.report.folder import PlanFolder
-from planner.report.ledger import ledger
-from planner.report.looks import look_section
-from schemas.page.elements import Element, Node, el, slug
-from schemas.page.figures import chance, degrees, number, quantity, seconds, um
-from schemas.page.page import Column, facts, more, table
-from schemas.plan import Step
-from schemas.plan.verdicts import (
+from microplan.planner.report.budgets import budget_figures
+from microplan.planner.report.folder import PlanFolder
+from microplan.planner.report.ledger import ledger
+from microplan.planner.report.looks import look_section
+from microplan.schemas.page.elements import Element, Node, el, slug
+from microplan.schemas.page.figures import (
+    chance,
+    degrees,
+    number,
+    quantity,
+    seconds,
+    um,
+)
+from microplan.schemas.page.page import Column, facts, more, table
+from microplan.schemas.plan import Step
+from microplan.schemas.plan.verdicts import (
     FitVerdict,
     Force,
     GraspVerdict,

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from schemas.files.times import Span, spans
-from schemas.files.world import World
-from schemas.page.charts import Bar, bars
-from schemas.page.elements import Element, el
-from schemas.page.figures import seconds
-from schemas.page.page import Caption, figure
-from schemas.plan import Plan
+from microplan.schemas.files.times import Span, spans
+from microplan.schemas.files.world import World
+from microplan.schemas.page.charts import Bar, bars
+from microplan.schemas.page.elements import Element, el
+from microplan.schemas.page.figures import seconds
+from microplan.schemas.page.page import Caption, figure
+from microplan.schemas.plan import Plan
 
 
 def timeline(plan: Plan, world: World | None) -> Iterator[Element]:

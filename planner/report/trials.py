@@ -7,14 +7,14 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from planner.report.margins import need_um
-from schemas.files.evidence import LookEvidence, TrialRecord
-from schemas.page.axes import Axes, around_log
-from schemas.page.charts import Point, scatter
-from schemas.page.elements import Element, el
-from schemas.page.figures import number, signed, um
-from schemas.page.page import Caption, Column, figure, more, table
-from schemas.plan import Look, Score
+from microplan.planner.report.margins import need_um
+from microplan.schemas.files.evidence import LookEvidence, TrialRecord
+from microplan.schemas.page.axes import Axes, around_log
+from microplan.schemas.page.charts import Point, scatter
+from microplan.schemas.page.elements import Element, el
+from microplan.schemas.page.figures import number, signed, um
+from microplan.schemas.page.page import Caption, Column, figure, more, table
+from microplan.schemas.plan import Look, Score
 
 _FOCUS_CELLS, _ZOOM_CELLS = 5, 3
 _ROOM = 2.2  # times the largest error, and below the least: names have a place there

@@ -7,7 +7,7 @@ import hashlib
 from itertools import islice
 from pathlib import Path
 
-from planner.source.diagnostics import Report, Span
+from microplan.planner.source.diagnostics import Report, Span
 
 TASK = "task.yaml"  # as tasks are called
 MOST_NAMES = 1000  # of a folder that are looked through for a similar one

@@ -1,8 +1,8 @@
 """Files of an older format rewritten as the newest, comments and layout kept.
 
 A change of a format that old files do not fit raises its version (`NEWEST` in
-`planner.source.schema`) and adds a `Migration` to `MIGRATIONS`. `docs/formats.md` says
-what raises a version and what does not.
+`microplan.planner.source.schema`) and adds a `Migration` to `MIGRATIONS`.
+`docs/formats.md` says what raises a version and what does not.
 """
 
 from __future__ import annotations
@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from planner.source.diagnostics import Report, Span
-from planner.source.schema import NEWEST, show
-from planner.source.source import BREAK, Source, parse, read_text
+from microplan.planner.source.diagnostics import Report, Span
+from microplan.planner.source.schema import NEWEST, show
+from microplan.planner.source.source import BREAK, Source, parse, read_text
 
 Kind = Literal["task", "workcell"]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from optics.outline.outline import Edge, Outline, Segment
+from microplan.optics.outline.outline import Edge, Outline, Segment
 
 _BETWEEN = math.e / 100  # of the last digit: no decimal fraction ends there
 

@@ -11,10 +11,10 @@ from typing import Any
 import jsonschema
 from jsonschema.exceptions import ValidationError
 
-import schemas
-from planner.source.diagnostics import Report
-from planner.source.respelling import as_kind, u_for_mu
-from planner.source.source import Source, Where
+from microplan.planner.source.diagnostics import Report
+from microplan.planner.source.respelling import as_kind, u_for_mu
+from microplan.planner.source.source import Source, Where
+from microplan.schemas.files import json_schema
 
 NEWEST = 1  # version of the task and workcell formats that this compiler reads
 
@@ -113,7 +113,7 @@ def with_defaults(data: Any, name: str, definition: str = "") -> Any:
 
     The rule is that of the whole file, or one of the schema's definitions.
     """
-    schema = schemas.load(name)
+    schema = json_schema.load(name)
     rule = schema["$defs"][definition] if definition else schema
     return _filled(data, rule, schema)
 
@@ -145,7 +145,7 @@ def _follows(
 
 @cache
 def _validator(name: str) -> jsonschema.Draft202012Validator:
-    return jsonschema.Draft202012Validator(schemas.load(name))
+    return jsonschema.Draft202012Validator(json_schema.load(name))
 
 
 def _is_other(source: Source, version_key: str, report: Report) -> bool:

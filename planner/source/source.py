@@ -17,9 +17,9 @@ from typing import Any
 import yaml
 from yaml import events
 
-from planner.source.diagnostics import Report, Span
-from planner.source.files import read_bytes
-from planner.source.yaml_faults import fault_of
+from microplan.planner.source.diagnostics import Report, Span
+from microplan.planner.source.files import read_bytes
+from microplan.planner.source.yaml_faults import fault_of
 
 Key = str | int
 Where = tuple[Key, ...]  # keys and indices from the root to a node

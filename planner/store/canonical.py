@@ -16,14 +16,13 @@ from typing import Any
 
 import numpy as np
 
-from optics.transfer.lru import Recent
+from microplan.optics.transfer.lru import Recent
 
 PACKAGES = ("optics", "featuresel", "schemas", "planner")
 _NUMBERS = "biufc"  # kinds of numpy's types that hold no objects
 _DEEPEST = 200
-_SHARED = (
-    "optics.outline.outline:Outline"  # frozen to its numbers, large, and held by many
-)
+# frozen to its numbers, large, and held by many
+_SHARED = "microplan.optics.outline.outline:Outline"
 # a value takes some seven times its bytes
 _made: Recent[tuple[Any, bytes]] = Recent(1 << 24, lambda made: 8 * len(made[1]))
 
@@ -166,7 +165,8 @@ def _name(value: Any) -> str:
 def _class(name: str) -> type:
     """Return a frozen dataclass of this project by its name."""
     module, _, path = name.partition(":")
-    if module.partition(".")[0] not in PACKAGES:
+    root, _, inner = module.partition(".")
+    if root != "microplan" or inner.partition(".")[0] not in PACKAGES:
         raise CanonicalError(f"{name} is not of this project")
     found: Any = importlib.import_module(module)
     for part in path.split("."):

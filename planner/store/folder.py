@@ -14,10 +14,10 @@ from functools import partial
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
-from planner.store.errors import OutputError, not_written
+from microplan.planner.store.errors import OutputError, not_written
 
 if TYPE_CHECKING:
-    from schemas.plan import Plan
+    from microplan.schemas.plan import Plan
 
 PLAN = "plan.json"
 REPORT = "report.html"
@@ -56,7 +56,7 @@ class PlanBytes:
     def plan(self) -> Plan:
         """Return the plan in it."""
         # loaded where it is wanted: an unchanged task's is written and not read
-        from schemas.plan import parse_plan
+        from microplan.schemas.plan import parse_plan
 
         return parse_plan(self.files[PLAN].decode("utf-8"))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import importlib
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -11,8 +12,8 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
-from planner.store.canonical import PACKAGES, CanonicalError, decode, encode
-from planner.store.store import Store
+from microplan.planner.store.canonical import PACKAGES, CanonicalError, decode, encode
+from microplan.planner.store.store import Store
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -110,7 +111,7 @@ def sources() -> str:
     for name in _LIBRARIES:
         found.update(f"{name} {version(name)}".encode())
     for package in PACKAGES:
-        module = sys.modules.get(package) or __import__(package)
+        module = importlib.import_module(f"microplan.{package}")
         root = Path(str(module.__file__)).parent
         for file in sorted(root.rglob("*.py")):
             found.update(file.relative_to(root).as_posix().encode() + b"\0")

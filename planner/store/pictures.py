@@ -7,8 +7,9 @@ import hashlib
 import numpy as np
 import numpy.typing as npt
 
+from microplan.arrays import FloatArray
+
 Picture = npt.NDArray[np.uint8]
-FloatArray = npt.NDArray[np.float64]
 
 
 def picture(image: FloatArray) -> Picture:

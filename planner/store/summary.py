@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from schemas.files.times import SWEEP
-from schemas.page.figures import chance
-from schemas.plan import Look, Measure, Plan, Step, VerifyAction
+from microplan.schemas.files.times import SWEEP
+from microplan.schemas.page.figures import chance
+from microplan.schemas.plan import Look, Measure, Plan, Step, VerifyAction
 
-CONTRAST = "unit contrast"  # that of `optics.ledger`, without loading scipy for it
+CONTRAST = (
+    "unit contrast"  # that of `microplan.optics.ledger`, without loading scipy for it
+)
 # effects whose name in a plan says less than they are
 EFFECTS = {
     "shade of higher bodies": "shade of bodies on what lies lower, the ground too"

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from planner.source.diagnostics import Diagnostic
-from planner.store.canonical import CanonicalError, decode, encode
-from planner.store.memo import digest
-from planner.store.store import Store
+from microplan.planner.source.diagnostics import Diagnostic
+from microplan.planner.store.canonical import CanonicalError, decode, encode
+from microplan.planner.store.memo import digest
+from microplan.planner.store.store import Store
 
 MOST_BYTES = 1 << 24  # of an input file; larger ones are never read by a compile
 
@@ -22,7 +22,7 @@ class Whole:
 
     files: Mapping[str, str]  # path -> sha256 of what it held
     findings: tuple[Diagnostic, ...]
-    made: Any  # planner.store.folder.PlanBytes
+    made: Any  # microplan.planner.store.folder.PlanBytes
 
 
 def remembered(store: Store, task: str, options: tuple[Any, ...]) -> Whole | None:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from planner.drawings.drawing_findings import UM_PER_UNIT
-from planner.drawings.dxf.drawing import Drawing
-from planner.source.diagnostics import Report
-from planner.task.task import Part
-from planner.task.workcell import Workcell
+from microplan.planner.drawings.drawing_findings import UM_PER_UNIT
+from microplan.planner.drawings.dxf.drawing import Drawing
+from microplan.planner.source.diagnostics import Report
+from microplan.planner.task.task import Part
+from microplan.planner.task.workcell import Workcell
 
 LEAST_PX = 8.0  # of a part at the highest magnification: below it is a blot
 MOST_FIELDS = 20.0  # of a part at the lowest; plates may be large, this is a wafer

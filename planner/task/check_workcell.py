@@ -7,10 +7,10 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from optics.outline.outline import Outline
-from planner.source.diagnostics import Report, Span
-from planner.source.schema import Checked
-from planner.source.source import Source
+from microplan.optics.outline.outline import Outline
+from microplan.planner.source.diagnostics import Report, Span
+from microplan.planner.source.schema import Checked
+from microplan.planner.source.source import Source
 
 MOST_SCALING = 0.25  # of the magnification, by all the travel of the focus
 FIT_UM = 0.01  # how far a finger's drawn tip and inner face may lie off

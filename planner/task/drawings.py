@@ -5,21 +5,21 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from planner.drawings.census import LayerRow, Taken, layer_rows
-from planner.drawings.dxf.census import held
-from planner.drawings.dxf.drawing import MAX_BYTES, Drawing, load_drawing
-from planner.drawings.dxf.drawing import take as take_dxf
-from planner.drawings.gds.drawing import (
+from microplan.planner.drawings.census import LayerRow, Taken, layer_rows
+from microplan.planner.drawings.dxf.census import held
+from microplan.planner.drawings.dxf.drawing import MAX_BYTES, Drawing, load_drawing
+from microplan.planner.drawings.dxf.drawing import take as take_dxf
+from microplan.planner.drawings.gds.drawing import (
     GdsDrawing,
     held_gds,
     listed,
     load_gds,
     take_gds,
 )
-from planner.source.diagnostics import Report, Span
-from planner.source.files import named_file, read_bytes
-from planner.source.schema import Checked
-from planner.source.source import Key
+from microplan.planner.source.diagnostics import Report, Span
+from microplan.planner.source.files import named_file, read_bytes
+from microplan.planner.source.schema import Checked
+from microplan.planner.source.source import Key
 
 AnyDrawing = Drawing | GdsDrawing
 

@@ -13,16 +13,14 @@ from pathlib import Path
 from xml.sax.saxutils import escape
 
 import numpy as np
-import numpy.typing as npt
 
-from optics.outline.outline import Arc, Edge, Outline, Point, Ring, flatten
-from planner.store.errors import not_written
-from planner.store.folder import replace_alike
-from planner.task.features import dominant_circle
-from planner.task.task import Part
-from schemas.page.labels import Box
-
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray, Point
+from microplan.optics.outline.outline import Arc, Edge, Outline, Ring, flatten
+from microplan.planner.store.errors import not_written
+from microplan.planner.store.folder import replace_alike
+from microplan.planner.task.features import dominant_circle
+from microplan.planner.task.task import Part
+from microplan.schemas.page.labels import Box
 
 _SVG = "http://www.w3.org/2000/svg"
 SIDE_PX = 720.0  # of the longer side of the drawing

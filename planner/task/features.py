@@ -10,9 +10,10 @@ from itertools import pairwise, product
 
 import numpy as np
 
-from optics.outline.outline import Arc, Edge, Outline, Point, Ring
-from planner.drawings.circle_fit import fit_circle
-from planner.drawings.rings import SAME_UM, same_circle
+from microplan.arrays import Point
+from microplan.optics.outline.outline import Arc, Edge, Outline, Ring
+from microplan.planner.drawings.circle_fit import fit_circle
+from microplan.planner.drawings.rings import SAME_UM, same_circle
 
 LEAST_CORNERS = 8  # of a polygon that may stand for a circle
 

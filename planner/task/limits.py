@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from planner.source.diagnostics import Report
-from planner.source.schema import Checked
-from planner.source.source import Key
+from microplan.planner.source.diagnostics import Report
+from microplan.planner.source.schema import Checked
+from microplan.planner.source.source import Key
 
 _AXES = ("x_um", "y_um", "z_um", "theta_deg")
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-from optics.outline.outline import Outline
-from planner.task.drawings import form, rows
-from planner.task.features import Circle, dominant_circle
-from planner.task.task import Part
+from microplan.optics.outline.outline import Outline
+from microplan.planner.task.drawings import form, rows
+from microplan.planner.task.features import Circle, dominant_circle
+from microplan.planner.task.task import Part
 
 MOST_CIRCLES = 12  # diameters that are listed for one part
 MOST_PLACES = 4  # of circles of one diameter

@@ -5,14 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from optics.outline.outline import Outline, Point, place
-from planner.drawings.census import Taken
-from planner.source.diagnostics import Report, Span
-from planner.source.schema import Checked, with_defaults
-from planner.task import features
-from planner.task.drawings import AnyDrawing, Sheet, open_named, take
-from planner.task.features import NotFoundError
-from planner.task.task import Feature, Part, Post
+from microplan.arrays import Point
+from microplan.optics.outline.outline import Outline, place
+from microplan.planner.drawings.census import Taken
+from microplan.planner.source.diagnostics import Report, Span
+from microplan.planner.source.schema import Checked, with_defaults
+from microplan.planner.task import features
+from microplan.planner.task.drawings import AnyDrawing, Sheet, open_named, take
+from microplan.planner.task.features import NotFoundError
+from microplan.planner.task.task import Feature, Part, Post
 
 
 def read_parts(task: Checked, report: Report) -> dict[str, Part]:

@@ -7,18 +7,18 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from planner.source.diagnostics import Report, Span
-from planner.source.files import named_file
-from planner.source.normalise import plain, plain_outline
-from planner.source.schema import Checked, check, with_defaults
-from planner.source.source import Source, read_source
-from planner.task.check_sizes import check_sizes
-from planner.task.check_workcell import check_workcell, report_backwards
-from planner.task.limits import check_limits
-from planner.task.parts import read_parts
-from planner.task.read_workcell import build_workcell, places, read_fingers
-from planner.task.references import check_references
-from planner.task.task import (
+from microplan.planner.source.diagnostics import Report, Span
+from microplan.planner.source.files import named_file
+from microplan.planner.source.normalise import plain, plain_outline
+from microplan.planner.source.schema import Checked, check, with_defaults
+from microplan.planner.source.source import Source, read_source
+from microplan.planner.task.check_sizes import check_sizes
+from microplan.planner.task.check_workcell import check_workcell, report_backwards
+from microplan.planner.task.limits import check_limits
+from microplan.planner.task.parts import read_parts
+from microplan.planner.task.read_workcell import build_workcell, places, read_fingers
+from microplan.planner.task.references import check_references
+from microplan.planner.task.task import (
     Benchmark,
     Blocked,
     Environment,
@@ -32,7 +32,7 @@ from planner.task.task import (
     Task,
     ToolStart,
 )
-from planner.task.workcell import Workcell
+from microplan.planner.task.workcell import Workcell
 
 NM_PER_UM = 1e3
 ANY_SIGMA_RAD = math.pi / math.sqrt(3)  # standard deviation of a uniform angle

@@ -6,14 +6,14 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from optics.lens.lens import LensErrors
-from planner.source.diagnostics import Report, Span
-from planner.source.normalise import plain, plain_outline
-from planner.source.schema import Checked, with_defaults
-from planner.source.source import Source
-from planner.task.check_workcell import check_fingers
-from planner.task.drawings import Sheet, open_named, take
-from planner.task.workcell import (
+from microplan.optics.lens.lens import LensErrors
+from microplan.planner.source.diagnostics import Report, Span
+from microplan.planner.source.normalise import plain, plain_outline
+from microplan.planner.source.schema import Checked, with_defaults
+from microplan.planner.source.source import Source
+from microplan.planner.task.check_workcell import check_fingers
+from microplan.planner.task.drawings import Sheet, open_named, take
+from microplan.planner.task.workcell import (
     Axes,
     Camera,
     Focus,

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
-import schemas
-from planner.source.diagnostics import Report, Span
-from planner.source.schema import Checked, did_you_mean
-from planner.source.source import Key
+from microplan.planner.source.diagnostics import Report, Span
+from microplan.planner.source.schema import Checked, did_you_mean
+from microplan.planner.source.source import Key
+from microplan.schemas.files import json_schema
 
 # what a key of a step may name
 _STEP_KINDS = {
@@ -96,7 +96,7 @@ def _is_name(text: str) -> bool:
 
 @cache
 def _name_rule() -> dict[str, Any]:
-    rule: dict[str, Any] = schemas.load("task")["$defs"]["name"]
+    rule: dict[str, Any] = json_schema.load("task")["$defs"]["name"]
     return rule
 
 

@@ -10,20 +10,20 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from planner.drawings.biarcs import CURVE_UM
-from planner.drawings.census import Taken
-from planner.drawings.drawing_findings import MAX_LISTED, UM_PER_UNIT
-from planner.drawings.dxf.census import reached
-from planner.drawings.dxf.drawing import Drawing
-from planner.drawings.dxf.entities import READERS
-from planner.drawings.rings import GAP_UM
-from planner.source.diagnostics import Report
-from planner.store.memo import EVERY_TIME, Memo
-from planner.task.drawings import Sheet
-from planner.task.task import Task
+from microplan.planner.drawings.biarcs import CURVE_UM
+from microplan.planner.drawings.census import Taken
+from microplan.planner.drawings.drawing_findings import MAX_LISTED, UM_PER_UNIT
+from microplan.planner.drawings.dxf.census import reached
+from microplan.planner.drawings.dxf.drawing import Drawing
+from microplan.planner.drawings.dxf.entities import READERS
+from microplan.planner.drawings.rings import GAP_UM
+from microplan.planner.source.diagnostics import Report
+from microplan.planner.store.memo import EVERY_TIME, Memo
+from microplan.planner.task.drawings import Sheet
+from microplan.planner.task.task import Task
 
 if TYPE_CHECKING:  # it loads ezdxf, which has a process of its own
-    from planner.drawings.dxf.ezdxf_reading import Answer, Question, Row
+    from microplan.planner.drawings.dxf.ezdxf_reading import Answer, Question, Row
 
 MAX_BYTES = 4 << 20
 MAX_ITEMS = 50_000  # a few seconds; planner.second_reader_most_s measures them
@@ -33,7 +33,7 @@ FINE = 1e-4  # of the extent: by what ezdxf_reading may fall short in a curve
 
 _CHILD = """import sys
 sys.path[:] = {path!r}
-from planner.drawings.dxf.ezdxf_reading import main
+from microplan.planner.drawings.dxf.ezdxf_reading import main
 main()
 """
 

@@ -10,11 +10,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from optics.outline.outline import Outline
-from planner.source.diagnostics import Span
-from planner.task.drawings import Sheet
-from planner.task.presets import PRESETS, Preset
-from planner.task.workcell import Interval, Workcell
+from microplan.optics.outline.outline import Outline
+from microplan.planner.source.diagnostics import Span
+from microplan.planner.task.drawings import Sheet
+from microplan.planner.task.presets import PRESETS, Preset
+from microplan.planner.task.workcell import Interval, Workcell
 
 FeatureKind = Literal["circle", "teeth", "notch", "outline"]
 Verb = Literal["locate", "align", "grasp", "move", "insert", "release", "verify"]

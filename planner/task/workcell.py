@@ -9,10 +9,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from optics.lens.lens import LensErrors
-from optics.outline.outline import Outline
-from planner.source.diagnostics import Span
-from planner.task.drawings import Sheet
+from microplan.optics.lens.lens import LensErrors
+from microplan.optics.outline.outline import Outline
+from microplan.planner.source.diagnostics import Span
+from microplan.planner.task.drawings import Sheet
 
 Interval = tuple[float, float]
 
@@ -53,7 +53,7 @@ class Optics:
     def aperture(self, magnification: float) -> float:
         """Return the aperture at `magnification`, that of the nearest row beyond all.
 
-        Between rows as in `optics.lens.lens.LensErrors.aperture_at`.
+        Between rows as in `microplan.optics.lens.lens.LensErrors.aperture_at`.
         """
         if not self.lens.apertures:
             return self.apertures[0][1]

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -15,10 +14,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from planner.tradeoff.tradeoff_record import Measured, StepTradeoff
-
-FloatArray = npt.NDArray[np.float64]
-Point = tuple[float, float]  # time, ms, and error
+from microplan.arrays import FloatArray, Point
+from microplan.planner.tradeoff.tradeoff_record import Measured, StepTradeoff
 
 DPI = 110
 # Okabe and Ito's colours, told apart by eyes that see fewer; and shapes, for print.

@@ -9,32 +9,30 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
-from featuresel.look.design import MOST_TRIALS, design
-from featuresel.look.perturb import image
-from featuresel.look.scenario import LookCase
-from optics.lens.sensor import Sensor, expose, to_unit
-from optics.render.fidelity import LADDER, choose
-from optics.render.sampling import Sampling
-from optics.render.scene import Scene
-from optics.transfer.microscope import Microscope
-from optics.transfer.models import MODELS
-from planner.assembly.assembly import State, locate_place
-from planner.assembly.step_states import StepState, unfold
-from planner.looks.full_frames import frame, seen_scene
-from planner.looks.scenario import build_case
-from planner.source.diagnostics import Report
-from planner.store.folder import replace_alike
-from planner.store.pictures import picture
-from planner.task.task import Task
-from planner.views.coarse import first_views
-from planner.views.requests import Request, requests
-from planner.views.scenes import world_scene
-from planner.views.views import light_level
-from planner.views.zooms import microscope_at
-
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray
+from microplan.featuresel.look.design import MOST_TRIALS, design
+from microplan.featuresel.look.perturb import image
+from microplan.featuresel.look.scenario import LookCase
+from microplan.optics.lens.sensor import Sensor, expose, to_unit
+from microplan.optics.render.fidelity import LADDER, choose
+from microplan.optics.render.sampling import Sampling
+from microplan.optics.render.scene import Scene
+from microplan.optics.transfer.microscope import Microscope
+from microplan.optics.transfer.models import MODELS
+from microplan.planner.assembly.assembly import State, locate_place
+from microplan.planner.assembly.step_states import StepState, unfold
+from microplan.planner.looks.full_frames import frame, seen_scene
+from microplan.planner.looks.scenario import build_case
+from microplan.planner.source.diagnostics import Report
+from microplan.planner.store.folder import replace_alike
+from microplan.planner.store.pictures import picture
+from microplan.planner.task.task import Task
+from microplan.planner.views.coarse import first_views
+from microplan.planner.views.requests import Request, requests
+from microplan.planner.views.scenes import world_scene
+from microplan.planner.views.views import light_level
+from microplan.planner.views.zooms import microscope_at
 
 NOISE_SEED = 0  # of the one noisy frame that --noise shows
 DEFAULT_MODEL = (

@@ -5,19 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from optics.layers.occlusion import Tracing, cell_um, meeting
-from optics.layers.rays import Sheet, sheets, slopes
-from optics.oracle import Oracle
-from optics.render.fidelity import Pilot
-from optics.render.render import Covered, cover, render_stack
-from optics.render.sampling import Sampling
-from optics.render.scene import Scene, Window
-from optics.render.spectrum import band_orders
-from optics.transfer.microscope import Microscope
-
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray
+from microplan.optics.layers.occlusion import Tracing, cell_um, meeting
+from microplan.optics.layers.rays import Sheet, sheets, slopes
+from microplan.optics.oracle import Oracle
+from microplan.optics.render.fidelity import Pilot
+from microplan.optics.render.render import Covered, cover, render_stack
+from microplan.optics.render.sampling import Sampling
+from microplan.optics.render.scene import Scene, Window
+from microplan.optics.render.spectrum import band_orders
+from microplan.optics.transfer.microscope import Microscope
 
 _WHOLE = 1e-12  # band error that leaves nothing out
 _WIDER = 2.0  # the margin over the widest that is measured
@@ -65,7 +63,7 @@ def law_truth(sight: Sight, margin: float) -> Truth:
     -------
     Truth
         Of one layer, and if that does not take minutes, by the closed form of
-        `optics.oracle`; else by all of the band and twice the margin.
+        `microplan.optics.oracle`; else by all of the band and twice the margin.
     """
     if len(sight.scene.layers) == 1:
         (layer,) = sight.scene.layers
@@ -109,9 +107,9 @@ def law_truth(sight: Sight, margin: float) -> Truth:
 def layer_truth(sight: Sight, law: Truth, margin: float) -> Truth:
     """Return the image at the nominal focus with layers that hide one another.
 
-    As `optics.layers.occlusion.occluded`, with more rays, and a wide band and `margin`:
-    what lies between blurred edges of different height is traced, the rest is as
-    blended.
+    As `microplan.optics.layers.occlusion.occluded`, with more rays, and a wide band and
+    `margin`: what lies between blurred edges of different height is traced, the rest is
+    as blended.
     """
     part = meeting(_sheets(sight, margin))
     if part is None:

@@ -8,20 +8,18 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 from scipy import fft
 
-from optics.layers.occlusion import SAMPLES, occluded
-from optics.render.fidelity import Fidelity
-from optics.render.render import render
-from optics.render.sampling import BAND_ERROR, MARGIN, Sampling
-from optics.render.scene import Window
-from optics.transfer.models import MODELS
-from planner.tradeoff.reference_images import Sight, Truth
-from planner.tradeoff.tradeoff_record import Measured
-from schemas.codec import quantise
-
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray
+from microplan.optics.layers.occlusion import SAMPLES, occluded
+from microplan.optics.render.fidelity import Fidelity
+from microplan.optics.render.render import render
+from microplan.optics.render.sampling import BAND_ERROR, MARGIN, Sampling
+from microplan.optics.render.scene import Window
+from microplan.optics.transfer.models import MODELS
+from microplan.planner.tradeoff.reference_images import Sight, Truth
+from microplan.planner.tradeoff.tradeoff_record import Measured
+from microplan.schemas.codec import quantise
 
 BANDS = (5e-3, 5e-4, 5e-5)  # from what nobody sees to what tables err
 MARGINS = (10.0, 40.0)
@@ -87,7 +85,7 @@ def measure(
     fidelity : Fidelity
         The compiler's choice, which is measured too.
     treatment : str
-        Of layers, one of `optics.layers.layer_error.TREATMENTS`, chosen too.
+        Of layers, one of `microplan.optics.layers.layer_error.TREATMENTS`, chosen too.
     law : Truth
         The exact law at all focus heights, layers blended.
     layered : Truth

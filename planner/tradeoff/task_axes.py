@@ -6,11 +6,11 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from planner.task.presets import PRESETS, Effort, Preset
-from planner.task.task import Task
-from planner.task.workcell import Camera
-from planner.tradeoff.vary import Axis, Vary
-from planner.views.zooms import ladder
+from microplan.planner.task.presets import PRESETS, Effort, Preset
+from microplan.planner.task.task import Task
+from microplan.planner.task.workcell import Camera
+from microplan.planner.tradeoff.vary import Axis, Vary
+from microplan.planner.views.zooms import ladder
 
 MOST_POINTS = 64
 MOST_TRIALS = 10_000

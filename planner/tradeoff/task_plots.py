@@ -10,17 +10,17 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.transforms import IdentityTransform
 
-from planner.tradeoff.plots import (
+from microplan.arrays import Point
+from microplan.planner.tradeoff.plots import (
     DPI,
     HALO,
-    Point,
     even_ticks,
     front_line,
     new_figure,
     png,
 )
-from planner.tradeoff.task_tradeoff_record import Spent, TaskTradeoff
-from schemas.page.labels import Box, Name, placed
+from microplan.planner.tradeoff.task_tradeoff_record import Spent, TaskTradeoff
+from microplan.schemas.page.labels import Box, Name, placed
 
 _AXIS_MARKS = {
     "as": ("#000000", "o"),

@@ -11,17 +11,17 @@ from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 
-from featuresel.trials.bounds import failure_upper
-from planner.diff.compare import compare_plans
-from planner.plan.compiler import compile_task
-from planner.plan.options import Options
-from planner.source.diagnostics import Report
-from planner.store.folder import write_files
-from planner.store.memo import EVERY_TIME
-from planner.task.task import Task
-from planner.tradeoff.task_axes import Way, ways
-from planner.tradeoff.task_plots import task_png
-from planner.tradeoff.task_tradeoff_record import (
+from microplan.featuresel.trials.bounds import failure_upper
+from microplan.planner.diff.compare import compare_plans
+from microplan.planner.plan.compiler import compile_task
+from microplan.planner.plan.options import Options
+from microplan.planner.source.diagnostics import Report
+from microplan.planner.store.folder import write_files
+from microplan.planner.store.memo import EVERY_TIME
+from microplan.planner.task.task import Task
+from microplan.planner.tradeoff.task_axes import Way, ways
+from microplan.planner.tradeoff.task_plots import task_png
+from microplan.planner.tradeoff.task_tradeoff_record import (
     Point,
     Spent,
     TaskTradeoff,
@@ -30,9 +30,9 @@ from planner.tradeoff.task_tradeoff_record import (
     points_table,
     times_json,
 )
-from planner.tradeoff.vary import Vary
-from schemas.files.times import spans
-from schemas.plan import Plan, Step
+from microplan.planner.tradeoff.vary import Vary
+from microplan.schemas.files.times import spans
+from microplan.schemas.plan import Plan, Step
 
 FORMAT_VERSION = "1.0"
 NOTE = (

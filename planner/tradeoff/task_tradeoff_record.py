@@ -8,8 +8,8 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
-from schemas.codec import to_data
-from schemas.page.figures import chance
+from microplan.schemas.codec import to_data
+from microplan.schemas.page.figures import chance
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -11,34 +11,39 @@ from pathlib import Path
 
 import numpy as np
 
-from featuresel.look.scenario import LookCase, scene
-from optics.layers.layer_error import layer_error
-from optics.lens.distorted_scene import lens_scene
-from optics.render.render import render
-from optics.render.scene import Illumination, Scene, Window
-from planner.assembly.step_states import unfold
-from planner.looks.scenario import build_case
-from planner.source.diagnostics import Report
-from planner.store.folder import write_files
-from planner.task.task import Task
-from planner.tradeoff.plots import Strip, round_down, strip_png, tradeoff_png
-from planner.tradeoff.preview import RenderError
-from planner.tradeoff.reference_images import Sight, law_truth, layer_truth
-from planner.tradeoff.render_methods import MARGINS, REPEATS, floor_ms, measure
-from planner.tradeoff.tradeoff_record import (
+from microplan.featuresel.look.scenario import LookCase, scene
+from microplan.optics.layers.layer_error import layer_error
+from microplan.optics.lens.distorted_scene import lens_scene
+from microplan.optics.render.render import render
+from microplan.optics.render.scene import Illumination, Scene, Window
+from microplan.planner.assembly.step_states import unfold
+from microplan.planner.looks.scenario import build_case
+from microplan.planner.source.diagnostics import Report
+from microplan.planner.store.folder import write_files
+from microplan.planner.task.task import Task
+from microplan.planner.tradeoff.plots import Strip, round_down, strip_png, tradeoff_png
+from microplan.planner.tradeoff.preview import RenderError
+from microplan.planner.tradeoff.reference_images import Sight, law_truth, layer_truth
+from microplan.planner.tradeoff.render_methods import (
+    MARGINS,
+    REPEATS,
+    floor_ms,
+    measure,
+)
+from microplan.planner.tradeoff.tradeoff_record import (
     StepTradeoff,
     Tradeoff,
     csv_text,
     json_text,
     table,
 )
-from planner.views.coarse import first_views
-from planner.views.lens_errors import known_errors
-from planner.views.requests import Request, requests
-from planner.views.scenes import relevant, world_scene
-from planner.views.target_views import needed_shape, spot_of
-from planner.views.views import ViewPlan
-from planner.views.zooms import microscope_at
+from microplan.planner.views.coarse import first_views
+from microplan.planner.views.lens_errors import known_errors
+from microplan.planner.views.requests import Request, requests
+from microplan.planner.views.scenes import relevant, world_scene
+from microplan.planner.views.target_views import needed_shape, spot_of
+from microplan.planner.views.views import ViewPlan
+from microplan.planner.views.zooms import microscope_at
 
 FORMAT_VERSION = "1.0"
 FOCUS_SIGMAS = 2.0  # as far from the nominal focus as the compiler's choice must hold

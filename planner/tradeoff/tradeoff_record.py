@@ -8,7 +8,7 @@ import json
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
 
-from schemas.codec import to_data
+from microplan.schemas.codec import to_data
 
 _NOT_OF_A_ROW = ("ways", "focus_heights_um", "layers_in_view")
 

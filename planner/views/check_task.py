@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from planner.assembly.mating import fit_verdict, fit_words, mating_of
-from planner.assembly.step_states import StepState, unfold
-from planner.source.diagnostics import Report
-from planner.task.task import Step, Task
-from planner.views.coarse import first_views
-from planner.views.requests import requests
-from schemas.plan.verdicts import FitVerdict
+from microplan.planner.assembly.mating import fit_verdict, fit_words, mating_of
+from microplan.planner.assembly.step_states import StepState, unfold
+from microplan.planner.source.diagnostics import Report
+from microplan.planner.task.task import Step, Task
+from microplan.planner.views.coarse import first_views
+from microplan.planner.views.requests import requests
+from microplan.schemas.plan.verdicts import FitVerdict
 
 
 def check_task(task: Task, report: Report) -> str:

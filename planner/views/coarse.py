@@ -5,16 +5,16 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from optics.outline.tolerant_order import ordered
-from planner.assembly.assembly import axes_of, bodies, owner_of
-from planner.assembly.swept_volume import SIGMAS, sweep_hits
-from planner.source.diagnostics import Report
-from planner.task.task import Task
-from planner.views.requests import ANGLE_RAD, PERIOD_SHARE, Known, Request
-from planner.views.target_views import needed_shape, search_um, spot_of, views
-from planner.views.targets import Shape, shape_of
-from planner.views.views import ViewPlan
-from schemas.plan.views import CoarseFirst
+from microplan.optics.outline.tolerant_order import ordered
+from microplan.planner.assembly.assembly import axes_of, bodies, owner_of
+from microplan.planner.assembly.swept_volume import SIGMAS, sweep_hits
+from microplan.planner.source.diagnostics import Report
+from microplan.planner.task.task import Task
+from microplan.planner.views.requests import ANGLE_RAD, PERIOD_SHARE, Known, Request
+from microplan.planner.views.target_views import needed_shape, search_um, spot_of, views
+from microplan.planner.views.targets import Shape, shape_of
+from microplan.planner.views.views import ViewPlan
+from microplan.schemas.plan.views import CoarseFirst
 
 SUFFIX = "coarse"  # of a coarse look's id
 MOST_COARSE = 2  # targets that are tried for a coarse look

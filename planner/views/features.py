@@ -6,14 +6,15 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from featuresel.features.feature import Feature, coincide, renamed
-from featuresel.features.features import merge, propose
-from optics.outline.outline import Outline
-from optics.outline.tolerant_order import ordered
-from planner.task.task import Feature as Declared
-from planner.task.task import Part, Task
-from planner.views.requests import Request
-from planner.views.targets import Box, Shape, declared_shape
+from microplan.arrays import Box
+from microplan.featuresel.features.feature import Feature, coincide, renamed
+from microplan.featuresel.features.features import merge, propose
+from microplan.optics.outline.outline import Outline
+from microplan.optics.outline.tolerant_order import ordered
+from microplan.planner.task.task import Feature as Declared
+from microplan.planner.task.task import Part, Task
+from microplan.planner.views.requests import Request
+from microplan.planner.views.targets import Shape, declared_shape
 
 SAME_UM = 1e-3  # a drawing says a place in several ways, this near to each other
 # what reaches farthest from a feature's reference point, first found first used

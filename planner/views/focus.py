@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from optics.outline.tolerant_order import above, at_most
-from planner.assembly.assembly import Place
-from planner.source.diagnostics import Report, Span
-from planner.task.workcell import Interval, Workcell
-from planner.views.views import SEARCH_SIGMAS
+from microplan.optics.outline.tolerant_order import above, at_most
+from microplan.planner.assembly.assembly import Place
+from microplan.planner.source.diagnostics import Report, Span
+from microplan.planner.task.workcell import Interval, Workcell
+from microplan.planner.views.views import SEARCH_SIGMAS
 
 MOST_STOPS = 40  # of one look: farther off, a target is not searched for by focus
 HEIGHTS = 101  # at which an uncertain height is taken to lie, over SEARCH_SIGMAS

@@ -5,16 +5,16 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from featuresel.routines import TargetKind
-from optics.coherence.edge_offsets import feature_offsets
-from optics.lens.lens import LensErrors
-from optics.lens.lens_budget import LensRow, predict
-from optics.outline.outline import Outline, place
-from optics.transfer.microscope import Microscope
-from planner.assembly.assembly import Place, State
-from planner.task.task import Task
-from planner.task.workcell import Workcell
-from planner.views.targets import Shape, target_layers
+from microplan.featuresel.routines.contract import TargetKind
+from microplan.optics.coherence.edge_offsets import feature_offsets
+from microplan.optics.lens.lens import LensErrors
+from microplan.optics.lens.lens_budget import LensRow, predict
+from microplan.optics.outline.outline import Outline, place
+from microplan.optics.transfer.microscope import Microscope
+from microplan.planner.assembly.assembly import Place, State
+from microplan.planner.task.task import Task
+from microplan.planner.task.workcell import Workcell
+from microplan.planner.views.targets import Shape, target_layers
 
 NM_PER_UM = 1000.0
 _MOST_APERTURE = 0.99  # of the index: light from the side has no shade to compute

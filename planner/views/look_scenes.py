@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from planner.assembly.assembly import (
+from microplan.planner.assembly.assembly import (
     Axis4,
     Carrier,
     Place,
@@ -11,12 +11,12 @@ from planner.assembly.assembly import (
     part_pose,
     robot_pose,
 )
-from planner.task.task import Task
-from planner.views.scenes import target_ring
-from planner.views.targets import Shape, outline_of
-from schemas.files.scenes import LookScene, PlacedBody, SeenTarget
-from schemas.plan import AxisMove
-from schemas.pose import Pose
+from microplan.planner.task.task import Task
+from microplan.planner.views.scenes import target_ring
+from microplan.planner.views.targets import Shape, outline_of
+from microplan.schemas.files.scenes import LookScene, PlacedBody, SeenTarget
+from microplan.schemas.plan import AxisMove
+from microplan.schemas.pose import Pose
 
 
 def look_scene(

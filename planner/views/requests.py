@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from planner.assembly.assembly import State, owner_of
-from planner.assembly.step_states import StepState
-from planner.source.diagnostics import Span
-from planner.task.task import Move, Step, Task
-from planner.views.views import SEARCH_SIGMAS
+from microplan.planner.assembly.assembly import State, owner_of
+from microplan.planner.assembly.step_states import StepState
+from microplan.planner.source.diagnostics import Span
+from microplan.planner.task.task import Move, Step, Task
+from microplan.planner.views.views import SEARCH_SIGMAS
 
 # A look may use up this share of the tolerance it serves, per axis, at two sigma.
 LOOK_SHARE = 0.5

@@ -7,15 +7,16 @@ import math
 import numpy as np
 import shapely
 
-from optics.outline.outline import Edge, FloatArray, Outline, Segment, place
-from optics.outline.tolerant_order import least
-from optics.render.scene import Layer, Scene, Window
-from optics.transfer.microscope import Microscope
-from planner.assembly.assembly import Body, Place, State, bodies
-from planner.assembly.shapes import polygon
-from planner.task.task import Task
-from planner.views.targets import Shape, outline_of
-from schemas.plan import Shade
+from microplan.arrays import FloatArray
+from microplan.optics.outline.outline import Edge, Outline, Segment, place
+from microplan.optics.outline.tolerant_order import least
+from microplan.optics.render.scene import Layer, Scene, Window
+from microplan.optics.transfer.microscope import Microscope
+from microplan.planner.assembly.assembly import Body, Place, State, bodies
+from microplan.planner.assembly.shapes import polygon
+from microplan.planner.task.task import Task
+from microplan.planner.views.targets import Shape, outline_of
+from microplan.schemas.plan import Shade
 
 # Points along all edges whose shade is counted. A stretch of edge that is hidden is
 # counted to within one point, so its share to within 1 / 2000.

@@ -5,18 +5,24 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from optics.outline.tolerant_order import least
-from optics.render.scene import Scene, Window
-from optics.transfer.microscope import Microscope
-from planner.assembly.assembly import Place, locate_place
-from planner.source.diagnostics import Report
-from planner.task.task import Feature, Task
-from planner.views.focus import focus_for
-from planner.views.requests import Request
-from planner.views.scenes import relevant, shade_of, world_scene
-from planner.views.targets import Box, Shape, outline_of, shape_of
-from planner.views.views import SEARCH_SIGMAS, ViewPlan, light_level, region_for
-from planner.views.zooms import (
+from microplan.arrays import Box
+from microplan.optics.outline.tolerant_order import least
+from microplan.optics.render.scene import Scene, Window
+from microplan.optics.transfer.microscope import Microscope
+from microplan.planner.assembly.assembly import Place, locate_place
+from microplan.planner.source.diagnostics import Report
+from microplan.planner.task.task import Feature, Task
+from microplan.planner.views.focus import focus_for
+from microplan.planner.views.requests import Request
+from microplan.planner.views.scenes import relevant, shade_of, world_scene
+from microplan.planner.views.targets import Shape, outline_of, shape_of
+from microplan.planner.views.views import (
+    SEARCH_SIGMAS,
+    ViewPlan,
+    light_level,
+    region_for,
+)
+from microplan.planner.views.zooms import (
     LADDER,
     Origin,
     ZoomRange,
@@ -24,7 +30,7 @@ from planner.views.zooms import (
     microscope_at,
     zoom_range,
 )
-from schemas.pose import Pose
+from microplan.schemas.pose import Pose
 
 # Part of a target's edges that may be covered before a look is called into question.
 HIDDEN_SHARE = 0.5

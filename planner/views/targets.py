@@ -6,15 +6,14 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
-from featuresel.routines import TargetKind
-from optics.outline.outline import Outline, place
-from optics.render.scene import Layer
-from planner.assembly.assembly import State, face_um, owner_of, part_pose
-from planner.task.task import Feature, Part, Post, Task
-from planner.task.workcell import Tool
-from schemas.pose import Pose
-
-Box = tuple[float, float, float, float]
+from microplan.arrays import Box
+from microplan.featuresel.routines.contract import TargetKind
+from microplan.optics.outline.outline import Outline, place
+from microplan.optics.render.scene import Layer
+from microplan.planner.assembly.assembly import State, face_um, owner_of, part_pose
+from microplan.planner.task.task import Feature, Part, Post, Task
+from microplan.planner.task.workcell import Tool
+from microplan.schemas.pose import Pose
 
 ANGLE_SIGMAS = 3.0  # of an angle for which there must be room: trials end there
 JAWS_SEEN_UM = 60.0  # of the fingers behind the grip that a look takes in

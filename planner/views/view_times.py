@@ -6,12 +6,12 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from planner.assembly.assembly import Axis4, Carrier, axes_of, locate_place
-from planner.assembly.step_states import StepState
-from planner.task.task import Task
-from planner.task.workcell import Axes, Workcell
-from schemas.plan import Look, View
-from schemas.plan.views import TimeRow, ViewChange
+from microplan.planner.assembly.assembly import Axis4, Carrier, axes_of, locate_place
+from microplan.planner.assembly.step_states import StepState
+from microplan.planner.task.task import Task
+from microplan.planner.task.workcell import Axes, Workcell
+from microplan.schemas.plan import Look, View
+from microplan.schemas.plan.views import TimeRow, ViewChange
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

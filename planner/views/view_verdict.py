@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from planner.assembly.assembly import height_sigma_um
-from planner.task.task import Task
-from planner.task.workcell import Interval, Workcell
-from planner.views.focus import covered_um, reach_margin_um
-from planner.views.requests import Request
-from planner.views.target_views import needed_shape, zooms_of
-from planner.views.zooms import ZoomRange, ladder, microscope_at
-from schemas.plan import View
-from schemas.plan.views import (
+from microplan.planner.assembly.assembly import height_sigma_um
+from microplan.planner.task.task import Task
+from microplan.planner.task.workcell import Interval, Workcell
+from microplan.planner.views.focus import covered_um, reach_margin_um
+from microplan.planner.views.requests import Request
+from microplan.planner.views.target_views import needed_shape, zooms_of
+from microplan.planner.views.zooms import ZoomRange, ladder, microscope_at
+from microplan.schemas.plan import View
+from microplan.schemas.plan.views import (
     ApertureRow,
     FocusAccepted,
     FocusCover,

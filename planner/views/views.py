@@ -6,12 +6,12 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from optics.render.scene import Layer, Window
-from optics.transfer.microscope import Microscope
-from planner.assembly.assembly import Place
-from planner.task.task import Benchmark
-from planner.task.workcell import Workcell
-from planner.views.targets import Box
+from microplan.arrays import Box
+from microplan.optics.render.scene import Layer, Window
+from microplan.optics.transfer.microscope import Microscope
+from microplan.planner.assembly.assembly import Place
+from microplan.planner.task.task import Benchmark
+from microplan.planner.task.workcell import Workcell
 
 SEARCH_SIGMAS = 3.0  # half-width of the search, in spreads of the target's place
 CONTEXT_UM = 20.0  # surroundings that calipers need beyond the target

@@ -6,14 +6,15 @@ import itertools
 import math
 from dataclasses import dataclass, replace
 
-from optics.outline.tolerant_order import at_most
-from optics.transfer.microscope import Microscope
-from planner.assembly.assembly import Place
-from planner.assembly.swept_volume import SIGMAS
-from planner.source.diagnostics import Report, Span
-from planner.task.workcell import Workcell
-from planner.views.targets import Box, Shape
-from schemas.plan.views import ZoomBound
+from microplan.arrays import Box
+from microplan.optics.outline.tolerant_order import at_most
+from microplan.optics.transfer.microscope import Microscope
+from microplan.planner.assembly.assembly import Place
+from microplan.planner.assembly.swept_volume import SIGMAS
+from microplan.planner.source.diagnostics import Report, Span
+from microplan.planner.task.workcell import Workcell
+from microplan.planner.views.targets import Shape
+from microplan.schemas.plan.views import ZoomBound
 
 LADDER = math.sqrt(2.0)  # ratio of neighbouring magnifications that are tried
 FINEST_PX = 4.0  # pixels that the finest detail must cover

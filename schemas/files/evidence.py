@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from schemas.pose import Pose
+from microplan.schemas.pose import Pose
 
 FOLDER = "evidence"
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from schemas.pose import Pose
+from microplan.schemas.pose import Pose
 
 FORMAT = "microplan-outlines"
 VERSION = "1.0"

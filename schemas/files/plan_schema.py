@@ -1,7 +1,7 @@
 """JSON Schemas of what microplan writes, made from the types of plan and outlines.
 
-`python -m schemas.files.plan_schema` writes them to `plan.schema.json` and
-`outlines.schema.json`, which is what `schemas.load("plan")` and `load("outlines")`
+`python -m microplan.schemas.files.plan_schema` writes them to `plan.schema.json` and
+`outlines.schema.json`, which is what `json_schema.load("plan")` and `load("outlines")`
 return.
 """
 
@@ -17,10 +17,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal, Union, get_args, get_origin
 
-from schemas.codec import to_data
-from schemas.field_notes import field_notes
-from schemas.files.outlines import VERSION, Outlines
-from schemas.plan import FORMAT_VERSION, Plan
+from microplan.schemas.codec import to_data
+from microplan.schemas.field_notes import field_notes
+from microplan.schemas.files.outlines import VERSION, Outlines
+from microplan.schemas.plan import FORMAT_VERSION, Plan
 
 Rule = dict[str, Any]
 
@@ -37,8 +37,8 @@ def plan_schema() -> Rule:
     """Return the JSON Schema (draft 2020-12) of `plan.json` as it is written now.
 
     Every key that the types have without a default is required and no other key is
-    allowed; a reader is more patient (`schemas.codec`). Variants are told apart by
-    `kind` with `if`/`then`, so that a validator's errors name the exact key.
+    allowed; a reader is more patient (`microplan.schemas.codec`). Variants are told
+    apart by `kind` with `if`/`then`, so that a validator's errors name the exact key.
     """
     return _versioned(Plan, "microplan plan", "format_version", FORMAT_VERSION)
 

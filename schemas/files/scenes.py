@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from schemas.plan import AxisMove
-from schemas.pose import Pose
+from microplan.schemas.plan import AxisMove
+from microplan.schemas.pose import Pose
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

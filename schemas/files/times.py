@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
-from schemas.files.world import World, WorldAxes
-from schemas.plan import (
+from microplan.schemas.files.world import World, WorldAxes
+from microplan.schemas.plan import (
     AlignAction,
     AxisMove,
     Control,
@@ -49,7 +49,7 @@ def spans(plan: Plan, world: World | None) -> list[Span]:
 
     An alignment takes what its control says, approach and looks, the first among them;
     a focus sweep a move and a frame a stop, and one more frame at either end, as
-    `executor.run.focus_sweep` has it.
+    `microplan.executor.run.focus_sweep` has it.
     """
     now: dict[str, dict[str, float | None]] = {
         "stage": _reading(plan.stage_start),

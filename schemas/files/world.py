@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from schemas.plan import AxisMove
-from schemas.pose import Pose
+from microplan.schemas.plan import AxisMove
+from microplan.schemas.pose import Pose
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -103,8 +103,8 @@ class WorldAxes:
 class WorldLens:
     """Systematic errors of the lens as stated, and one sigma of what is not known.
 
-    As in `optics.lens.lens.LensErrors`: by the defocus of a point, not by the focus
-    travel.
+    As in `microplan.optics.lens.lens.LensErrors`: by the defocus of a point, not by the
+    focus travel.
     """
 
     distortion: float = 0.0  # radial, relative at the field's corner

@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from schemas.page.elements import Element, el
-from schemas.page.figures import number
+from microplan.schemas.page.elements import Element, el
+from microplan.schemas.page.figures import number
 
 WIDTH, HEIGHT = 360.0, 224.0  # of all charts, in units of their text
 _LEFT, _RIGHT, _TOP, _BOTTOM = 46.0, 12.0, 12.0, 40.0

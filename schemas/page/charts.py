@@ -6,11 +6,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from schemas.page.axes import WIDTH, Axes, Scale, bounded
-from schemas.page.elements import Element, el, visible
-from schemas.page.figures import number
-from schemas.page.labels import Box, Name, Segment, placed, shortened, width
-from schemas.page.page import chart
+from microplan.schemas.page.axes import WIDTH, Axes, Scale, bounded
+from microplan.schemas.page.elements import Element, el, visible
+from microplan.schemas.page.figures import number
+from microplan.schemas.page.labels import Box, Name, Segment, placed, shortened, width
+from microplan.schemas.page.page import chart
 
 _ROW = 31.0  # height of a bar with its label
 _LEFT, _RIGHT = 4.0, 10.0

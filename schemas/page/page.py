@@ -7,8 +7,8 @@ import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from schemas.page.elements import Element, Node, el, write
-from schemas.page.style import STYLE
+from microplan.schemas.page.elements import Element, Node, el, write
+from microplan.schemas.page.style import STYLE
 
 _POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
 _PNG = b"\x89PNG\r\n\x1a\n"

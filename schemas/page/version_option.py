@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any, NoReturn
 
-from schemas.page.console import say
+from microplan.schemas.page.console import say
 
 
 class Version(argparse.Action):

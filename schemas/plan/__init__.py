@@ -6,7 +6,7 @@ Lengths are um in the world (camera) frame and angles rad unless a name says oth
 
 from __future__ import annotations
 
-from schemas.plan.actions import (
+from microplan.schemas.plan.actions import (
     Action,
     AlignAction,
     GraspAction,
@@ -17,7 +17,7 @@ from schemas.plan.actions import (
     ReleaseAction,
     VerifyAction,
 )
-from schemas.plan.document import (
+from microplan.schemas.plan.document import (
     FORMAT_VERSION,
     Belief,
     FeaturePlace,
@@ -26,9 +26,16 @@ from schemas.plan.document import (
     Reason,
     Requirements,
 )
-from schemas.plan.evidence import Evidence, FeatureRow, Score, Together
-from schemas.plan.looks import EffectRow, LayerRecord, Look, SceneRecord, Shade, View
-from schemas.plan.measures import (
+from microplan.schemas.plan.evidence import Evidence, FeatureRow, Score, Together
+from microplan.schemas.plan.looks import (
+    EffectRow,
+    LayerRecord,
+    Look,
+    SceneRecord,
+    Shade,
+    View,
+)
+from microplan.schemas.plan.measures import (
     BiasAt,
     Depth,
     Gates,
@@ -37,9 +44,16 @@ from schemas.plan.measures import (
     Region,
     RoutineUse,
 )
-from schemas.plan.moves import AxesName, AxisMove
-from schemas.plan.steps import Budget, BudgetRow, Conditions, Control, OnFailure, Step
-from schemas.plan.text import check_version, dump_plan, newer_note, parse_plan
+from microplan.schemas.plan.moves import AxesName, AxisMove
+from microplan.schemas.plan.steps import (
+    Budget,
+    BudgetRow,
+    Conditions,
+    Control,
+    OnFailure,
+    Step,
+)
+from microplan.schemas.plan.text import check_version, dump_plan, newer_note, parse_plan
 
 __all__ = [
     "FORMAT_VERSION",

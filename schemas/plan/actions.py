@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from schemas.plan.moves import AxesName, AxisMove
+from microplan.schemas.plan.moves import AxesName, AxisMove
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

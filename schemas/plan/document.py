@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from schemas.plan.moves import AxesName, AxisMove
-from schemas.plan.solids import Fingers, Solid
-from schemas.plan.steps import Step
-from schemas.pose import Pose
+from microplan.schemas.plan.moves import AxesName, AxisMove
+from microplan.schemas.plan.solids import Fingers, Solid
+from microplan.schemas.plan.steps import Step
+from microplan.schemas.pose import Pose
 
 FORMAT_VERSION = "2.3"
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from schemas.plan.evidence import Evidence, Together
-from schemas.plan.measures import Measure
-from schemas.plan.views import CoarseFirst, ViewVerdict
+from microplan.schemas.plan.evidence import Evidence, Together
+from microplan.schemas.plan.measures import Measure
+from microplan.schemas.plan.views import CoarseFirst, ViewVerdict
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-Point = tuple[float, float]
+from microplan.arrays import Point
 
 MOST_CORNERS = 16
 

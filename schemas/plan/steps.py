@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from schemas.plan.actions import Action
-from schemas.plan.looks import EffectRow, Look
-from schemas.plan.moves import AxisMove
-from schemas.plan.verdicts import (
+from microplan.schemas.plan.actions import Action
+from microplan.schemas.plan.looks import EffectRow, Look
+from microplan.schemas.plan.moves import AxisMove
+from microplan.schemas.plan.verdicts import (
     BudgetAnalysis,
     FitVerdict,
     GraspVerdict,

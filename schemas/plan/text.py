@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from schemas import version
-from schemas.codec import CodecError, from_data, to_data
-from schemas.plan.document import FORMAT_VERSION, Plan
+from microplan.schemas import version
+from microplan.schemas.codec import CodecError, from_data, to_data
+from microplan.schemas.plan.document import FORMAT_VERSION, Plan
 
 
 def dump_plan(plan: Plan) -> str:

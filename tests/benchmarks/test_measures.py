@@ -8,9 +8,9 @@ import pytest
 from benchmarks.executing.runs import NAMES, Outcome, figures
 from benchmarks.optics.vectors import worst_error
 from benchmarks.rivals.naive import Naive
-from optics.oracle import Oracle
-from optics.render.render import render
-from optics.render.sampling import BAND_ERROR, margin_error
+from microplan.optics.oracle import Oracle
+from microplan.optics.render.render import render
+from microplan.optics.render.sampling import BAND_ERROR, margin_error
 from tests.optics.shapes import gear, microscope, one_layer
 
 

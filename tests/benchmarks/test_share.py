@@ -10,9 +10,9 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-import optics
 from benchmarks.share import Share
-from optics.transfer.node_refinement import refined
+from microplan import optics
+from microplan.optics.transfer.node_refinement import refined
 
 
 def _shared(work: Callable[[], None], clock_s: Sequence[float]) -> Share:

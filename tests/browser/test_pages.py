@@ -16,8 +16,8 @@ from pathlib import Path
 
 import pytest
 
-from executor.analysis.run_report import write_report as write_run_report
-from planner.report.report import write_report
+from microplan.executor.analysis.run_report import write_report as write_run_report
+from microplan.planner.report.report import write_report
 from tests.browser.chromium import Chromium, find
 from tests.names import renamed
 

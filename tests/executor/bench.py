@@ -12,26 +12,26 @@ from typing import cast
 
 import numpy as np
 
-from featuresel.routines import (
+from microplan.arrays import FloatArray
+from microplan.featuresel.routines.contract import (
     Artifact,
-    FloatArray,
     LookModel,
     Target,
     TargetKind,
-    load,
 )
-from featuresel.routines.frame import RegionFrame
-from optics.outline.outline import Arc, Outline, place
-from optics.render.render import render
-from optics.render.scene import Layer, Scene, Window
-from optics.transfer.microscope import Microscope
-from planner.assembly.shapes import squeeze_minima_rad
-from planner.assembly.solids import finger_solids, part_solids
-from planner.source.diagnostics import Report
-from planner.task.read_task import load_task
-from planner.task.task import Task
-from schemas.codec import to_data
-from schemas.files.world import (
+from microplan.featuresel.routines.frame import RegionFrame
+from microplan.featuresel.routines.registry import load
+from microplan.optics.outline.outline import Arc, Outline, place
+from microplan.optics.render.render import render
+from microplan.optics.render.scene import Layer, Scene, Window
+from microplan.optics.transfer.microscope import Microscope
+from microplan.planner.assembly.shapes import squeeze_minima_rad
+from microplan.planner.assembly.solids import finger_solids, part_solids
+from microplan.planner.source.diagnostics import Report
+from microplan.planner.task.read_task import load_task
+from microplan.planner.task.task import Task
+from microplan.schemas.codec import to_data
+from microplan.schemas.files.world import (
     World,
     WorldAxes,
     WorldHole,
@@ -42,7 +42,7 @@ from schemas.files.world import (
     WorldRing,
     WorldTool,
 )
-from schemas.plan import (
+from microplan.schemas.plan import (
     FORMAT_VERSION,
     Action,
     AlignAction,
@@ -75,8 +75,8 @@ from schemas.plan import (
     View,
     dump_plan,
 )
-from schemas.plan.solids import Fingers, Solid
-from schemas.pose import Pose
+from microplan.schemas.plan.solids import Fingers, Solid
+from microplan.schemas.pose import Pose
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "gear_on_shaft" / "task.yaml"
 SIDE = 200  # px of a look's region

@@ -10,18 +10,19 @@ from functools import cache
 
 import numpy as np
 
-from executor.devices.drivers import Counts, Frame
-from executor.motion.beliefs import Beliefs
-from executor.record.frames import Frames
-from executor.record.journal import Journal
-from executor.run.artifacts import Artifacts
-from executor.run.run_context import Rig
-from executor.simulated.cell import Cell, build_cell
-from featuresel.routines import Artifact, FloatArray, Target
-from featuresel.routines.circle import circle_caliper
-from schemas.files.world import World
-from schemas.plan import Belief, Look, Region, RoutineUse, View
-from schemas.pose import Pose
+from microplan.arrays import FloatArray
+from microplan.executor.devices.drivers import Counts, Frame
+from microplan.executor.motion.beliefs import Beliefs
+from microplan.executor.record.frames import Frames
+from microplan.executor.record.journal import Journal
+from microplan.executor.run.artifacts import Artifacts
+from microplan.executor.run.run_context import Rig
+from microplan.executor.simulated.cell import Cell, build_cell
+from microplan.featuresel.routines.circle import circle_caliper
+from microplan.featuresel.routines.contract import Artifact, Target
+from microplan.schemas.files.world import World
+from microplan.schemas.plan import Belief, Look, Region, RoutineUse, View
+from microplan.schemas.pose import Pose
 from tests.executor.bench import NO_SCENE, measure, plan_of, quiet, untried, world
 
 RADIUS_UM, SIDE, PITCH_UM = 20.0, 96, 1.0

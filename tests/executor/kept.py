@@ -7,7 +7,7 @@ import io
 from dataclasses import replace
 from pathlib import Path
 
-from executor.cli.main import main
+from microplan.executor.cli.main import main
 from tests.executor.bench import Folder, assembly, world
 
 PLAN, RUN, SAID = "gear.plan", "gear.run", "gear.txt"

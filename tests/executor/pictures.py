@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from executor.simulated.camera import FloatArray, SimCamera
-from optics.render.scene import Window
+from microplan.arrays import FloatArray
+from microplan.executor.simulated.camera import SimCamera
+from microplan.optics.render.scene import Window
 
 RENDER = SimCamera._image
 _SEEN: dict[tuple[str, ...], FloatArray] = {}

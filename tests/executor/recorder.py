@@ -8,17 +8,17 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from executor.devices.station import Station
-from executor.motion.beliefs import Beliefs
-from executor.record.frames import Frames
-from executor.record.journal import Journal
-from executor.record.outcome import RunResult
-from executor.run.artifacts import Artifacts
-from executor.run.run import run_plan
-from executor.run.run_context import Rig
-from executor.simulated.cell import Cell, build_cell
-from schemas.files.world import World
-from schemas.plan import Plan
+from microplan.executor.devices.station import Station
+from microplan.executor.motion.beliefs import Beliefs
+from microplan.executor.record.frames import Frames
+from microplan.executor.record.journal import Journal
+from microplan.executor.record.outcome import RunResult
+from microplan.executor.run.artifacts import Artifacts
+from microplan.executor.run.run import run_plan
+from microplan.executor.run.run_context import Rig
+from microplan.executor.simulated.cell import Cell, build_cell
+from microplan.schemas.files.world import World
+from microplan.schemas.plan import Plan
 
 SILENT = ("reading", "moving", "model", "serial", "now_s", "wait")  # change nothing
 

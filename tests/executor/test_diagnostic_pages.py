@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from executor.cli.main import main
-from executor.devices.errors import CODES
+from microplan.executor.cli.main import main
+from microplan.executor.devices.errors import CODES
 from tests.executor.bench import Folder, assembly, world
 
 ROOT = Path(__file__).parents[2]

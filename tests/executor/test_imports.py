@@ -8,17 +8,17 @@ import sys
 
 import pytest
 
-import executor
+from microplan import executor
 
-OURS = {"executor", "schemas", "featuresel", "numpy"}
+OURS = {"executor", "schemas", "featuresel", "arrays"}
 # what renders, or is for a core of Micro-Manager that is installed with an extra
-APART = ("executor.simulated", "executor.micromanager.demo",
-         "executor.micromanager.rendered_camera")  # fmt: skip
+APART = ("microplan.executor.simulated", "microplan.executor.micromanager.demo",
+         "microplan.executor.micromanager.rendered_camera")  # fmt: skip
 
 
 def everything() -> list[str]:
     """Return every module of the executor but those that are apart."""
-    found = pkgutil.walk_packages(executor.__path__, "executor.")
+    found = pkgutil.walk_packages(executor.__path__, "microplan.executor.")
     return sorted(m.name for m in found if not m.name.startswith(APART))
 
 
@@ -29,15 +29,24 @@ def loaded(code: str) -> set[str]:
     return set(done.stdout.split())
 
 
-@pytest.mark.parametrize("modules", [["executor", "executor.cli.main"], everything()])
+@pytest.mark.parametrize(
+    "modules", [["microplan.executor", "microplan.executor.cli.main"], everything()]
+)
 def test_importing_the_executor_loads_numpy_and_the_standard_library_only(
     modules: list[str],
 ) -> None:
-    assert {"executor.cli.main"} <= set(modules)
+    assert {"microplan.executor.cli.main"} <= set(modules)
     before = {name.partition(".")[0] for name in loaded("")}
     found = loaded("\n".join(f"import {name}" for name in modules))
     tops = {name.partition(".")[0] for name in found}
-    assert tops - OURS - before - set(sys.stdlib_module_names) == set()
+    others = tops - before - set(sys.stdlib_module_names)
+    assert others == {"microplan", "numpy"}
+    assert {
+        name.split(".")[1] for name in found if name.startswith("microplan.")
+    } <= OURS
     assert set(modules) <= found
-    drawing = {"executor.simulated.cell", "executor.simulated.camera"}
+    drawing = {
+        "microplan.executor.simulated.cell",
+        "microplan.executor.simulated.camera",
+    }
     assert not drawing & found

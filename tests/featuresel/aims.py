@@ -6,11 +6,11 @@ import cmath
 import math
 from dataclasses import replace
 
-from featuresel.features.contour import with_contour
-from featuresel.features.feature import Feature
-from featuresel.look.scenario import LookCase
-from featuresel.routines import Target
-from optics.outline.outline import Outline, place
+from microplan.featuresel.features.contour import with_contour
+from microplan.featuresel.features.feature import Feature
+from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.routines.contract import Target
+from microplan.optics.outline.outline import Outline, place
 
 
 def target_of(

@@ -9,29 +9,27 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 
-from featuresel.features.contour import with_contour
-from featuresel.look.nominal import nominal_render
-from featuresel.look.scenario import LookCase, Spread
-from featuresel.routines import (
+from microplan.arrays import FloatArray
+from microplan.featuresel.features.contour import with_contour
+from microplan.featuresel.look.nominal import nominal_render
+from microplan.featuresel.look.scenario import LookCase, Spread
+from microplan.featuresel.routines.contract import (
     Artifact,
     Failure,
     Guess,
     Routine,
     Target,
     TargetKind,
-    load,
 )
-from optics.lens.lens import LensErrors
-from optics.lens.sensor import Sensor, expose, to_unit
-from optics.outline.outline import Arc, Outline, Ring, Segment
-from optics.render.sampling import Sampling
-from optics.render.scene import Illumination, Layer, Window
-from optics.transfer.microscope import Microscope
-
-FloatArray = npt.NDArray[np.float64]
+from microplan.featuresel.routines.registry import load
+from microplan.optics.lens.lens import LensErrors
+from microplan.optics.lens.sensor import Sensor, expose, to_unit
+from microplan.optics.outline.outline import Arc, Outline, Ring, Segment
+from microplan.optics.render.sampling import Sampling
+from microplan.optics.render.scene import Illumination, Layer, Window
+from microplan.optics.transfer.microscope import Microscope
 
 MICROSCOPE = Microscope(
     aperture=0.42,

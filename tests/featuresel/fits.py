@@ -8,18 +8,16 @@ from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
-import numpy.typing as npt
 
-from featuresel.look.nominal import NominalRender, nominal_render
-from featuresel.look.scenario import LookCase
-from featuresel.routines import Artifact, Guess
-from featuresel.routines.likelihood import defocus_pair, likelihood
-from featuresel.routines.likelihood.appearance import Pose
-from featuresel.routines.likelihood.comparison import Job, View
-from featuresel.routines.likelihood.fit_problem import read_job
+from microplan.arrays import FloatArray
+from microplan.featuresel.look.nominal import NominalRender, nominal_render
+from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.routines.contract import Artifact, Guess
+from microplan.featuresel.routines.likelihood import defocus_pair, likelihood
+from microplan.featuresel.routines.likelihood.appearance import Pose
+from microplan.featuresel.routines.likelihood.comparison import Job, View
+from microplan.featuresel.routines.likelihood.fit_problem import read_job
 from tests.featuresel.conftest import CASES, noisy
-
-FloatArray = npt.NDArray[np.float64]
 
 PAIR_UM = 8.0  # offset of both images of a pair
 # steps of the differences that slopes are taken by: small against the resolution,

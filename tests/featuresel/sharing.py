@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from optics.render.sampling import FAR_ERROR, Sampling
+from microplan.optics.render.sampling import FAR_ERROR, Sampling
 
 # All of the band, and a margin to which the blur of 40 um adds no more than 1e-5.
 FINE = Sampling(band_error=1e-12, margin=300.0)

@@ -6,14 +6,12 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-import numpy.typing as npt
 from scipy import fft
 
-from optics.outline.outline import Arc, Edge, Outline, Ring, Segment
-from optics.render.scene import Layer, Scene
-from optics.transfer.microscope import Microscope
-
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray
+from microplan.optics.outline.outline import Arc, Edge, Outline, Ring, Segment
+from microplan.optics.render.scene import Layer, Scene
+from microplan.optics.transfer.microscope import Microscope
 
 
 def microscope(

@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import pytest
 
-from optics.layers.layer_error import choose_layers
-from optics.layers.shading import SHADED_ERROR
-from optics.ledger import CONTRAST, NM, Imaged, LedgerRow, ledger
-from optics.lens.lens import LensErrors
-from optics.lens.lens_budget import predict
-from optics.render.fidelity import choose
-from optics.render.scene import Layer, Scene
+from microplan.optics.layers.layer_error import choose_layers
+from microplan.optics.layers.shading import SHADED_ERROR
+from microplan.optics.ledger import CONTRAST, NM, Imaged, LedgerRow, ledger
+from microplan.optics.lens.lens import LensErrors
+from microplan.optics.lens.lens_budget import predict
+from microplan.optics.render.fidelity import choose
+from microplan.optics.render.scene import Layer, Scene
 from tests.optics.shapes import disc, microscope, rectangle
 
 PLATE = Layer(

@@ -9,11 +9,11 @@ import pytest
 from scipy.integrate import quad
 from scipy.special import j0, j1
 
-from optics.oracle import Oracle, tabulated
-from optics.render.scene import Window
-from optics.transfer.microscope import Microscope
-from optics.transfer.models import transfer
-from optics.transfer.otf import diffraction, exact
+from microplan.optics.oracle import Oracle, tabulated
+from microplan.optics.render.scene import Window
+from microplan.optics.transfer.microscope import Microscope
+from microplan.optics.transfer.models import transfer
+from microplan.optics.transfer.otf import diffraction, exact
 from tests.optics.shapes import brute_force, disc, microscope, rectangle
 
 

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import fft
 
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray
 
 _BATCH = 256  # points carried at once
 _SLICES = 6  # Gauss nodes over the half pupil across the edges

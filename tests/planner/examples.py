@@ -9,9 +9,9 @@ import subprocess
 import sys
 from pathlib import Path
 
-from planner.source.diagnostics import Diagnostic, Report
-from planner.task.read_task import load_task
-from planner.task.task import Task
+from microplan.planner.source.diagnostics import Diagnostic, Report
+from microplan.planner.task.read_task import load_task
+from microplan.planner.task.task import Task
 
 ROOT = Path(__file__).parents[2]
 EXAMPLE = ROOT / "examples" / "gear_on_shaft"
@@ -80,7 +80,7 @@ def microplan(
 ) -> subprocess.CompletedProcess[str]:
     """Return what `microplan` with these arguments did, in a process of its own."""
     return subprocess.run(
-        [sys.executable, "-m", "planner.cli.main", *words],
+        [sys.executable, "-m", "microplan.planner.cli.main", *words],
         cwd=folder,
         env={**os.environ, "PYTHONHASHSEED": hash_seed},
         capture_output=True,

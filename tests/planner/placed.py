@@ -5,18 +5,18 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from planner.assembly.step_states import unfold
-from planner.budget.budget import Sighted
-from planner.budget.measurement_history import Memory
-from planner.budget.placement import Putting, putting_of
-from planner.budget.placement_budget import place_budget
-from planner.looks.look_problem import Effects
-from planner.source.diagnostics import Report
-from planner.task.presets import PRESETS
-from planner.task.read_task import load_task
-from planner.task.task import Step, Task
-from schemas.plan import Budget
-from schemas.plan.verdicts import PlacingVerdict
+from microplan.planner.assembly.step_states import unfold
+from microplan.planner.budget.budget import Sighted
+from microplan.planner.budget.measurement_history import Memory
+from microplan.planner.budget.placement import Putting, putting_of
+from microplan.planner.budget.placement_budget import place_budget
+from microplan.planner.looks.look_problem import Effects
+from microplan.planner.source.diagnostics import Report
+from microplan.planner.task.presets import PRESETS
+from microplan.planner.task.read_task import load_task
+from microplan.planner.task.task import Step, Task
+from microplan.schemas.plan import Budget
+from microplan.schemas.plan.verdicts import PlacingVerdict
 from tests.planner.examples import ROOT
 
 EXAMPLE = ROOT / "examples" / "laser_die" / "task.yaml"

@@ -23,21 +23,19 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from optics.outline.outline import flatten
-from planner.assembly.step_states import unfold
-from planner.plan.compiler import feature_places
-from planner.source.diagnostics import Report
-from planner.task.read_task import load_task
-from planner.views.check_task import check_fits
-from planner.views.requests import requests
-from planner.views.scenes import world_scene
-from planner.views.target_views import views
-from schemas.codec import to_data
+from microplan.arrays import FloatArray
+from microplan.optics.outline.outline import flatten
+from microplan.planner.assembly.step_states import unfold
+from microplan.planner.plan.compiler import feature_places
+from microplan.planner.source.diagnostics import Report
+from microplan.planner.task.read_task import load_task
+from microplan.planner.views.check_task import check_fits
+from microplan.planner.views.requests import requests
+from microplan.planner.views.scenes import world_scene
+from microplan.planner.views.target_views import views
+from microplan.schemas.codec import to_data
 from tests.planner.random_jobs import Form, turned
-
-FloatArray = npt.NDArray[np.float64]
 
 SAME_UM = 1e-8  # 1e-11 of a millimetre: doubles of mm and inches end at 1e-13
 CHORD_UM = 1.0  # of the corners by which outlines are compared

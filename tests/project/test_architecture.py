@@ -30,9 +30,9 @@ def test_the_page_names_every_package() -> None:
 
 def test_starting_the_executor_loads_nothing_heavy() -> None:
     heavy = ("cv2", "scipy", "skimage", "ezdxf", "shapely", "yaml", "jsonschema",
-             "optics")  # fmt: skip
+             "microplan.optics")  # fmt: skip
     script = (
-        "import sys, executor.cli.main\n"
+        "import sys, microplan.executor.cli.main\n"
         f"sys.exit(' '.join(m for m in {heavy!r} if m in sys.modules))"
     )
     done = subprocess.run(

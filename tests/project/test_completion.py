@@ -14,13 +14,13 @@ from pathlib import Path
 
 import pytest
 
-from executor.cli.arguments import MODES
-from planner.task.presets import PRESETS
+from microplan.executor.cli.arguments import MODES
+from microplan.planner.task.presets import PRESETS
 from tests.planner.examples import ROOT
 
 COMMANDS = {
-    "microplan": ("planner.cli.main", ("completion",)),
-    "microplan-run": ("executor.cli.main", ("--completion",)),
+    "microplan": ("microplan.planner.cli.main", ("completion",)),
+    "microplan-run": ("microplan.executor.cli.main", ("--completion",)),
 }
 # what is typed -> what is offered, at least; "" begins a new word
 OFFERS: list[tuple[list[str], set[str]]] = [

@@ -12,22 +12,22 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import executor.motion.beliefs
-import planner.assembly.assembly
-from executor.devices.drivers import AxisReading
-from executor.simulated.cell import Cell, build_cell
-from featuresel.features.factorial_design import words
-from featuresel.routines.frame import RegionFrame
-from optics.lens.jacobian import to_px
-from optics.render.render import render
-from planner.assembly.assembly import Axis4, initial
-from planner.assembly.world import build_world
-from planner.source.diagnostics import Report
-from planner.task.read_task import load_task
-from planner.task.read_workcell import COVERAGE
-from planner.task.task import Task
-from schemas.codec import quantise, to_data
-from schemas.pose import Pose
+import microplan.executor.motion.beliefs
+import microplan.planner.assembly.assembly
+from microplan.executor.devices.drivers import AxisReading
+from microplan.executor.simulated.cell import Cell, build_cell
+from microplan.featuresel.features.factorial_design import words
+from microplan.featuresel.routines.frame import RegionFrame
+from microplan.optics.lens.jacobian import to_px
+from microplan.optics.render.render import render
+from microplan.planner.assembly.assembly import Axis4, initial
+from microplan.planner.assembly.world import build_world
+from microplan.planner.source.diagnostics import Report
+from microplan.planner.task.read_task import load_task
+from microplan.planner.task.read_workcell import COVERAGE
+from microplan.planner.task.task import Task
+from microplan.schemas.codec import quantise, to_data
+from microplan.schemas.pose import Pose
 from tests.optics.shapes import disc, microscope, one_layer
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "gear_on_shaft" / "task.yaml"
@@ -75,11 +75,13 @@ def test_all_three_agree_on_where_stage_and_grip_are(
     cell.truth.stage.actual = now
     cell.truth.robot.actual = now
     center = task.workcell.stage.theta_axis_um
-    compiled = planner.assembly.assembly.stage_pose(task, axis)
-    assert _same(compiled, executor.motion.beliefs.stage_pose(reading, center))
+    compiled = microplan.planner.assembly.assembly.stage_pose(task, axis)
+    assert _same(
+        compiled, microplan.executor.motion.beliefs.stage_pose(reading, center)
+    )
     assert _same(compiled, cell.truth.stage_pose())
-    grip = planner.assembly.assembly.robot_pose(axis)
-    assert _same(grip, executor.motion.beliefs.grip_pose(reading))
+    grip = microplan.planner.assembly.assembly.robot_pose(axis)
+    assert _same(grip, microplan.executor.motion.beliefs.grip_pose(reading))
     assert _same(grip, cell.truth.grip_pose())
 
 
@@ -88,7 +90,7 @@ def test_the_axis_travels_with_the_stage(
     x: float, y: float, a: float, b: float, theta: float
 ) -> None:
     reading = AxisReading(x_um=x, y_um=y, z_um=0.0, theta_rad=theta)
-    found = executor.motion.beliefs.stage_pose(reading, (a, b)).apply(a, b)
+    found = microplan.executor.motion.beliefs.stage_pose(reading, (a, b)).apply(a, b)
     assert found == pytest.approx((x + a, y + b), abs=1e-9)
 
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from planner.store.summary import plan_summary
-from schemas.plan import parse_plan
+from microplan.planner.store.summary import plan_summary
+from microplan.schemas.plan import parse_plan
 from tests.project.walk import Said, calls
 
 ROOT = Path(__file__).parents[2]

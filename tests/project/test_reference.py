@@ -11,9 +11,9 @@ from typing import Any
 
 import pytest
 
-import executor.cli.main
-import planner.cli.main
-import schemas
+import microplan.executor.cli.main
+import microplan.planner.cli.main
+from microplan.schemas.files import json_schema
 
 ROOT = Path(__file__).parents[2]
 PAGES = ROOT / "docs" / "reference"
@@ -49,10 +49,10 @@ def test_the_pages_are_what_the_generator_writes() -> None:
     assert done.returncode == 0
 
 
-@pytest.mark.parametrize("name", schemas.NAMES)
+@pytest.mark.parametrize("name", json_schema.NAMES)
 def test_every_key_of_a_format_is_told_and_explained(name: str) -> None:
     told = rows(name)
-    assert {row[0].strip("`") for row in told} == keys(schemas.load(name))
+    assert {row[0].strip("`") for row in told} == keys(json_schema.load(name))
     assert [row for row in told if not (row[1] and row[3] and row[5])] == []
 
 
@@ -70,13 +70,13 @@ def test_every_option_of_both_programs_is_told(
 ) -> None:
     text = (PAGES / "cli.md").read_text(encoding="utf-8")
     told = set(re.findall(r"--[a-z][a-z-]+", text))
-    assert planner.cli.main.main(["--help"]) == 0
+    assert microplan.planner.cli.main.main(["--help"]) == 0
     helps = [capsys.readouterr().out]
     for command in re.findall(r"^    (\w+)  ", helps[0], re.MULTILINE):
         assert f"### `microplan {command}`" in text
-        assert planner.cli.main.main([command, "--help"]) == 0
+        assert microplan.planner.cli.main.main([command, "--help"]) == 0
         helps.append(capsys.readouterr().out)
-    assert executor.cli.main.main(["--help"]) == 0
+    assert microplan.executor.cli.main.main(["--help"]) == 0
     helps.append(capsys.readouterr().out)
     named = set(re.findall(r"--[a-z][a-z-]+", "".join(helps)))
     assert len(named) > 30

@@ -121,10 +121,20 @@ def test_make_knows_its_targets() -> None:
 def test_the_packages_of_the_wheel_are_those_that_are_checked() -> None:
     with (ROOT / "pyproject.toml").open("rb") as stream:
         tool = tomllib.load(stream)["tool"]
-    packages = set(tool["hatch"]["build"]["targets"]["wheel"]["packages"])
-    assert packages == set(tool["importlinter"]["root_packages"])
-    assert packages <= set(tool["mypy"]["packages"])
-    assert all((ROOT / name / "py.typed").is_file() for name in packages)
+    build = tool["hatch"]["build"]
+    links = {link.name for link in (ROOT / "microplan").iterdir() if link.is_symlink()}
+    assert all(
+        (ROOT / "microplan" / name).readlink() == Path("..", name) for name in links
+    )
+    assert {f"/microplan/{name}" for name in links} == set(build["exclude"])
+    wheel = build["targets"]["wheel"]
+    assert {"microplan", *links} <= set(wheel["only-include"])
+    assert all(wheel["sources"][name] == f"microplan/{name}" for name in links)
+    assert tool["importlinter"]["root_package"] == "microplan"
+    assert "microplan" in tool["mypy"]["packages"]
+    lint = tool["ruff"]["lint"]
+    assert links == set(lint["flake8-tidy-imports"]["banned-api"])
+    assert all((ROOT / name / "py.typed").is_file() for name in links)
 
 
 @pytest.mark.parametrize(

@@ -65,8 +65,10 @@ def installed(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Installe
     venv.create(home, with_pip=False)
     python = home / "bin" / "python"
     pip = [sys.executable, "-m", "pip", "--python", str(python), "install", "--quiet"]
-    done = _run([*pip, "--no-deps", "--no-index", wheel], folder)
-    assert done.returncode == 0, done.stdout + done.stderr
+    before, after = (_foreign(folder, name) for name in ("executor", "optics"))
+    for file in (before, wheel, after):
+        done = _run([*pip, "--no-deps", "--no-index", file], folder)
+        assert done.returncode == 0, done.stdout + done.stderr
     (site,) = home.glob("lib/python*/site-packages")
     # a folder named here is searched, but the .pth files in it are not read: an
     # editable install of the sources stays out
@@ -75,42 +77,84 @@ def installed(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Installe
     return Installed(bin=home / "bin", folder=folder)
 
 
-def test_the_wheel_holds_the_five_packages_and_nothing_else(wheel: Path) -> None:
+def _foreign(folder: Path, name: str) -> Path:
+    """Return the wheel of somebody else's package with one of our folders' names."""
+    file = folder / f"{name}-9-py3-none-any.whl"
+    info = f"{name}-9.dist-info"
+    with zipfile.ZipFile(file, "w") as held:
+        held.writestr(f"{name}/__init__.py", f"OWNER = 'the author of {name}'\n")
+        held.writestr(f"{name}/cli.py", "")
+        held.writestr(
+            f"{info}/METADATA", f"Metadata-Version: 2.1\nName: {name}\nVersion: 9\n"
+        )
+        held.writestr(
+            f"{info}/WHEEL",
+            "Wheel-Version: 1.0\nRoot-Is-Purelib: true\nTag: py3-none-any\n",
+        )
+        held.writestr(f"{info}/RECORD", "")
+    return file
+
+
+def test_the_wheel_holds_microplan_and_nothing_else(wheel: Path) -> None:
     tops = {name.partition("/")[0] for name in zipfile.ZipFile(wheel).namelist()}
-    info = {top for top in tops if top.endswith(".dist-info")}
-    assert tops - info == set(PACKAGES)
-    assert len(info) == 1
+    (info,) = {top for top in tops if top.endswith(".dist-info")}
+    assert tops - {info} == {"microplan"}
 
 
 def test_the_wheel_holds_every_file_of_its_packages(wheel: Path) -> None:
     names = set(zipfile.ZipFile(wheel).namelist())
     wanted = {
-        file.relative_to(ROOT).as_posix()
+        f"microplan/{file.relative_to(ROOT).as_posix()}"
         for package in PACKAGES
         for kind in ("*.py", "*.json", "py.typed")
         for file in (ROOT / package).rglob(kind)
     }
-    assert {f"{package}/py.typed" for package in PACKAGES} <= wanted
-    assert {"schemas/task.schema.json", "schemas/workcell.schema.json"} <= wanted
+    wanted |= {"microplan/__init__.py", "microplan/py.typed", "microplan/arrays.py"}
+    assert {f"microplan/{package}/py.typed" for package in PACKAGES} <= wanted
+    assert "microplan/schemas/task.schema.json" in wanted
     assert wanted <= names
     assert not [name for name in names if "__pycache__" in name]
 
 
-def test_the_packages_come_from_the_wheel_alone(installed: Installed) -> None:
-    # other distributions with one of our top-level names would overwrite our files
+def test_packages_of_the_same_names_harm_neither_side(installed: Installed) -> None:
     code = (
-        "import importlib, json, importlib.metadata as m\n"
-        f"names = {PACKAGES!r}\n"
-        "files = {n: importlib.import_module(n).__file__ for n in names}\n"
-        "owners = m.packages_distributions()\n"
-        "print(json.dumps([files, {n: sorted(set(owners[n])) for n in names}]))\n"
+        "import json, executor, optics, microplan.executor.cli.main, microplan.optics\n"
+        "print(json.dumps([executor.OWNER, optics.OWNER, microplan.__file__,\n"
+        "                  microplan.optics.__file__, microplan.__path__]))\n"
     )
     done = installed.run("python", "-c", code)
     assert done.returncode == 0, done.stderr
-    files, owners = json.loads(done.stdout)
+    executor, optics, *files, path = json.loads(done.stdout)
+    assert executor == "the author of executor"
+    assert optics == "the author of optics"
     home = installed.bin.parent
-    assert all(Path(file).is_relative_to(home) for file in files.values())
-    assert owners == {name: ["microplan"] for name in PACKAGES}
+    assert all(Path(file).is_relative_to(home) for file in [*files, *path])
+    assert len(path) == 1
+
+
+def test_the_example_compiles_and_runs_beside_modules_of_the_same_names(
+    installed: Installed, compiled_example: Path
+) -> None:
+    example = installed.folder / "poisoned"
+    shutil.copytree(ROOT / "examples" / "gear_on_shaft", example)
+    for package in PACKAGES:
+        text = f"raise RuntimeError('this is not microplan.{package}')\n"
+        (example / f"{package}.py").write_text(text, encoding="utf-8")
+    compiled = _run(
+        [installed.bin / "python", "-m", "microplan.planner.cli.main", "compile",
+         "task.yaml", "-o", "plan", "--preset", "fast", "--jobs", "2"],
+        example,
+    )  # fmt: skip
+    assert compiled.returncode == 0, compiled.stderr
+    plan = (example / "plan" / "plan.json").read_bytes()
+    assert plan == (compiled_example / "plan.json").read_bytes()
+    run = _run(
+        [installed.bin / "python", "-m", "microplan.executor.cli.main",
+         "plan/plan.json", "--station", "sim", "--seed", "1", "--run-dir", "run"],
+        example,
+    )  # fmt: skip
+    assert run.returncode == 0, run.stderr
+    assert json.loads((example / "run" / "summary.json").read_text("utf-8"))["done"]
 
 
 @pytest.mark.parametrize("command", ["microplan", "microplan-run"])

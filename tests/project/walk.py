@@ -16,16 +16,16 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-import executor.cli.main
-import planner.cli.main
+import microplan.executor.cli.main
+import microplan.planner.cli.main
 
 BLOCK = re.compile(r"^```(\w+) ?(\S*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 NEARLY = 0.25  # of a number: trials on another machine may differ in a borderline one
 LEAST = 0.02  # by which a number may differ anyway
 PROGRAMS: dict[str, Callable[[list[str]], int]] = {
-    "microplan": planner.cli.main.main,
-    "microplan-run": executor.cli.main.main,
+    "microplan": microplan.planner.cli.main.main,
+    "microplan-run": microplan.executor.cli.main.main,
 }
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from schemas.codec import CodecError, from_data
+from microplan.schemas.codec import CodecError, from_data
 
 
 @dataclass(frozen=True)

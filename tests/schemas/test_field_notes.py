@@ -8,11 +8,10 @@ from typing import Any
 
 import pytest
 
-import schemas
-from schemas import pose
-from schemas.field_notes import field_notes
-from schemas.files import world
-from schemas.plan import (
+from microplan.schemas import pose
+from microplan.schemas.field_notes import field_notes
+from microplan.schemas.files import json_schema, world
+from microplan.schemas.plan import (
     actions,
     document,
     evidence,
@@ -81,8 +80,8 @@ def rules(node: Any, path: str) -> list[tuple[str, Any]]:
     return found
 
 
-@pytest.mark.parametrize("name", schemas.NAMES)
+@pytest.mark.parametrize("name", json_schema.NAMES)
 def test_every_key_of_a_schema_says_what_it_means(name: str) -> None:
-    found = rules(schemas.load(name), name)
+    found = rules(json_schema.load(name), name)
     assert len(found) > 30
     assert [path for path, rule in found if not rule.get("description")] == []

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from schemas.folders import contents, contents_within
+from microplan.schemas.folders import contents, contents_within
 
 FEW = 1 << 10
 

@@ -8,7 +8,7 @@ from typing import Any
 import jsonschema
 import pytest
 
-import schemas
+from microplan.schemas.files import json_schema
 
 
 def rules(node: Any) -> Iterator[dict[str, Any]]:
@@ -24,7 +24,7 @@ def rules(node: Any) -> Iterator[dict[str, Any]]:
 
 @pytest.mark.parametrize("name", ["task", "workcell"])
 def test_schemas_are_valid_and_leave_no_key_unchecked(name: str) -> None:
-    schema = schemas.load(name)
+    schema = json_schema.load(name)
     jsonschema.Draft202012Validator.check_schema(schema)
     for rule in rules(schema):
         assert "oneOf" not in rule  # its errors name no key
@@ -38,7 +38,7 @@ def test_schemas_are_valid_and_leave_no_key_unchecked(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["task", "workcell"])
 def test_defaults_obey_their_own_rule(name: str) -> None:
-    schema = schemas.load(name)
+    schema = json_schema.load(name)
     validator = jsonschema.Draft202012Validator(schema)
     seen = 0
     for rule in rules(schema):
@@ -54,13 +54,13 @@ def test_an_unknown_format_is_refused() -> None:
     with pytest.raises(
         ValueError, match="name must be one of task, workcell, plan, station, outlines"
     ):
-        schemas.load("cell")
+        json_schema.load("cell")
 
 
 @pytest.mark.parametrize("name", ["task", "workcell"])
 def test_every_key_is_explained(name: str) -> None:
     """What an editor shows beside a key: its own words, or what it refers to."""
-    schema = schemas.load(name)
+    schema = json_schema.load(name)
     assert schema["title"]
     silent, told = [], 0
     for path, rule in keys(schema):

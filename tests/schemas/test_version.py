@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from schemas.version import Version, VersionError, check, is_newer
+from microplan.schemas.version import Version, VersionError, check, is_newer
 
 NUMBERS = st.integers(0, 999_999)
 

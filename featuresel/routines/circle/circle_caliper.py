@@ -7,24 +7,27 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from featuresel.routines import (
+from microplan.arrays import BoolArray, FloatArray
+from microplan.featuresel.routines import work
+from microplan.featuresel.routines.circle.circle_fit import (
+    Circle,
+    fit_centre,
+    fit_circle,
+)
+from microplan.featuresel.routines.circle.rim_plan import rim_radius_um
+from microplan.featuresel.routines.contract import (
     Artifact,
     Failure,
-    FloatArray,
     Guess,
     Known,
     Measurement,
     Render,
     Target,
     TargetKind,
-    work,
 )
-from featuresel.routines.circle.circle_fit import Circle, fit_centre, fit_circle
-from featuresel.routines.circle.rim_plan import rim_radius_um
-from featuresel.routines.picture import refused
-from featuresel.routines.sampling import (
+from microplan.featuresel.routines.picture import refused
+from microplan.featuresel.routines.sampling import (
     STEP_PX,
-    BoolArray,
     Edges,
     best_width,
     cubic,
@@ -127,7 +130,7 @@ def measure(
 
 
 def cost(artifact: Artifact, _pixels: int) -> float:
-    """Return the work of one `measure`, see `featuresel.routines.Routine`."""
+    """Return the work of one `measure`, see `contract.Routine`."""
     p = artifact.parameters
     kernel = len(edge_kernel(p["width_px"]))
     search = len(line_samples(p["search_px"] + 2 * p["width_px"], p["width_px"]))

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from featuresel.routines import FloatArray
-from featuresel.routines.sampling import BoolArray, median
+from microplan.arrays import BoolArray, FloatArray
+from microplan.featuresel.routines.sampling import median
 
 _ROUNDS = 12  # of reweighting: it settles to 1e-6 px in fewer
 _SETTLED_PX = 1e-10  # a step after which the next changes nothing that is seen

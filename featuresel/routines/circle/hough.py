@@ -8,10 +8,10 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from featuresel.routines import (
+from microplan.arrays import FloatArray
+from microplan.featuresel.routines.contract import (
     Artifact,
     Failure,
-    FloatArray,
     Guess,
     Known,
     Measurement,
@@ -19,7 +19,7 @@ from featuresel.routines import (
     Target,
     TargetKind,
 )
-from featuresel.routines.picture import refused
+from microplan.featuresel.routines.picture import refused
 
 NAME = "hough"
 VERSION = "1"
@@ -112,7 +112,7 @@ def measure(
 
 
 def cost(_artifact: Artifact, pixels: int) -> float:
-    """Return the work of one `measure`, see `featuresel.routines.Routine`."""
+    """Return the work of one `measure`, see `contract.Routine`."""
     return _FIXED_WORK + _PIXEL_WORK * pixels
 
 

@@ -11,10 +11,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from featuresel.routines import (
+from microplan.arrays import FloatArray
+from microplan.featuresel.routines.circle.circle_fit import Circle
+from microplan.featuresel.routines.circle.rim import CAPTURE_PX as _AWAY_PX
+from microplan.featuresel.routines.circle.rim import approach, approach_work
+from microplan.featuresel.routines.circle.rim_plan import placed, prepare_rim
+from microplan.featuresel.routines.contract import (
     Artifact,
     Failure,
-    FloatArray,
     Guess,
     Known,
     Measurement,
@@ -22,10 +26,6 @@ from featuresel.routines import (
     Target,
     TargetKind,
 )
-from featuresel.routines.circle.circle_fit import Circle
-from featuresel.routines.circle.rim import CAPTURE_PX as _AWAY_PX
-from featuresel.routines.circle.rim import approach, approach_work
-from featuresel.routines.circle.rim_plan import placed, prepare_rim
 
 NAME = "iso_circle"
 VERSION = "2"
@@ -76,7 +76,7 @@ def measure(
 
 
 def cost(artifact: Artifact, _pixels: int) -> float:
-    """Return the work of one `measure`, see `featuresel.routines.Routine`."""
+    """Return the work of one `measure`, see `contract.Routine`."""
     return approach_work(artifact.parameters)
 
 

@@ -9,10 +9,13 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from featuresel.routines import (
+from microplan.arrays import BoolArray, FloatArray
+from microplan.featuresel.routines.circle.rim import CAPTURE_PX as _AWAY_PX
+from microplan.featuresel.routines.circle.rim import RimPoints, approach, approach_work
+from microplan.featuresel.routines.circle.rim_plan import placed, prepare_rim
+from microplan.featuresel.routines.contract import (
     Artifact,
     Failure,
-    FloatArray,
     Guess,
     Known,
     Measurement,
@@ -20,10 +23,7 @@ from featuresel.routines import (
     Target,
     TargetKind,
 )
-from featuresel.routines.circle.rim import CAPTURE_PX as _AWAY_PX
-from featuresel.routines.circle.rim import RimPoints, approach, approach_work
-from featuresel.routines.circle.rim_plan import placed, prepare_rim
-from featuresel.routines.sampling import BoolArray, median
+from microplan.featuresel.routines.sampling import median
 
 NAME = "iso_ellipse"
 VERSION = "2"
@@ -84,7 +84,7 @@ def measure(
 
 
 def cost(artifact: Artifact, _pixels: int) -> float:
-    """Return the work of one `measure`, see `featuresel.routines.Routine`."""
+    """Return the work of one `measure`, see `contract.Routine`."""
     return approach_work(artifact.parameters) + _ELLIPSE_WORK
 
 

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from featuresel.routines import FloatArray
-from featuresel.routines.sampling import BoolArray
+from microplan.arrays import BoolArray, FloatArray
 
 _ROUNDS = 4  # of Newton's method on a cubic, from the chord: settles below 1e-6 px
 

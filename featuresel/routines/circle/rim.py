@@ -9,11 +9,13 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from featuresel.routines import Failure, FloatArray, Guess, work
-from featuresel.routines.circle.circle_fit import Circle, fit_circle
-from featuresel.routines.circle.iso_lines import crossings
-from featuresel.routines.picture import refused
-from featuresel.routines.sampling import BoolArray, cubic, median
+from microplan.arrays import BoolArray, FloatArray
+from microplan.featuresel.routines import work
+from microplan.featuresel.routines.circle.circle_fit import Circle, fit_circle
+from microplan.featuresel.routines.circle.iso_lines import crossings
+from microplan.featuresel.routines.contract import Failure, Guess
+from microplan.featuresel.routines.picture import refused
+from microplan.featuresel.routines.sampling import cubic, median
 
 CAPTURE_PX = 3.0  # how far off the first ring of pixels still holds the rim
 FAINT = 0.02  # step below which an edge drowns in 8 bits and shot noise

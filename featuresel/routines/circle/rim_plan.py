@@ -7,16 +7,22 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from featuresel.routines import (
+from microplan.arrays import FloatArray
+from microplan.featuresel.routines.circle.rim import (
+    FAINT,
+    FEWEST,
+    STEP_PX,
+    THICK,
+    rings,
+)
+from microplan.featuresel.routines.contract import (
     Artifact,
     Failure,
-    FloatArray,
     Guess,
     Render,
     Target,
 )
-from featuresel.routines.circle.rim import FAINT, FEWEST, STEP_PX, THICK, rings
-from featuresel.routines.sampling import best_width
+from microplan.featuresel.routines.sampling import best_width
 
 _SPAN_PX = 20.0  # of the profile from which the filter is chosen, to both sides
 _SIDE_RAD = math.radians(30)  # a bias fixed to the part is undone below this doubt

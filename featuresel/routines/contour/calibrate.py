@@ -8,12 +8,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from featuresel.routines import FloatArray, LookModel, Target
-from featuresel.routines.contour.fit import Fit, Lines, cast, fit
-from featuresel.routines.contour.model import ROUND, Model, rim_px, turned
-from featuresel.routines.contour.polarity import Prediction, place, worth
-from featuresel.routines.contour.search import Field, Pose, field, gradients, score
-from featuresel.routines.sampling import WIDTHS_PX, median
+from microplan.arrays import FloatArray
+from microplan.featuresel.routines.contour.fit import Fit, Lines, cast, fit
+from microplan.featuresel.routines.contour.model import ROUND, Model, rim_px, turned
+from microplan.featuresel.routines.contour.polarity import Prediction, place, worth
+from microplan.featuresel.routines.contour.search import (
+    Field,
+    Pose,
+    field,
+    gradients,
+    score,
+)
+from microplan.featuresel.routines.contract import LookModel, Target
+from microplan.featuresel.routines.sampling import WIDTHS_PX, median
 
 SHRINKS = (4, 2, 1)  # of the images in which the search may begin
 _COARSE_PX = 12.0  # radius of the target there

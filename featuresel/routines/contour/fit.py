@@ -6,20 +6,19 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from featuresel.routines import Failure, FloatArray, work
-from featuresel.routines.contour.model import turned
-from featuresel.routines.contour.search import Pose
-from featuresel.routines.sampling import (
+from microplan.arrays import BoolArray, FloatArray
+from microplan.featuresel.routines import work
+from microplan.featuresel.routines.contour.model import turned
+from microplan.featuresel.routines.contour.search import Pose
+from microplan.featuresel.routines.contract import Failure
+from microplan.featuresel.routines.sampling import (
     Edges,
     edge_kernel,
     find_edges,
     line_samples,
     median,
 )
-
-BoolArray = npt.NDArray[np.bool_]
 
 _WEAKEST = 0.3  # of the predicted step: light falls to .7, focus errors take the rest
 _FEWEST = 0.5  # of the points in view must carry an edge, and of those half must fit

@@ -7,28 +7,18 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from featuresel.routines import (
-    Artifact,
-    Failure,
-    FloatArray,
-    Guess,
-    Known,
-    LookModel,
-    Measurement,
-    Target,
-    TargetKind,
-)
-from featuresel.routines.contour.calibrate import (
+from microplan.arrays import FloatArray
+from microplan.featuresel.routines.contour.calibrate import (
     SHRINKS,
     Views,
     calibrated,
     coarsest,
     floor,
 )
-from featuresel.routines.contour.fit import Fit, Lines, fit, fit_work
-from featuresel.routines.contour.model import ROUND, Model, build, rim_px
-from featuresel.routines.contour.polarity import predict
-from featuresel.routines.contour.search import (
+from microplan.featuresel.routines.contour.fit import Fit, Lines, fit, fit_work
+from microplan.featuresel.routines.contour.model import ROUND, Model, build, rim_px
+from microplan.featuresel.routines.contour.polarity import predict
+from microplan.featuresel.routines.contour.search import (
     Field,
     Pose,
     climb,
@@ -40,8 +30,18 @@ from featuresel.routines.contour.search import (
     search,
     search_work,
 )
-from featuresel.routines.contour.turns import choose_turn
-from featuresel.routines.picture import refused
+from microplan.featuresel.routines.contour.turns import choose_turn
+from microplan.featuresel.routines.contract import (
+    Artifact,
+    Failure,
+    Guess,
+    Known,
+    LookModel,
+    Measurement,
+    Target,
+    TargetKind,
+)
+from microplan.featuresel.routines.picture import refused
 
 NAME = "contour_match"
 VERSION = "1"
@@ -137,7 +137,7 @@ def measure(
 
 
 def cost(artifact: Artifact, pixels: int) -> float:
-    """Return the work of one `measure`, see `featuresel.routines.Routine`."""
+    """Return the work of one `measure`, see `contract.Routine`."""
     p = artifact.parameters
     points = artifact.arrays["points"].astype(np.float64)
     levels = [s for s in SHRINKS if s <= p["shrink"]]

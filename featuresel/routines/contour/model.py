@@ -13,10 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from featuresel.routines import FloatArray, Target
-from featuresel.routines.contour.polarity import Prediction
-
-BoolArray = npt.NDArray[np.bool_]
+from microplan.arrays import BoolArray, FloatArray
+from microplan.featuresel.routines.contour.polarity import Prediction
+from microplan.featuresel.routines.contract import Target
 
 ROUND = 0  # order of the symmetry of what looks alike at every angle
 _APART_PX = 1.5  # of points: closer ones share their pixels

@@ -12,17 +12,15 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
-from featuresel.routines import FloatArray, LookModel, Target
-from featuresel.routines.sampling import (
+from microplan.arrays import BoolArray, FloatArray
+from microplan.featuresel.routines.contract import LookModel, Target
+from microplan.featuresel.routines.sampling import (
     STEP_PX,
     WIDTHS_PX,
     cubic,
     edge_kernel,
 )
-
-BoolArray = npt.NDArray[np.bool_]
 
 _WIDTHS_PX = WIDTHS_PX[:4]  # wider filters blur edges of fine parts into each other
 FAINT = 0.02  # step height below which an edge drowns in 8 bits and shot noise

@@ -17,10 +17,10 @@ import numpy as np
 import numpy.typing as npt
 from numpy.lib.stride_tricks import sliding_window_view
 
-from featuresel.routines import FloatArray, work
-from featuresel.routines.contour.model import turned
+from microplan.arrays import Float32Array, FloatArray
+from microplan.featuresel.routines import work
+from microplan.featuresel.routines.contour.model import turned
 
-Float32Array = npt.NDArray[np.float32]
 _Samples = npt.NDArray[np.intp]
 _Directions = tuple[FloatArray, FloatArray]
 

@@ -7,9 +7,10 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from featuresel.routines import Artifact, Failure, FloatArray
-from featuresel.routines.contour.model import ROUND, rim_px
-from featuresel.routines.contour.search import Field, Pose, scan, score
+from microplan.arrays import FloatArray
+from microplan.featuresel.routines.contour.model import ROUND, rim_px
+from microplan.featuresel.routines.contour.search import Field, Pose, scan, score
+from microplan.featuresel.routines.contract import Artifact, Failure
 
 _RUNNER_UP = 0.6  # of the best turn's score, the most the second may reach
 _LEAST = 0.35  # of the whole contour's score: where nothing is, it is 0

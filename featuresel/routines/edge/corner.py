@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
-from featuresel.routines import (
+from microplan.arrays import FloatArray
+from microplan.featuresel.routines.contract import (
     Artifact,
     Failure,
-    FloatArray,
     Guess,
     Known,
     LookModel,
@@ -15,8 +15,12 @@ from featuresel.routines import (
     Target,
     TargetKind,
 )
-from featuresel.routines.edge.faces import Face
-from featuresel.routines.edge.straight import faces_work, measure_faces, prepare_faces
+from microplan.featuresel.routines.edge.faces import Face
+from microplan.featuresel.routines.edge.straight import (
+    faces_work,
+    measure_faces,
+    prepare_faces,
+)
 
 NAME = "corner"
 VERSION = "1"
@@ -58,7 +62,7 @@ def measure(
 
 
 def cost(artifact: Artifact, _pixels: int) -> float:
-    """Return the work of one `measure`, see `featuresel.routines.Routine`."""
+    """Return the work of one `measure`, see `contract.Routine`."""
     return faces_work(artifact)
 
 

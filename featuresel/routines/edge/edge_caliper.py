@@ -7,28 +7,28 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from featuresel.routines import (
+from microplan.arrays import FloatArray
+from microplan.featuresel.routines import work
+from microplan.featuresel.routines.contract import (
     Artifact,
     Failure,
-    FloatArray,
     Guess,
     Known,
     Measurement,
     Render,
     Target,
     TargetKind,
-    work,
 )
-from featuresel.routines.edge.faces import LINES_PX, Found, measure_face
-from featuresel.routines.edge.jaw_faces import (
+from microplan.featuresel.routines.edge.faces import LINES_PX, Found, measure_face
+from microplan.featuresel.routines.edge.jaw_faces import (
     SIDES,
     TIPS,
     calibrate,
     in_view,
     predicted,
 )
-from featuresel.routines.picture import refused
-from featuresel.routines.sampling import edge_kernel, line_samples
+from microplan.featuresel.routines.picture import refused
+from microplan.featuresel.routines.sampling import edge_kernel, line_samples
 
 NAME = "edge_caliper"
 VERSION = "2"
@@ -122,7 +122,7 @@ def measure(
 
 
 def cost(artifact: Artifact, _pixels: int) -> float:
-    """Return the work of one `measure`, see `featuresel.routines.Routine`."""
+    """Return the work of one `measure`, see `contract.Routine`."""
     p = artifact.parameters
     rough = 2 * math.ceil(p["range_rad"] / _TURN_STEP_RAD) + 1
     total = 0.0

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import math
 
-from featuresel.routines import (
+from microplan.arrays import FloatArray
+from microplan.featuresel.routines.contract import (
     Artifact,
     Failure,
-    FloatArray,
     Guess,
     Known,
     LookModel,
@@ -18,8 +18,12 @@ from featuresel.routines import (
     Target,
     TargetKind,
 )
-from featuresel.routines.edge.faces import Face
-from featuresel.routines.edge.straight import faces_work, measure_faces, prepare_faces
+from microplan.featuresel.routines.edge.faces import Face
+from microplan.featuresel.routines.edge.straight import (
+    faces_work,
+    measure_faces,
+    prepare_faces,
+)
 
 NAME = "edge_pair"
 VERSION = "1"
@@ -71,5 +75,5 @@ def measure(
 
 
 def cost(artifact: Artifact, _pixels: int) -> float:
-    """Return the work of one `measure`, see `featuresel.routines.Routine`."""
+    """Return the work of one `measure`, see `contract.Routine`."""
     return faces_work(artifact)

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from featuresel.routines import FloatArray
-from featuresel.routines.sampling import find_edges, line_samples, median
+from microplan.arrays import FloatArray
+from microplan.featuresel.routines.sampling import find_edges, line_samples, median
 
 FAINT = 0.04  # step height below which an edge is not trusted
 LINES_PX = 1.5  # between neighbouring lines: closer ones share their pixels

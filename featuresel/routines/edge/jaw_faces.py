@@ -6,9 +6,16 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from featuresel.routines import FloatArray, Target
-from featuresel.routines.edge.faces import FAINT, LINES_PX, Face, measure_face, points
-from featuresel.routines.sampling import STEP_PX, best_width, cubic
+from microplan.arrays import FloatArray
+from microplan.featuresel.routines.contract import Target
+from microplan.featuresel.routines.edge.faces import (
+    FAINT,
+    LINES_PX,
+    Face,
+    measure_face,
+    points,
+)
+from microplan.featuresel.routines.sampling import STEP_PX, best_width, cubic
 
 # Faces: across the fingers' sides (normal along x) and the tips (normal along -y).
 SIDES = ("inner_left", "inner_right", "outer_left", "outer_right")

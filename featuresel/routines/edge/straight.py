@@ -7,20 +7,27 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from featuresel.routines import (
+from microplan.arrays import FloatArray
+from microplan.featuresel.routines import work
+from microplan.featuresel.routines.contract import (
     Artifact,
     Failure,
-    FloatArray,
     Guess,
     LookModel,
     Target,
-    work,
 )
-from featuresel.routines.edge.faces import LINES_PX, Face, Found, measure_face
-from featuresel.routines.edge.jaw_faces import calibrate, in_view
-from featuresel.routines.edge.straight_fit import Fix, Numbers, Place, fix, moved, solve
-from featuresel.routines.picture import refused
-from featuresel.routines.sampling import edge_kernel, line_samples
+from microplan.featuresel.routines.edge.faces import LINES_PX, Face, Found, measure_face
+from microplan.featuresel.routines.edge.jaw_faces import calibrate, in_view
+from microplan.featuresel.routines.edge.straight_fit import (
+    Fix,
+    Numbers,
+    Place,
+    fix,
+    moved,
+    solve,
+)
+from microplan.featuresel.routines.picture import refused
+from microplan.featuresel.routines.sampling import edge_kernel, line_samples
 
 MOST_TURN_RAD = 0.5  # beyond, the stretches no longer lie on their edges
 _TURN_STEP_RAD = math.radians(3)  # `measure_face` copes with twice of it

@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from featuresel.routines import FloatArray, Measurement
-from featuresel.routines.edge.faces import LINES_PX, Found
+from microplan.arrays import FloatArray
+from microplan.featuresel.routines.contract import Measurement
+from microplan.featuresel.routines.edge.faces import LINES_PX, Found
 
 Numbers = Mapping[str, float]
 Place = tuple[float, float, float]  # column, row, angle

@@ -6,20 +6,20 @@ import math
 
 import numpy as np
 
-from featuresel.routines import (
+from microplan.arrays import BoolArray, FloatArray
+from microplan.featuresel.routines import work
+from microplan.featuresel.routines.contract import (
     Artifact,
     Failure,
-    FloatArray,
     Guess,
     Known,
     Measurement,
     Render,
     Target,
     TargetKind,
-    work,
 )
-from featuresel.routines.picture import refused
-from featuresel.routines.sampling import BoolArray, cubic
+from microplan.featuresel.routines.picture import refused
+from microplan.featuresel.routines.sampling import cubic
 
 NAME = "tooth_notch"
 VERSION = "1"
@@ -121,7 +121,7 @@ def measure(
 
 
 def cost(artifact: Artifact, _pixels: int) -> float:
-    """Return the work of one `measure`, see `featuresel.routines.Routine`."""
+    """Return the work of one `measure`, see `contract.Routine`."""
     p = artifact.parameters
     ring = _SAMPLES * p["count"]
     radii = max(5, int(2 * (p["outer_px"] - p["root_px"])) + 1)

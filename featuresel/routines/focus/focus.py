@@ -6,11 +6,11 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from featuresel.routines import Failure, FloatArray
-from featuresel.routines.focus.measures import MEASURES
-from featuresel.routines.focus.mirror import mirror_peak
-from featuresel.routines.focus.peak import FocusPeak, Numbers, gaussian_peak
-from featuresel.routines.sampling import BoolArray
+from microplan.arrays import BoolArray, FloatArray
+from microplan.featuresel.routines.contract import Failure
+from microplan.featuresel.routines.focus.measures import MEASURES
+from microplan.featuresel.routines.focus.mirror import mirror_peak
+from microplan.featuresel.routines.focus.peak import FocusPeak, Numbers, gaussian_peak
 
 __all__ = ["FITS", "MEASURE", "Fit", "FocusPeak", "peak", "ring_mask", "score"]
 

@@ -16,8 +16,7 @@ from collections.abc import Callable, Mapping
 import cv2
 import numpy as np
 
-from featuresel.routines import FloatArray
-from featuresel.routines.sampling import BoolArray
+from microplan.arrays import BoolArray, FloatArray
 
 Measure = Callable[[FloatArray, BoolArray | None], float]
 

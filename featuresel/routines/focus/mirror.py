@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from featuresel.routines import Failure, FloatArray
-from featuresel.routines.focus.peak import FocusPeak, Hill, Numbers, find_hill
+from microplan.arrays import FloatArray
+from microplan.featuresel.routines.contract import Failure
+from microplan.featuresel.routines.focus.peak import FocusPeak, Hill, Numbers, find_hill
 
 _PAIRS = 48  # points compared either side of the mirror: many to a stop
 _STEPS = 40  # of the mirror's search; it rests after about six

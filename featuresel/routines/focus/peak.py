@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from featuresel.routines import Failure, FloatArray
+from microplan.arrays import FloatArray
+from microplan.featuresel.routines.contract import Failure
 
 Numbers = Sequence[float] | FloatArray
 

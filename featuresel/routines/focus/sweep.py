@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from featuresel.routines import Camera, Failure, FloatArray
-from featuresel.routines.focus.measures import Measure
-from featuresel.routines.focus.mirror import mirror_error_um, mirror_peak
-from featuresel.routines.sampling import BoolArray
+from microplan.arrays import BoolArray, FloatArray
+from microplan.featuresel.routines.contract import Camera, Failure
+from microplan.featuresel.routines.focus.measures import Measure
+from microplan.featuresel.routines.focus.mirror import mirror_error_um, mirror_peak
 
 # Variance of the mirror fit over noise^2 x step x width for s = 1 / (1 + x^2), which is
 # what a squared gradient looks like, its half height at x = 1 = sqrt(2 ln 2) widths:
@@ -64,7 +64,7 @@ def focus_curve(
     images : (N, rows, columns) float array
         Without noise, 0..1 of full scale.
     measure : Measure
-        One of `featuresel.routines.focus.measures`.
+        One of `microplan.featuresel.routines.focus.measures`.
     camera : Camera
         Its noise.
     rng : numpy.random.Generator

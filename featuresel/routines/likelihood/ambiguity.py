@@ -6,13 +6,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from featuresel.routines import FloatArray
-from featuresel.routines.likelihood.comparison import Job, at
-from featuresel.routines.likelihood.pose_fit import PoseFit
-
-IntArray = npt.NDArray[np.intp]
+from microplan.arrays import FloatArray, IntArray
+from microplan.featuresel.routines.likelihood.comparison import Job, at
+from microplan.featuresel.routines.likelihood.pose_fit import PoseFit
 
 # A mark that is seen has a share of 1, one that is hidden of 0, each with a deviation
 # of 1 / sqrt(told): at three quarters four deviations keep both apart.

@@ -8,14 +8,10 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
-from featuresel.routines import Artifact, FloatArray
-from featuresel.routines.likelihood.spline import Basis, basis, cubic_weights
-
-BoolArray = npt.NDArray[np.bool_]
-IntArray = npt.NDArray[np.intp]
-Float32Array = npt.NDArray[np.float32]
+from microplan.arrays import BoolArray, Float32Array, FloatArray, IntArray
+from microplan.featuresel.routines.contract import Artifact
+from microplan.featuresel.routines.likelihood.spline import Basis, basis, cubic_weights
 
 BEYOND = 2  # planes past the range, where a natural spline's end no longer tells
 AGAIN_PX = 0.5  # a move of the target after which its pixels are chosen anew

@@ -8,14 +8,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
-from featuresel.routines import Camera, FloatArray
-from featuresel.routines.likelihood.appearance import Appearance, Pose, Veiling
-from featuresel.routines.likelihood.foreground import Front
-
-BoolArray = npt.NDArray[np.bool_]
-IntArray = npt.NDArray[np.intp]
+from microplan.arrays import BoolArray, FloatArray, IntArray
+from microplan.featuresel.routines.contract import Camera
+from microplan.featuresel.routines.likelihood.appearance import (
+    Appearance,
+    Pose,
+    Veiling,
+)
+from microplan.featuresel.routines.likelihood.foreground import Front
 
 FEWEST = 40  # pixels
 REJECT = 12.0  # deviations beyond which a pixel is not the target's
@@ -214,7 +215,7 @@ def misfits(
     cells : (N,) int array
         Of the template.
     rough : bool
-        See `featuresel.routines.likelihood.appearance.Appearance.turned`.
+        See `microplan.featuresel.routines.likelihood.appearance.Appearance.turned`.
     """
     values, targets, weights = [], [], []
     for view in job.views:

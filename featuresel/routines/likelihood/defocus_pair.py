@@ -10,22 +10,22 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from featuresel.routines import (
+from microplan.arrays import FloatArray
+from microplan.featuresel.routines.contract import (
     Artifact,
     Failure,
-    FloatArray,
     Guess,
     LookModel,
     Measurement,
     Target,
 )
-from featuresel.routines.likelihood.appearance import Pose
-from featuresel.routines.likelihood.comparison import Job, View
-from featuresel.routines.likelihood.fit_problem import prepare_job, read_job
-from featuresel.routines.likelihood.likelihood import answer
-from featuresel.routines.likelihood.pose_fit import PoseFit, fit_pose
-from featuresel.routines.likelihood.pose_start import refocused, start_pose
-from featuresel.routines.picture import refused
+from microplan.featuresel.routines.likelihood.appearance import Pose
+from microplan.featuresel.routines.likelihood.comparison import Job, View
+from microplan.featuresel.routines.likelihood.fit_problem import prepare_job, read_job
+from microplan.featuresel.routines.likelihood.likelihood import answer
+from microplan.featuresel.routines.likelihood.pose_fit import PoseFit, fit_pose
+from microplan.featuresel.routines.likelihood.pose_start import refocused, start_pose
+from microplan.featuresel.routines.picture import refused
 
 
 def prepare(
@@ -52,7 +52,7 @@ def measure(
     artifact : Artifact
         By `prepare` of this module.
     guess : Guess
-        As for `featuresel.routines.likelihood.likelihood.measure`.
+        As for `microplan.featuresel.routines.likelihood.likelihood.measure`.
 
     Returns
     -------

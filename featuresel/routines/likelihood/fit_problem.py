@@ -8,22 +8,22 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from featuresel.routines import (
+from microplan.arrays import FloatArray
+from microplan.featuresel.routines.contract import (
     Artifact,
     Camera,
     Failure,
-    FloatArray,
     LookModel,
     Target,
 )
-from featuresel.routines.likelihood.ambiguity import beside
-from featuresel.routines.likelihood.appearance import read_appearance
-from featuresel.routines.likelihood.comparison import Free, Job, View
-from featuresel.routines.likelihood.foreground import Front
-from featuresel.routines.likelihood.foreground_model import front_maps
-from featuresel.routines.likelihood.occluder_modes import sway_maps
-from featuresel.routines.likelihood.planes import FOCUS_SIGMAS, prepare_planes
-from featuresel.routines.likelihood.spline import runout_coefficients
+from microplan.featuresel.routines.likelihood.ambiguity import beside
+from microplan.featuresel.routines.likelihood.appearance import read_appearance
+from microplan.featuresel.routines.likelihood.comparison import Free, Job, View
+from microplan.featuresel.routines.likelihood.foreground import Front
+from microplan.featuresel.routines.likelihood.foreground_model import front_maps
+from microplan.featuresel.routines.likelihood.occluder_modes import sway_maps
+from microplan.featuresel.routines.likelihood.planes import FOCUS_SIGMAS, prepare_planes
+from microplan.featuresel.routines.likelihood.spline import runout_coefficients
 
 _LEAST_SIGNAL = 0.03  # of full scale, that the target must vary by
 _SHARES = (-0.9, -0.5, 0.5, 0.7, 0.9)  # of the range of turns, where they are looked at

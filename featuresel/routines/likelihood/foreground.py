@@ -5,14 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
-from featuresel.routines import FloatArray
-from featuresel.routines.likelihood.appearance import Pose
-from featuresel.routines.likelihood.spline import basis
-
-IntArray = npt.NDArray[np.intp]
-Float32Array = npt.NDArray[np.float32]
+from microplan.arrays import Float32Array, FloatArray, IntArray
+from microplan.featuresel.routines.likelihood.appearance import Pose
+from microplan.featuresel.routines.likelihood.spline import basis
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

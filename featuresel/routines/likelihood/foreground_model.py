@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from featuresel.routines import FloatArray, LookModel, Target, Veil
+from microplan.arrays import FloatArray
+from microplan.featuresel.routines.contract import LookModel, Target, Veil
 
 _DEPTHS = 2.0  # wave depths of field between heights: what is in front is blurred
 _MOST = 9  # heights: each takes a dozen images

@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import math
 
-from featuresel.routines import (
+from microplan.arrays import FloatArray
+from microplan.featuresel.routines.contract import (
     Artifact,
     Failure,
-    FloatArray,
     Guess,
     Known,
     LookModel,
@@ -21,12 +21,12 @@ from featuresel.routines import (
     Target,
     TargetKind,
 )
-from featuresel.routines.likelihood.comparison import View
-from featuresel.routines.likelihood.fit_problem import prepare_job, read_job
-from featuresel.routines.likelihood.likelihood import answer
-from featuresel.routines.likelihood.pose_fit import step_once
-from featuresel.routines.likelihood.pose_start import start_pose
-from featuresel.routines.picture import refused
+from microplan.featuresel.routines.likelihood.comparison import View
+from microplan.featuresel.routines.likelihood.fit_problem import prepare_job, read_job
+from microplan.featuresel.routines.likelihood.likelihood import answer
+from microplan.featuresel.routines.likelihood.pose_fit import step_once
+from microplan.featuresel.routines.likelihood.pose_start import start_pose
+from microplan.featuresel.routines.picture import refused
 
 NAME = "one_step"
 VERSION = "4"
@@ -41,7 +41,7 @@ _AGAIN_PX = 0.1  # a step that is shorter leaves nothing that noise would not hi
 
 
 def prepare(model: LookModel, target: Target) -> Artifact | Failure:
-    """Return what `featuresel.routines.likelihood.likelihood` prepares too."""
+    """Return what `routines.likelihood.likelihood` prepares too."""
     return prepare_job(model, target)
 
 
@@ -70,5 +70,5 @@ def measure(
 
 
 def cost(artifact: Artifact, _pixels: int) -> float:
-    """Return the work of one `measure`, see `featuresel.routines.Routine`."""
+    """Return the work of one `measure`, see `contract.Routine`."""
     return 4.0 + 1e-4 * float(artifact.arrays["planes"].shape[2])

@@ -13,12 +13,11 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
-from featuresel.routines import (
+from microplan.arrays import FloatArray, IntArray
+from microplan.featuresel.routines.contract import (
     Artifact,
     Failure,
-    FloatArray,
     Guess,
     Known,
     LookModel,
@@ -26,20 +25,18 @@ from featuresel.routines import (
     Target,
     TargetKind,
 )
-from featuresel.routines.likelihood.ambiguity import (
+from microplan.featuresel.routines.likelihood.ambiguity import (
     equal_turns,
     is_marked,
     marks,
     other_turns,
 )
-from featuresel.routines.likelihood.appearance import Pose
-from featuresel.routines.likelihood.comparison import Job, View
-from featuresel.routines.likelihood.fit_problem import prepare_job, read_job
-from featuresel.routines.likelihood.pose_fit import PoseFit, fit_pose
-from featuresel.routines.likelihood.pose_start import start_pose
-from featuresel.routines.picture import refused
-
-IntArray = npt.NDArray[np.intp]
+from microplan.featuresel.routines.likelihood.appearance import Pose
+from microplan.featuresel.routines.likelihood.comparison import Job, View
+from microplan.featuresel.routines.likelihood.fit_problem import prepare_job, read_job
+from microplan.featuresel.routines.likelihood.pose_fit import PoseFit, fit_pose
+from microplan.featuresel.routines.likelihood.pose_start import start_pose
+from microplan.featuresel.routines.picture import refused
 
 NAME = "likelihood"
 VERSION = "5"
@@ -86,7 +83,7 @@ def measure(
 
 
 def cost(artifact: Artifact, _pixels: int) -> float:
-    """Return the work of one `measure`, see `featuresel.routines.Routine`."""
+    """Return the work of one `measure`, see `contract.Routine`."""
     cells = artifact.arrays["planes"].shape[2]
     return 4.0 + 3e-4 * float(cells)
 

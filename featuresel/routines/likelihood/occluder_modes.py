@@ -11,7 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from featuresel.routines import FloatArray, LookModel
+from microplan.arrays import FloatArray
+from microplan.featuresel.routines.contract import LookModel
 
 _FAINTEST = 0.5  # of what noise makes of it in all pixels: less moves no answer as far
 _MOST = 8

@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
-from featuresel.routines import Camera, FloatArray
-
-BoolArray = npt.NDArray[np.bool_]
-IntArray = npt.NDArray[np.intp]
+from microplan.arrays import BoolArray, FloatArray, IntArray
+from microplan.featuresel.routines.contract import Camera
 
 LOSS = 1.06  # of the limits, by leaving pixels out; neighbours halve it
 _WEAK = 1e-10  # of the strongest direction: what is weaker is not told at all

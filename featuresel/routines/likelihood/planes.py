@@ -9,13 +9,14 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from featuresel.routines import Artifact, FloatArray, LookModel, Target
-from featuresel.routines.likelihood.appearance import AGAIN_PX, BEYOND
-from featuresel.routines.likelihood.pixel_selection import informative
-from featuresel.routines.likelihood.spline import depth_coefficients, plane_coefficients
-
-BoolArray = npt.NDArray[np.bool_]
-IntArray = npt.NDArray[np.intp]
+from microplan.arrays import BoolArray, FloatArray, IntArray
+from microplan.featuresel.routines.contract import Artifact, LookModel, Target
+from microplan.featuresel.routines.likelihood.appearance import AGAIN_PX, BEYOND
+from microplan.featuresel.routines.likelihood.pixel_selection import informative
+from microplan.featuresel.routines.likelihood.spline import (
+    depth_coefficients,
+    plane_coefficients,
+)
 
 FOCUS_SIGMAS = 3.0  # of focus, that the planes reach to
 # Of a wave depth of field: the light at a point of the image then turns by less than a

@@ -6,11 +6,11 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
-from featuresel.routines import Failure, FloatArray
-from featuresel.routines.likelihood.appearance import AGAIN_PX, Pose, Veiling
-from featuresel.routines.likelihood.comparison import (
+from microplan.arrays import FloatArray, IntArray
+from microplan.featuresel.routines.contract import Failure
+from microplan.featuresel.routines.likelihood.appearance import AGAIN_PX, Pose, Veiling
+from microplan.featuresel.routines.likelihood.comparison import (
     FEWEST,
     POSE,
     REJECT,
@@ -20,10 +20,7 @@ from featuresel.routines.likelihood.comparison import (
     pixels_of,
     see,
 )
-from featuresel.routines.sampling import median
-
-BoolArray = npt.NDArray[np.bool_]
-IntArray = npt.NDArray[np.intp]
+from microplan.featuresel.routines.sampling import median
 
 _ROUNDS = 30  # of Gauss-Newton; it settles in 2 to 8, far out of focus in more
 _SETTLED = 0.05  # squared length of the next step, in standard deviations, over chi^2

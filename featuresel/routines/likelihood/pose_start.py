@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from featuresel.routines import Failure, Guess
-from featuresel.routines.likelihood.appearance import Pose
-from featuresel.routines.likelihood.comparison import Job, try_each
+from microplan.featuresel.routines.contract import Failure, Guess
+from microplan.featuresel.routines.likelihood.appearance import Pose
+from microplan.featuresel.routines.likelihood.comparison import Job, try_each
 
 _DEPTHS = (0.1, 0.35, 0.6, 0.85)  # of the reach in focus, where fits start
 _DEEP = 2.5  # steps of the planes between focus heights, once the place is known

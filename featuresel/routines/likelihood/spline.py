@@ -14,7 +14,7 @@ from typing import TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from featuresel.routines import FloatArray
+from microplan.arrays import FloatArray
 
 Floats = TypeVar("Floats", FloatArray, npt.NDArray[np.float32])
 

@@ -7,8 +7,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from featuresel.routines import Failure, FloatArray, Guess, LookModel, Target
-from featuresel.routines import Measurement as Found
+from microplan.arrays import FloatArray
+from microplan.featuresel.routines.contract import Failure, Guess, LookModel, Target
+from microplan.featuresel.routines.contract import Measurement as Found
 
 Find = Callable[[FloatArray, Guess], Found | Failure]
 

@@ -13,10 +13,10 @@ import math
 
 import numpy as np
 
-from featuresel.routines import (
+from microplan.arrays import FloatArray
+from microplan.featuresel.routines.contract import (
     Artifact,
     Failure,
-    FloatArray,
     Guess,
     Known,
     LookModel,
@@ -24,16 +24,16 @@ from featuresel.routines import (
     Target,
     TargetKind,
 )
-from featuresel.routines.extent import cut, half_px
-from featuresel.routines.picture import refused
-from featuresel.routines.template.ecc_search import (
+from microplan.featuresel.routines.extent import cut, half_px
+from microplan.featuresel.routines.picture import refused
+from microplan.featuresel.routines.template.ecc_search import (
     FAINT,
     REACH_PX,
     TemplatePose,
     align,
     turned,
 )
-from featuresel.routines.template.template_fit import (
+from microplan.featuresel.routines.template.template_fit import (
     SCALE_OFF,
     SURE_SCORE,
     refine,
@@ -120,7 +120,7 @@ def measure(
 
 
 def cost(artifact: Artifact, _pixels: int) -> float:
-    """Return the work of one `measure`, see `featuresel.routines.Routine`."""
+    """Return the work of one `measure`, see `contract.Routine`."""
     template = artifact.arrays["template"]
     part = (math.hypot(*template.shape) + 2 * REACH_PX) ** 2
     each = _TURN_WORK if artifact.parameters["turns"] else _SHIFT_WORK

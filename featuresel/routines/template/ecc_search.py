@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from featuresel.routines import Failure, FloatArray
-from featuresel.routines.peak import Float32Array
+from microplan.arrays import Float32Array, FloatArray
+from microplan.featuresel.routines.contract import Failure
 
 FAINT = 0.01  # standard deviation below which a template shows nothing
 REACH_PX = 6.0  # from the start: beyond, it has run away

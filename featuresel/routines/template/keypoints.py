@@ -13,10 +13,10 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from featuresel.routines import (
+from microplan.arrays import FloatArray
+from microplan.featuresel.routines.contract import (
     Artifact,
     Failure,
-    FloatArray,
     Guess,
     Known,
     Measurement,
@@ -24,8 +24,8 @@ from featuresel.routines import (
     Target,
     TargetKind,
 )
-from featuresel.routines.extent import half_px
-from featuresel.routines.picture import refused
+from microplan.featuresel.routines.extent import half_px
+from microplan.featuresel.routines.picture import refused
 
 NAME = "keypoints"
 VERSION = "1"
@@ -107,7 +107,7 @@ def measure(
 
 
 def cost(_artifact: Artifact, pixels: int) -> float:
-    """Return the work of one `measure`, see `featuresel.routines.Routine`."""
+    """Return the work of one `measure`, see `contract.Routine`."""
     return _PIXEL_WORK * pixels
 
 

@@ -8,22 +8,22 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from featuresel.routines import (
+from microplan.arrays import Float32Array, FloatArray
+from microplan.featuresel.routines import work
+from microplan.featuresel.routines.contract import (
     Artifact,
     Failure,
-    FloatArray,
     Guess,
     Known,
     LookModel,
     Measurement,
     Target,
     TargetKind,
-    work,
 )
-from featuresel.routines.extent import cut, half_px
-from featuresel.routines.peak import Float32Array, find_peak
-from featuresel.routines.picture import refused
-from featuresel.routines.template.template_fit import (
+from microplan.featuresel.routines.extent import cut, half_px
+from microplan.featuresel.routines.peak import find_peak
+from microplan.featuresel.routines.picture import refused
+from microplan.featuresel.routines.template.template_fit import (
     SCALE_OFF,
     SURE_SCORE,
     refine,
@@ -131,7 +131,7 @@ def measure(
 
 
 def cost(artifact: Artifact, pixels: int) -> float:
-    """Return the work of one `measure`, see `featuresel.routines.Routine`."""
+    """Return the work of one `measure`, see `contract.Routine`."""
     p, templates = artifact.parameters, artifact.arrays["templates"]
     shrink = int(p["shrink"])
     reach = 2 * (p["search_px"] / shrink + 2)

@@ -9,10 +9,10 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from featuresel.routines import (
+from microplan.arrays import FloatArray
+from microplan.featuresel.routines.contract import (
     Artifact,
     Failure,
-    FloatArray,
     Guess,
     Known,
     LookModel,
@@ -20,8 +20,8 @@ from featuresel.routines import (
     Target,
     TargetKind,
 )
-from featuresel.routines.picture import refused
-from featuresel.routines.template.blob_spread import spread_px
+from microplan.featuresel.routines.picture import refused
+from microplan.featuresel.routines.template.blob_spread import spread_px
 
 NAME = "otsu"
 VERSION = "2"
@@ -120,7 +120,7 @@ def measure(
 
 
 def cost(_artifact: Artifact, pixels: int) -> float:
-    """Return the work of one `measure`, see `featuresel.routines.Routine`."""
+    """Return the work of one `measure`, see `contract.Routine`."""
     return _FIXED_WORK + _PIXEL_WORK * pixels
 
 

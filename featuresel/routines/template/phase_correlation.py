@@ -12,20 +12,20 @@ import math
 import cv2
 import numpy as np
 
-from featuresel.routines import (
+from microplan.arrays import FloatArray
+from microplan.featuresel.routines import work
+from microplan.featuresel.routines.contract import (
     Artifact,
     Failure,
-    FloatArray,
     Guess,
     Known,
     Measurement,
     Render,
     Target,
     TargetKind,
-    work,
 )
-from featuresel.routines.extent import cut, half_px
-from featuresel.routines.picture import refused
+from microplan.featuresel.routines.extent import cut, half_px
+from microplan.featuresel.routines.picture import refused
 
 NAME = "phase_correlation"
 VERSION = "1"
@@ -100,5 +100,5 @@ def measure(
 
 
 def cost(artifact: Artifact, _pixels: int) -> float:
-    """Return the work of one `measure`, see `featuresel.routines.Routine`."""
+    """Return the work of one `measure`, see `contract.Routine`."""
     return work.correlate(_TRANSFORMS * artifact.arrays["template"].size)

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from featuresel.routines import Failure, FloatArray, work
-from featuresel.routines.peak import Float32Array
-from featuresel.routines.sampling import BoolArray, cubic
+from microplan.arrays import BoolArray, Float32Array, FloatArray
+from microplan.featuresel.routines import work
+from microplan.featuresel.routines.contract import Failure
+from microplan.featuresel.routines.sampling import cubic
 
 _ROUNDS = 25  # Gauss-Newton settles in 5 to 10
 _TYPICAL_ROUNDS = 3  # from one size to the next

@@ -6,13 +6,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy import special
 
-from planner.budget.probability.quadrature import cuts_between, nodes_between
-from schemas.plan.verdicts import TurnRow
-
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray
+from microplan.planner.budget.probability.quadrature import cuts_between, nodes_between
+from microplan.schemas.plan.verdicts import TurnRow
 
 # A normal law beyond so many sigmas, 2e-19, is lost beside 1.
 BODY_SIGMAS = 9.0

@@ -9,12 +9,12 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from planner.assembly.assembly import Carrier, State, owner_of
-from planner.assembly.moves import apply_reading
-from planner.assembly.step_states import StepState
-from planner.assembly.swept_volume import SURFACE, Hit, sweep_gaps
-from planner.task.task import Task
-from schemas.plan import Budget, BudgetRow
+from microplan.planner.assembly.assembly import Carrier, State, owner_of
+from microplan.planner.assembly.moves import apply_reading
+from microplan.planner.assembly.step_states import StepState
+from microplan.planner.assembly.swept_volume import SURFACE, Hit, sweep_gaps
+from microplan.planner.task.task import Task
+from microplan.schemas.plan import Budget, BudgetRow
 
 NEGLIGIBLE = 1e-12  # a chance of touching that no row tells of
 

@@ -16,16 +16,14 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy import special
 
-from planner.budget.probability.quadrature import (
+from microplan.arrays import FloatArray
+from microplan.planner.budget.probability.quadrature import (
     cuts_between,
     nodes_between,
     nodes_between_roots,
 )
-
-FloatArray = npt.NDArray[np.float64]
 
 # exp(-40**2 / 2) = 1e-348 is no double.
 TAIL_SIGMAS = 40.0

@@ -13,13 +13,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from planner.budget.probability.miss_density import Room
-from planner.budget.probability.miss_probability import chance_beyond
-from planner.budget.probability.servo_landing import Landing
-
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray
+from microplan.planner.budget.probability.miss_density import Room
+from microplan.planner.budget.probability.miss_probability import chance_beyond
+from microplan.planner.budget.probability.servo_landing import Landing
 
 NODES = 48  # Gauss nodes over the residual, in probability
 SAME_SIZE_UM = 1e-9  # sizes that vary by less do not vary

@@ -13,13 +13,11 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-import numpy.typing as npt
 from scipy import special
 
-from planner.budget.probability.quadrature import cuts_between, nodes_between
-from planner.budget.probability.servo_landing import BODY_SIGMAS
-
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray
+from microplan.planner.budget.probability.quadrature import cuts_between, nodes_between
+from microplan.planner.budget.probability.servo_landing import BODY_SIGMAS
 
 # exp(-40**2 / 2) = 1e-348 is no double.
 TAIL_SIGMAS = 40.0

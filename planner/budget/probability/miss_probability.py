@@ -15,27 +15,25 @@ Gauss nodes between the edges serve for any ratio of the lengths.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-from planner.budget.probability.miss_density import (
+from microplan.arrays import FloatArray
+from microplan.planner.budget.probability.miss_density import (
     TAIL_SIGMAS,
     Room,
     bump_of,
     radii_near,
 )
-from planner.budget.probability.quadrature import (
+from microplan.planner.budget.probability.quadrature import (
     cuts_between,
     nodes_between,
     nodes_between_roots,
 )
-from planner.budget.probability.servo_landing import (
+from microplan.planner.budget.probability.servo_landing import (
     BODY_SIGMAS,
     STEP_SIGMAS,
     TAIL_STEP_SIGMAS,
     Landing,
 )
-
-FloatArray = npt.NDArray[np.float64]
 
 # A length below this share of all the others is lost in their rounding.
 NEGLIGIBLE = 1e-15

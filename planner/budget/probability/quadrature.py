@@ -6,9 +6,8 @@ import math
 from functools import cache
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray
 
 
 def nodes_between(cuts: FloatArray, count: int) -> tuple[FloatArray, FloatArray]:

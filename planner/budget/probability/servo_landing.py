@@ -6,12 +6,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy import special
 
-from planner.budget.probability.quadrature import nodes_between
-
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray
+from microplan.planner.budget.probability.quadrature import nodes_between
 
 # exp(-9**2 / 2) = 3e-18 is lost beside 1.
 BODY_SIGMAS = 9.0

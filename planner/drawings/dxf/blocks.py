@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from planner.drawings.dxf.file import Block, DamagedError, DxfFile, Entity
+from microplan.planner.drawings.dxf.file import Block, DamagedError, DxfFile, Entity
 
 MAX_NESTED = 64  # blocks in blocks; drawings have three or four
 

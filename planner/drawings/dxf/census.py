@@ -6,8 +6,8 @@ from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
-from planner.drawings.dxf.blocks import copies, hidden, inherited
-from planner.drawings.dxf.file import DxfFile, Entity
+from microplan.planner.drawings.dxf.blocks import copies, hidden, inherited
+from microplan.planner.drawings.dxf.file import DxfFile, Entity
 
 MAX_ROWS = 100_000  # of work, 0.1 s: blocks on many layers could ask for 1e9
 

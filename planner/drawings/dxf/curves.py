@@ -12,8 +12,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from optics.outline.outline import Arc, Edge
-from planner.drawings.biarcs import Span, biarcs, segment, unit
+from microplan.optics.outline.outline import Arc, Edge
+from microplan.planner.drawings.biarcs import Span, biarcs, segment, unit
 
 ROUND_UM = 1e-6  # half axes closer than this make a circle: rounding of 1e4 um
 

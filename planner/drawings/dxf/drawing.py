@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from optics.outline.outline import Outline, Ring
-from planner.drawings.biarcs import CURVE_UM
-from planner.drawings.census import Taken
-from planner.drawings.drawing_findings import (
+from microplan.optics.outline.outline import Outline, Ring
+from microplan.planner.drawings.biarcs import CURVE_UM
+from microplan.planner.drawings.census import Taken
+from microplan.planner.drawings.drawing_findings import (
     MAX_LISTED,
     MAX_UM,
     MIN_UM,
@@ -23,15 +23,20 @@ from planner.drawings.drawing_findings import (
     report_troubles,
     warn_coarse,
 )
-from planner.drawings.dxf.census import by_layer, held
-from planner.drawings.dxf.edges import draw
-from planner.drawings.dxf.entities import READERS
-from planner.drawings.dxf.file import CrowdedError, DamagedError, DxfFile, read_dxf
-from planner.drawings.nesting import BadRingsError, nest
-from planner.drawings.overlaps import without_overlaps
-from planner.drawings.pieces import Drawn
-from planner.drawings.rings import GAP_UM, Chained, chain
-from planner.source.diagnostics import Report, Span
+from microplan.planner.drawings.dxf.census import by_layer, held
+from microplan.planner.drawings.dxf.edges import draw
+from microplan.planner.drawings.dxf.entities import READERS
+from microplan.planner.drawings.dxf.file import (
+    CrowdedError,
+    DamagedError,
+    DxfFile,
+    read_dxf,
+)
+from microplan.planner.drawings.nesting import BadRingsError, nest
+from microplan.planner.drawings.overlaps import without_overlaps
+from microplan.planner.drawings.pieces import Drawn
+from microplan.planner.drawings.rings import GAP_UM, Chained, chain
+from microplan.planner.source.diagnostics import Report, Span
 
 __all__ = ["MAX_BYTES", "MAX_LISTED", "MAX_UM", "MIN_UM", "UM_PER_UNIT", "Drawing",
            "load_drawing", "take"]  # fmt: skip

@@ -12,9 +12,9 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from optics.outline.outline import JOIN_UM, Arc, Edge
-from planner.drawings.biarcs import TooManyError
-from planner.drawings.dxf.blocks import (
+from microplan.optics.outline.outline import JOIN_UM, Arc, Edge
+from microplan.planner.drawings.biarcs import TooManyError
+from microplan.planner.drawings.dxf.blocks import (
     EndlessError,
     Weights,
     copies,
@@ -23,11 +23,11 @@ from planner.drawings.dxf.blocks import (
     wanted_weight,
     weigh,
 )
-from planner.drawings.dxf.curves import Affine, Line, Shape
-from planner.drawings.dxf.entities import READERS, from_behind, read_entity
-from planner.drawings.dxf.file import Block, DamagedError, DxfFile, Entity
-from planner.drawings.dxf.paths import Path, UnreadableError
-from planner.drawings.pieces import Drawn, Piece, Trouble
+from microplan.planner.drawings.dxf.curves import Affine, Line, Shape
+from microplan.planner.drawings.dxf.entities import READERS, from_behind, read_entity
+from microplan.planner.drawings.dxf.file import Block, DamagedError, DxfFile, Entity
+from microplan.planner.drawings.dxf.paths import Path, UnreadableError
+from microplan.planner.drawings.pieces import Drawn, Piece, Trouble
 
 FAR_UM = 1e9  # a kilometre: beyond it doubles no longer resolve JOIN_UM well
 MAX_ENTITIES = 20_000  # with vertices, blocks expanded; 5 kB can ask for 1e9

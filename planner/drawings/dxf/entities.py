@@ -10,11 +10,17 @@ import math
 from collections.abc import Callable
 from itertools import pairwise
 
-from planner.drawings.dxf.curves import EllipticArc, Line, Shape, bulged, spline
-from planner.drawings.dxf.file import DamagedError, Entity, finite
-from planner.drawings.dxf.hatch import hatch_paths
-from planner.drawings.dxf.paths import Path, UnreadableError, knots_fit
-from planner.drawings.dxf.strokes import Knee, stroke
+from microplan.planner.drawings.dxf.curves import (
+    EllipticArc,
+    Line,
+    Shape,
+    bulged,
+    spline,
+)
+from microplan.planner.drawings.dxf.file import DamagedError, Entity, finite
+from microplan.planner.drawings.dxf.hatch import hatch_paths
+from microplan.planner.drawings.dxf.paths import Path, UnreadableError, knots_fit
+from microplan.planner.drawings.dxf.strokes import Knee, stroke
 
 # drawn in coordinates of their own, which are mirrored if seen from behind
 _OWN_PLANE = frozenset(

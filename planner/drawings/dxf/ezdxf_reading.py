@@ -19,7 +19,7 @@ from ezdxf.document import Drawing
 from ezdxf.lldxf.tagger import binary_tags_loader
 from ezdxf.math import Matrix44
 
-from planner.drawings.dxf.tags import is_binary, text_of
+from microplan.planner.drawings.dxf.tags import is_binary, text_of
 
 MAX_VISITS = 40_000  # entities that extents are taken of, blocks expanded
 MAX_FIXES = 100  # of the audit, that are told

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
-from planner.drawings.dxf.tags import DxfError, Tags, read_tags, unescaped
+from microplan.planner.drawings.dxf.tags import DxfError, Tags, read_tags, unescaped
 
 # on all layers together, with vertices and table entries: looked through in 2 s
 MAX_ITEMS = 150_000

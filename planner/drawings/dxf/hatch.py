@@ -8,9 +8,15 @@ from __future__ import annotations
 import math
 from itertools import pairwise
 
-from planner.drawings.dxf.curves import EllipticArc, Line, Shape, bulged, spline
-from planner.drawings.dxf.file import DamagedError, Entity, finite
-from planner.drawings.dxf.paths import Path, UnreadableError, knots_fit
+from microplan.planner.drawings.dxf.curves import (
+    EllipticArc,
+    Line,
+    Shape,
+    bulged,
+    spline,
+)
+from microplan.planner.drawings.dxf.file import DamagedError, Entity, finite
+from microplan.planner.drawings.dxf.paths import Path, UnreadableError, knots_fit
 
 _POLYLINE = 2  # bit of a path's flags
 _MOST_DEGREE = 15

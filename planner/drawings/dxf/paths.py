@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from planner.drawings.dxf.curves import Shape
+from microplan.planner.drawings.dxf.curves import Shape
 
 MOST_WORK = 200_000  # degree squared times control points: 2 s
 

@@ -12,8 +12,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from planner.drawings.dxf.curves import EllipticArc, Line, Shape, bulged
-from planner.drawings.dxf.paths import Path, UnreadableError
+from microplan.planner.drawings.dxf.curves import EllipticArc, Line, Shape, bulged
+from microplan.planner.drawings.dxf.paths import Path, UnreadableError
 
 _SAME = 1e-9  # relative: widths and directions closer than this are equal
 _SMOOTH_RAD = 1e-6  # edges that turn by less go on in the same direction

@@ -7,8 +7,8 @@ from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from planner.drawings.gds.library import Library, Reference, Shape, Structure
-from planner.drawings.gds.records import GdsError
+from microplan.planner.drawings.gds.library import Library, Reference, Shape, Structure
+from microplan.planner.drawings.gds.records import GdsError
 
 MAX_DEPTH = 32  # cells inside cells
 # on the selected layers, arrays counted out, a path as its pieces: long strips side by

@@ -7,22 +7,22 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from optics.outline.outline import Outline, Ring
-from planner.drawings.census import Taken
-from planner.drawings.drawing_findings import (
+from microplan.optics.outline.outline import Outline, Ring
+from microplan.planner.drawings.census import Taken
+from microplan.planner.drawings.drawing_findings import (
     MAX_LISTED,
     MAX_UM,
     MIN_UM,
     body_places,
     counts_said,
 )
-from planner.drawings.gds.cells import expand, held, reached
-from planner.drawings.gds.library import Library, read_library
-from planner.drawings.gds.records import GdsError
-from planner.drawings.gds.regions import Rounded, by_layer, unite
-from planner.drawings.nesting import BadRingsError, nest
-from planner.source.diagnostics import Report, Span
-from planner.source.schema import did_you_mean
+from microplan.planner.drawings.gds.cells import expand, held, reached
+from microplan.planner.drawings.gds.library import Library, read_library
+from microplan.planner.drawings.gds.records import GdsError
+from microplan.planner.drawings.gds.regions import Rounded, by_layer, unite
+from microplan.planner.drawings.nesting import BadRingsError, nest
+from microplan.planner.source.diagnostics import Report, Span
+from microplan.planner.source.schema import did_you_mean
 
 SAME_UNIT = 1e-6  # relative: two ways to write one unit, none of them another
 UNIT_M = {"nm": 1e-9, "um": 1e-6, "mm": 1e-3, "inch": 0.0254, "m": 1.0}

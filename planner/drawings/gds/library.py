@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from planner.drawings.gds.records import (
+from microplan.planner.drawings.gds.records import (
     GdsError,
     Record,
     bits,

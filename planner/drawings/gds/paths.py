@@ -5,13 +5,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
-from planner.drawings.gds.cells import ROUND_POINTS
-from planner.drawings.gds.library import Shape
-from planner.drawings.gds.records import GdsError
-
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray
+from microplan.planner.drawings.gds.cells import ROUND_POINTS
+from microplan.planner.drawings.gds.library import Shape
+from microplan.planner.drawings.gds.records import GdsError
 
 CHORD = 0.1  # largest sagitta of round ends, database units
 SHARP = -1e-9  # cosine of a bend: a right angle is still drawn alike by all programs

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 
-from planner.drawings.gds.library import Shape
-from planner.drawings.gds.paths import stroke
-from planner.drawings.gds.records import GdsError
-
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray
+from microplan.planner.drawings.gds.library import Shape
+from microplan.planner.drawings.gds.paths import stroke
+from microplan.planner.drawings.gds.records import GdsError
 
 MAX_WINDINGS = 20_000_000  # faces times corners of one boundary
 MAX_TOUCHES = 20_000  # pairs of edges of one boundary whose boxes meet, so counted, too

@@ -8,19 +8,17 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from optics.outline.outline import Arc, Ring, Segment
-from planner.drawings.circle_fit import fit_circle
-from planner.drawings.gds.cells import MAX_UNITS, Affine, Placed
-from planner.drawings.gds.paths import sagitta
-from planner.drawings.gds.polygons import BATCH, polygons, too_many_meetings
-from planner.drawings.gds.records import GdsError
-from planner.drawings.rings import canonical
-
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray
+from microplan.optics.outline.outline import Arc, Ring, Segment
+from microplan.planner.drawings.circle_fit import fit_circle
+from microplan.planner.drawings.gds.cells import MAX_UNITS, Affine, Placed
+from microplan.planner.drawings.gds.paths import sagitta
+from microplan.planner.drawings.gds.polygons import BATCH, polygons, too_many_meetings
+from microplan.planner.drawings.gds.records import GdsError
+from microplan.planner.drawings.rings import canonical
 
 # Corners are taken to multiples of this part of a database unit: copies turned by odd
 # angles then meet again, and what lies on the grid stays where it is.

@@ -18,7 +18,10 @@ from benchmarks.compiling.stages import (
 
 @pytest.mark.parametrize(
     "place",
-    [*STAGES.values(), *(("featuresel.look.scenario", name) for name in RENDERERS)],
+    [
+        *STAGES.values(),
+        *(("microplan.featuresel.look.scenario", name) for name in RENDERERS),
+    ],
 )
 def test_every_stage_is_called_where_it_is_timed(place: tuple[str, str]) -> None:
     module, name = place

@@ -29,10 +29,10 @@ from benchmarks.localisation.trials import (
     limit_squared,
     summed,
 )
-from featuresel.limits.crlb import camera_of, fisher
-from featuresel.limits.information import limit
-from featuresel.look.sensitivity import sensitivities
-from featuresel.routines import Failure
+from microplan.featuresel.limits.crlb import camera_of, fisher
+from microplan.featuresel.limits.information import limit
+from microplan.featuresel.look.sensitivity import sensitivities
+from microplan.featuresel.routines.contract import Failure
 
 FEW = Unit(
     way="likelihood", scene="shaft", condition="plain", z_um=5.0, part=0, trials=2

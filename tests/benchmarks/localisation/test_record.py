@@ -61,7 +61,8 @@ def test_code_is_that_of_a_module_and_of_all_it_imports(
 def test_the_fit_s_code_is_among_what_its_results_depend_on() -> None:
     tree = ast.parse("def measure():\n    return 1\n")
     assert ast.dump(localisation_record._bare(tree)) == ast.dump(tree)
-    alone = code_of("featuresel.routines.template.otsu")
+    alone = code_of("microplan.featuresel.routines.template.otsu")
     assert alone != code_of(
-        "featuresel.routines.template.otsu", "featuresel.routines.likelihood.likelihood"
+        "microplan.featuresel.routines.template.otsu",
+        "microplan.featuresel.routines.likelihood.likelihood",
     )

@@ -13,8 +13,8 @@ from benchmarks.localisation.rows import FEWEST, Row, affordable, begin
 from benchmarks.localisation.scenes import PLACE_UM, SCENES, Drawn, disturbed
 from benchmarks.localisation.table import lines, measure_all
 from benchmarks.localisation.trials import prepared
-from featuresel.look.sensitivity import Setting
-from featuresel.routines import REGISTRY, load
+from microplan.featuresel.look.sensitivity import Setting
+from microplan.featuresel.routines.registry import REGISTRY, load
 
 PAGE = Path(__file__).parents[3] / "docs" / "localisation.md"
 

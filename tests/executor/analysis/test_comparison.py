@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from executor.analysis.comparison import compare, predicted_s
-from executor.analysis.comparison_report import comparison_text
-from executor.analysis.run_summaries import Run
-from executor.cli.main import main
-from executor.record.plan_file import read_plan
-from schemas.plan import AlignAction, Plan, parse_plan
+from microplan.executor.analysis.comparison import compare, predicted_s
+from microplan.executor.analysis.comparison_report import comparison_text
+from microplan.executor.analysis.run_summaries import Run
+from microplan.executor.cli.main import main
+from microplan.executor.record.plan_file import read_plan
+from microplan.schemas.plan import AlignAction, Plan, parse_plan
 from tests.executor.bench import Folder, assembly, world
 
 STEP = "bring_between"

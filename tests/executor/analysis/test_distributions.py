@@ -7,7 +7,7 @@ import math
 import pytest
 from scipy import stats
 
-from executor.analysis.distributions import (
+from microplan.executor.analysis.distributions import (
     binomial_at_most,
     binomial_bounds,
     chi_square_above,

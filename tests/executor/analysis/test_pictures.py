@@ -14,18 +14,18 @@ import cv2
 import numpy as np
 import pytest
 
-from executor.analysis.annotate import write_marked
-from executor.analysis.appearance import appearance, likeness
-from executor.analysis.picture_file import read_picture, size_of
-from executor.analysis.picture_report import together
-from executor.analysis.pictures import Finding, find_in, viewer
-from executor.cli.main import main
-from executor.devices.errors import ExecutorError
-from executor.run.artifacts import Artifacts
-from executor.simulated.cell import build_cell
-from featuresel.routines import FloatArray
-from schemas.plan import Plan, Region, parse_plan
-from schemas.pose import Pose
+from microplan.arrays import FloatArray
+from microplan.executor.analysis.annotate import write_marked
+from microplan.executor.analysis.appearance import appearance, likeness
+from microplan.executor.analysis.picture_file import read_picture, size_of
+from microplan.executor.analysis.picture_report import together
+from microplan.executor.analysis.pictures import Finding, find_in, viewer
+from microplan.executor.cli.main import main
+from microplan.executor.devices.errors import ExecutorError
+from microplan.executor.run.artifacts import Artifacts
+from microplan.executor.simulated.cell import build_cell
+from microplan.schemas.plan import Plan, Region, parse_plan
+from microplan.schemas.pose import Pose
 from tests.executor.bench import Folder, assembly, quiet, world
 
 LOOK = "find_gear"

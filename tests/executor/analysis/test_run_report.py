@@ -12,13 +12,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from executor.analysis.run_artifacts import read_left, real
-from executor.analysis.run_frames import small
-from executor.analysis.run_report import run_report, write_report
-from executor.cli.main import main
-from executor.record.plan_file import world_beside
-from schemas.files.times import spans
-from schemas.plan import VerifyAction, parse_plan
+from microplan.executor.analysis.run_artifacts import read_left, real
+from microplan.executor.analysis.run_frames import small
+from microplan.executor.analysis.run_report import run_report, write_report
+from microplan.executor.cli.main import main
+from microplan.executor.record.plan_file import world_beside
+from microplan.schemas.files.times import spans
+from microplan.schemas.plan import VerifyAction, parse_plan
 from tests.executor.kept import PLAN, SAID
 from tests.pages import Page, check_page
 
@@ -185,7 +185,7 @@ def test_only_finite_numbers_are_numbers(value: object) -> None:
 
 def test_starting_the_executor_loads_no_page() -> None:
     script = (
-        "import sys, executor.cli.main\n"
+        "import sys, microplan.executor.cli.main\n"
         "sys.exit(' '.join(m for m in sys.modules if 'html' in m or 'run_report' in m))"
     )
     done = subprocess.run(

@@ -12,8 +12,8 @@ from typing import Any
 
 import pytest
 
-from executor.cli.main import main
-from schemas.plan import dump_plan, parse_plan
+from microplan.executor.cli.main import main
+from microplan.schemas.plan import dump_plan, parse_plan
 from tests.executor.kept import PLAN, SAID
 
 STEPS = 12

@@ -8,11 +8,11 @@ import sys
 
 import pytest
 
-from executor.cli.main import _answer, _asker, _question, _teller
-from executor.cli.options import parse
-from executor.record.summary import injected
-from executor.simulated.faults import Faults
-from schemas.plan import MoveAction
+from microplan.executor.cli.main import _answer, _asker, _question, _teller
+from microplan.executor.cli.options import parse
+from microplan.executor.record.summary import injected
+from microplan.executor.simulated.faults import Faults
+from microplan.schemas.plan import MoveAction
 from tests.executor.bench import plan_of, stage_to, step
 
 
@@ -110,7 +110,7 @@ def test_a_fault_of_no_step_is_refused() -> None:
 def test_no_file_takes_the_place_of_a_closed_stream() -> None:
     """A library that writes to standard error would write into the journal."""
     code = (
-        "import os\nfrom executor.cli.main import main\nkept = os.dup(1)\n"
+        "import os\nfrom microplan.executor.cli.main import main\nkept = os.dup(1)\n"
         "os.closerange(0, 3)\nmain(['nowhere', '--station', 'sim'])\n"
         "os.write(kept, str(os.open(os.devnull, os.O_RDONLY)).encode())"
     )

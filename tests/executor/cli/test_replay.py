@@ -16,25 +16,25 @@ from typing import Any
 import numpy as np
 import pytest
 
-from executor.cli.main import main
-from executor.cli.replay import Replayed, replay
-from executor.devices.drivers import Clock
-from executor.devices.station import Offer, Station
-from executor.motion.beliefs import Beliefs
-from executor.record.frames import Frames, read_png, write_png
-from executor.record.journal import Journal
-from executor.record.plan_file import PlanFile
-from executor.record.recorded_calls import Tape, read_record
-from executor.record.recording import Record, plain
-from executor.record.replay_station import tape_station
-from executor.record.write_ahead_log import FileStore
-from executor.run.artifacts import Artifacts
-from executor.run.run import run_plan
-from executor.run.run_context import Rig
-from executor.simulated.cell import build_cell
-from executor.simulated.hub import read_world
-from schemas.codec import from_data
-from schemas.plan import Plan, dump_plan, parse_plan
+from microplan.executor.cli.main import main
+from microplan.executor.cli.replay import Replayed, replay
+from microplan.executor.devices.drivers import Clock
+from microplan.executor.devices.station import Offer, Station
+from microplan.executor.motion.beliefs import Beliefs
+from microplan.executor.record.frames import Frames, read_png, write_png
+from microplan.executor.record.journal import Journal
+from microplan.executor.record.plan_file import PlanFile
+from microplan.executor.record.recorded_calls import Tape, read_record
+from microplan.executor.record.recording import Record, plain
+from microplan.executor.record.replay_station import tape_station
+from microplan.executor.record.write_ahead_log import FileStore
+from microplan.executor.run.artifacts import Artifacts
+from microplan.executor.run.run import run_plan
+from microplan.executor.run.run_context import Rig
+from microplan.executor.simulated.cell import build_cell
+from microplan.executor.simulated.hub import read_world
+from microplan.schemas.codec import from_data
+from microplan.schemas.plan import Plan, dump_plan, parse_plan
 from tests.executor.bench import Folder, assembly, world
 
 # steps up to the first alignment: two looks to locate, one alignment by corrections
@@ -349,7 +349,7 @@ def test_a_disk_that_fills_by_frames_is_no_other_command(
         kept.append(path)
 
     with monkeypatch.context() as full:
-        full.setattr("executor.record.frames.write_png", fill)
+        full.setattr("microplan.executor.record.frames.write_png", fill)
         call = [str(built), "--station", "sim", "--run-dir", str(run)]
         assert main(call) == 3
     assert "error[MP863]" in capsys.readouterr().err

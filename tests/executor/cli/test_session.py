@@ -11,23 +11,23 @@ from pathlib import Path
 
 import pytest
 
-from executor.cli.options import parse
-from executor.cli.select_station import Site
-from executor.cli.session import Asking, Job, _recorded, _run, header_of
-from executor.devices.device_values import CheckedClock
-from executor.devices.errors import ExecutorError
-from executor.devices.station import Station
-from executor.motion.beliefs import Beliefs
-from executor.record.frames import Frames
-from executor.record.journal import Journal
-from executor.record.plan_file import PlanFile
-from executor.record.recording import Record
-from executor.record.run_folder import RunFolder
-from executor.run.artifacts import Artifacts
-from executor.run.run import run_plan
-from executor.run.run_context import Rig
-from executor.simulated.cell import build_cell
-from schemas.plan import MoveAction
+from microplan.executor.cli.options import parse
+from microplan.executor.cli.select_station import Site
+from microplan.executor.cli.session import Asking, Job, _recorded, _run, header_of
+from microplan.executor.devices.device_values import CheckedClock
+from microplan.executor.devices.errors import ExecutorError
+from microplan.executor.devices.station import Station
+from microplan.executor.motion.beliefs import Beliefs
+from microplan.executor.record.frames import Frames
+from microplan.executor.record.journal import Journal
+from microplan.executor.record.plan_file import PlanFile
+from microplan.executor.record.recording import Record
+from microplan.executor.record.run_folder import RunFolder
+from microplan.executor.run.artifacts import Artifacts
+from microplan.executor.run.run import run_plan
+from microplan.executor.run.run_context import Rig
+from microplan.executor.simulated.cell import build_cell
+from microplan.schemas.plan import MoveAction
 from tests.executor.bench import plan_of, stage_to, step, world
 
 

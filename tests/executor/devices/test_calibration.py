@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from executor.devices.calibration import Calibration, ZoomPoint, look_frame
+from microplan.executor.devices.calibration import Calibration, ZoomPoint, look_frame
 from tests.executor.bench import plan_of
 from tests.executor.disc import look
 

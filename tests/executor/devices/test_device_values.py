@@ -12,14 +12,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from executor.devices.device_values import CheckedClock
-from executor.devices.drivers import AxisReading, Frame
-from executor.devices.errors import ExecutorError
-from executor.devices.loading import check_role
-from executor.devices.station import Station, preflight
-from executor.motion.motion import Motion
-from executor.simulated.cell import build_cell
-from schemas.plan import AxisMove
+from microplan.executor.devices.device_values import CheckedClock
+from microplan.executor.devices.drivers import AxisReading, Frame
+from microplan.executor.devices.errors import ExecutorError
+from microplan.executor.devices.loading import check_role
+from microplan.executor.devices.station import Station, preflight
+from microplan.executor.motion.motion import Motion
+from microplan.executor.simulated.cell import build_cell
+from microplan.schemas.plan import AxisMove
 from tests.executor.bench import plan_of, world
 
 
@@ -184,7 +184,7 @@ def test_a_device_that_does_not_say_what_it_is_has_a_code(
         with pytest.raises(ExecutorError, match="the light's model") as caught:
             replace(station, light=Silent(trouble)).devices()  # type: ignore[arg-type]
         assert caught.value.code == code
-    monkeypatch.setattr("executor.devices.loading.ASK_S", 0.05)
+    monkeypatch.setattr("microplan.executor.devices.loading.ASK_S", 0.05)
     for trouble, why in ((never.wait, "has not answered"), (cable, "cable")):
         with pytest.raises(ExecutorError, match=why) as caught:
             check_role(Silent(trouble), "light", "devices.light")

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from benchmarks.executing.servo_gain import GAINS, course
-from executor.devices.calibration import Calibration, ZoomPoint
-from executor.devices.drivers import Counts
-from executor.devices.errors import ExecutorError
-from executor.devices.gain import check_gains, stable_gain
-from executor.run.servo import align
-from executor.simulated.cell import Cell
-from schemas.plan import AlignAction, Plan, Region
+from microplan.executor.devices.calibration import Calibration, ZoomPoint
+from microplan.executor.devices.drivers import Counts
+from microplan.executor.devices.errors import ExecutorError
+from microplan.executor.devices.gain import check_gains, stable_gain
+from microplan.executor.run.servo import align
+from microplan.executor.simulated.cell import Cell
+from microplan.schemas.plan import AlignAction, Plan, Region
 from tests.executor.bench import control, plan_of, step
 from tests.executor.disc import PictureCamera, disc, look, quiet_cell, rig_of
 

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from executor.devices.drivers import AxisReading
-from executor.devices.errors import ExecutorError
-from executor.devices.safety import (
+from microplan.executor.devices.drivers import AxisReading
+from microplan.executor.devices.errors import ExecutorError
+from microplan.executor.devices.safety import (
     AXES,
     PhaseLimit,
     Progress,
@@ -25,7 +25,7 @@ from executor.devices.safety import (
     check_step,
     check_travel,
 )
-from schemas.plan import AxisMove
+from microplan.schemas.plan import AxisMove
 
 HOME = AxisReading(x_um=0.0, y_um=0.0, z_um=0.0, theta_rad=0.0)
 SETTLE = Settle(window_um=0.1, window_rad=1e-4, dwell_s=0.1, timeout_s=5.0, stall_s=1.0)

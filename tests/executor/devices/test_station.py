@@ -9,12 +9,12 @@ from dataclasses import replace
 
 import pytest
 
-from executor.devices.drivers import AxisReading
-from executor.devices.errors import ExecutorError
-from executor.devices.loading import check_role
-from executor.devices.station import Station, preflight
-from executor.simulated.cell import build_cell
-from schemas.plan import Plan, Reason
+from microplan.executor.devices.drivers import AxisReading
+from microplan.executor.devices.errors import ExecutorError
+from microplan.executor.devices.loading import check_role
+from microplan.executor.devices.station import Station, preflight
+from microplan.executor.simulated.cell import build_cell
+from microplan.schemas.plan import Plan, Reason
 from tests.executor.bench import plan_of, quiet, stage_start, world
 
 

@@ -12,13 +12,13 @@ from typing import Any
 
 import pytest
 
-from executor.cli.main import main
-from executor.devices.errors import ExecutorError
-from executor.devices.safety import Rules
-from executor.devices.station_file import Loaded, read_station
-from executor.devices.wall_clock import WallClock
-from executor.simulated.cell import Cell, offer_of, rules_of
-from schemas.codec import to_data
+from microplan.executor.cli.main import main
+from microplan.executor.devices.errors import ExecutorError
+from microplan.executor.devices.safety import Rules
+from microplan.executor.devices.station_file import Loaded, read_station
+from microplan.executor.devices.wall_clock import WallClock
+from microplan.executor.simulated.cell import Cell, offer_of, rules_of
+from microplan.schemas.codec import to_data
 from tests.executor.bench import Folder, assembly, quiet, world
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "stations" / "simulated.toml"

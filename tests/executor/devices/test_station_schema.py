@@ -13,12 +13,12 @@ from typing import Any
 import jsonschema
 import pytest
 
-import schemas
-from executor.devices.errors import ExecutorError
-from executor.devices.station_file import read_station
+from microplan.executor.devices.errors import ExecutorError
+from microplan.executor.devices.station_file import read_station
+from microplan.schemas.files import json_schema
 
 STATIONS = Path(__file__).parents[3] / "examples" / "stations"
-SCHEMA = schemas.load("station")
+SCHEMA = json_schema.load("station")
 # whose other keys are options, which their drivers know
 OPEN = ("hubs", "devices")
 

@@ -12,11 +12,11 @@ from types import FrameType
 
 import pytest
 
-from executor.devices.drivers import AxisReading
-from executor.devices.timeouts import Caller
-from executor.motion.motion import Motion
-from executor.simulated.cell import build_cell
-from schemas.plan import AxisMove
+from microplan.executor.devices.drivers import AxisReading
+from microplan.executor.devices.timeouts import Caller
+from microplan.executor.motion.motion import Motion
+from microplan.executor.simulated.cell import build_cell
+from microplan.schemas.plan import AxisMove
 from tests.executor.bench import world
 
 

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from executor.micromanager.hub import Hub, hub
+from microplan.executor.micromanager.hub import Hub, hub
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "stations" / "micromanager_demo.toml"
 # The steps of the bench take 40 to 150 ms at these speeds: enough to be seen moving.

@@ -13,12 +13,12 @@ from pathlib import Path
 
 import pytest
 
-from executor.devices.errors import ExecutorError
-from executor.testing import Bench, conforms, failures
+from microplan.executor.devices.errors import ExecutorError
+from microplan.executor.testing import Bench, conforms, failures
 
 HERE = importlib.util.find_spec("pymmcore_plus") is not None
 if HERE:
-    from executor.micromanager.hub import Hub, hub
+    from microplan.executor.micromanager.hub import Hub, hub
     from tests.executor.micromanager.micromanager_bench import DEVICES, demo, options
 pytestmark = pytest.mark.skipif(not HERE, reason="needs microplan[micromanager]")
 ROOT = Path(__file__).parents[3]
@@ -288,7 +288,7 @@ def test_python_ends_well_while_devices_move(how: str) -> None:
     """Without closing, it aborts here: a moving stage calls into an ended Python."""
     program = (
         "from tests.executor.micromanager.micromanager_bench import options\n"
-        "from executor.micromanager.hub import hub\n"
+        "from microplan.executor.micromanager.hub import hub\n"
         f"found = hub(**options())\n{ENDS[how]}\n"
     )
     done = subprocess.run(

@@ -16,15 +16,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from executor.cli.main import main
-from executor.devices.errors import ExecutorError
-from executor.devices.station_file import read_station
-from executor.simulated.cell import build_cell
-from executor.simulated.following import Readings, follow
-from featuresel.routines import FloatArray
-from schemas.codec import to_data
-from schemas.plan import InsertAction, Plan
-from schemas.pose import Pose
+from microplan.arrays import FloatArray
+from microplan.executor.cli.main import main
+from microplan.executor.devices.errors import ExecutorError
+from microplan.executor.devices.station_file import read_station
+from microplan.executor.simulated.cell import build_cell
+from microplan.executor.simulated.following import Readings, follow
+from microplan.schemas.codec import to_data
+from microplan.schemas.plan import InsertAction, Plan
+from microplan.schemas.pose import Pose
 from tests.executor.bench import (
     MAGNIFICATION,
     Folder,
@@ -109,7 +109,8 @@ def test_a_run_that_is_told_to_end_stops_and_does_not_abort(tmp_path: Path) -> N
     path, log = maker.write(assembly(maker), quiet(world())), tmp_path / "events"
     call = [str(path), "--station", str(EXAMPLE), "--run-dir", str(log), "--no-frames"]
     program = (
-        f"import sys\nfrom executor.cli.main import main\nsys.exit(main({call!r}))"
+        "import sys\nfrom microplan.executor.cli.main import main\n"
+        f"sys.exit(main({call!r}))"
     )
     with subprocess.Popen(
         [sys.executable, "-c", program],
@@ -139,7 +140,7 @@ def _told(log: Path) -> str:
 def test_a_rendered_hub_moves_only_demo_devices(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from executor.micromanager import demo
+    from microplan.executor.micromanager import demo
 
     (tmp_path / "world.json").write_text(json.dumps(to_data(world())), encoding="utf-8")
     monkeypatch.setattr(demo, "DEMO", ("SequenceTester",))
@@ -168,8 +169,8 @@ def test_the_light_is_in_the_picture(tmp_path: Path) -> None:
 @needs_it
 def test_the_picture_follows_stage_and_focus(tmp_path: Path) -> None:
     """As a user of pymmcore-plus has it: a core, demo stages, and the camera."""
-    from executor.micromanager.core import close_core
-    from executor.micromanager.rendered_camera import Labels, RenderedCamera
+    from microplan.executor.micromanager.core import close_core
+    from microplan.executor.micromanager.rendered_camera import Labels, RenderedCamera
 
     folder = tmp_path / "gear.plan"
     folder.mkdir()

@@ -13,9 +13,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from executor.micromanager.drives import Scale
-from executor.micromanager.movers import MMAxes, MMLens, Moved
-from executor.micromanager.paced import LONGEST_S, Paced
+from microplan.executor.micromanager.drives import Scale
+from microplan.executor.micromanager.movers import MMAxes, MMLens, Moved
+from microplan.executor.micromanager.paced import LONGEST_S, Paced
 
 ROOT = Path(__file__).parents[3]
 
@@ -163,7 +163,7 @@ def test_without_the_extra_a_station_says_what_is_missing() -> None:
     program = (
         "import sys\n"
         "sys.modules['pymmcore_plus'] = None\n"
-        "from executor.devices.loading import build, load\n"
+        "from microplan.executor.devices.loading import build, load\n"
         "made = load('executor.micromanager.hub:hub', 'hubs.mm')\n"
         "build(made, 'hubs.mm', {})\n"
     )

@@ -6,10 +6,10 @@ import math
 
 import pytest
 
-from executor.devices.drivers import AxisReading
-from executor.motion.beliefs import Beliefs, Readings, stage_pose
-from schemas.plan import Belief, FeaturePlace
-from schemas.pose import Pose
+from microplan.executor.devices.drivers import AxisReading
+from microplan.executor.motion.beliefs import Beliefs, Readings, stage_pose
+from microplan.schemas.plan import Belief, FeaturePlace
+from microplan.schemas.pose import Pose
 
 AXIS = (10.0, -20.0)
 

@@ -13,12 +13,18 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from shapely.affinity import affine_transform
 
-from executor.devices.drivers import AxisReading
-from executor.devices.errors import ExecutorError
-from executor.motion.beliefs import Beliefs, Readings
-from executor.motion.keep_out import KeepOut, Moment
-from executor.motion.swept_volume import ROUNDING_UM, Room, Travel, hull, meets
-from schemas.plan import (
+from microplan.executor.devices.drivers import AxisReading
+from microplan.executor.devices.errors import ExecutorError
+from microplan.executor.motion.beliefs import Beliefs, Readings
+from microplan.executor.motion.keep_out import KeepOut, Moment
+from microplan.executor.motion.swept_volume import (
+    ROUNDING_UM,
+    Room,
+    Travel,
+    hull,
+    meets,
+)
+from microplan.schemas.plan import (
     AxisMove,
     Belief,
     FeaturePlace,
@@ -27,8 +33,8 @@ from schemas.plan import (
     MoveAction,
     Plan,
 )
-from schemas.plan.solids import Fingers, Prism, Solid
-from schemas.pose import Pose
+from microplan.schemas.plan.solids import Fingers, Prism, Solid
+from microplan.schemas.pose import Pose
 from tests.executor.bench import plan_of, step
 
 SAMPLES = 5  # places of each axis on its way, all combined

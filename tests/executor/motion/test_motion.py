@@ -11,14 +11,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from executor.devices.drivers import Frame
-from executor.devices.errors import ExecutorError
-from executor.devices.safety import AXES, PhaseLimit
-from executor.devices.station import Station
-from executor.motion.motion import Motion
-from executor.simulated.axes import Drive
-from executor.simulated.cell import Cell, build_cell
-from schemas.plan import AxisMove, Region
+from microplan.executor.devices.drivers import Frame
+from microplan.executor.devices.errors import ExecutorError
+from microplan.executor.devices.safety import AXES, PhaseLimit
+from microplan.executor.devices.station import Station
+from microplan.executor.motion.motion import Motion
+from microplan.executor.simulated.axes import Drive
+from microplan.executor.simulated.cell import Cell, build_cell
+from microplan.schemas.plan import AxisMove, Region
 from tests.executor.bench import quiet, world
 
 FAR = AxisMove(axes="stage", x_um=-100.0, y_um=40.0)

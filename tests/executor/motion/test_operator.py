@@ -7,8 +7,8 @@ import signal
 
 import pytest
 
-from executor.devices.errors import ExecutorError
-from executor.motion.operator import Operator
+from microplan.executor.devices.errors import ExecutorError
+from microplan.executor.motion.operator import Operator
 
 
 def interrupted(times: int = 1) -> None:

@@ -10,16 +10,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from executor.motion.beliefs import Beliefs
-from executor.record.frames import Frames
-from executor.record.journal import Journal
-from executor.run.artifacts import Artifacts
-from executor.run.measure_target import look_at
-from executor.run.run_context import Rig
-from executor.simulated.cell import Cell, build_cell
-from executor.simulated.shapes import inside, outline_of, with_holes
-from schemas.plan import LocateAction, Plan, Region
-from schemas.pose import Pose
+from microplan.executor.motion.beliefs import Beliefs
+from microplan.executor.record.frames import Frames
+from microplan.executor.record.journal import Journal
+from microplan.executor.run.artifacts import Artifacts
+from microplan.executor.run.measure_target import look_at
+from microplan.executor.run.run_context import Rig
+from microplan.executor.simulated.cell import Cell, build_cell
+from microplan.executor.simulated.shapes import inside, outline_of, with_holes
+from microplan.schemas.plan import LocateAction, Plan, Region
+from microplan.schemas.pose import Pose
 from tests.executor.bench import (
     Folder,
     Seen,

@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from executor.cli.session import _open
-from executor.record.frames import Frames, read_png
-from executor.record.journal import Journal
-from executor.simulated.cell import build_cell
+from microplan.executor.cli.session import _open
+from microplan.executor.record.frames import Frames, read_png
+from microplan.executor.record.journal import Journal
+from microplan.executor.simulated.cell import build_cell
 from tests.executor.bench import world
 
 HALF = "cable \udcff, \ud800, \u00b5m"  # bytes of a port, as they are read with Python

@@ -10,13 +10,13 @@ from pathlib import Path
 
 import pytest
 
-from executor.devices.errors import ExecutorError
-from executor.record.lock import held
+from microplan.executor.devices.errors import ExecutorError
+from microplan.executor.record.lock import held
 
 HOLD = """
 import sys, time
 from pathlib import Path
-from executor.record.lock import held
+from microplan.executor.record.lock import held
 with held(Path(sys.argv[1]), "it"):
     print("held", flush=True)
     time.sleep(60)

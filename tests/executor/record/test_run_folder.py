@@ -16,18 +16,18 @@ from typing import Any
 
 import pytest
 
-from executor.cli.main import main
-from executor.devices.errors import CODES
-from executor.record.lock import held
-from executor.record.write_ahead_log import FileStore
+from microplan.executor.cli.main import main
+from microplan.executor.devices.errors import CODES
+from microplan.executor.record.lock import held
+from microplan.executor.record.write_ahead_log import FileStore
 from tests.executor.bench import Folder, assembly, world
 from tests.executor.cli.test_main import STATION, events, summary
 
 # the command, killed when a line of its journal is on the disk
 KILLED = """
 import os, signal, sys
-from executor.cli.main import main
-from executor.record.write_ahead_log import FileStore
+from microplan.executor.cli.main import main
+from microplan.executor.record.write_ahead_log import FileStore
 words, append = sys.argv[2:], FileStore.append
 def die(self, line):
     append(self, line)
@@ -248,7 +248,7 @@ def test_at_a_terminal_the_operator_decides_on_a_half_done_insertion(
     mine, its = os.openpty()
     os.write(mine, f"{answer}\n".encode())
     words = [str(built), "--station", "sim", "--run-dir", str(copy), "--no-frames"]
-    call = [sys.executable, "-m", "executor.cli.main", *words, "--resume"]
+    call = [sys.executable, "-m", "microplan.executor.cli.main", *words, "--resume"]
     ended = subprocess.run(
         call, stdin=its, stderr=its, stdout=subprocess.PIPE, text=True, check=False
     )

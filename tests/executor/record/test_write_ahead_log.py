@@ -12,9 +12,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from executor.devices.errors import ExecutorError
-from executor.record.recovery import past_in, read_past
-from executor.record.write_ahead_log import FILE, FileStore, Intents, opened, sealed
+from microplan.executor.devices.errors import ExecutorError
+from microplan.executor.record.recovery import past_in, read_past
+from microplan.executor.record.write_ahead_log import (
+    FILE,
+    FileStore,
+    Intents,
+    opened,
+    sealed,
+)
 
 READING = {"x_um": 0.0, "y_um": 0.0, "z_um": 0.0, "theta_rad": 0.0}
 HEADER = {

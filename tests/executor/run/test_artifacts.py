@@ -13,19 +13,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from executor.devices.errors import ExecutorError
-from executor.run.artifacts import _read, answer_of
-from featuresel.routines import (
-    REGISTRY,
+from microplan.arrays import FloatArray
+from microplan.executor.devices.errors import ExecutorError
+from microplan.executor.run.artifacts import _read, answer_of
+from microplan.featuresel.routines.contract import (
     Artifact,
     Failure,
-    FloatArray,
     Measurement,
     TargetKind,
-    load,
 )
-from schemas.codec import CodecError, from_data
-from schemas.plan import RoutineUse
+from microplan.featuresel.routines.registry import REGISTRY, load
+from microplan.schemas.codec import CodecError, from_data
+from microplan.schemas.plan import RoutineUse
 from tests.featuresel.routines.test_contract import prepared, render, start
 
 VALUES = (0.0, -1.0, 0.5)

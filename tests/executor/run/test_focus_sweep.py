@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from benchmarks.focus.heights import answers
-from executor.devices.errors import ExecutorError
-from executor.run.focus_sweep import LEAST_HEIGHT, Curve, peak_of
+from microplan.executor.devices.errors import ExecutorError
+from microplan.executor.run.focus_sweep import LEAST_HEIGHT, Curve, peak_of
 
 STOPS = np.linspace(70.0, 130.0, 19)
 

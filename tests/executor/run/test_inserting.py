@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import pytest
 
-from executor.run.artifacts import Artifacts
-from schemas.plan import AxisMove, InsertAction, Plan
+from microplan.executor.run.artifacts import Artifacts
+from microplan.schemas.plan import AxisMove, InsertAction, Plan
 from tests.executor.bench import plan_of, quiet, stage_to, step, world
 from tests.executor.recorder import Run, run
 

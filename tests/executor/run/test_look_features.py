@@ -16,18 +16,27 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from executor.devices.drivers import Counts
-from executor.devices.errors import ExecutorError
-from executor.record.journal import Journal
-from executor.run.artifacts import Artifacts
-from executor.run.measure_feature import bias_at
-from executor.run.measure_target import look_at
-from executor.run.run_context import Rig
-from executor.simulated.cell import Cell
-from featuresel.routines import Artifact, FloatArray, Target
-from featuresel.routines.circle import circle_caliper
-from schemas.plan import BiasAt, Look, Measure, OnFailure, Region, RoutineUse, Together
-from schemas.pose import Pose
+from microplan.arrays import FloatArray
+from microplan.executor.devices.drivers import Counts
+from microplan.executor.devices.errors import ExecutorError
+from microplan.executor.record.journal import Journal
+from microplan.executor.run.artifacts import Artifacts
+from microplan.executor.run.measure_feature import bias_at
+from microplan.executor.run.measure_target import look_at
+from microplan.executor.run.run_context import Rig
+from microplan.executor.simulated.cell import Cell
+from microplan.featuresel.routines.circle import circle_caliper
+from microplan.featuresel.routines.contract import Artifact, Target
+from microplan.schemas.plan import (
+    BiasAt,
+    Look,
+    Measure,
+    OnFailure,
+    Region,
+    RoutineUse,
+    Together,
+)
+from microplan.schemas.pose import Pose
 from tests.executor.bench import measure
 from tests.executor.disc import (
     CENTER,

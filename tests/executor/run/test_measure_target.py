@@ -12,18 +12,19 @@ from typing import cast
 import numpy as np
 import pytest
 
-from executor.devices.drivers import Counts
-from executor.devices.errors import ExecutorError
-from executor.record.journal import Journal
-from executor.run.artifacts import Artifacts
-from executor.run.measure_target import look_at, look_near, to_unit
-from executor.run.run_context import Rig
-from executor.simulated.cell import build_cell
-from featuresel.routines import Artifact, Drifts, FloatArray, LookModel, Target
-from featuresel.routines.template import ncc
-from schemas.plan import Gates, Look, OnFailure, Region, RoutineUse
-from schemas.plan.views import CoarseFirst
-from schemas.pose import Pose
+from microplan.arrays import FloatArray
+from microplan.executor.devices.drivers import Counts
+from microplan.executor.devices.errors import ExecutorError
+from microplan.executor.record.journal import Journal
+from microplan.executor.run.artifacts import Artifacts
+from microplan.executor.run.measure_target import look_at, look_near, to_unit
+from microplan.executor.run.run_context import Rig
+from microplan.executor.simulated.cell import build_cell
+from microplan.featuresel.routines.contract import Artifact, Drifts, LookModel, Target
+from microplan.featuresel.routines.template import ncc
+from microplan.schemas.plan import Gates, Look, OnFailure, Region, RoutineUse
+from microplan.schemas.plan.views import CoarseFirst
+from microplan.schemas.pose import Pose
 from tests.executor.disc import (
     CENTER,
     PITCH_UM,

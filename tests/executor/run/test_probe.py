@@ -10,18 +10,18 @@ from io import StringIO
 import numpy as np
 import pytest
 
-from executor.devices.calibration import Calibration, ZoomPoint
-from executor.devices.drivers import Counts
-from executor.devices.errors import ExecutorError
-from executor.devices.safety import PhaseLimit
-from executor.devices.station import ALIGNED
-from executor.run.image_jacobian import LIMIT, followed
-from executor.run.probe import look_probed
-from executor.run.probe_limits import axis_sigma_um
-from executor.run.run_context import Rig
-from executor.simulated.cell import Cell, build_cell
-from schemas.plan import AlignAction, AxisMove, Look, Plan, Region
-from schemas.pose import Pose
+from microplan.executor.devices.calibration import Calibration, ZoomPoint
+from microplan.executor.devices.drivers import Counts
+from microplan.executor.devices.errors import ExecutorError
+from microplan.executor.devices.safety import PhaseLimit
+from microplan.executor.devices.station import ALIGNED
+from microplan.executor.run.image_jacobian import LIMIT, followed
+from microplan.executor.run.probe import look_probed
+from microplan.executor.run.probe_limits import axis_sigma_um
+from microplan.executor.run.run_context import Rig
+from microplan.executor.simulated.cell import Cell, build_cell
+from microplan.schemas.plan import AlignAction, AxisMove, Look, Plan, Region
+from microplan.schemas.pose import Pose
 from tests.executor.bench import control, plan_of, step
 from tests.executor.disc import PictureCamera, disc, look, noisy, rig_of
 

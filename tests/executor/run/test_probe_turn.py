@@ -10,18 +10,18 @@ from typing import Any
 
 import pytest
 
-from executor.devices.drivers import AxisReading
-from executor.devices.errors import ExecutorError
-from executor.motion.beliefs import Beliefs
-from executor.record.frames import Frames
-from executor.record.journal import Journal
-from executor.run.artifacts import Artifacts
-from executor.run.image_jacobian import check_turn
-from executor.run.probe import look_probed
-from executor.run.run_context import Rig
-from executor.simulated.axes import SimAxes
-from executor.simulated.cell import build_cell
-from schemas.plan import AlignAction, LocateAction, Plan
+from microplan.executor.devices.drivers import AxisReading
+from microplan.executor.devices.errors import ExecutorError
+from microplan.executor.motion.beliefs import Beliefs
+from microplan.executor.record.frames import Frames
+from microplan.executor.record.journal import Journal
+from microplan.executor.run.artifacts import Artifacts
+from microplan.executor.run.image_jacobian import check_turn
+from microplan.executor.run.probe import look_probed
+from microplan.executor.run.run_context import Rig
+from microplan.executor.simulated.axes import SimAxes
+from microplan.executor.simulated.cell import build_cell
+from microplan.schemas.plan import AlignAction, LocateAction, Plan
 from tests.executor.bench import Folder, Seen, control, plan_of, quiet, step, world
 
 ALONE = Seen(gear=(0, 0, 0), plate=(-600, 0, 0), opening_um=None)

@@ -8,12 +8,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from executor.devices.drivers import AxisReading
-from executor.devices.errors import ExecutorError
-from executor.devices.safety import Rules
-from executor.record.recovery import Past
-from executor.record.write_ahead_log import Intent, Standing
-from executor.run.resume import decide
+from microplan.executor.devices.drivers import AxisReading
+from microplan.executor.devices.errors import ExecutorError
+from microplan.executor.devices.safety import Rules
+from microplan.executor.record.recovery import Past
+from microplan.executor.record.write_ahead_log import Intent, Standing
+from microplan.executor.run.resume import decide
 
 RULES = Rules()
 BEFORE = Standing(

@@ -12,13 +12,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from executor.devices.drivers import AxisReading, Counts
-from executor.devices.errors import ExecutorError
-from executor.run.run_context import Rig
-from executor.run.servo import NOISE_PER_TOLERANCE, align, correction, diverges
-from executor.simulated.cell import Cell, build_cell
-from schemas.plan import AlignAction, Region
-from schemas.pose import Pose
+from microplan.executor.devices.drivers import AxisReading, Counts
+from microplan.executor.devices.errors import ExecutorError
+from microplan.executor.run.run_context import Rig
+from microplan.executor.run.servo import (
+    NOISE_PER_TOLERANCE,
+    align,
+    correction,
+    diverges,
+)
+from microplan.executor.simulated.cell import Cell, build_cell
+from microplan.schemas.plan import AlignAction, Region
+from microplan.schemas.pose import Pose
 from tests.executor.bench import control
 from tests.executor.disc import (
     PictureCamera,

@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import pytest
 
-from executor.devices.errors import ExecutorError
-from executor.run.measure_target import Sighting
-from executor.run.verify import check_turn
-from schemas.plan import VerifyAction
+from microplan.executor.devices.errors import ExecutorError
+from microplan.executor.run.measure_target import Sighting
+from microplan.executor.run.verify import check_turn
+from microplan.schemas.plan import VerifyAction
 
 ACTION = VerifyAction(
     target="die", on="submount.mark", look="a", seat_look="b", within_um=1.0,

@@ -11,18 +11,18 @@ from functools import cache
 import numpy as np
 import pytest
 
-from executor.devices.drivers import Counts
-from executor.record.journal import Journal
-from executor.run.artifacts import Artifacts
-from executor.run.run_context import Rig
-from executor.run.servo import align
-from executor.run.warm_start import STEP, Found, Near, nearest_routine
-from executor.simulated.cell import Cell, build_cell
-from featuresel.routines import Artifact, Measurement
-from featuresel.routines.circle import circle_caliper
-from featuresel.routines.likelihood import likelihood
-from optics.lens.sensor import expose
-from schemas.plan import Look, Region, RoutineUse
+from microplan.executor.devices.drivers import Counts
+from microplan.executor.record.journal import Journal
+from microplan.executor.run.artifacts import Artifacts
+from microplan.executor.run.run_context import Rig
+from microplan.executor.run.servo import align
+from microplan.executor.run.warm_start import STEP, Found, Near, nearest_routine
+from microplan.executor.simulated.cell import Cell, build_cell
+from microplan.featuresel.routines.circle import circle_caliper
+from microplan.featuresel.routines.contract import Artifact, Measurement
+from microplan.featuresel.routines.likelihood import likelihood
+from microplan.optics.lens.sensor import expose
+from microplan.schemas.plan import Look, Region, RoutineUse
 from tests.executor.bench import control, measure
 from tests.executor.disc import PictureCamera, noisy, rig_of
 from tests.executor.disc import look as disc_look

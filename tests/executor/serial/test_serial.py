@@ -19,19 +19,24 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from executor.devices.errors import ExecutorError
-from executor.devices.station import Station
-from executor.devices.station_file import read_station
-from executor.devices.wall_clock import WallClock
-from executor.motion.motion import Motion
-from executor.serial.devices import Controller
-from executor.serial.link import TRIES, Link
-from executor.serial.port import Port
-from executor.serial.protocol import LONGEST, Answer, answer, crc8, question
-from executor.simulated.cell import build_cell
-from executor.simulated.controller import FAULTS, FakeController, _check, _line
-from executor.testing import Bench, conforms
-from schemas.codec import to_data
+from microplan.executor.devices.errors import ExecutorError
+from microplan.executor.devices.station import Station
+from microplan.executor.devices.station_file import read_station
+from microplan.executor.devices.wall_clock import WallClock
+from microplan.executor.motion.motion import Motion
+from microplan.executor.serial.devices import Controller
+from microplan.executor.serial.link import TRIES, Link
+from microplan.executor.serial.port import Port
+from microplan.executor.serial.protocol import LONGEST, Answer, answer, crc8, question
+from microplan.executor.simulated.cell import build_cell
+from microplan.executor.simulated.controller import (
+    FAULTS,
+    FakeController,
+    _check,
+    _line,
+)
+from microplan.executor.testing import Bench, conforms
+from microplan.schemas.codec import to_data
 from tests.executor.bench import quiet, world
 
 LIMITS: dict[str, Any] = {

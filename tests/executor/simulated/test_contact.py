@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import pytest
 
-from executor.simulated.cell import Cell, build_cell
-from executor.simulated.contact import hole_error, posts
-from executor.simulated.truth import Body
-from schemas.pose import Pose
+from microplan.executor.simulated.cell import Cell, build_cell
+from microplan.executor.simulated.contact import hole_error, posts
+from microplan.executor.simulated.truth import Body
+from microplan.schemas.pose import Pose
 from tests.executor.bench import quiet, world
 
 CLEARANCE_UM = 3.0  # bore radius 25, post radius 22

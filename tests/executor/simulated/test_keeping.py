@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from executor.devices.errors import ExecutorError
-from executor.simulated.cell import Cell, build_cell
-from executor.simulated.keeping import keep, state_of, take
+from microplan.executor.devices.errors import ExecutorError
+from microplan.executor.simulated.cell import Cell, build_cell
+from microplan.executor.simulated.keeping import keep, state_of, take
 from tests.executor.bench import world
 
 SEED = 4

@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from executor.simulated.cell import build_cell
-from executor.simulated.lens import drawn_errors
-from optics.lens.lens import MAX_DISTORTION, LensErrors
-from schemas.files.world import World, WorldLens
+from microplan.executor.simulated.cell import build_cell
+from microplan.executor.simulated.lens import drawn_errors
+from microplan.optics.lens.lens import MAX_DISTORTION, LensErrors
+from microplan.schemas.files.world import World, WorldLens
 from tests.executor.bench import quiet, world
 
 GEAR_UM = 200.0  # where the gear is, right of the axis

@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from executor.devices.timeouts import Caller
-from executor.devices.wall_clock import WallClock
-from executor.simulated.cell import Cell, build_cell
-from executor.testing import Bench, ConformanceError, conforms, failures
-from executor.testing.__main__ import main
-from schemas.codec import to_data
+from microplan.executor.devices.timeouts import Caller
+from microplan.executor.devices.wall_clock import WallClock
+from microplan.executor.simulated.cell import Cell, build_cell
+from microplan.executor.testing import Bench, ConformanceError, conforms, failures
+from microplan.executor.testing.__main__ import main
+from microplan.schemas.codec import to_data
 from tests.executor.bench import quiet, world
 
 ROLES = ("stage", "robot", "jaws", "lens", "light", "camera", "clock")

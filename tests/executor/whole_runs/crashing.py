@@ -14,25 +14,25 @@ from unittest.mock import patch
 
 import numpy as np
 
-from executor.devices.errors import ExecutorError
-from executor.devices.station import Station
-from executor.devices.timeouts import Caller
-from executor.motion.beliefs import Beliefs
-from executor.motion.motion import Motion
-from executor.record.frames import Frames
-from executor.record.journal import Journal
-from executor.record.recovery import Found, Header, past_in
-from executor.record.write_ahead_log import Intents
-from executor.run.artifacts import Artifacts
-from executor.run.resume import begin, take_up
-from executor.run.run import run_plan
-from executor.run.run_context import Rig
-from executor.simulated import axes, contact
-from executor.simulated.camera import SimCamera
-from executor.simulated.cell import Cell, build_cell
-from schemas.files.world import World
-from schemas.plan import InsertAction, Plan
-from schemas.plan.views import CoarseFirst
+from microplan.executor.devices.errors import ExecutorError
+from microplan.executor.devices.station import Station
+from microplan.executor.devices.timeouts import Caller
+from microplan.executor.motion.beliefs import Beliefs
+from microplan.executor.motion.motion import Motion
+from microplan.executor.record.frames import Frames
+from microplan.executor.record.journal import Journal
+from microplan.executor.record.recovery import Found, Header, past_in
+from microplan.executor.record.write_ahead_log import Intents
+from microplan.executor.run.artifacts import Artifacts
+from microplan.executor.run.resume import begin, take_up
+from microplan.executor.run.run import run_plan
+from microplan.executor.run.run_context import Rig
+from microplan.executor.simulated import axes, contact
+from microplan.executor.simulated.camera import SimCamera
+from microplan.executor.simulated.cell import Cell, build_cell
+from microplan.schemas.files.world import World
+from microplan.schemas.plan import InsertAction, Plan
+from microplan.schemas.plan.views import CoarseFirst
 from tests.executor.bench import Folder, assembly, quiet, world
 from tests.executor.pictures import remembered
 from tests.executor.recorder import SILENT

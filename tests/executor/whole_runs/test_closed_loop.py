@@ -13,12 +13,12 @@ import pytest
 from ezdxf import document
 from scipy.stats import binomtest
 
-import executor.cli.main
-from planner.cli.main import main as microplan_main
-from planner.task.presets import PRESETS
+import microplan.executor.cli.main
+from microplan.planner.cli.main import main as microplan_main
+from microplan.planner.task.presets import PRESETS
 from tests.planner.examples import change, copy_example, one_zoom
 
-SEEDS = range(4)  # `python -m benchmarks executor.success` takes hundreds
+SEEDS = range(4)  # `python -m benchmarks microplan.executor.success` takes hundreds
 # An L of lines, 120 x 80 um; an arc rounds one corner and a circle is its hole.
 BRACKET = (
     ((0, 0), (120, 0)),
@@ -33,7 +33,7 @@ BRACKET = (
 def run(plan: Path, folder: Path, seed: int, *more: str) -> tuple[int, dict[str, Any]]:
     """Run a plan on the simulated cell; return the exit status and the summary."""
     call = [str(plan / "plan.json"), "--station", "sim", "--seed", str(seed)]
-    status = executor.cli.main.main(
+    status = microplan.executor.cli.main.main(
         [*call, "--run-dir", str(folder), "--no-frames", *more]
     )
     summary: dict[str, Any] = json.loads((folder / "summary.json").read_text())
@@ -153,7 +153,7 @@ def test_a_look_with_a_feature_to_spare_does_without_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     spare = replace(PRESETS["fast"], trials=16, range_draws=1, thorough=True)
-    monkeypatch.setattr("planner.plan.compiler.PRESETS", {"fast": spare})
+    monkeypatch.setattr("microplan.planner.plan.compiler.PRESETS", {"fast": spare})
     task = bracket_task(tmp_path)
     folder = tmp_path / "bracket.plan"
     assert (

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from executor.simulated.cell import build_cell
+from microplan.executor.simulated.cell import build_cell
 from tests.executor.whole_runs.crashing import (
     ORDER_HOWS,
     Fate,
@@ -119,7 +119,7 @@ def test_an_executor_that_did_not_sense_would_be_caught(
     job: Job, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     ledger = killed_in_the_grasp(job)
-    monkeypatch.setattr("executor.run.resume.decide", lambda *_: "not begun")
+    monkeypatch.setattr("microplan.executor.run.resume.decide", lambda *_: "not begun")
     live(job, ledger)
     assert any("although the jaws did that" in word for word in ledger.wrong)
 

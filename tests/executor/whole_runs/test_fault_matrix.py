@@ -10,13 +10,13 @@ from pathlib import Path
 
 import pytest
 
-from executor.devices.errors import CODES
-from executor.devices.station import Station
-from executor.run.artifacts import Artifacts
-from executor.simulated.camera import SimCamera
-from executor.simulated.faults import FAULTS
-from schemas.files.world import World
-from schemas.plan import Plan
+from microplan.executor.devices.errors import CODES
+from microplan.executor.devices.station import Station
+from microplan.executor.run.artifacts import Artifacts
+from microplan.executor.simulated.camera import SimCamera
+from microplan.executor.simulated.faults import FAULTS
+from microplan.schemas.files.world import World
+from microplan.schemas.plan import Plan
 from tests.executor.bench import Folder, assembly, quiet, world
 from tests.executor.pictures import remembered
 from tests.executor.recorder import Run, run

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from executor.cli.main import main
+from microplan.executor.cli.main import main
 from tests.executor.bench import Folder, assembly, quiet, world
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "stations" / "simulated.toml"

@@ -11,9 +11,9 @@ from typing import Any
 
 import pytest
 
-from executor.cli.main import main as executor
-from planner.cli.main import main as compiler
-from schemas.plan import FORMAT_VERSION, AxisMove, parse_plan
+from microplan.executor.cli.main import main as executor
+from microplan.planner.cli.main import main as compiler
+from microplan.schemas.plan import FORMAT_VERSION, AxisMove, parse_plan
 from tests.executor.bench import Folder, assembly, world
 
 Data = dict[str, Any]

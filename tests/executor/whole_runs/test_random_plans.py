@@ -12,18 +12,18 @@ import numpy as np
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from executor.devices.drivers import AxisReading, Counts
-from executor.devices.errors import CODES
-from executor.devices.safety import AXES, Phase, PhaseLimit
-from executor.devices.station import Station
-from executor.motion.beliefs import Beliefs
-from executor.record.frames import Frames
-from executor.record.journal import Journal
-from executor.record.outcome import RunResult
-from executor.run.run import run_plan
-from executor.run.run_context import Rig
-from executor.simulated.cell import Cell, build_cell
-from schemas.plan import (
+from microplan.executor.devices.drivers import AxisReading, Counts
+from microplan.executor.devices.errors import CODES
+from microplan.executor.devices.safety import AXES, Phase, PhaseLimit
+from microplan.executor.devices.station import Station
+from microplan.executor.motion.beliefs import Beliefs
+from microplan.executor.record.frames import Frames
+from microplan.executor.record.journal import Journal
+from microplan.executor.record.outcome import RunResult
+from microplan.executor.run.run import run_plan
+from microplan.executor.run.run_context import Rig
+from microplan.executor.simulated.cell import Cell, build_cell
+from microplan.schemas.plan import (
     AlignAction,
     AxisMove,
     GraspAction,
@@ -48,7 +48,8 @@ LIMITS: dict[Phase, PhaseLimit] = {
 }
 MARGIN_UM = 5.0  # of the fingers over the stage
 ORDERS = ("start", "start_magnification", "start_focus_um", "set_level", "grab")
-# Numbers come in six digits: `executor.devices.safety.ROUNDING` of the largest, 1e4 um.
+# Numbers come in six digits: `microplan.executor.devices.safety.ROUNDING` of the
+# largest, 1e4 um.
 SLACK = 1.1e-5
 
 # A plan holds finite numbers only: its reader sees to that.

@@ -12,15 +12,15 @@ from typing import Any
 
 import pytest
 
-from executor.cli.main import main
-from executor.motion.beliefs import Beliefs
-from executor.record.frames import Frames
-from executor.record.journal import Journal
-from executor.run.artifacts import Artifacts
-from executor.run.run import run_plan
-from executor.run.run_context import Rig
-from executor.simulated.cell import build_cell
-from schemas.plan import Plan, ReleaseAction, parse_plan
+from microplan.executor.cli.main import main
+from microplan.executor.motion.beliefs import Beliefs
+from microplan.executor.record.frames import Frames
+from microplan.executor.record.journal import Journal
+from microplan.executor.run.artifacts import Artifacts
+from microplan.executor.run.run import run_plan
+from microplan.executor.run.run_context import Rig
+from microplan.executor.simulated.cell import build_cell
+from microplan.schemas.plan import Plan, ReleaseAction, parse_plan
 from tests.executor.bench import Folder, assembly, step, world
 from tests.executor.bench import robot_to as robot
 

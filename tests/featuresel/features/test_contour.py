@@ -9,9 +9,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from featuresel.features.contour import MOST, edge_points, with_contour
-from featuresel.look.scenario import LookCase
-from optics.outline.outline import Arc, Outline, Ring, Segment
+from microplan.featuresel.features.contour import MOST, edge_points, with_contour
+from microplan.featuresel.look.scenario import LookCase
+from microplan.optics.outline.outline import Arc, Outline, Ring, Segment
 
 Look = Callable[[str], LookCase]
 

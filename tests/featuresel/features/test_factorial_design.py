@@ -7,7 +7,12 @@ import itertools
 import numpy as np
 import pytest
 
-from featuresel.features.factorial_design import GROUPS, corner, interior, words
+from microplan.featuresel.features.factorial_design import (
+    GROUPS,
+    corner,
+    interior,
+    words,
+)
 
 
 def test_words_are_those_of_sha256() -> None:

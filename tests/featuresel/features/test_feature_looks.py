@@ -8,24 +8,24 @@ from dataclasses import replace
 
 import pytest
 
-from featuresel.features.completeness import seen_share
-from featuresel.features.feature import Feature
-from featuresel.features.features import propose
-from featuresel.look.design import design
-from featuresel.look.nominal import nominal_render
-from featuresel.look.reference_point import Located, along, located
-from featuresel.look.scenario import LookCase
-from featuresel.routines import Artifact, Measurement
-from featuresel.routines.chain import measure_chain
-from featuresel.selection.select import select
-from featuresel.sets.feature_set import choose_set
-from featuresel.sets.pose_covariance import Sight, sight_of
-from featuresel.sets.pose_requirement import Need
-from featuresel.trials.chains import Chain, chains
-from featuresel.trials.score import score
-from featuresel.trials.trials import prepare, run, start
-from optics.outline.outline import Outline
-from optics.render.scene import Layer
+from microplan.featuresel.features.completeness import seen_share
+from microplan.featuresel.features.feature import Feature
+from microplan.featuresel.features.features import propose
+from microplan.featuresel.look.design import design
+from microplan.featuresel.look.nominal import nominal_render
+from microplan.featuresel.look.reference_point import Located, along, located
+from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.routines.chain import measure_chain
+from microplan.featuresel.routines.contract import Artifact, Measurement
+from microplan.featuresel.selection.select import select
+from microplan.featuresel.sets.feature_set import choose_set
+from microplan.featuresel.sets.pose_covariance import Sight, sight_of
+from microplan.featuresel.sets.pose_requirement import Need
+from microplan.featuresel.trials.chains import Chain, chains
+from microplan.featuresel.trials.score import score
+from microplan.featuresel.trials.trials import prepare, run, start
+from microplan.optics.outline.outline import Outline
+from microplan.optics.render.scene import Layer
 from tests.featuresel.aims import aimed
 from tests.featuresel.conftest import disc, gear, polygon
 

@@ -10,10 +10,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from featuresel.features.feature import Feature
-from featuresel.features.features import MOST, merge, propose
-from optics.outline.outline import Arc, Edge, Outline, Point, Ring, Segment, place
-from planner.task import features as declared_ones
+from microplan.arrays import Point
+from microplan.featuresel.features.feature import Feature
+from microplan.featuresel.features.features import MOST, merge, propose
+from microplan.optics.outline.outline import Arc, Edge, Outline, Ring, Segment, place
+from microplan.planner.task import features as declared_ones
 from tests.featuresel.aims import target_of
 
 CUT = math.asin(3 / 25)  # half the angle of a 6 um wide notch in a 25 um bore

@@ -7,17 +7,23 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 
-from featuresel.features.contour import with_contour
-from featuresel.look.nominal import nominal_render
-from featuresel.look.scenario import LookCase
-from featuresel.routines import Artifact, Failure, Guess, Measurement, TargetKind, load
-from optics.outline.outline import Outline, Ring, Segment, place
-from optics.render.scene import Illumination
+from microplan.arrays import FloatArray
+from microplan.featuresel.features.contour import with_contour
+from microplan.featuresel.look.nominal import nominal_render
+from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.routines.contract import (
+    Artifact,
+    Failure,
+    Guess,
+    Measurement,
+    TargetKind,
+)
+from microplan.featuresel.routines.registry import load
+from microplan.optics.outline.outline import Outline, Ring, Segment, place
+from microplan.optics.render.scene import Illumination
 
-FloatArray = npt.NDArray[np.float64]
 Look = Callable[[str], LookCase]
 Expose = Callable[[LookCase, FloatArray, np.random.Generator], FloatArray]
 

@@ -5,30 +5,35 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from scipy.special import ndtr
 from scipy.stats import poisson
 
-from featuresel.limits.crlb import camera_of, density, fisher, informative, weights
-from featuresel.limits.information import limit
-from featuresel.look.scenario import LookCase
-from featuresel.look.sensitivity import (
+from microplan.arrays import FloatArray
+from microplan.featuresel.limits.crlb import (
+    camera_of,
+    density,
+    fisher,
+    informative,
+    weights,
+)
+from microplan.featuresel.limits.information import limit
+from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.look.sensitivity import (
     LIGHT,
     POSE,
     Sensitivities,
     Setting,
     sensitivities,
 )
-from featuresel.routines import Camera
-from optics.lens.lens import LensErrors
-from optics.lens.sensor import expose, to_unit
-from optics.outline.outline import Outline, Ring, Segment
-from optics.render.scene import Illumination, Layer, Window
-from optics.transfer.microscope import Microscope
-from optics.transfer.otf import hopkins
+from microplan.featuresel.routines.contract import Camera
+from microplan.optics.lens.lens import LensErrors
+from microplan.optics.lens.sensor import expose, to_unit
+from microplan.optics.outline.outline import Outline, Ring, Segment
+from microplan.optics.render.scene import Illumination, Layer, Window
+from microplan.optics.transfer.microscope import Microscope
+from microplan.optics.transfer.otf import hopkins
 
-FloatArray = npt.NDArray[np.float64]
 Look = Callable[[str], LookCase]
 
 CAMERA = Camera(full_well_e=10_000, read_noise_e=10, bits=8, fill_factor=1.0)

@@ -3,14 +3,17 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from featuresel.limits.information import Information, covariance, inverse, limit
-
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray
+from microplan.featuresel.limits.information import (
+    Information,
+    covariance,
+    inverse,
+    limit,
+)
 
 
 def of(slopes: FloatArray, *names: str, faked: float = 0.0) -> Information:

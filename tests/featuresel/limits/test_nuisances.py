@@ -5,17 +5,16 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 
-from featuresel.limits.crlb import camera_of, fisher
-from featuresel.limits.information import Information, limit
-from featuresel.limits.nuisances import choose, prices
-from featuresel.look.scenario import LookCase
-from featuresel.look.sensitivity import LIGHT, Setting, sensitivities
-from optics.render.scene import Window
+from microplan.arrays import FloatArray
+from microplan.featuresel.limits.crlb import camera_of, fisher
+from microplan.featuresel.limits.information import Information, limit
+from microplan.featuresel.limits.nuisances import choose, prices
+from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.look.sensitivity import LIGHT, Setting, sensitivities
+from microplan.optics.render.scene import Window
 
-FloatArray = npt.NDArray[np.float64]
 Look = Callable[[str], LookCase]
 
 

@@ -3,17 +3,15 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from featuresel.limits.information import covariance, limit
-from featuresel.limits.points import across, pose_information
-from optics.lens.jacobian import to_px
-from optics.transfer.microscope import Microscope
-
-FloatArray = npt.NDArray[np.float64]
+from microplan.arrays import FloatArray
+from microplan.featuresel.limits.information import covariance, limit
+from microplan.featuresel.limits.points import across, pose_information
+from microplan.optics.lens.jacobian import to_px
+from microplan.optics.transfer.microscope import Microscope
 
 SCOPE = Microscope(
     aperture=0.42, wavelength_um=0.6, medium_index=1.0, magnification=7.5,

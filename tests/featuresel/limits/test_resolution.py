@@ -6,12 +6,12 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from scipy.optimize import brentq
 from scipy.special import jv
 
-from featuresel.limits.resolution import (
+from microplan.arrays import BoolArray, FloatArray
+from microplan.featuresel.limits.resolution import (
     SAFE,
     DepthOfField,
     contrast,
@@ -19,13 +19,11 @@ from featuresel.limits.resolution import (
     limit_curve,
     spurious_um,
 )
-from featuresel.look.scenario import LookCase
-from optics.outline.outline import Outline, Ring, Segment
-from optics.render.scene import Layer, Window
-from optics.transfer.otf import exact, hopkins
+from microplan.featuresel.look.scenario import LookCase
+from microplan.optics.outline.outline import Outline, Ring, Segment
+from microplan.optics.render.scene import Layer, Window
+from microplan.optics.transfer.otf import exact, hopkins
 
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 Look = Callable[[str], LookCase]
 
 

@@ -9,9 +9,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from featuresel.look.design import Trial, design, rebuild
-from featuresel.look.scenario import LookCase
-from optics.lens.lens import MAX_DISTORTION, LensErrors
+from microplan.featuresel.look.design import Trial, design, rebuild
+from microplan.featuresel.look.scenario import LookCase
+from microplan.optics.lens.lens import MAX_DISTORTION, LensErrors
 
 Look = Callable[[str], LookCase]
 

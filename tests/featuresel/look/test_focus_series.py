@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from featuresel.look.design import Trial, design
-from featuresel.look.focus_series import one_by_one, posed, through_focus
-from featuresel.look.perturb import image
-from featuresel.look.scenario import LookCase
-from optics.lens.sensor import Sensor
+from microplan.featuresel.look.design import Trial, design
+from microplan.featuresel.look.focus_series import one_by_one, posed, through_focus
+from microplan.featuresel.look.perturb import image
+from microplan.featuresel.look.scenario import LookCase
+from microplan.optics.lens.sensor import Sensor
 from tests.featuresel.sharing import FINE, SHARED
 
 Look = Callable[[str], LookCase]

@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from featuresel.look.design import design
-from featuresel.look.nominal import nominal_render
-from featuresel.look.perturb import image
-from featuresel.look.scenario import LookCase, scene, still_layers
-from optics.layers.occlusion import occluded
-from optics.layers.shading import shaded
-from optics.lens.lens import LensErrors
+from microplan.featuresel.look.design import design
+from microplan.featuresel.look.nominal import nominal_render
+from microplan.featuresel.look.perturb import image
+from microplan.featuresel.look.scenario import LookCase, scene, still_layers
+from microplan.optics.layers.occlusion import occluded
+from microplan.optics.layers.shading import shaded
+from microplan.optics.lens.lens import LensErrors
 from tests.featuresel.sharing import FINE, SHARED
 
 Look = Callable[[str], LookCase]

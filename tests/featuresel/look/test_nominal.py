@@ -6,20 +6,18 @@ import math
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 
-from featuresel.look.nominal import nominal_render
-from featuresel.look.scenario import moved_layers, picture, still_layers
-from optics.outline.outline import Outline
-from optics.render.scene import Illumination, Layer
+from microplan.arrays import FloatArray
+from microplan.featuresel.look.nominal import nominal_render
+from microplan.featuresel.look.scenario import moved_layers, picture, still_layers
+from microplan.optics.outline.outline import Outline
+from microplan.optics.render.scene import Illumination, Layer
 from tests.featuresel.conftest import disc, post_layer
 from tests.featuresel.fits import case, render
 from tests.featuresel.sharing import FINE, SHARED
 
-FloatArray = npt.NDArray[np.float64]
-
-# of full scale: each image's own error, of band and margin (optics.render.sampling)
+# of full scale: each image's own error, of band and margin; see `render.sampling`
 RENDER = 2e-4
 
 

@@ -10,15 +10,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from featuresel.look.design import design
-from featuresel.look.disturb import noisier, shifted, turned
-from featuresel.look.nominal import nominal_render
-from featuresel.look.perturb import image, still
-from featuresel.look.scenario import LookCase, Turning, scene
-from optics.lens.lens import LensErrors
-from optics.lens.sensor import Sensor
-from optics.render.render import render
-from optics.render.scene import Illumination
+from microplan.featuresel.look.design import design
+from microplan.featuresel.look.disturb import noisier, shifted, turned
+from microplan.featuresel.look.nominal import nominal_render
+from microplan.featuresel.look.perturb import image, still
+from microplan.featuresel.look.scenario import LookCase, Turning, scene
+from microplan.optics.lens.lens import LensErrors
+from microplan.optics.lens.sensor import Sensor
+from microplan.optics.render.render import render
+from microplan.optics.render.scene import Illumination
 from tests.featuresel.sharing import FINE, SHARED
 
 Look = Callable[[str], LookCase]

@@ -8,9 +8,9 @@ from dataclasses import fields, replace
 
 import pytest
 
-from featuresel.look.reference_point import Located, along, located
-from featuresel.look.scenario import LookCase
-from featuresel.routines import Failure, Measurement
+from microplan.featuresel.look.reference_point import Located, along, located
+from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.routines.contract import Failure, Measurement
 
 Look = Callable[[str], LookCase]
 

@@ -5,22 +5,26 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 
-from featuresel.look.design import design
-from featuresel.look.scenario import LookCase, moved_layers, picture, still_layers
-from featuresel.look.sensitivity import (
+from microplan.arrays import FloatArray
+from microplan.featuresel.look.design import design
+from microplan.featuresel.look.scenario import (
+    LookCase,
+    moved_layers,
+    picture,
+    still_layers,
+)
+from microplan.featuresel.look.sensitivity import (
     LIGHT,
     POSE,
     Sensitivities,
     Setting,
     sensitivities,
 )
-from optics.lens.lens import LensErrors
-from optics.render.scene import Illumination, Window
+from microplan.optics.lens.lens import LensErrors
+from microplan.optics.render.scene import Illumination, Window
 
-FloatArray = npt.NDArray[np.float64]
 Look = Callable[[str], LookCase]
 
 

@@ -9,11 +9,12 @@ from dataclasses import replace
 
 import pytest
 
-from featuresel.look.nominal import nominal_render
-from featuresel.look.scenario import LookCase
-from featuresel.routines import REGISTRY, Artifact, Failure, Guess, Measurement, load
-from featuresel.routines.chain import Progress, advance, measure_chain
-from featuresel.trials.chains import chains
+from microplan.featuresel.look.nominal import nominal_render
+from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.routines.chain import Progress, advance, measure_chain
+from microplan.featuresel.routines.contract import Artifact, Failure, Guess, Measurement
+from microplan.featuresel.routines.registry import REGISTRY, load
+from microplan.featuresel.trials.chains import chains
 
 Look = Callable[[str], LookCase]
 
@@ -42,9 +43,10 @@ def test_every_routine_says_what_it_is(name: str) -> None:
 
 def test_routines_load_neither_scipy_nor_the_optics() -> None:
     program = (
-        "import sys; from featuresel.routines import REGISTRY, load; "
-        "import featuresel.routines.focus.focus; [load(n) for n in REGISTRY]; "
-        "print([m for m in ('scipy', 'skimage', 'optics') if m in sys.modules])"
+        "import sys; from microplan.featuresel.routines.registry import REGISTRY, load; "
+        "import microplan.featuresel.routines.focus.focus; "
+        "[load(n) for n in REGISTRY]; "
+        "print([m for m in ('scipy', 'skimage', 'microplan.optics') if m in sys.modules])"
     )
     done = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, check=True

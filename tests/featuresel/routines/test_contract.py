@@ -11,20 +11,19 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from featuresel.look.nominal import NominalRender, nominal_render
-from featuresel.look.scenario import LookCase
-from featuresel.routines import (
-    REGISTRY,
+from microplan.arrays import FloatArray
+from microplan.featuresel.look.nominal import NominalRender, nominal_render
+from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.routines.contract import (
     Artifact,
     Failure,
-    FloatArray,
     Guess,
     Known,
     Measurement,
     TargetKind,
-    load,
 )
-from optics.outline.outline import place
+from microplan.featuresel.routines.registry import REGISTRY, load
+from microplan.optics.outline.outline import place
 from tests.featuresel.conftest import CASES, bracket, make_case, noisy
 
 LOOKS: dict[TargetKind, str] = {

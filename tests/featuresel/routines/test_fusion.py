@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from scipy.optimize import least_squares
 from scipy.stats import chi2
 
-from featuresel.routines import Failure
-from featuresel.routines.fusion import Believed, Fused, Seen, bound, fuse
-from featuresel.sets.pose_covariance import Sight, covariance
+from microplan.featuresel.routines.contract import Failure
+from microplan.featuresel.routines.fusion import Believed, Fused, Seen, bound, fuse
+from microplan.featuresel.sets.pose_covariance import Sight, covariance
 
 TRUE = (412.0, -77.0, 0.4)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from featuresel.routines.picture import refused
+from microplan.featuresel.routines.picture import refused
 
 IMAGE = np.linspace(0.0, 1.0, 20).reshape(4, 5)
 

@@ -13,21 +13,20 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from featuresel.look.design import design
-from featuresel.look.nominal import nominal_render
-from featuresel.routines import (
-    REGISTRY,
+from microplan.featuresel.look.design import design
+from microplan.featuresel.look.nominal import nominal_render
+from microplan.featuresel.routines.contract import (
     Artifact,
     Failure,
     Guess,
     Measurement,
     Routine,
-    load,
 )
-from featuresel.selection.select import Selection, select
-from featuresel.trials.chains import Chain, chains
-from featuresel.trials.score import Score, score
-from featuresel.trials.trials import prepare, run
+from microplan.featuresel.routines.registry import REGISTRY, load
+from microplan.featuresel.selection.select import Selection, select
+from microplan.featuresel.trials.chains import Chain, chains
+from microplan.featuresel.trials.score import Score, score
+from microplan.featuresel.trials.trials import prepare, run
 from tests.featuresel.conftest import make_case, noisy, post_alone
 
 PAGE = (Path(__file__).parents[3] / "docs" / "routines.md").read_text(encoding="utf-8")
@@ -49,7 +48,7 @@ def catalogue() -> dict[str, list[str]]:
 
 def register(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
     """Return the page's routine as a module, registered by one line."""
-    path = f"featuresel.routines.{NAME}"
+    path = f"microplan.featuresel.routines.{NAME}"
     assert f'"{NAME}": "{path}",' in PAGE
     source = PAGE.partition("```python\n")[2].partition("```")[0]
     module = ModuleType(path)

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from featuresel.routines import FloatArray
-from featuresel.routines.sampling import (
+from microplan.arrays import FloatArray
+from microplan.featuresel.routines.sampling import (
     STEP_PX,
     WIDTHS_PX,
     best_width,

@@ -9,11 +9,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from featuresel.look.scenario import LookCase
-from featuresel.selection.constraints import Limits
-from featuresel.selection.elimination import Verdicts
-from featuresel.trials.bounds import estimate
-from featuresel.trials.score import Score, failure_upper, success_lower
+from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.selection.constraints import Limits
+from microplan.featuresel.selection.elimination import Verdicts
+from microplan.featuresel.trials.bounds import estimate
+from microplan.featuresel.trials.score import Score, failure_upper, success_lower
 
 Look = Callable[[str], LookCase]
 TRIALS = 400

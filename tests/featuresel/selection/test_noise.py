@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from featuresel.selection.select import select
-from featuresel.sets.feature_set import choose_set
-from featuresel.sets.pose_covariance import Sight
-from featuresel.sets.pose_requirement import Need
-from featuresel.trials.score import Score
-from schemas import plan as p
+from microplan.featuresel.selection.select import select
+from microplan.featuresel.sets.feature_set import choose_set
+from microplan.featuresel.sets.pose_covariance import Sight
+from microplan.featuresel.sets.pose_requirement import Need
+from microplan.featuresel.trials.score import Score
+from microplan.schemas import plan as p
 
 GOLDEN = Path(__file__).parents[2] / "golden" / "gear_on_shaft.fast.json"
 ANGLE_RAD = 0.01  # stands for the look's own; no chain comes near it

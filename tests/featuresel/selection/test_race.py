@@ -9,14 +9,19 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from featuresel.look.design import design
-from featuresel.look.scenario import LookCase
-from featuresel.selection.race import ROUNDS, Race, race
-from featuresel.selection.select import Limits, select
-from featuresel.trials.bounds import CONFIDENCE, estimate, failure_upper, success_lower
-from featuresel.trials.score import score
-from featuresel.trials.trials import Prepared, prepare, run
-from optics.render.scene import Window
+from microplan.featuresel.look.design import design
+from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.selection.race import ROUNDS, Race, race
+from microplan.featuresel.selection.select import Limits, select
+from microplan.featuresel.trials.bounds import (
+    CONFIDENCE,
+    estimate,
+    failure_upper,
+    success_lower,
+)
+from microplan.featuresel.trials.score import score
+from microplan.featuresel.trials.trials import Prepared, prepare, run
+from microplan.optics.render.scene import Window
 
 Look = Callable[[str], LookCase]
 FINE, COARSE, BEHIND = ("circle_caliper",), ("otsu",), ("otsu", "circle_caliper")

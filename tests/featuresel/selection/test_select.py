@@ -8,11 +8,11 @@ from dataclasses import replace
 
 import pytest
 
-from featuresel.routines import Target
-from featuresel.selection.constraints import Limits
-from featuresel.selection.pareto import front
-from featuresel.selection.select import select
-from featuresel.trials.score import Score, failure_upper, success_lower
+from microplan.featuresel.routines.contract import Target
+from microplan.featuresel.selection.constraints import Limits
+from microplan.featuresel.selection.pareto import front
+from microplan.featuresel.selection.select import select
+from microplan.featuresel.trials.score import Score, failure_upper, success_lower
 
 GEAR = Target(
     name="rim", kind="teeth", column=50.0, row=50.0, theta_rad=0.0, px_per_um=1.0,

@@ -10,18 +10,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from featuresel.look.design import Trial, design
-from featuresel.look.scenario import LookCase
-from featuresel.selection.constraints import Constraints
-from featuresel.selection.evaluate import compete
-from featuresel.selection.race import race
-from featuresel.selection.race_schedule import SHOWN, Heats
-from featuresel.selection.select import Selection, select
-from featuresel.selection.undecided import chains_ahead
-from featuresel.trials.chains import Chain
-from featuresel.trials.outcomes import Outcome
-from featuresel.trials.score import Score
-from featuresel.trials.trials import Prepared, prepare
+from microplan.featuresel.look.design import Trial, design
+from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.selection.constraints import Constraints
+from microplan.featuresel.selection.evaluate import compete
+from microplan.featuresel.selection.race import race
+from microplan.featuresel.selection.race_schedule import SHOWN, Heats
+from microplan.featuresel.selection.select import Selection, select
+from microplan.featuresel.selection.undecided import chains_ahead
+from microplan.featuresel.trials.chains import Chain
+from microplan.featuresel.trials.outcomes import Outcome
+from microplan.featuresel.trials.score import Score
+from microplan.featuresel.trials.trials import Prepared, prepare
 from tests.featuresel.selection.test_select import a_score, with_failures
 
 Look = Callable[[str], LookCase]

@@ -9,13 +9,13 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from featuresel.features.completeness import seen_share
-from featuresel.features.feature import Feature
-from featuresel.features.features import propose
-from featuresel.look.nominal import nominal_render
-from featuresel.look.scenario import LookCase
-from featuresel.routines import Veil
-from featuresel.sets.criteria import (
+from microplan.featuresel.features.completeness import seen_share
+from microplan.featuresel.features.feature import Feature
+from microplan.featuresel.features.features import propose
+from microplan.featuresel.look.nominal import nominal_render
+from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.routines.contract import Veil
+from microplan.featuresel.sets.criteria import (
     COLUMNS,
     Candidate,
     Criteria,
@@ -23,9 +23,9 @@ from featuresel.sets.criteria import (
     set_criteria,
     uniqueness,
 )
-from featuresel.sets.pose_covariance import sight_of
-from featuresel.trials.score import Score, failure_upper, success_lower
-from optics.outline.outline import Outline, Ring, Segment, place
+from microplan.featuresel.sets.pose_covariance import sight_of
+from microplan.featuresel.trials.score import Score, failure_upper, success_lower
+from microplan.optics.outline.outline import Outline, Ring, Segment, place
 from tests.featuresel.aims import target_of
 
 RADIUS = 60.0

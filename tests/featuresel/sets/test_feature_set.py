@@ -10,10 +10,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from featuresel.sets.feature_set import choose_set
-from featuresel.sets.pose_covariance import Sight
-from featuresel.sets.pose_requirement import Need, known, log_det
-from featuresel.sets.set_search import MARGIN, Search
+from microplan.featuresel.sets.feature_set import choose_set
+from microplan.featuresel.sets.pose_covariance import Sight
+from microplan.featuresel.sets.pose_requirement import Need, known, log_det
+from microplan.featuresel.sets.set_search import MARGIN, Search
 
 LOOSE = Need(sigma_um=1.0, sigma_theta_rad=0.1, radius_um=50.0)
 

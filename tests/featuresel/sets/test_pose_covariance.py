@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from featuresel.limits.information import covariance as pixel_covariance
-from featuresel.limits.points import across, pose_information
-from featuresel.sets.pose_covariance import (
+from microplan.featuresel.limits.information import covariance as pixel_covariance
+from microplan.featuresel.limits.points import across, pose_information
+from microplan.featuresel.sets.pose_covariance import (
     FINEST_UM,
     Sight,
     conditioning,
@@ -21,8 +21,8 @@ from featuresel.sets.pose_covariance import (
     information,
     jacobian,
 )
-from optics.lens.jacobian import to_px
-from optics.transfer.microscope import Microscope
+from microplan.optics.lens.jacobian import to_px
+from microplan.optics.transfer.microscope import Microscope
 
 MICROSCOPE = Microscope(
     aperture=0.42,

@@ -10,16 +10,16 @@ from functools import cache
 import pytest
 from scipy.stats import f as fisher_f
 
-from featuresel.features.features import propose
-from featuresel.look.design import design
-from featuresel.look.scenario import LookCase
-from featuresel.routines import Failure
-from featuresel.sets.feature_set import choose_set
-from featuresel.sets.pose_covariance import Sight, sight_of
-from featuresel.sets.pose_requirement import Need
-from featuresel.sets.set_trials import Member, score_set
-from featuresel.trials.score import Score, score
-from featuresel.trials.trials import prepare, run
+from microplan.featuresel.features.features import propose
+from microplan.featuresel.look.design import design
+from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.routines.contract import Failure
+from microplan.featuresel.sets.feature_set import choose_set
+from microplan.featuresel.sets.pose_covariance import Sight, sight_of
+from microplan.featuresel.sets.pose_requirement import Need
+from microplan.featuresel.sets.set_trials import Member, score_set
+from microplan.featuresel.trials.score import Score, score
+from microplan.featuresel.trials.trials import prepare, run
 from tests.featuresel.aims import aimed
 from tests.featuresel.conftest import CASES
 

@@ -9,14 +9,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from featuresel.look.design import design
-from featuresel.look.reference_point import Located
-from featuresel.look.scenario import LookCase
-from featuresel.trials.bias import BiasCurve, unbiased
-from featuresel.trials.bias_prediction import default_heights, predict_bias
-from featuresel.trials.trials import Prepared, prepare, run
-from optics.outline.outline import Outline, Ring, Segment
-from optics.render.scene import Layer
+from microplan.featuresel.look.design import design
+from microplan.featuresel.look.reference_point import Located
+from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.trials.bias import BiasCurve, unbiased
+from microplan.featuresel.trials.bias_prediction import default_heights, predict_bias
+from microplan.featuresel.trials.trials import Prepared, prepare, run
+from microplan.optics.outline.outline import Outline, Ring, Segment
+from microplan.optics.render.scene import Layer
 
 Look = Callable[[str], LookCase]
 NCC = ("ncc",)

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import binom, binomtest, chi2, trim_mean
 
-from featuresel.trials.bounds import (
+from microplan.featuresel.trials.bounds import (
     Estimate,
     estimate,
     failure_upper,

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from featuresel.trials.calibration import Calibration, calibrate
+from microplan.featuresel.trials.calibration import Calibration, calibrate
 
 
 def _sure(errors: np.ndarray, spreads: np.ndarray) -> Calibration:

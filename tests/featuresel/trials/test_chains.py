@@ -9,10 +9,11 @@ from dataclasses import dataclass, replace
 
 import pytest
 
-from featuresel import routines as registry
-from featuresel.look.scenario import LookCase
-from featuresel.routines import REGISTRY, Known, TargetKind, load
-from featuresel.trials.chains import MOST_CHAINS, chains, has_angle, routines
+from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.routines import registry
+from microplan.featuresel.routines.contract import Known, TargetKind
+from microplan.featuresel.routines.registry import REGISTRY, load
+from microplan.featuresel.trials.chains import MOST_CHAINS, chains, has_angle, routines
 
 Look = Callable[[str], LookCase]
 LOOKS = ("find_gear", "between", "post", "jaws", "bracket")
@@ -40,7 +41,7 @@ def register(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
             monkeypatch.setitem(sys.modules, f"declared_{name}", declared)
             lines[name] = f"declared_{name}"
         monkeypatch.setattr(registry, "REGISTRY", lines)
-        monkeypatch.setattr("featuresel.trials.chains.REGISTRY", lines)
+        monkeypatch.setattr("microplan.featuresel.trials.chains.REGISTRY", lines)
 
     return replace_registry
 

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from scipy.stats import beta, binom
 
-from featuresel.look.scenario import LookCase
-from featuresel.trials.bounds import failure_upper
-from featuresel.trials.gates import GATED, Gate, choose_gate, gated
-from featuresel.trials.outcomes import Outcome
-from featuresel.trials.score import score
-from featuresel.trials.trials import prepare
+from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.trials.bounds import failure_upper
+from microplan.featuresel.trials.gates import GATED, Gate, choose_gate, gated
+from microplan.featuresel.trials.outcomes import Outcome
+from microplan.featuresel.trials.score import score
+from microplan.featuresel.trials.trials import prepare
 
 Look = Callable[[str], LookCase]
 CHAIN = ("circle_caliper",)

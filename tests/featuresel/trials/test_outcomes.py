@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from featuresel.trials.chains import Chain
-from featuresel.trials.outcomes import Book, Outcome, Outcomes
-from planner.store.canonical import decode, encode
+from microplan.featuresel.trials.chains import Chain
+from microplan.featuresel.trials.outcomes import Book, Outcome, Outcomes
+from microplan.planner.store.canonical import decode, encode
 
 NUMBERS = st.floats(allow_nan=False) | st.none()
 PAIRS = st.tuples(st.floats(allow_nan=False), st.floats(allow_nan=False)) | st.none()

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from featuresel.look.scenario import LookCase
-from featuresel.trials.bias import BiasCurve
-from featuresel.trials.outcomes import Outcome
-from featuresel.trials.score import chain_cost, score
-from featuresel.trials.trials import Prepared, prepare
+from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.trials.bias import BiasCurve
+from microplan.featuresel.trials.outcomes import Outcome
+from microplan.featuresel.trials.score import chain_cost, score
+from microplan.featuresel.trials.trials import Prepared, prepare
 
 Look = Callable[[str], LookCase]
 CHAIN = ("otsu", "circle_caliper")

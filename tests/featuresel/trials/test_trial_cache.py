@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from featuresel.look.design import design
-from featuresel.look.scenario import LookCase
-from featuresel.trials.chains import Chain
-from featuresel.trials.trial_cache import Known, Looks
-from featuresel.trials.trials import prepare, run
+from microplan.featuresel.look.design import design
+from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.trials.chains import Chain
+from microplan.featuresel.trials.trial_cache import Known, Looks
+from microplan.featuresel.trials.trials import prepare, run
 
 Look = Callable[[str], LookCase]
 

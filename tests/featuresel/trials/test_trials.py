@@ -10,17 +10,17 @@ from multiprocessing import get_context
 
 import pytest
 
-from featuresel.look.design import design
-from featuresel.look.perturb import image
-from featuresel.look.scenario import LookCase
-from featuresel.routines import Artifact, Failure, Measurement
-from featuresel.routines.chain import measure_chain
-from featuresel.selection.select import select
-from featuresel.trials.bias import BiasCurve
-from featuresel.trials.chains import chains
-from featuresel.trials.score import score
-from featuresel.trials.trials import is_wrong, prepare, run, start
-from featuresel.trials.usable_range import usable_range
+from microplan.featuresel.look.design import design
+from microplan.featuresel.look.perturb import image
+from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.routines.chain import measure_chain
+from microplan.featuresel.routines.contract import Artifact, Failure, Measurement
+from microplan.featuresel.selection.select import select
+from microplan.featuresel.trials.bias import BiasCurve
+from microplan.featuresel.trials.chains import chains
+from microplan.featuresel.trials.score import score
+from microplan.featuresel.trials.trials import is_wrong, prepare, run, start
+from microplan.featuresel.trials.usable_range import usable_range
 
 Look = Callable[[str], LookCase]
 

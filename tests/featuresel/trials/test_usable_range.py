@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from featuresel.look.scenario import LookCase
-from featuresel.trials import tolerance_search as reach
-from featuresel.trials.outcomes import Outcome
-from featuresel.trials.tolerance_search import (
+from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.trials import tolerance_search as reach
+from microplan.featuresel.trials.outcomes import Outcome
+from microplan.featuresel.trials.tolerance_search import (
     FOCUS_UM,
     STRIDE,
     ZOOM,
@@ -20,8 +20,8 @@ from featuresel.trials.tolerance_search import (
     Search,
     last_held,
 )
-from featuresel.trials.trials import prepare
-from featuresel.trials.usable_range import usable_range
+from microplan.featuresel.trials.trials import prepare
+from microplan.featuresel.trials.usable_range import usable_range
 
 Look = Callable[[str], LookCase]
 

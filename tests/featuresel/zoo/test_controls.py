@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from featuresel.look.nominal import nominal_render
-from featuresel.look.scenario import LookCase
-from featuresel.routines import REGISTRY, Artifact, Failure, Guess, Measurement, load
+from microplan.featuresel.look.nominal import nominal_render
+from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.routines.contract import Artifact, Failure, Guess, Measurement
+from microplan.featuresel.routines.registry import REGISTRY, load
 
 Look = Callable[[str], LookCase]
 CONTROLS = ("hough", "keypoints", "phase_correlation")

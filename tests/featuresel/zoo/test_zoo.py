@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import pytest
 
-from featuresel import routines
-from featuresel.look.design import design
-from featuresel.selection.select import select
-from featuresel.trials.score import score
-from featuresel.trials.trials import prepare, run
+from microplan.featuresel.look.design import design
+from microplan.featuresel.routines import registry
+from microplan.featuresel.selection.select import select
+from microplan.featuresel.trials.score import score
+from microplan.featuresel.trials.trials import prepare, run
 from tests.featuresel.zoo.zoo import ANIMALS, CAGES
 
 TRIALS = 16
@@ -21,7 +21,7 @@ TRIALS = 16
 def zoo(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let the registry load the zoo's animals like any routine."""
     names = {animal.NAME: f"zoo_of_{animal.NAME}" for animal in ANIMALS}
-    monkeypatch.setattr(routines, "REGISTRY", {**routines.REGISTRY, **names})
+    monkeypatch.setattr(registry, "REGISTRY", {**registry.REGISTRY, **names})
     for animal in ANIMALS:
         monkeypatch.setitem(sys.modules, names[animal.NAME], animal)
 
@@ -58,6 +58,6 @@ def test_each_is_rejected_for_its_own_reason(name: str) -> None:
 def test_the_zoo_is_large_enough_and_no_animal_is_a_neighbour() -> None:
     shown = {resident.chain for cage in CAGES.values() for resident in cage.residents}
     assert len(shown) >= 10
-    assert not {animal.NAME for animal in ANIMALS} & set(routines.REGISTRY)
+    assert not {animal.NAME for animal in ANIMALS} & set(registry.REGISTRY)
     used = {name for chain in shown for name in chain}
     assert {animal.NAME for animal in ANIMALS} <= used

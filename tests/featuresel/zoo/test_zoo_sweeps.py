@@ -8,16 +8,16 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from featuresel.look.nominal import nominal_render
-from featuresel.look.scenario import LookCase
-from featuresel.routines import FloatArray
-from featuresel.routines.focus.focus import peak
-from featuresel.routines.focus.measures import (
+from microplan.arrays import FloatArray
+from microplan.featuresel.look.nominal import nominal_render
+from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.routines.focus.focus import peak
+from microplan.featuresel.routines.focus.measures import (
     gradient_sum,
     laplacian_energy,
     tenengrad,
 )
-from featuresel.routines.focus.peak import FocusPeak
+from microplan.featuresel.routines.focus.peak import FocusPeak
 from tests.featuresel.conftest import noisy, post_alone
 
 Sweep = tuple[FloatArray, list[FloatArray]]

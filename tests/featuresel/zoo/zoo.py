@@ -6,11 +6,11 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from featuresel.look.scenario import LookCase
-from featuresel.trials.chains import Chain
-from featuresel.trials.score import Score
-from optics.outline.outline import Outline
-from optics.render.scene import Layer
+from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.trials.chains import Chain
+from microplan.featuresel.trials.score import Score
+from microplan.optics.outline.outline import Outline
+from microplan.optics.render.scene import Layer
 from tests.featuresel.conftest import (
     bore_in_fingers,
     bracket,

@@ -7,16 +7,16 @@ import math
 import cv2
 import numpy as np
 
-from featuresel.routines import (
+from microplan.arrays import FloatArray
+from microplan.featuresel.routines.contract import (
     Artifact,
     Failure,
-    FloatArray,
     Guess,
     LookModel,
     Measurement,
     Target,
 )
-from featuresel.routines.sampling import cubic
+from microplan.featuresel.routines.sampling import cubic
 from tests.featuresel.zoo.zoo_kinds import Animal, answer
 
 

@@ -10,16 +10,16 @@ import cv2
 import numpy as np
 from skimage.registration import phase_cross_correlation
 
-from featuresel.routines import (
+from microplan.arrays import FloatArray
+from microplan.featuresel.routines.circle import circle_caliper
+from microplan.featuresel.routines.contract import (
     Artifact,
     Failure,
-    FloatArray,
     Guess,
     LookModel,
     Measurement,
     Target,
 )
-from featuresel.routines.circle import circle_caliper
 from tests.featuresel.zoo.zoo_kinds import Animal, answer
 
 _HALF = 32  # of templates: 64 pixels suit Fourier transforms

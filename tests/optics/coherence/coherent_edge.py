@@ -11,11 +11,10 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy.special import sici
 
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
+from microplan.arrays import ComplexArray, FloatArray
+
 Phase = Callable[[FloatArray], FloatArray]  # squared pupil radius -> rad
 
 

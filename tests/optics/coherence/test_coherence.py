@@ -6,23 +6,22 @@ import math
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from scipy.special import j1, sici
 
-from optics.coherence.coherence import FULL_COHERENCE, render_coherent
-from optics.coherence.source import disc_source, source_error
-from optics.outline.outline import Outline
-from optics.render.nufft_gridding import KERNEL_ERROR
-from optics.render.render import render
-from optics.render.sampling import MARGIN
-from optics.render.scene import Illumination, Layer, Scene, Window
-from optics.transfer.microscope import Microscope
-from optics.transfer.otf import diffraction
+from microplan.arrays import FloatArray
+from microplan.optics.coherence.coherence import FULL_COHERENCE, render_coherent
+from microplan.optics.coherence.source import disc_source, source_error
+from microplan.optics.outline.outline import Outline
+from microplan.optics.render.nufft_gridding import KERNEL_ERROR
+from microplan.optics.render.render import render
+from microplan.optics.render.sampling import MARGIN
+from microplan.optics.render.scene import Illumination, Layer, Scene, Window
+from microplan.optics.transfer.microscope import Microscope
+from microplan.optics.transfer.otf import diffraction
 from tests.optics.coherence.coherent_edge import Phase, abbe_edge, no_phase
 from tests.optics.shapes import circle, disc, microscope, one_layer, rectangle
 
-FloatArray = npt.NDArray[np.float64]
 # An endless edge, coherent: (1/2 + Si(2 pi x) / pi)**2 is 1 - cos(2 pi x) / (pi**2 x)
 # far away, and the tile ends `MARGIN` wavelengths over A from the pixels.
 TILE = 1 / (math.pi**2 * MARGIN)

@@ -8,17 +8,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from optics.coherence.coherence import render_coherent
-from optics.coherence.coherence_bound import (
+from microplan.optics.coherence.coherence import render_coherent
+from microplan.optics.coherence.coherence_bound import (
     CLOSE_EDGES,
     NARROW_EDGES,
     mean_width_um,
     scene_error,
 )
-from optics.coherence.edge_offsets import coherence_error
-from optics.outline.outline import Outline
-from optics.render.render import render
-from optics.render.scene import Layer, Scene, Window
+from microplan.optics.coherence.edge_offsets import coherence_error
+from microplan.optics.outline.outline import Outline
+from microplan.optics.render.render import render
+from microplan.optics.render.scene import Layer, Scene, Window
 from tests.optics.shapes import (
     circle,
     disc,

@@ -11,18 +11,18 @@ from benchmarks.optics.edge_table import COHERENCE as MADE_COHERENCE
 from benchmarks.optics.edge_table import CONTRAST as MADE_CONTRAST
 from benchmarks.optics.edge_table import WAVES as MADE_WAVES
 from benchmarks.optics.edge_table import edge_row
-from optics.coherence import edge_table
-from optics.coherence.coherence import render_coherent
-from optics.coherence.edge_offsets import (
+from microplan.optics.coherence import edge_table
+from microplan.optics.coherence.coherence import render_coherent
+from microplan.optics.coherence.edge_offsets import (
     EDGE_WAVES,
     amplitude_contrast,
     coherence_error,
     edge_offset_um,
     feature_offsets,
 )
-from optics.outline.outline import Outline
-from optics.render.scene import Window
-from optics.transfer.microscope import Microscope
+from microplan.optics.outline.outline import Outline
+from microplan.optics.render.scene import Window
+from microplan.optics.transfer.microscope import Microscope
 from tests.optics.shapes import (
     circle,
     disc,

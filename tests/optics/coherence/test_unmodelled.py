@@ -10,8 +10,12 @@ import numpy as np
 import pytest
 from scipy import integrate, special
 
-from optics.coherence.unmodelled import spectrum_error, vectorial_error, vectorial_otf
-from optics.transfer.models import transfer
+from microplan.optics.coherence.unmodelled import (
+    spectrum_error,
+    vectorial_error,
+    vectorial_otf,
+)
+from microplan.optics.transfer.models import transfer
 from tests.optics.shapes import microscope
 
 

@@ -5,22 +5,20 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 import numpy as np
-import numpy.typing as npt
 
-from optics.layers.occlusion import occluded
-from optics.lens.distorted_scene import lens_scene
-from optics.lens.lens import LensErrors, with_aperture, with_gradient
-from optics.oracle import Oracle
-from optics.outline.outline import Outline
-from optics.render.fidelity import LADDER, Fidelity, choose
-from optics.render.raster import coverage
-from optics.render.render import render
-from optics.render.sampling import band_cut, margin_error, margin_um
-from optics.render.scene import Illumination, Scene
-from optics.render.tile_aliasing import margin_for, wrap_error
+from microplan.arrays import FloatArray
+from microplan.optics.layers.occlusion import occluded
+from microplan.optics.lens.distorted_scene import lens_scene
+from microplan.optics.lens.lens import LensErrors, with_aperture, with_gradient
+from microplan.optics.oracle import Oracle
+from microplan.optics.outline.outline import Outline
+from microplan.optics.render.fidelity import LADDER, Fidelity, choose
+from microplan.optics.render.raster import coverage
+from microplan.optics.render.render import render
+from microplan.optics.render.sampling import band_cut, margin_error, margin_um
+from microplan.optics.render.scene import Illumination, Scene
+from microplan.optics.render.tile_aliasing import margin_for, wrap_error
 from tests.optics.extremes.extreme_givens import Given, optics_of, scene_of, shape_of
-
-FloatArray = npt.NDArray[np.float64]
 
 
 def _scene(g: Given) -> Scene:

@@ -6,9 +6,9 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from optics.outline.outline import Arc, Outline, Ring, Segment
-from optics.render.scene import Layer, Scene
-from optics.transfer.microscope import Microscope
+from microplan.optics.outline.outline import Arc, Outline, Ring, Segment
+from microplan.optics.render.scene import Layer, Scene
+from microplan.optics.transfer.microscope import Microscope
 from tests.optics.shapes import disc, rectangle
 
 Given = Mapping[str, Any]

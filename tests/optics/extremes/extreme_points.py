@@ -15,9 +15,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
-from optics.lens.jacobian import (
+from microplan.arrays import FloatArray
+from microplan.optics.lens.jacobian import (
     blur_jacobian,
     conditioning,
     image_jacobian,
@@ -26,16 +26,15 @@ from optics.lens.jacobian import (
     to_px,
     to_um,
 )
-from optics.lens.sensor import Sensor, expose
-from optics.render.render import render
-from optics.render.spectrum import Tile, spectrum
-from optics.transfer import otf
-from optics.transfer.model_error import law_error
-from optics.transfer.models import tabulate, transfer
+from microplan.optics.lens.sensor import Sensor, expose
+from microplan.optics.render.render import render
+from microplan.optics.render.spectrum import Tile, spectrum
+from microplan.optics.transfer import otf
+from microplan.optics.transfer.model_error import law_error
+from microplan.optics.transfer.models import tabulate, transfer
 from tests.optics.extremes.extreme_chains import CHAINS
 from tests.optics.extremes.extreme_givens import Given, optics_of, scene_of, shape_of
 
-FloatArray = npt.NDArray[np.float64]
 LIST = Path(__file__).with_name("extremes.json")
 
 

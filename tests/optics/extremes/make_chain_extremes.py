@@ -6,7 +6,7 @@ import itertools
 import math
 from collections.abc import Iterator
 
-from optics.render.sampling import FAR_ERROR
+from microplan.optics.render.sampling import FAR_ERROR
 from tests.optics.extremes.extreme_entries import RENDERED, ROUNDING, Entry, entry
 
 AIRY = 0.6 / 0.42  # wavelength / A of the usual setting, um

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from optics.layers.coaxial_light import Light, lights
-from optics.layers.lattice import Lattice
-from optics.outline.outline import place
-from optics.render.sampling import margin_error
-from optics.render.scene import Layer, Window
+from microplan.optics.layers.coaxial_light import Light, lights
+from microplan.optics.layers.lattice import Lattice
+from microplan.optics.outline.outline import place
+from microplan.optics.render.sampling import margin_error
+from microplan.optics.render.scene import Layer, Window
 from tests.optics.shapes import disc, microscope
 
 # of a shade: its band, its margin, and reading it between its points

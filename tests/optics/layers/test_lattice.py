@@ -7,10 +7,10 @@ import pytest
 from scipy import fft
 from scipy.interpolate import CubicSpline
 
-from optics.layers.lattice import Lattice, blur
-from optics.outline.scanlines import CHORD_UM
-from optics.render.scene import Layer, Window
-from optics.transfer.models import transfer
+from microplan.optics.layers.lattice import Lattice, blur
+from microplan.optics.outline.scanlines import CHORD_UM
+from microplan.optics.render.scene import Layer, Window
+from microplan.optics.transfer.models import transfer
 from tests.optics.shapes import gear, microscope
 
 

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from benchmarks.optics.layer_waves import Case, compare, ray_error
-from optics.layers.layer_error import choose_layers, layer_error
-from optics.layers.occlusion import occluded
-from optics.outline.outline import place
-from optics.render.render import render
-from optics.render.scene import Layer, Scene, Window
+from microplan.optics.layers.layer_error import choose_layers, layer_error
+from microplan.optics.layers.occlusion import occluded
+from microplan.optics.outline.outline import place
+from microplan.optics.render.render import render
+from microplan.optics.render.scene import Layer, Scene, Window
 from tests.optics.shapes import disc, microscope, rectangle
 
 

@@ -5,23 +5,22 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from scipy import fft
 
-from optics.layers.occlusion import occluded
-from optics.layers.rays import slopes
-from optics.oracle import Oracle, oracle_image
-from optics.outline.outline import Outline, place
-from optics.outline.scanlines import cells
-from optics.render.render import render
-from optics.render.scene import Illumination, Layer, Scene, Window
-from optics.transfer.microscope import Microscope
-from optics.transfer.otf import hopkins
+from microplan.arrays import FloatArray
+from microplan.optics.layers.occlusion import occluded
+from microplan.optics.layers.rays import slopes
+from microplan.optics.oracle import Oracle, oracle_image
+from microplan.optics.outline.outline import Outline, place
+from microplan.optics.outline.scanlines import cells
+from microplan.optics.render.render import render
+from microplan.optics.render.scene import Illumination, Layer, Scene, Window
+from microplan.optics.transfer.microscope import Microscope
+from microplan.optics.transfer.otf import hopkins
 from tests.optics.shapes import disc, microscope, rectangle
 from tests.optics.wave import behind_a_mask, places
 
-FloatArray = npt.NDArray[np.float64]
 BAND_AND_MARGIN = 1.4e-3  # what `render` may err by
 
 

@@ -7,11 +7,11 @@ import math
 import numpy as np
 import pytest
 
-from optics.layers.occlusion import occluded
-from optics.layers.rays import Grid
-from optics.layers.shade import bore_aperture, bore_brightness, light_share
-from optics.outline.outline import Outline
-from optics.render.scene import Layer, Scene
+from microplan.optics.layers.occlusion import occluded
+from microplan.optics.layers.rays import Grid
+from microplan.optics.layers.shade import bore_aperture, bore_brightness, light_share
+from microplan.optics.outline.outline import Outline
+from microplan.optics.render.scene import Layer, Scene
 from tests.optics.shapes import circle, disc, microscope, rectangle
 
 # n points of a spiral count an area to a rim's share: some 1 / n + 1 cell of the rim

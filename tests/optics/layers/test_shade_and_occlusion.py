@@ -7,11 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from optics.layers import shade_and_occlusion as crossing
-from optics.layers.coaxial_light import area_um, lights
-from optics.layers.lattice import Lattice
-from optics.layers.shade_and_occlusion import crossed
-from optics.render.scene import Layer, Window
+from microplan.optics.layers import shade_and_occlusion as crossing
+from microplan.optics.layers.coaxial_light import area_um, lights
+from microplan.optics.layers.lattice import Lattice
+from microplan.optics.layers.shade_and_occlusion import crossed
+from microplan.optics.render.scene import Layer, Window
 from tests.optics.shapes import disc, gear, microscope, rectangle
 
 FRAME = Window(row=0, column=0, rows=100, columns=100)

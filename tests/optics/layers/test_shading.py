@@ -7,21 +7,19 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 
-from optics.layers.coaxial_light import Light, lights
-from optics.layers.occlusion import occluded
-from optics.layers.shade import bore_brightness
-from optics.layers.shading import shade_error, shaded
-from optics.outline.outline import Outline, place
-from optics.render.render import Covered, cover, render
-from optics.render.sampling import margin_error
-from optics.render.scene import Illumination, Layer, Scene, Window
-from optics.transfer.microscope import Microscope
+from microplan.arrays import FloatArray
+from microplan.optics.layers.coaxial_light import Light, lights
+from microplan.optics.layers.occlusion import occluded
+from microplan.optics.layers.shade import bore_brightness
+from microplan.optics.layers.shading import shade_error, shaded
+from microplan.optics.outline.outline import Outline, place
+from microplan.optics.render.render import Covered, cover, render
+from microplan.optics.render.sampling import margin_error
+from microplan.optics.render.scene import Illumination, Layer, Scene, Window
+from microplan.optics.transfer.microscope import Microscope
 from tests.optics.shapes import circle, disc, gear, microscope, rectangle
-
-FloatArray = npt.NDArray[np.float64]
 
 LAMP = 0.42
 

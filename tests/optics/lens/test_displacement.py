@@ -6,12 +6,12 @@ import math
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from optics.lens.displacement import (
+from microplan.arrays import FloatArray
+from microplan.optics.lens.displacement import (
     REACH,
     corner_um,
     displaced,
@@ -19,10 +19,8 @@ from optics.lens.displacement import (
     displacement_jacobian,
     undisplaced,
 )
-from optics.lens.lens import MAX_DISTORTION, LensErrors
+from microplan.optics.lens.lens import MAX_DISTORTION, LensErrors
 from tests.optics.shapes import microscope
-
-FloatArray = npt.NDArray[np.float64]
 
 OPTICS = microscope()
 CORNER = corner_um(OPTICS)

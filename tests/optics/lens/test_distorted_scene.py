@@ -6,27 +6,27 @@ import math
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from optics.lens.displacement import corner_um, displaced, undisplaced
-from optics.lens.distorted_scene import (
+from microplan.arrays import FloatArray
+from microplan.optics.lens.displacement import corner_um, displaced, undisplaced
+from microplan.optics.lens.distorted_scene import (
     curvature_rest_um,
     curvature_um,
     imaged,
     lens_scene,
 )
-from optics.lens.jacobian import to_px
-from optics.lens.lens import LensErrors
-from optics.outline.outline import Arc, Outline, Ring, Segment
-from optics.outline.warp import WARP_UM
-from optics.render.render import render
-from optics.render.sampling import BAND_ERROR, margin_error
-from optics.render.scene import Layer, Scene, Window
-from optics.transfer.microscope import Microscope
-from optics.transfer.otf import diffraction
+from microplan.optics.lens.jacobian import to_px
+from microplan.optics.lens.lens import LensErrors
+from microplan.optics.outline.outline import Arc, Outline, Ring, Segment
+from microplan.optics.outline.warp import WARP_UM
+from microplan.optics.render.render import render
+from microplan.optics.render.sampling import BAND_ERROR, margin_error
+from microplan.optics.render.scene import Layer, Scene, Window
+from microplan.optics.transfer.microscope import Microscope
+from microplan.optics.transfer.otf import diffraction
 from tests.optics.shapes import (
     brute_force,
     circle,
@@ -36,8 +36,6 @@ from tests.optics.shapes import (
     one_layer,
     rectangle,
 )
-
-FloatArray = npt.NDArray[np.float64]
 
 OPTICS = microscope(width_px=64, height_px=48)
 

@@ -6,7 +6,6 @@ import math
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -14,7 +13,8 @@ from scipy.integrate import quad
 from scipy.interpolate import BSpline, make_interp_spline
 from scipy.ndimage import gaussian_filter1d
 
-from optics.lens.gradient import (
+from microplan.arrays import FloatArray
+from microplan.optics.lens.gradient import (
     centroid_shift_um,
     moments,
     relative_gradient,
@@ -22,15 +22,13 @@ from optics.lens.gradient import (
     steepest_shift_um,
     threshold_shift_um,
 )
-from optics.outline.outline import Outline
-from optics.render.render import render
-from optics.render.sampling import BAND_ERROR
-from optics.render.scene import Illumination, Layer, Scene, Window
-from optics.transfer.microscope import Microscope
-from optics.transfer.otf import diffraction, hopkins
+from microplan.optics.outline.outline import Outline
+from microplan.optics.render.render import render
+from microplan.optics.render.sampling import BAND_ERROR
+from microplan.optics.render.scene import Illumination, Layer, Scene, Window
+from microplan.optics.transfer.microscope import Microscope
+from microplan.optics.transfer.otf import diffraction, hopkins
 from tests.optics.shapes import circle, disc, gear, microscope, polygon, rectangle
-
-FloatArray = npt.NDArray[np.float64]
 
 # Pixels of 37.5 nm: the band ends at a twentieth of a pixel's sampling rate, so that
 # splines of degree 7 through the samples are exact for what is asked here.

@@ -4,12 +4,12 @@ import math
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from optics.lens.jacobian import (
+from microplan.arrays import FloatArray
+from microplan.optics.lens.jacobian import (
     blur_jacobian,
     conditioning,
     image_jacobian,
@@ -18,11 +18,10 @@ from optics.lens.jacobian import (
     to_px,
     to_um,
 )
-from optics.render.render import render
-from optics.transfer.microscope import Microscope
+from microplan.optics.render.render import render
+from microplan.optics.transfer.microscope import Microscope
 from tests.optics.shapes import disc, microscope, one_layer
 
-FloatArray = npt.NDArray[np.float64]
 AXIS_UM = (-900.0, 700.0)  # far outside the field, as a stage's axis is
 SPOT_UM = (22.0, -13.0)
 

@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from optics.lens.lens import LensErrors, with_aperture, with_gradient
-from optics.render.scene import Illumination
+from microplan.optics.lens.lens import LensErrors, with_aperture, with_gradient
+from microplan.optics.render.scene import Illumination
 from tests.optics.shapes import microscope
 
 OPTICS = microscope()

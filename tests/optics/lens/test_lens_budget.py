@@ -11,10 +11,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from optics.lens.displacement import corner_um, displaced
-from optics.lens.lens import LensErrors
-from optics.lens.lens_budget import LEVELS, LensRow, predict
-from optics.outline.outline import Outline
+from microplan.optics.lens.displacement import corner_um, displaced
+from microplan.optics.lens.lens import LensErrors
+from microplan.optics.lens.lens_budget import LEVELS, LensRow, predict
+from microplan.optics.outline.outline import Outline
 from tests.optics.shapes import disc, gear, microscope
 
 OPTICS = microscope()

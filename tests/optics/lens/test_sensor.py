@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from optics.lens.sensor import Sensor, expose, to_unit
+from microplan.optics.lens.sensor import Sensor, expose, to_unit
 
 SENSOR = Sensor(full_well_e=10_000, read_noise_e=10, bits=8)
 

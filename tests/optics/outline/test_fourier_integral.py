@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.integrate import dblquad
 
-from optics.outline.clip import to_edges
-from optics.outline.fourier_integral import transform
-from optics.outline.outline import Arc, Outline, Ring, Segment
+from microplan.optics.outline.clip import to_edges
+from microplan.optics.outline.fourier_integral import transform
+from microplan.optics.outline.outline import Arc, Outline, Ring, Segment
 from tests.optics.shapes import disc, rectangle
 
 

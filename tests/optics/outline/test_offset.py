@@ -12,11 +12,10 @@ from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 from shapely.geometry import Polygon
 
-from optics.outline.offset import offset
-from optics.outline.outline import Arc, Edge, Outline, Ring, Segment, flatten
+from microplan.arrays import FloatArray
+from microplan.optics.outline.offset import offset
+from microplan.optics.outline.outline import Arc, Edge, Outline, Ring, Segment, flatten
 from tests.optics.shapes import circle, disc, gear, polygon, rectangle
-
-FloatArray = npt.NDArray[np.float64]
 
 
 def _slot() -> Outline:

@@ -9,7 +9,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from optics.outline.tolerant_order import MARGIN, above, at_most, least, ordered, same
+from microplan.optics.outline.tolerant_order import (
+    MARGIN,
+    above,
+    at_most,
+    least,
+    ordered,
+    same,
+)
 
 NOISE = 1e-9  # relative; a thousandth of the margin
 

@@ -5,19 +5,17 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
-from optics.lens.displacement import displaced_far
-from optics.lens.lens import LensErrors
-from optics.outline.outline import Arc, Outline, flatten
-from optics.outline.warp import WARP_UM, Map, scaled, warped
+from microplan.arrays import FloatArray
+from microplan.optics.lens.displacement import displaced_far
+from microplan.optics.lens.lens import LensErrors
+from microplan.optics.outline.outline import Arc, Outline, flatten
+from microplan.optics.outline.warp import WARP_UM, Map, scaled, warped
 from tests.optics.shapes import disc, gear, microscope, polygon, rectangle
-
-FloatArray = npt.NDArray[np.float64]
 
 OPTICS = microscope()
 

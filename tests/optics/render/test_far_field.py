@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from optics.outline.clip import to_edges
-from optics.outline.outline import Outline
-from optics.render.far_field import highest_per_um
-from optics.render.render import render
-from optics.render.sampling import FAR_ERROR, NEAR, Sampling, margin_error
-from optics.render.tiled_layer import Part, make_part
-from optics.render.view_range import Range, full
-from optics.transfer.microscope import Microscope
-from optics.transfer.otf import diffraction
+from microplan.optics.outline.clip import to_edges
+from microplan.optics.outline.outline import Outline
+from microplan.optics.render.far_field import highest_per_um
+from microplan.optics.render.render import render
+from microplan.optics.render.sampling import FAR_ERROR, NEAR, Sampling, margin_error
+from microplan.optics.render.tiled_layer import Part, make_part
+from microplan.optics.render.view_range import Range, full
+from microplan.optics.transfer.microscope import Microscope
+from microplan.optics.transfer.otf import diffraction
 from tests.optics.shapes import disc, gear, microscope, one_layer, rectangle
 
 # All of the band: where it is cut depends on the orders of the tile.

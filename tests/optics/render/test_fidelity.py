@@ -9,14 +9,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from optics.oracle import Oracle
-from optics.outline.outline import Outline, place
-from optics.render.fidelity import LADDER, Fidelity, choose, rounded_up, steps
-from optics.render.render import render
-from optics.render.sampling import FAR_ERROR
-from optics.render.scene import Layer, Scene
-from optics.transfer.microscope import Microscope
-from optics.transfer.models import TABLE_ERROR
+from microplan.optics.oracle import Oracle
+from microplan.optics.outline.outline import Outline, place
+from microplan.optics.render.fidelity import LADDER, Fidelity, choose, rounded_up, steps
+from microplan.optics.render.render import render
+from microplan.optics.render.sampling import FAR_ERROR
+from microplan.optics.render.scene import Layer, Scene
+from microplan.optics.transfer.microscope import Microscope
+from microplan.optics.transfer.models import TABLE_ERROR
 from tests.optics.shapes import disc, gear, microscope, one_layer, rectangle
 
 RIM = place(gear(), -48.0, 0.0)  # teeth in the field of a high zoom

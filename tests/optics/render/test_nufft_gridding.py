@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from optics.render.nufft_gridding import kernel, spread
+from microplan.optics.render.nufft_gridding import kernel, spread
 
 
 def test_kernel_by_polynomials_is_the_kernel() -> None:

@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from optics.outline.outline import place
-from optics.render.prepared_scene import prepare
-from optics.render.render import render, render_stack
-from optics.render.sampling import FAR_ERROR, SINGLE_ERROR, Sampling
-from optics.render.scene import Illumination, Layer, Scene, Window
-from optics.render.view_range import Range
+from microplan.optics.outline.outline import place
+from microplan.optics.render.prepared_scene import prepare
+from microplan.optics.render.render import render, render_stack
+from microplan.optics.render.sampling import FAR_ERROR, SINGLE_ERROR, Sampling
+from microplan.optics.render.scene import Illumination, Layer, Scene, Window
+from microplan.optics.render.view_range import Range
 from tests.optics.shapes import disc, gear, microscope, one_layer, rectangle
 
 DOUBLE = Sampling(band_error=1e-12)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from optics.render.pruned_ifft import waves_at
+from microplan.optics.render.pruned_ifft import waves_at
 
 
 @pytest.mark.parametrize("orders", [(0, 0), (3, 0), (0, 4), (7, 5), (400, 300)])

@@ -3,20 +3,19 @@
 import math
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from optics.outline.clip import to_edges
-from optics.outline.outline import place
-from optics.outline.scanlines import cells
-from optics.render.raster import CHORD_UM, coverage
-from optics.render.render import render
-from optics.render.scene import Window
+from microplan.arrays import FloatArray
+from microplan.optics.outline.clip import to_edges
+from microplan.optics.outline.outline import place
+from microplan.optics.outline.scanlines import cells
+from microplan.optics.render.raster import CHORD_UM, coverage
+from microplan.optics.render.render import render
+from microplan.optics.render.scene import Window
 from tests.optics.shapes import disc, gear, microscope, one_layer, polygon, rectangle
 
-FloatArray = npt.NDArray[np.float64]
 COORDINATE = st.floats(-60.0, 60.0)
 
 

@@ -4,18 +4,18 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from optics.outline.outline import Arc, Outline, Ring, Segment, place
-from optics.render.render import render, render_stack
-from optics.render.sampling import BAND_ERROR, margin_error, margin_um
-from optics.render.scene import Illumination, Layer, Scene, Window
-from optics.transfer.microscope import Microscope
-from optics.transfer.models import transfer
-from optics.transfer.otf import diffraction, product
+from microplan.arrays import FloatArray
+from microplan.optics.outline.outline import Arc, Outline, Ring, Segment, place
+from microplan.optics.render.render import render, render_stack
+from microplan.optics.render.sampling import BAND_ERROR, margin_error, margin_um
+from microplan.optics.render.scene import Illumination, Layer, Scene, Window
+from microplan.optics.transfer.microscope import Microscope
+from microplan.optics.transfer.models import transfer
+from microplan.optics.transfer.otf import diffraction, product
 from tests.optics.shapes import (
     brute_force,
     circle,
@@ -26,7 +26,6 @@ from tests.optics.shapes import (
     rectangle,
 )
 
-FloatArray = npt.NDArray[np.float64]
 RING = Outline(rings=(circle(20.0, (5.3, -3.7)), circle(8.0, (5.3, -3.7), hole=True)))
 # what the renderer predicts for itself, of unit contrast
 PREDICTED = BAND_ERROR + margin_error()

@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from optics.outline.outline import Outline
-from optics.render.render import render
-from optics.render.sampling import Sampling, band_cut
+from microplan.optics.outline.outline import Outline
+from microplan.optics.render.render import render
+from microplan.optics.render.sampling import Sampling, band_cut
 from tests.optics.shapes import disc, microscope, one_layer, polygon, rectangle
 
 

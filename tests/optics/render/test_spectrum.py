@@ -3,20 +3,18 @@
 import math
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.special import j1
 
-from optics.outline.clip import Edges, clip, to_edges
-from optics.outline.outline import Arc, Outline, Ring, Segment, flatten, place
-from optics.render.nufft_gridding import KERNEL_ERROR
-from optics.render.spectrum import RULES, Spectrum, Tile, direct, spectrum
+from microplan.arrays import ComplexArray, FloatArray
+from microplan.optics.outline.clip import Edges, clip, to_edges
+from microplan.optics.outline.outline import Arc, Outline, Ring, Segment, flatten, place
+from microplan.optics.render.nufft_gridding import KERNEL_ERROR
+from microplan.optics.render.spectrum import RULES, Spectrum, Tile, direct, spectrum
 from tests.optics.shapes import circle, disc, gear, polygon, rectangle
 
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
 TILE = Tile(left_um=-80, bottom_um=-85, width_um=170, height_um=165)
 FREQUENCY = st.floats(-1.5, 1.5)
 

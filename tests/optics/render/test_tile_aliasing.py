@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from optics.outline.outline import Outline, place
-from optics.render.render import render
-from optics.render.sampling import Sampling
-from optics.render.scene import Window
-from optics.render.tile_aliasing import MARGINS, margin_for, wrap_error
+from microplan.optics.outline.outline import Outline, place
+from microplan.optics.render.render import render
+from microplan.optics.render.sampling import Sampling
+from microplan.optics.render.scene import Window
+from microplan.optics.render.tile_aliasing import MARGINS, margin_for, wrap_error
 from tests.optics.shapes import disc, gear, microscope, one_layer, rectangle
 
 WHOLE = 1e-12  # band error: nothing is cut off

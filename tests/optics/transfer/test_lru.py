@@ -7,10 +7,10 @@ from functools import partial
 import numpy as np
 import pytest
 
-from optics.render.render import cover
-from optics.render.scene import Layer
-from optics.render.spectrum import Tile, spectrum
-from optics.transfer.lru import Recent
+from microplan.optics.render.render import cover
+from microplan.optics.render.scene import Layer
+from microplan.optics.render.spectrum import Tile, spectrum
+from microplan.optics.transfer.lru import Recent
 from tests.optics.shapes import gear, microscope
 
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from optics.transfer.microscope import Microscope, paper_depth_of_field_um
+from microplan.optics.transfer.microscope import Microscope, paper_depth_of_field_um
 
 VECTORS = json.loads((Path(__file__).parents[1] / "optics_vectors.json").read_text())
 

@@ -20,12 +20,12 @@ from benchmarks.optics.law_bounds import (
 )
 from benchmarks.optics.law_outlines import SHAPES as OUTLINES
 from benchmarks.optics.law_outlines import trials
-from optics.outline.outline import Outline
-from optics.render.render import render
-from optics.render.sampling import Sampling
-from optics.transfer.model_error import law_error
-from optics.transfer.model_error_table import BOUND, PIXEL, STEEPNESS, WAVES
-from optics.transfer.models import MODELS, TABLE_ERROR
+from microplan.optics.outline.outline import Outline
+from microplan.optics.render.render import render
+from microplan.optics.render.sampling import Sampling
+from microplan.optics.transfer.model_error import law_error
+from microplan.optics.transfer.model_error_table import BOUND, PIXEL, STEEPNESS, WAVES
+from microplan.optics.transfer.models import MODELS, TABLE_ERROR
 from tests.optics.shapes import circle, disc, gear, microscope, one_layer, rectangle
 
 # drawn once: places between the nodes of the table

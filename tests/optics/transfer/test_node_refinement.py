@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from optics.transfer.node_refinement import refined
+from microplan.optics.transfer.node_refinement import refined
 
 FASTEST = 0.36  # rad a node
 # What a polynomial through 12 nodes two apart errs by half way between them, and one

@@ -6,13 +6,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from optics.transfer.models import MODELS, TABLE_ERROR, tabulate, transfer
-from optics.transfer.otf import (
+from microplan.arrays import FloatArray
+from microplan.optics.transfer.models import MODELS, TABLE_ERROR, tabulate, transfer
+from microplan.optics.transfer.otf import (
     diffraction,
     geometric,
     hopkins,
@@ -21,7 +21,6 @@ from optics.transfer.otf import (
 )
 from tests.optics.shapes import microscope
 
-FloatArray = npt.NDArray[np.float64]
 ENTRIES = json.loads((Path(__file__).parents[1] / "optics_vectors.json").read_text())[
     "entries"
 ]

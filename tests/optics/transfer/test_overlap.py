@@ -5,18 +5,17 @@ import math
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.special import j0
 
-from optics.transfer.microscope import Microscope
-from optics.transfer.otf import diffraction, exact, hopkins
-from optics.transfer.overlap import HighAperture, Overlap, Paraxial, overlap
+from microplan.arrays import FloatArray
+from microplan.optics.transfer.microscope import Microscope
+from microplan.optics.transfer.otf import diffraction, exact, hopkins
+from microplan.optics.transfer.overlap import HighAperture, Overlap, Paraxial, overlap
 from tests.optics.transfer.exact_phase import exact_otf
 
-FloatArray = npt.NDArray[np.float64]
 ENTRIES = json.loads((Path(__file__).parents[1] / "optics_vectors.json").read_text())[
     "entries"
 ]

@@ -11,13 +11,13 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy import stats
 
-from planner.assembly import holding
-from planner.assembly.assembly import Axis4, State, initial, with_part
-from planner.assembly.holding import between_jaws, grasp, settled_sigma_rad
-from planner.budget.budget import grasp_budget
-from planner.source.diagnostics import Report
-from planner.task.task import Step, Task
-from schemas.pose import Pose
+from microplan.planner.assembly import holding
+from microplan.planner.assembly.assembly import Axis4, State, initial, with_part
+from microplan.planner.assembly.holding import between_jaws, grasp, settled_sigma_rad
+from microplan.planner.budget.budget import grasp_budget
+from microplan.planner.source.diagnostics import Report
+from microplan.planner.task.task import Step, Task
+from microplan.schemas.pose import Pose
 from tests.planner.examples import EXAMPLE, read
 
 NINE = tuple(math.radians(20 * k + 10) for k in range(9))  # as an 18-tooth gear has

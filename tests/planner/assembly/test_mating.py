@@ -11,10 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import optimize
 
-from planner.assembly.mating import Mating, fit_verdict, mating_of
-from planner.assembly.step_states import unfold
-from planner.source.diagnostics import Report
-from planner.views.check_task import check_fits
+from microplan.planner.assembly.mating import Mating, fit_verdict, mating_of
+from microplan.planner.assembly.step_states import unfold
+from microplan.planner.source.diagnostics import Report
+from microplan.planner.views.check_task import check_fits
 from tests.planner.examples import EXAMPLE, change, copy_example, read
 
 

@@ -8,15 +8,21 @@ from itertools import pairwise
 
 import pytest
 
-from optics.outline.outline import Outline, Ring, Segment, place
-from planner.assembly.assembly import PartState, State, initial, part_pose, with_part
-from planner.assembly.holding import between_jaws, grasp, release
-from planner.assembly.resting import resting
-from planner.assembly.step_states import unfold
-from planner.source.diagnostics import Diagnostic, Report
-from planner.task.read_task import load_task
-from planner.task.task import Move, Reading, Step, Task
-from schemas.pose import Pose
+from microplan.optics.outline.outline import Outline, Ring, Segment, place
+from microplan.planner.assembly.assembly import (
+    PartState,
+    State,
+    initial,
+    part_pose,
+    with_part,
+)
+from microplan.planner.assembly.holding import between_jaws, grasp, release
+from microplan.planner.assembly.resting import resting
+from microplan.planner.assembly.step_states import unfold
+from microplan.planner.source.diagnostics import Diagnostic, Report
+from microplan.planner.task.read_task import load_task
+from microplan.planner.task.task import Move, Reading, Step, Task
+from microplan.schemas.pose import Pose
 from tests.planner.examples import ROOT, beyond_notes
 
 DIE_UM = (250.0, 150.0)  # drawn about (0, 145)

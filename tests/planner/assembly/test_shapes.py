@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from optics.outline.outline import Outline, Ring, Segment, flatten
-from planner.assembly.shapes import (
+from microplan.optics.outline.outline import Outline, Ring, Segment, flatten
+from microplan.planner.assembly.shapes import (
     polygon,
     squeeze_minima_rad,
     squeeze_width_um,

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from planner.assembly.assembly import (
+from microplan.planner.assembly.assembly import (
     State,
     bodies,
     locate_place,
@@ -17,9 +17,9 @@ from planner.assembly.assembly import (
     part_sigma_um,
     part_z_um,
 )
-from planner.assembly.step_states import StepState, unfold
-from planner.source.diagnostics import Report
-from planner.task.task import Task
+from microplan.planner.assembly.step_states import StepState, unfold
+from microplan.planner.source.diagnostics import Report
+from microplan.planner.task.task import Task
 from tests.planner.examples import EXAMPLE, beyond_notes, change, copy_example, read
 
 

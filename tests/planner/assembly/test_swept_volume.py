@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import pytest
 
-from planner.assembly.assembly import Axis4, PartState, State, initial
-from planner.assembly.swept_volume import SURFACE, Hit, sweep_hits
-from planner.task.task import Task
-from schemas.pose import Pose
+from microplan.planner.assembly.assembly import Axis4, PartState, State, initial
+from microplan.planner.assembly.swept_volume import SURFACE, Hit, sweep_hits
+from microplan.planner.task.task import Task
+from microplan.schemas.pose import Pose
 from tests.planner.examples import EXAMPLE, read
 
 FINGER_UM, GEAR_UM = 100.0, 50.0  # a finger's width, the gear's radius

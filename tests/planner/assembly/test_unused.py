@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from planner.assembly.step_states import unfold
-from planner.source.diagnostics import Diagnostic, Report
+from microplan.planner.assembly.step_states import unfold
+from microplan.planner.source.diagnostics import Diagnostic, Report
 from tests.planner.examples import EXAMPLE, change, copy_example, read
 
 LIFT = "{id: lift,            do: move,    move"

@@ -7,13 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from planner.assembly.step_states import unfold
-from planner.assembly.world import build_world
-from planner.source.diagnostics import Report
-from planner.task.read_task import load_task
-from planner.task.task import Task
-from planner.views.lens_errors import lamp_aperture
-from planner.views.zooms import microscope_at
+from microplan.planner.assembly.step_states import unfold
+from microplan.planner.assembly.world import build_world
+from microplan.planner.source.diagnostics import Report
+from microplan.planner.task.read_task import load_task
+from microplan.planner.task.task import Task
+from microplan.planner.views.lens_errors import lamp_aperture
+from microplan.planner.views.zooms import microscope_at
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "gear_on_shaft" / "task.yaml"
 

@@ -6,14 +6,14 @@ from dataclasses import replace
 
 import pytest
 
-from planner.assembly.step_states import unfold
-from planner.budget.admissible_look_error import Bearable, bearable
-from planner.budget.alignment_residual import left_by
-from planner.budget.budget import Sighted
-from planner.budget.insert_budget import share_of_goal
-from planner.budget.insertion_problem import insertion_of
-from planner.source.diagnostics import Report
-from planner.task.task import Task
+from microplan.planner.assembly.step_states import unfold
+from microplan.planner.budget.admissible_look_error import Bearable, bearable
+from microplan.planner.budget.alignment_residual import left_by
+from microplan.planner.budget.budget import Sighted
+from microplan.planner.budget.insert_budget import share_of_goal
+from microplan.planner.budget.insertion_problem import insertion_of
+from microplan.planner.source.diagnostics import Report
+from microplan.planner.task.task import Task
 from tests.planner.examples import ROOT
 from tests.planner.placed import look, read
 

@@ -9,27 +9,27 @@ from pathlib import Path
 
 import pytest
 
-from planner.assembly.assembly import Carrier
-from planner.assembly.step_states import StepState, unfold
-from planner.budget.alignment_residual import residual_of
-from planner.budget.budget import (
+from microplan.planner.assembly.assembly import Carrier
+from microplan.planner.assembly.step_states import StepState, unfold
+from microplan.planner.budget.alignment_residual import residual_of
+from microplan.planner.budget.budget import (
     Sighted,
     blind_rows,
     fit_of,
 )
-from planner.budget.control import control_of, method_of, tolerance_um
-from planner.budget.insert_budget import Left, advice_of, insert_budget
-from planner.budget.insertion import Insertion
-from planner.budget.probability.fit_probability import (
+from microplan.planner.budget.control import control_of, method_of, tolerance_um
+from microplan.planner.budget.insert_budget import Left, advice_of, insert_budget
+from microplan.planner.budget.insertion import Insertion
+from microplan.planner.budget.probability.fit_probability import (
     Residual,
     combine,
     miss_probability,
 )
-from planner.source.diagnostics import Report
-from planner.store.memo import Memo
-from planner.store.store import Store
-from planner.task.task import Task
-from schemas.plan.verdicts import BudgetAnalysis, Offender
+from microplan.planner.source.diagnostics import Report
+from microplan.planner.store.memo import Memo
+from microplan.planner.store.store import Store
+from microplan.planner.task.task import Task
+from microplan.schemas.plan.verdicts import BudgetAnalysis, Offender
 from tests.planner.examples import EXAMPLE, read
 
 

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planner.assembly.step_states import unfold
-from planner.budget.control import (
+from microplan.planner.assembly.step_states import unfold
+from microplan.planner.budget.control import (
     GIVE_UP,
     Turn,
     control_of,
@@ -18,7 +18,7 @@ from planner.budget.control import (
     tolerance_um,
     turn_of,
 )
-from planner.source.diagnostics import Report
+from microplan.planner.source.diagnostics import Report
 from tests.planner.examples import ROOT
 from tests.planner.placed import look, read, with_step
 

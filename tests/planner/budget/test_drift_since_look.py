@@ -7,13 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from planner.assembly.assembly import locate_place
-from planner.assembly.step_states import unfold
-from planner.budget.budget import Sighted
-from planner.budget.drift_since_look import since_rows
-from planner.source.diagnostics import Report
-from schemas.plan import BudgetRow
-from schemas.pose import Pose
+from microplan.planner.assembly.assembly import locate_place
+from microplan.planner.assembly.step_states import unfold
+from microplan.planner.budget.budget import Sighted
+from microplan.planner.budget.drift_since_look import since_rows
+from microplan.planner.source.diagnostics import Report
+from microplan.schemas.plan import BudgetRow
+from microplan.schemas.pose import Pose
 from tests.planner.examples import change, copy_example, read
 
 SHAFT_LOOK = "  - {id: find_shaft,"

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from planner.budget.insertion import OFFSET, SERVO, SIZE, Insertion
-from planner.budget.offenders import (
+from microplan.planner.budget.insertion import OFFSET, SERVO, SIZE, Insertion
+from microplan.planner.budget.offenders import (
     SHARP,
     changes,
     offenders,
@@ -18,8 +18,8 @@ from planner.budget.offenders import (
     yield_over_shaft,
     yield_over_tolerance,
 )
-from planner.budget.probability.fit_probability import Fit, Residual
-from schemas.plan import BudgetRow
+from microplan.planner.budget.probability.fit_probability import Fit, Residual
+from microplan.schemas.plan import BudgetRow
 
 NONE = Residual(sigma_um=0.0, within_um=0.0)
 SAMPLES = 1_000_000

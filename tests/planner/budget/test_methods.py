@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from planner.assembly.step_states import unfold
-from planner.budget.control import control_of, method_of, tolerance_um
-from planner.budget.insert_budget import share_of_goal
-from planner.budget.methods import choose
-from planner.source.diagnostics import Report
-from schemas.plan.verdicts import MethodChoice, MethodName, MethodOption
+from microplan.planner.assembly.step_states import unfold
+from microplan.planner.budget.control import control_of, method_of, tolerance_um
+from microplan.planner.budget.insert_budget import share_of_goal
+from microplan.planner.budget.methods import choose
+from microplan.planner.source.diagnostics import Report
+from microplan.schemas.plan.verdicts import MethodChoice, MethodName, MethodOption
 from tests.planner.examples import change, copy_example, read
 
 

@@ -9,18 +9,23 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from planner.assembly.step_states import unfold
-from planner.budget.insert_budget import Left, share_of_goal
-from planner.budget.insertion import Insertion
-from planner.budget.placement import Putting
-from planner.budget.placement_budget import job_of, left_of, place_budget, turning_of
-from planner.budget.placing import Placement, placing_budget, within
-from planner.budget.probability.angle_budget import Turning
-from planner.budget.probability.fit_probability import Residual
-from planner.source.diagnostics import Report
-from planner.task.task import Move, Reading, Task
-from schemas.plan import Budget, BudgetRow
-from schemas.plan.verdicts import PlacingVerdict, TurnRow
+from microplan.planner.assembly.step_states import unfold
+from microplan.planner.budget.insert_budget import Left, share_of_goal
+from microplan.planner.budget.insertion import Insertion
+from microplan.planner.budget.placement import Putting
+from microplan.planner.budget.placement_budget import (
+    job_of,
+    left_of,
+    place_budget,
+    turning_of,
+)
+from microplan.planner.budget.placing import Placement, placing_budget, within
+from microplan.planner.budget.probability.angle_budget import Turning
+from microplan.planner.budget.probability.fit_probability import Residual
+from microplan.planner.source.diagnostics import Report
+from microplan.planner.task.task import Move, Reading, Task
+from microplan.schemas.plan import Budget, BudgetRow
+from microplan.schemas.plan.verdicts import PlacingVerdict, TurnRow
 from tests.planner import examples
 from tests.planner.placed import (
     EFFECTS,

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from scipy.stats import ncx2
 
-from featuresel.trials.outcomes import Outcome
-from planner.budget.budget import FOCUS_TERM
-from planner.budget.insertion import Insertion
-from planner.budget.probability.fit_probability import Fit, Residual
-from planner.budget.probability_under_drift import Borne, is_placed
-from schemas.plan import BudgetRow
+from microplan.featuresel.trials.outcomes import Outcome
+from microplan.planner.budget.budget import FOCUS_TERM
+from microplan.planner.budget.insertion import Insertion
+from microplan.planner.budget.probability.fit_probability import Fit, Residual
+from microplan.planner.budget.probability_under_drift import Borne, is_placed
+from microplan.schemas.plan import BudgetRow
 
 LOOK = "measurement of gear.bore"
 RADIUS_UM = 3.0

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from planner.cli.main import main
-from planner.diff.changes import ABOUT
+from microplan.planner.cli.main import main
+from microplan.planner.diff.changes import ABOUT
 from tests.planner.examples import (
     GRASP,
     ROOT,

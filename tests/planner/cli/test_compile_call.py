@@ -17,7 +17,7 @@ from pathlib import Path
 
 import pytest
 
-from planner.cli.main import main
+from microplan.planner.cli.main import main
 from tests.planner.examples import GRASP, between_jaws, change, copy_example, cut
 
 RELEASE = "{id: release, do: release, target: gear, opening_um: 130}"
@@ -190,7 +190,7 @@ def test_timings_stand_below_everything(compiled: Compile) -> None:
 
 
 def test_progress_is_told_to_a_terminal_alone(task: Path, tmp_path: Path) -> None:
-    words = [sys.executable, "-m", "planner.cli.main", "compile", str(task)]
+    words = [sys.executable, "-m", "microplan.planner.cli.main", "compile", str(task)]
     words += ["-o", str(tmp_path / "new"), "--preset", "fast"]
     ours, theirs = pty.openpty()
     done = subprocess.run(words, stderr=theirs, stdout=subprocess.PIPE, check=True)

@@ -8,9 +8,9 @@ from collections.abc import Mapping
 
 import pytest
 
-from planner.cli.arguments import Run, build_parser
-from planner.cli.findings import FORMATS, render_findings
-from planner.source.diagnostics import Diagnostic, Severity, Span
+from microplan.planner.cli.arguments import Run, build_parser
+from microplan.planner.cli.findings import FORMATS, render_findings
+from microplan.planner.source.diagnostics import Diagnostic, Severity, Span
 
 WHERE = Span(file="a dir/task.yaml", line=3, column=5, length=4, text="  sead: 1")
 

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from planner.cli.main import main
-from planner.source.diagnostics import TITLES
-from schemas import NAMES, load
+from microplan.planner.cli.main import main
+from microplan.planner.source.diagnostics import TITLES
+from microplan.schemas.files.json_schema import NAMES, load
 from tests.planner.examples import EXAMPLE, ONE_LOOK, change, copy_example, cut
 
 TASK = str(EXAMPLE / "task.yaml")
@@ -93,9 +93,11 @@ def test_check_tells_a_fault_from_a_no(
 
 def test_check_loads_no_imaging_library_and_no_scipy() -> None:
     script = (
-        "import sys; from planner.cli.main import main; status = main(sys.argv[1:])\n"
-        "heavy = ('cv2', 'scipy', 'skimage', 'ezdxf', 'featuresel.trials.trials',\n"
-        "         'optics.render.render')\n"
+        "import sys; from microplan.planner.cli.main import main\n"
+        "status = main(sys.argv[1:])\n"
+        "heavy = ('cv2', 'scipy', 'skimage', 'ezdxf',\n"
+        "         'microplan.optics.render.render',\n"
+        "         'microplan.featuresel.trials.trials')\n"
         "print([name for name in heavy if name in sys.modules]); sys.exit(status)"
     )
     for words in (["check", TASK], ["--help"]):
@@ -212,7 +214,8 @@ def test_schema_prints_a_format(name: str, capsys: pytest.CaptureFixture[str]) -
 
 def test_a_reader_that_leaves_is_no_bug() -> None:
     script = (
-        "import sys; from planner.cli.main import main; sys.exit(main(['explain']))"
+        "import sys; from microplan.planner.cli.main import main; "
+        "sys.exit(main(['explain']))"
     )
     with subprocess.Popen(
         [sys.executable, "-c", script], stdout=subprocess.PIPE, stderr=subprocess.PIPE

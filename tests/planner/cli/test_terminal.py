@@ -13,8 +13,8 @@ from typing import get_args
 
 import pytest
 
-from planner.cli.terminal import in_colour, painted
-from planner.source.diagnostics import Diagnostic, Severity, Span, render_text
+from microplan.planner.cli.terminal import in_colour, painted
+from microplan.planner.source.diagnostics import Diagnostic, Severity, Span, render_text
 from tests.planner.examples import ROOT
 
 CODES = re.compile(r"\x1b\[[0-9;]*m")
@@ -72,7 +72,8 @@ def on_a_terminal(folder: Path, **environment: str) -> str:
     ours, theirs = pty.openpty()
     kept = {k: v for k, v in os.environ.items() if k not in NAMES}
     done = subprocess.Popen(
-        [sys.executable, "-m", "planner.cli.main", "check", str(folder / "task.yaml")],
+        [sys.executable, "-m", "microplan.planner.cli.main", "check",
+         str(folder / "task.yaml")],
         stdout=theirs, stderr=theirs, stdin=subprocess.DEVNULL, cwd=ROOT,
         env={**kept, **environment},
     )  # fmt: skip

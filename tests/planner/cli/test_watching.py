@@ -13,8 +13,8 @@ from pathlib import Path
 
 import pytest
 
-from planner.cli.watching import GONE_S, POLL_S, Round, watch
-from planner.source.diagnostics import Report
+from microplan.planner.cli.watching import GONE_S, POLL_S, Round, watch
+from microplan.planner.source.diagnostics import Report
 from tests.planner.examples import GRASP, ROOT, between_jaws, change, copy_example, cut
 
 DEADLINE_S = 120.0  # for a line that must come; it comes within a second or two
@@ -31,7 +31,7 @@ class Watched:
     def __init__(self, task: Path, *more: str) -> None:
         words = ["compile", str(task), "--watch", "-o", str(task.parent / "p"), *more]
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "planner.cli.main", *words],
+            [sys.executable, "-m", "microplan.planner.cli.main", *words],
             cwd=ROOT, stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE, stderr=subprocess.PIPE,
             preexec_fn=_hears_ctrl_c,
@@ -131,7 +131,7 @@ def test_every_change_is_a_round_and_a_mistake_keeps_the_last_good_plan(
 def test_it_cannot_be_asked_for_what_it_does_not_do(
     task: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from planner.cli.main import main
+    from microplan.planner.cli.main import main
 
     for more in (["--golden", "x"], ["--format", "json"]):
         assert main(["compile", str(task), "--watch", *more]) == 2
@@ -171,7 +171,7 @@ def rounds(file: Path, hands: Hands) -> Iterator[tuple[Round, str]]:
         report.sought.add(str(file))
         if file.exists():
             read.append(file.read_text(encoding="utf-8"))
-            from planner.cli.watching import digest
+            from microplan.planner.cli.watching import digest
 
             report.files[str(file)] = str(digest(str(file)))
         else:

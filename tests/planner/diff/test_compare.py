@@ -9,11 +9,11 @@ from typing import Any
 
 import pytest
 
-from planner.diff.changes import ABOUT, KINDS, Change, is_number
-from planner.diff.compare import compare_plans
-from planner.diff.tolerances import parse_rule
-from planner.diff.units import unit_of
-from schemas.plan import Plan, parse_plan
+from microplan.planner.diff.changes import ABOUT, KINDS, Change, is_number
+from microplan.planner.diff.compare import compare_plans
+from microplan.planner.diff.tolerances import parse_rule
+from microplan.planner.diff.units import unit_of
+from microplan.schemas.plan import Plan, parse_plan
 from tests.planner.examples import ROOT
 
 GOLDEN = ROOT / "tests" / "golden" / "gear_on_shaft.fast.json"

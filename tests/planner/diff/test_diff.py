@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from planner.cli.main import main
-from planner.diff.changes import KINDS
+from microplan.planner.cli.main import main
+from microplan.planner.diff.changes import KINDS
 from tests.planner.diff.test_compare import TEXT, Data, look
 
 BOTH = "P(success) 0.9932 in both, feasible in both"

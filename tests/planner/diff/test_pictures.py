@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from planner.diff.pictures import compare_pictures
-from schemas.plan import Plan, parse_plan
+from microplan.planner.diff.pictures import compare_pictures
+from microplan.schemas.plan import Plan, parse_plan
 from tests.planner.diff.test_compare import TEXT
 
 Pixels = npt.NDArray[np.uint8]

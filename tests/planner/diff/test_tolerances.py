@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planner.diff.tolerances import EXACT, TABLE, Rule, parse_rule, rule_for
+from microplan.planner.diff.tolerances import EXACT, TABLE, Rule, parse_rule, rule_for
 
 NUMBERS = st.floats(allow_nan=False, allow_infinity=False, width=32)
 PLAIN = st.one_of(NUMBERS, st.text(max_size=4), st.booleans(), st.none())

@@ -6,8 +6,9 @@ import math
 import struct
 from collections.abc import Iterable, Sequence
 
+from microplan.arrays import Point
+
 Tags = list[tuple[int, object]]
-Point = tuple[float, float]
 
 # the markers that files from R13 on put before the tags of an entity
 _MARKS = {

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from planner.drawings.dxf.drawing import MAX_BYTES, Drawing, load_drawing
-from planner.drawings.gds.drawing import GdsDrawing, load_gds
-from planner.source.diagnostics import Report, Span
-from planner.source.files import read_bytes
+from microplan.planner.drawings.dxf.drawing import MAX_BYTES, Drawing, load_drawing
+from microplan.planner.drawings.gds.drawing import GdsDrawing, load_gds
+from microplan.planner.source.diagnostics import Report, Span
+from microplan.planner.source.files import read_bytes
 
 
 def open_drawing(

@@ -7,13 +7,13 @@ from collections import Counter
 
 import pytest
 
-from planner.drawings.census import LayerRow
-from planner.drawings.dxf.census import by_layer, held
-from planner.drawings.dxf.drawing import load_drawing
-from planner.drawings.dxf.file import read_dxf
-from planner.drawings.gds.drawing import load_gds
-from planner.source.diagnostics import Report, Span
-from planner.task.drawings import AnyDrawing, Sheet, form, rows, take
+from microplan.planner.drawings.census import LayerRow
+from microplan.planner.drawings.dxf.census import by_layer, held
+from microplan.planner.drawings.dxf.drawing import load_drawing
+from microplan.planner.drawings.dxf.file import read_dxf
+from microplan.planner.drawings.gds.drawing import load_gds
+from microplan.planner.source.diagnostics import Report, Span
+from microplan.planner.task.drawings import AnyDrawing, Sheet, form, rows, take
 from tests.planner.drawings import gds_writer as gds
 from tests.planner.drawings.dxf.test_corpus import EXACT, HATCH_SLOT
 from tests.planner.drawings.dxf_text import (

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from optics.outline.outline import Arc, Segment
-from planner.drawings.pieces import Piece
-from planner.drawings.rings import chain
+from microplan.optics.outline.outline import Arc, Segment
+from microplan.planner.drawings.pieces import Piece
+from microplan.planner.drawings.rings import chain
 
 
 def star(radii: list[float]) -> list[tuple[float, float]]:

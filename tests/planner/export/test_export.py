@@ -21,15 +21,15 @@ import tifffile
 from ezdxf.entities.polyline import Polyline
 from shapely.geometry import LineString, Polygon
 
-import schemas
-from optics.outline.outline import flatten, place
-from planner.cli.main import main
-from planner.export.dxf import LAYERS
-from planner.export.folder import PlanFolder, Viewed, read_folder
-from planner.export.tracks import Track
-from schemas.codec import from_data
-from schemas.files.outlines import LookOutlines, Outlines, SegmentEdge
-from schemas.plan import Look, Plan, parse_plan
+from microplan.optics.outline.outline import flatten, place
+from microplan.planner.cli.main import main
+from microplan.planner.export.dxf import LAYERS
+from microplan.planner.export.folder import PlanFolder, Viewed, read_folder
+from microplan.planner.export.tracks import Track
+from microplan.schemas.codec import from_data
+from microplan.schemas.files import json_schema
+from microplan.schemas.files.outlines import LookOutlines, Outlines, SegmentEdge
+from microplan.schemas.plan import Look, Plan, parse_plan
 
 Capture = pytest.CaptureFixture[str]
 Change = Callable[[Any], None]
@@ -77,7 +77,7 @@ def change(file: Path, spoil: Change) -> None:
 
 
 def test_the_json_fits_its_schema_and_its_types(outlines: Any, plan: Plan) -> None:
-    jsonschema.Draft202012Validator(schemas.load("outlines")).validate(outlines)
+    jsonschema.Draft202012Validator(json_schema.load("outlines")).validate(outlines)
     found = from_data(Outlines, outlines)
     assert [look.look for look in found.looks] == [look.id for look in looks_of(plan)]
     for told, look in zip(found.looks, looks_of(plan), strict=True):
@@ -338,7 +338,7 @@ def test_a_sequence_runs_on_micro_managers_core(
     import useq
     from mm_test_adapters import device_adapter_path
 
-    from executor.micromanager.core import LoadedDevice, close_core, open_core
+    from microplan.executor.micromanager.core import LoadedDevice, close_core, open_core
 
     out = tmp_path / "looks.yaml"
     assert export(compiled_example, "useq", out, "--look", "find_shaft") == 0

@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 from scipy.special import ndtr
 
-from featuresel.routines import FloatArray
-from optics.outline.outline import Arc, Outline, Ring, Segment
-from planner.export.folder import PlanFolder, Viewed, read_folder
-from planner.export.pieces import look_outlines
-from planner.store.pictures import picture, picture_sha256
-from schemas.files.outlines import ArcEdge, LookOutlines
-from schemas.files.scenes import PlacedBody
-from schemas.pose import Pose
+from microplan.arrays import FloatArray
+from microplan.optics.outline.outline import Arc, Outline, Ring, Segment
+from microplan.planner.export.folder import PlanFolder, Viewed, read_folder
+from microplan.planner.export.pieces import look_outlines
+from microplan.planner.store.pictures import picture, picture_sha256
+from microplan.schemas.files.outlines import ArcEdge, LookOutlines
+from microplan.schemas.files.scenes import PlacedBody
+from microplan.schemas.pose import Pose
 
 LOOK = "check_seated.seat"  # a post of 22 um at the origin, nothing over it
 RADIUS_UM = 22.0

@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from optics.outline.outline import Arc, Ring, Segment, flatten
-from planner.export.runs import border, runs
-from planner.export.sequence import MOST_PLANES, planes_um
-from planner.export.tracks import Track
+from microplan.optics.outline.outline import Arc, Ring, Segment, flatten
+from microplan.planner.export.runs import border, runs
+from microplan.planner.export.sequence import MOST_PLANES, planes_um
+from microplan.planner.export.tracks import Track
 
 PIE = Ring(  # a half disc: an arc and a chord
     edges=(

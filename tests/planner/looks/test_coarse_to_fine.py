@@ -9,16 +9,16 @@ from typing import Any
 
 import pytest
 
-import executor.cli.main
-from executor.devices.safety import Safety
-from planner.plan.compiler import compile_task
-from planner.plan.emit import plan_bytes
-from planner.plan.options import Options
-from planner.source.diagnostics import Report
-from planner.store.folder import write_folder
-from planner.store.summary import plan_summary
-from schemas.plan import Look, Plan, parse_plan
-from schemas.plan.views import ViewChange
+import microplan.executor.cli.main
+from microplan.executor.devices.safety import Safety
+from microplan.planner.plan.compiler import compile_task
+from microplan.planner.plan.emit import plan_bytes
+from microplan.planner.plan.options import Options
+from microplan.planner.source.diagnostics import Report
+from microplan.planner.store.folder import write_folder
+from microplan.planner.store.summary import plan_summary
+from microplan.schemas.plan import Look, Plan, parse_plan
+from microplan.schemas.plan.views import ViewChange
 from tests.planner.examples import ONE_LOOK, change, copy_example, cut, read
 
 SEEDS = range(8)
@@ -55,7 +55,7 @@ def plan(folder: Path) -> Plan:
 def ran(folder: Path, out: Path, seed: int) -> tuple[dict[str, Any], list[Any]]:
     """Return summary and journal of a run that ended well."""
     words = ["--station", "sim", "--seed", str(seed), "--run-dir", str(out)]
-    assert executor.cli.main.main([str(folder), *words, "--no-frames"]) == 0
+    assert microplan.executor.cli.main.main([str(folder), *words, "--no-frames"]) == 0
     lines = (out / "events.jsonl").read_text(encoding="utf-8").splitlines()
     return json.loads((out / "summary.json").read_text()), list(map(json.loads, lines))
 

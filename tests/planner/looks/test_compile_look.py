@@ -7,17 +7,17 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
 
-from planner.assembly.step_states import unfold
-from planner.looks.compile_look import compile_look, look_at_first
-from planner.looks.feature_evaluation import Races
-from planner.looks.look_problem import Begun, Effects, Job
-from planner.looks.look_record import CompiledLook
-from planner.looks.scenario import build_case
-from planner.source.diagnostics import Report
-from planner.store.memo import EVERY_TIME
-from planner.task.presets import PRESETS
-from planner.views.requests import Request, requests
-from planner.views.target_views import views
+from microplan.planner.assembly.step_states import unfold
+from microplan.planner.looks.compile_look import compile_look, look_at_first
+from microplan.planner.looks.feature_evaluation import Races
+from microplan.planner.looks.look_problem import Begun, Effects, Job
+from microplan.planner.looks.look_record import CompiledLook
+from microplan.planner.looks.scenario import build_case
+from microplan.planner.source.diagnostics import Report
+from microplan.planner.store.memo import EVERY_TIME
+from microplan.planner.task.presets import PRESETS
+from microplan.planner.views.requests import Request, requests
+from microplan.planner.views.target_views import views
 from tests.planner.examples import copy_example, one_look, read
 
 A = TypeVar("A")

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from planner.report.folder import PlanFolder, read_folder
-from schemas.page.page import png_size
+from microplan.planner.report.folder import PlanFolder, read_folder
+from microplan.schemas.page.page import png_size
 
 LOOKS = 8
 

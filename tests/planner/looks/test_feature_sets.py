@@ -8,19 +8,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from featuresel.look.design import design
-from featuresel.look.nominal import nominal_render
-from featuresel.look.scenario import LookCase
-from planner.assembly.assembly import initial
-from planner.looks.evaluated_feature import unseen
-from planner.looks.scenario import MOST_TOGETHER, build_case, feature_case
-from planner.source.diagnostics import Report
-from planner.task.task import Task
-from planner.views.features import offset_um, proposals
-from planner.views.requests import Request
-from planner.views.target_views import needed_shape, views, whole_view
-from planner.views.targets import Shape
-from planner.views.views import SEARCH_SIGMAS, ViewPlan
+from microplan.featuresel.look.design import design
+from microplan.featuresel.look.nominal import nominal_render
+from microplan.featuresel.look.scenario import LookCase
+from microplan.planner.assembly.assembly import initial
+from microplan.planner.looks.evaluated_feature import unseen
+from microplan.planner.looks.scenario import MOST_TOGETHER, build_case, feature_case
+from microplan.planner.source.diagnostics import Report
+from microplan.planner.task.task import Task
+from microplan.planner.views.features import offset_um, proposals
+from microplan.planner.views.requests import Request
+from microplan.planner.views.target_views import needed_shape, views, whole_view
+from microplan.planner.views.targets import Shape
+from microplan.planner.views.views import SEARCH_SIGMAS, ViewPlan
 from tests.planner.examples import EXAMPLE, read
 from tests.planner.views.test_features import HOLES, plate
 

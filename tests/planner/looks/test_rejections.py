@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from featuresel.trials.score import Score
-from planner.looks.rejections import commonest_hint, rejections
+from microplan.featuresel.trials.score import Score
+from microplan.planner.looks.rejections import commonest_hint, rejections
 
 FEW = "rejected: success {}% of 24 trials, at least 98% ({})"
 WIDE = "rejected: 2 sigma + |bias| is {} um, tolerance 1 um"

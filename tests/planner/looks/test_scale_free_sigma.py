@@ -8,17 +8,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from featuresel.look.design import design
-from featuresel.trials.outcomes import Outcome, Outcomes
-from featuresel.trials.score import Score, score_chain
-from featuresel.trials.trials import Prepared
-from planner.assembly.step_states import unfold
-from planner.looks.evaluation import Tried
-from planner.looks.scale_free_sigma import steady_sigma_um
-from planner.looks.scenario import build_case
-from planner.source.diagnostics import Report
-from planner.views.requests import requests
-from planner.views.target_views import views
+from microplan.featuresel.look.design import design
+from microplan.featuresel.trials.outcomes import Outcome, Outcomes
+from microplan.featuresel.trials.score import Score, score_chain
+from microplan.featuresel.trials.trials import Prepared
+from microplan.planner.assembly.step_states import unfold
+from microplan.planner.looks.evaluation import Tried
+from microplan.planner.looks.scale_free_sigma import steady_sigma_um
+from microplan.planner.looks.scenario import build_case
+from microplan.planner.source.diagnostics import Report
+from microplan.planner.views.requests import requests
+from microplan.planner.views.target_views import views
 from tests.planner.placed import both
 
 CHAIN, COUNT, SEED = ("ncc",), 24, 3

@@ -13,10 +13,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import constants, integrate
 
-from planner.assembly.shapes import squeeze_width_um
-from planner.assembly.step_states import StepState, unfold
-from planner.budget.handling import report_handling, verdicts_of
-from planner.mechanics.adhesion import (
+from microplan.planner.assembly.shapes import squeeze_width_um
+from microplan.planner.assembly.step_states import StepState, unfold
+from microplan.planner.budget.handling import report_handling, verdicts_of
+from microplan.planner.mechanics.adhesion import (
     CONTACT_UM,
     DRY,
     SLIT_UM,
@@ -26,12 +26,12 @@ from planner.mechanics.adhesion import (
     total,
     verdict,
 )
-from planner.mechanics.gripping import stiffness_un_per_um
-from planner.mechanics.releasing import release_verdict
-from planner.source.diagnostics import Report
-from planner.task.task import Environment, Task
-from schemas.plan.verdicts import Force
-from schemas.pose import Pose
+from microplan.planner.mechanics.gripping import stiffness_un_per_um
+from microplan.planner.mechanics.releasing import release_verdict
+from microplan.planner.source.diagnostics import Report
+from microplan.planner.task.task import Environment, Task
+from microplan.schemas.plan.verdicts import Force
+from microplan.schemas.pose import Pose
 from tests.planner.examples import EXAMPLE, change, copy_example, read
 
 TIP = Face(area_um2=870.0, conducts=True)  # a tooth 8.7 um wide, 100 um high

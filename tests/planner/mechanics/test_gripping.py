@@ -9,15 +9,19 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_bvp
 
-from planner.assembly.assembly import with_part
-from planner.assembly.jaw_sweep import jaw_hits, report_jaws
-from planner.assembly.shapes import squeeze_width_um
-from planner.assembly.step_states import StepState, unfold
-from planner.budget.handling import report_handling
-from planner.mechanics.gripping import grasp_verdict, holding_un, widest_gap_rad
-from planner.source.diagnostics import Report
-from planner.task.task import Task
-from schemas.pose import Pose
+from microplan.planner.assembly.assembly import with_part
+from microplan.planner.assembly.jaw_sweep import jaw_hits, report_jaws
+from microplan.planner.assembly.shapes import squeeze_width_um
+from microplan.planner.assembly.step_states import StepState, unfold
+from microplan.planner.budget.handling import report_handling
+from microplan.planner.mechanics.gripping import (
+    grasp_verdict,
+    holding_un,
+    widest_gap_rad,
+)
+from microplan.planner.source.diagnostics import Report
+from microplan.planner.task.task import Task
+from microplan.schemas.pose import Pose
 from tests.planner.examples import EXAMPLE, read
 
 

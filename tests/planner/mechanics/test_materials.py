@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from planner.mechanics.materials import (
+from microplan.planner.mechanics.materials import (
     CONDUCTORS,
     DENSITY,
     conducts,

@@ -12,21 +12,21 @@ from pathlib import Path
 
 import pytest
 
-from optics import ledger
-from planner.assembly.step_states import unfold
-from planner.cli.main import main
-from planner.looks.scenario import build_case
-from planner.report.report import write_report
-from planner.source.diagnostics import Report
-from planner.store import summary
-from planner.store.memo import Memo, digest
-from planner.store.store import Store, place
-from planner.task import read_task
-from planner.task.presets import PRESETS
-from planner.task.read_task import load_task
-from planner.task.task import Task
-from planner.views.requests import requests
-from planner.views.target_views import views
+from microplan.optics import ledger
+from microplan.planner.assembly.step_states import unfold
+from microplan.planner.cli.main import main
+from microplan.planner.looks.scenario import build_case
+from microplan.planner.report.report import write_report
+from microplan.planner.source.diagnostics import Report
+from microplan.planner.store import summary
+from microplan.planner.store.memo import Memo, digest
+from microplan.planner.store.store import Store, place
+from microplan.planner.task import read_task
+from microplan.planner.task.presets import PRESETS
+from microplan.planner.task.read_task import load_task
+from microplan.planner.task.task import Task
+from microplan.planner.views.requests import requests
+from microplan.planner.views.target_views import views
 from tests.planner.examples import change, copy_example, one_look, read
 
 Compile = Callable[..., dict[str, bytes]]
@@ -39,7 +39,7 @@ def _fewer_trials() -> Iterator[None]:
     fewer = replace(PRESETS["fast"], trials=8, range_draws=1)
     few = dict.fromkeys(("fast", "balanced"), fewer)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("planner.plan.compiler.PRESETS", few)
+        patch.setattr("microplan.planner.plan.compiler.PRESETS", few)
         yield
 
 
@@ -200,11 +200,12 @@ def test_a_changed_step_asks_anew_for_its_own_look_alone(tmp_path: Path) -> None
 
 def test_an_unchanged_task_loads_nothing_that_computes() -> None:
     script = (
-        "import sys, planner.cli.main, planner.cli.compiling\n"
-        "import planner.plan.cached_compile\n"
-        "import planner.store.store, planner.plan.options, planner.store.folder\n"
+        "import sys, microplan.planner.cli.main, microplan.planner.cli.compiling\n"
+        "import microplan.planner.plan.cached_compile\n"
+        "import microplan.planner.store.store, microplan.planner.plan.options\n"
+        "import microplan.planner.store.folder\n"
         "heavy = ('scipy', 'skimage', 'shapely', 'ezdxf', 'yaml', 'jsonschema',\n"
-        "         'cv2', 'schemas.plan', 'planner.diff.diffing')\n"
+        "         'cv2', 'microplan.schemas.plan', 'microplan.planner.diff.diffing')\n"
         "sys.exit(', '.join(name for name in heavy if name in sys.modules))"
     )
     call = [sys.executable, "-c", script]

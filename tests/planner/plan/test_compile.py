@@ -17,20 +17,20 @@ import jsonschema
 import numpy as np
 import pytest
 
-import schemas
-from executor.devices.station import preflight
-from executor.run.artifacts import Artifacts
-from executor.simulated.cell import build_cell
-from planner.cli.main import main
-from planner.diff.compare import compare_plans
-from planner.plan.compiler import compile_task
-from planner.plan.emit import PlanFiles
-from planner.plan.options import Options
-from planner.source.diagnostics import Report
-from planner.store.pictures import picture_sha256
-from schemas.codec import from_data
-from schemas.files.world import World
-from schemas.plan import Plan, dump_plan, parse_plan
+from microplan.executor.devices.station import preflight
+from microplan.executor.run.artifacts import Artifacts
+from microplan.executor.simulated.cell import build_cell
+from microplan.planner.cli.main import main
+from microplan.planner.diff.compare import compare_plans
+from microplan.planner.plan.compiler import compile_task
+from microplan.planner.plan.emit import PlanFiles
+from microplan.planner.plan.options import Options
+from microplan.planner.source.diagnostics import Report
+from microplan.planner.store.pictures import picture_sha256
+from microplan.schemas.codec import from_data
+from microplan.schemas.files import json_schema
+from microplan.schemas.files.world import World
+from microplan.schemas.plan import Plan, dump_plan, parse_plan
 from tests.planner.examples import (
     GRASP,
     ONE_LOOK,
@@ -81,7 +81,7 @@ def small_plan(tmp_path_factory: pytest.TempPathFactory) -> PlanFiles:
 
 def test_the_plan_fits_its_schema_and_its_types(compiled_example: Path) -> None:
     text = (compiled_example / "plan.json").read_text(encoding="utf-8")
-    jsonschema.Draft202012Validator(schemas.load("plan")).validate(json.loads(text))
+    jsonschema.Draft202012Validator(json_schema.load("plan")).validate(json.loads(text))
     plan = parse_plan(text)
     assert dump_plan(plan) == text
     assert plan.status == "feasible"
@@ -290,7 +290,7 @@ def test_what_cannot_be_done_is_written_and_ends_with_one(
     assert f"infeasible[{code}]" in captured.err
     assert "gear-on-shaft: infeasible" in captured.out
     text = (file.parent / "gear-on-shaft.plan" / "plan.json").read_text("utf-8")
-    jsonschema.Draft202012Validator(schemas.load("plan")).validate(json.loads(text))
+    jsonschema.Draft202012Validator(json_schema.load("plan")).validate(json.loads(text))
     plan = parse_plan(text)
     assert plan.status == "infeasible"
     assert code in {reason.code for reason in plan.reasons}

@@ -10,14 +10,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planner.cli.main import main
-from planner.plan.compiler import compile_task
-from planner.plan.emit import PlanFiles, plan_bytes
-from planner.plan.options import Options
-from planner.source.diagnostics import Report
-from planner.store.errors import OutputError
-from planner.store.folder import write_files, write_folder
-from schemas.plan import dump_plan
+from microplan.planner.cli.main import main
+from microplan.planner.plan.compiler import compile_task
+from microplan.planner.plan.emit import PlanFiles, plan_bytes
+from microplan.planner.plan.options import Options
+from microplan.planner.source.diagnostics import Report
+from microplan.planner.store.errors import OutputError
+from microplan.planner.store.folder import write_files, write_folder
+from microplan.schemas.plan import dump_plan
 from tests.planner.examples import GRASP, between_jaws, copy_example, cut, read
 
 

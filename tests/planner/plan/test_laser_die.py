@@ -10,16 +10,16 @@ from pathlib import Path
 import gdstk
 import pytest
 
-from planner.assembly.assembly import locate_place, part_z_um
-from planner.assembly.step_states import unfold
-from planner.looks.evaluated_feature import unseen
-from planner.looks.scenario import build_case, feature_case
-from planner.source.diagnostics import Report
-from planner.task.read_task import load_task
-from planner.task.task import Task
-from planner.views.features import proposals
-from planner.views.requests import requests
-from planner.views.target_views import marks_view, needed_shape, views
+from microplan.planner.assembly.assembly import locate_place, part_z_um
+from microplan.planner.assembly.step_states import unfold
+from microplan.planner.looks.evaluated_feature import unseen
+from microplan.planner.looks.scenario import build_case, feature_case
+from microplan.planner.source.diagnostics import Report
+from microplan.planner.task.read_task import load_task
+from microplan.planner.task.task import Task
+from microplan.planner.views.features import proposals
+from microplan.planner.views.requests import requests
+from microplan.planner.views.target_views import marks_view, needed_shape, views
 from tests.planner import examples
 from tests.planner.examples import ROOT, beyond_notes
 

@@ -11,13 +11,13 @@ from typing import Any
 
 import pytest
 
-from planner.assembly.step_states import unfold
-from planner.looks.look_problem import Effects
-from planner.plan import speculation as ahead
-from planner.plan.speculation import StoppedError, begin, listen, until_told
-from planner.source.diagnostics import Report
-from planner.task.presets import PRESETS
-from planner.views.requests import requests
+from microplan.planner.assembly.step_states import unfold
+from microplan.planner.looks.look_problem import Effects
+from microplan.planner.plan import speculation as ahead
+from microplan.planner.plan.speculation import StoppedError, begin, listen, until_told
+from microplan.planner.source.diagnostics import Report
+from microplan.planner.task.presets import PRESETS
+from microplan.planner.views.requests import requests
 from tests.planner.examples import EXAMPLE, copy_example, one_look, read
 
 EFFECTS = Effects(effort=PRESETS["fast"], max_image_error=0.01, map=map)

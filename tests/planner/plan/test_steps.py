@@ -7,20 +7,20 @@ from pathlib import Path
 
 import pytest
 
-from planner.assembly.assembly import part_sigma_um
-from planner.assembly.step_states import StepState, unfold
-from planner.budget.alignment_residual import moved_by, residual_of
-from planner.budget.budget import Sighted
-from planner.budget.control import control_of, tolerance_um
-from planner.budget.insertion_problem import apart
-from planner.budget.measurement_history import Memory
-from planner.looks.look_problem import Effects
-from planner.plan.steps import CompiledStep, compile_step
-from planner.source.diagnostics import Report
-from planner.task.presets import PRESETS
-from planner.task.read_task import load_task
-from planner.task.task import Task
-from schemas.plan import AxisMove
+from microplan.planner.assembly.assembly import part_sigma_um
+from microplan.planner.assembly.step_states import StepState, unfold
+from microplan.planner.budget.alignment_residual import moved_by, residual_of
+from microplan.planner.budget.budget import Sighted
+from microplan.planner.budget.control import control_of, tolerance_um
+from microplan.planner.budget.insertion_problem import apart
+from microplan.planner.budget.measurement_history import Memory
+from microplan.planner.looks.look_problem import Effects
+from microplan.planner.plan.steps import CompiledStep, compile_step
+from microplan.planner.source.diagnostics import Report
+from microplan.planner.task.presets import PRESETS
+from microplan.planner.task.read_task import load_task
+from microplan.planner.task.task import Task
+from microplan.schemas.plan import AxisMove
 from tests.planner.examples import change, copy_example, read
 
 WITHIN_UM = 1.5

@@ -11,19 +11,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planner.cli.main import main
-from planner.report.budgets import yield_advice
-from planner.report.errors import ellipse, sigmas
-from planner.report.folder import PlanFolder, read_folder
-from planner.report.margins import margins
-from planner.report.methods import methods
-from planner.report.pictures import place_id
-from planner.report.report import plan_report, write_report
-from planner.report.trials import accuracy
-from schemas.files.times import planned_s, spans
-from schemas.page.elements import write
-from schemas.plan import Look, Plan, Reason, Step, VerifyAction, dump_plan
-from schemas.plan.verdicts import Change
+from microplan.planner.cli.main import main
+from microplan.planner.report.budgets import yield_advice
+from microplan.planner.report.errors import ellipse, sigmas
+from microplan.planner.report.folder import PlanFolder, read_folder
+from microplan.planner.report.margins import margins
+from microplan.planner.report.methods import methods
+from microplan.planner.report.pictures import place_id
+from microplan.planner.report.report import plan_report, write_report
+from microplan.planner.report.trials import accuracy
+from microplan.schemas.files.times import planned_s, spans
+from microplan.schemas.page.elements import write
+from microplan.schemas.plan import Look, Plan, Reason, Step, VerifyAction, dump_plan
+from microplan.schemas.plan.verdicts import Change
 from tests.names import renamed
 from tests.pages import Page, check_page
 

@@ -10,13 +10,13 @@ from tempfile import TemporaryDirectory
 from hypothesis import strategies as st
 from hypothesis.strategies import DrawFn, SearchStrategy
 
-from optics.outline.outline import Arc, Outline
-from planner.drawings.dxf.drawing import load_drawing
-from planner.drawings.gds.drawing import load_gds
-from planner.source.diagnostics import TITLES, Report, Span, render_text
-from planner.task.drawings import AnyDrawing, take
-from planner.task.read_task import load_task
-from planner.views.check_task import check_task
+from microplan.optics.outline.outline import Arc, Outline
+from microplan.planner.drawings.dxf.drawing import load_drawing
+from microplan.planner.drawings.gds.drawing import load_gds
+from microplan.planner.source.diagnostics import TITLES, Report, Span, render_text
+from microplan.planner.task.drawings import AnyDrawing, take
+from microplan.planner.task.read_task import load_task
+from microplan.planner.views.check_task import check_task
 from tests.planner.drawings import dxf_text as dxf
 from tests.planner.drawings import gds_writer as gds
 from tests.planner.drawings.dxf.test_corpus import EXACT, REFUSED

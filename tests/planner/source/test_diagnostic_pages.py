@@ -11,15 +11,15 @@ from pathlib import Path
 
 import pytest
 
-from planner.assembly.step_states import StepState, unfold
-from planner.budget.control import method_of, tolerance_um
-from planner.budget.handling import report_handling, verdicts_of
-from planner.cli.main import main
-from planner.source.diagnostics import TITLES, Report
-from planner.task.presets import PRESETS
-from planner.task.read_task import load_task
-from planner.task.second_reader import read_twice
-from planner.task.task import Task
+from microplan.planner.assembly.step_states import StepState, unfold
+from microplan.planner.budget.control import method_of, tolerance_um
+from microplan.planner.budget.handling import report_handling, verdicts_of
+from microplan.planner.cli.main import main
+from microplan.planner.source.diagnostics import TITLES, Report
+from microplan.planner.task.presets import PRESETS
+from microplan.planner.task.read_task import load_task
+from microplan.planner.task.second_reader import read_twice
+from microplan.planner.task.task import Task
 from tests.planner.examples import (
     EXAMPLE,
     GRASP,
@@ -219,7 +219,9 @@ def test_the_call_of_a_page_leads_to_its_code(
     if code in PREPARED:
         PREPARED[code](example)
     fewer = replace(PRESETS["fast"], trials=8, range_draws=1)
-    monkeypatch.setattr("planner.plan.compiler.PRESETS", {**PRESETS, "fast": fewer})
+    monkeypatch.setattr(
+        "microplan.planner.plan.compiler.PRESETS", {**PRESETS, "fast": fewer}
+    )
     monkeypatch.chdir(example)
 
     def headlines() -> tuple[int, set[str]]:

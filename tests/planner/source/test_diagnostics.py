@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from planner.source.diagnostics import Diagnostic, Report, Span, render_text
+from microplan.planner.source.diagnostics import Diagnostic, Report, Span, render_text
 
 
 def finding(where: Span, hint: str = "did you mean 'wavelength_um'?") -> Diagnostic:

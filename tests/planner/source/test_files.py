@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 
-from planner.source.diagnostics import Report, Span
-from planner.source.files import named_file, read_bytes
-from planner.source.schema import did_you_mean
-from planner.task.read_task import load_task
+from microplan.planner.source.diagnostics import Report, Span
+from microplan.planner.source.files import named_file, read_bytes
+from microplan.planner.source.schema import did_you_mean
+from microplan.planner.task.read_task import load_task
 from tests.planner.examples import EXAMPLE
 
 AT = Span(file="task.yaml", line=3)

@@ -10,10 +10,9 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-import schemas
-from planner.cli.main import main
-from planner.source.diagnostics import Report, Span
-from planner.source.migrations import (
+from microplan.planner.cli.main import main
+from microplan.planner.source.diagnostics import Report, Span
+from microplan.planner.source.migrations import (
     MIGRATIONS,
     VERSION_KEYS,
     Edit,
@@ -21,8 +20,9 @@ from planner.source.migrations import (
     edited,
     migrated,
 )
-from planner.source.schema import NEWEST
-from planner.source.source import Source
+from microplan.planner.source.schema import NEWEST
+from microplan.planner.source.source import Source
+from microplan.schemas.files import json_schema
 from tests.planner.examples import EXAMPLE
 
 OLD = """\
@@ -142,7 +142,7 @@ def test_every_version_but_the_newest_has_a_step() -> None:
     for key, kind in VERSION_KEYS.items():
         since = [step.since for step in MIGRATIONS if step.kind == kind]
         assert since == list(range(1, NEWEST))
-        assert schemas.load(kind)["properties"][key]["enum"] == [NEWEST]
+        assert json_schema.load(kind)["properties"][key]["enum"] == [NEWEST]
 
 
 @given(st.lists(st.integers(0, 9), min_size=1, max_size=5, unique=True))

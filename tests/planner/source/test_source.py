@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from planner.source.diagnostics import Report
-from planner.source.source import Source, parse
+from microplan.planner.source.diagnostics import Report
+from microplan.planner.source.source import Source, parse
 
 
 def read(text: str) -> tuple[Source | None, Report]:

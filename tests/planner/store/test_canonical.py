@@ -15,9 +15,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from optics.outline.outline import Arc, Outline, Ring
-from planner.store.canonical import CanonicalError, decode, encode
-from schemas.pose import Pose
+from microplan.optics.outline.outline import Arc, Outline, Ring
+from microplan.planner.store.canonical import CanonicalError, decode, encode
+from microplan.schemas.pose import Pose
 
 SIMPLE = st.one_of(
     st.none(), st.booleans(), st.integers(), st.floats(), st.binary(max_size=9),
@@ -114,12 +114,13 @@ def test_what_holds_itself_is_refused() -> None:
 
 @pytest.mark.parametrize(
     "name",
-    ["os:system", "subprocess:Popen", "planner.cli.main:main", "builtins:eval",
-     "planner.store.store:Path", "schemas.plan:nothing", "planner.none:X", ":", ""],
+    ["os:system", "subprocess:Popen", "microplan.planner.cli.main:main",
+     "builtins:eval", "microplan.planner.store.store:Path",
+     "microplan.schemas.plan:nothing", "microplan.none:X", "planner.none:X", ":", ""],
 )  # fmt: skip
 def test_bytes_build_nothing_but_our_values(name: str) -> None:
     data = encode(Pose(x_um=0.0, y_um=0.0))
-    ours = b"schemas.pose:Pose"
+    ours = b"microplan.schemas.pose:Pose"
     other = name.encode()
     head = b"D" + struct.pack("<Q", len(ours)) + ours
     assert data.startswith(head)

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from planner.store import memo as memos
-from planner.store.memo import Memo, digest
-from planner.store.store import Store
-from schemas.pose import Pose
+from microplan.planner.store import memo as memos
+from microplan.planner.store.memo import Memo, digest
+from microplan.planner.store.store import Store
+from microplan.schemas.pose import Pose
 
 made: list[str] = []
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from planner.store.store import Store
+from microplan.planner.store.store import Store
 
 
 def key(number: int) -> str:

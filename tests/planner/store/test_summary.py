@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import pytest
 
-from planner.store.summary import plan_summary
-from schemas.plan import Plan, parse_plan
+from microplan.planner.store.summary import plan_summary
+from microplan.schemas.plan import Plan, parse_plan
 from tests.planner.examples import ROOT
 
 

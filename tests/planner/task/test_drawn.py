@@ -13,13 +13,13 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 
-from optics.outline.outline import Arc, Outline, Ring
-from planner.source.diagnostics import Report
-from planner.store.errors import OutputError
-from planner.task.drawn import svg, write_drawings
-from planner.task.part_summary import part_lines, parts_summary
-from planner.task.read_task import load_task
-from planner.task.task import Part
+from microplan.optics.outline.outline import Arc, Outline, Ring
+from microplan.planner.source.diagnostics import Report
+from microplan.planner.store.errors import OutputError
+from microplan.planner.task.drawn import svg, write_drawings
+from microplan.planner.task.part_summary import part_lines, parts_summary
+from microplan.planner.task.read_task import load_task
+from microplan.planner.task.task import Part
 from tests.planner.examples import EXAMPLE
 
 SVG = "{http://www.w3.org/2000/svg}"

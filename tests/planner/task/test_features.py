@@ -12,13 +12,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from optics.outline.outline import Arc, Edge, Outline, Point, Ring, Segment, place
-from planner.drawings.dxf.drawing import take
-from planner.drawings.rings import canonical
-from planner.source.diagnostics import Report, Span
-from planner.task import features
-from planner.task.features import NotFoundError
-from planner.task.read_task import load_task
+from microplan.arrays import Point
+from microplan.optics.outline.outline import Arc, Edge, Outline, Ring, Segment, place
+from microplan.planner.drawings.dxf.drawing import take
+from microplan.planner.drawings.rings import canonical
+from microplan.planner.source.diagnostics import Report, Span
+from microplan.planner.task import features
+from microplan.planner.task.features import NotFoundError
+from microplan.planner.task.read_task import load_task
 from tests.planner.drawings.reading import open_drawing
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "gear_on_shaft"

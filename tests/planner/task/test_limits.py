@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from optics.outline.outline import Arc, Ring
-from planner.cli.main import main
-from planner.drawings.dxf.file import MAX_ITEMS
-from planner.drawings.nesting import MAX_RINGS
-from planner.drawings.rings import rounded
-from planner.source.diagnostics import (
+from microplan.optics.outline.outline import Arc, Ring
+from microplan.planner.cli.main import main
+from microplan.planner.drawings.dxf.file import MAX_ITEMS
+from microplan.planner.drawings.nesting import MAX_RINGS
+from microplan.planner.drawings.rings import rounded
+from microplan.planner.source.diagnostics import (
     EXCERPT,
     MOST_ALIKE,
     MOST_WORDS,
@@ -21,8 +21,8 @@ from planner.source.diagnostics import (
     Span,
     render_text,
 )
-from planner.source.source import parse
-from planner.task.features import dominant_circle
+from microplan.planner.source.source import parse
+from microplan.planner.task.features import dominant_circle
 from tests.planner.drawings.dxf.test_corpus import codes, read
 from tests.planner.drawings.dxf_text import circle, dxf, line, spline
 from tests.planner.examples import change, copy_example

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from planner.task.presets import PRESETS, Preset
-from planner.task.task import Optimise
+from microplan.planner.task.presets import PRESETS, Preset
+from microplan.planner.task.task import Optimise
 
 
 @pytest.mark.parametrize("preset", PRESETS)

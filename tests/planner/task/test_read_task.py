@@ -12,11 +12,11 @@ from pathlib import Path
 
 import pytest
 
-from optics.render.scene import Illumination
-from planner.source.diagnostics import Report, Span, render_text
-from planner.source.source import read_source
-from planner.task.read_task import load_task
-from planner.task.task import Task
+from microplan.optics.render.scene import Illumination
+from microplan.planner.source.diagnostics import Report, Span, render_text
+from microplan.planner.source.source import read_source
+from microplan.planner.task.read_task import load_task
+from microplan.planner.task.task import Task
 from tests.planner.examples import change, copy_example
 
 ROOT = Path(__file__).parents[3]
@@ -451,8 +451,8 @@ def test_a_change_of_meaning_changes_what_is_hashed(
 
 def test_reading_a_task_loads_no_imaging_library() -> None:
     code = (
-        "import sys; from planner.source.diagnostics import Report;"
-        "from planner.task.read_task import load_task;"
+        "import sys; from microplan.planner.source.diagnostics import Report;"
+        "from microplan.planner.task.read_task import load_task;"
         f"assert load_task({str(EXAMPLE / 'task.yaml')!r}, Report());"
         "print([m for m in ('cv2', 'scipy', 'skimage', 'PIL') if m in sys.modules])"
     )

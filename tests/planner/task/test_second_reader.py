@@ -9,15 +9,15 @@ import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
-from planner.drawings.census import Taken
-from planner.drawings.dxf.drawing import Drawing, load_drawing, take
-from planner.drawings.dxf.ezdxf_reading import answer_to
-from planner.source.diagnostics import Report, Span
-from planner.task import second_reader
-from planner.task.second_reader import compare, compare_with
+from microplan.arrays import Point
+from microplan.planner.drawings.census import Taken
+from microplan.planner.drawings.dxf.drawing import Drawing, load_drawing, take
+from microplan.planner.drawings.dxf.ezdxf_reading import answer_to
+from microplan.planner.source.diagnostics import Report, Span
+from microplan.planner.task import second_reader
+from microplan.planner.task.second_reader import compare, compare_with
 from tests.planner.drawings.dxf.test_corpus import EXACT, SLOT
 from tests.planner.drawings.dxf_text import (
-    Point,
     Tags,
     box,
     circle,

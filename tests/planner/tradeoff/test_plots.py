@@ -7,8 +7,8 @@ from itertools import combinations
 import numpy as np
 from matplotlib.text import Annotation
 
-from planner.tradeoff.task_plots import task_figure
-from planner.tradeoff.task_tradeoff_record import Point, Spent, TaskTradeoff
+from microplan.planner.tradeoff.task_plots import task_figure
+from microplan.planner.tradeoff.task_tradeoff_record import Point, Spent, TaskTradeoff
 
 # what was varied, CPU s, error in um: three of them almost in one place
 CROWD = (

@@ -13,23 +13,23 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from featuresel.look.design import Trial
-from featuresel.look.perturb import image
-from featuresel.look.scenario import LookCase
-from optics.render.sampling import BAND_ERROR
-from optics.transfer.models import MODELS
-from planner.assembly.step_states import unfold
-from planner.cli.arguments import LAWS
-from planner.cli.main import main
-from planner.looks.compile_look import compile_look
-from planner.looks.look_problem import Effects
-from planner.looks.look_record import reference_image
-from planner.looks.scenario import build_case
-from planner.source.diagnostics import Report
-from planner.task.presets import PRESETS
-from planner.views.requests import requests
-from planner.views.target_views import views
-from schemas.plan import parse_plan
+from microplan.featuresel.look.design import Trial
+from microplan.featuresel.look.perturb import image
+from microplan.featuresel.look.scenario import LookCase
+from microplan.optics.render.sampling import BAND_ERROR
+from microplan.optics.transfer.models import MODELS
+from microplan.planner.assembly.step_states import unfold
+from microplan.planner.cli.arguments import LAWS
+from microplan.planner.cli.main import main
+from microplan.planner.looks.compile_look import compile_look
+from microplan.planner.looks.look_problem import Effects
+from microplan.planner.looks.look_record import reference_image
+from microplan.planner.looks.scenario import build_case
+from microplan.planner.source.diagnostics import Report
+from microplan.planner.task.presets import PRESETS
+from microplan.planner.views.requests import requests
+from microplan.planner.views.target_views import views
+from microplan.schemas.plan import parse_plan
 from tests.planner.examples import EXAMPLE, change, copy_example, one_look, read
 
 TASK = str(EXAMPLE / "task.yaml")

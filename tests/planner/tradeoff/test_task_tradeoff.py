@@ -15,13 +15,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from featuresel.trials.bounds import failure_upper
-from optics.lens.sensor import Sensor, expose, to_unit
-from planner.cli.main import main
-from planner.source.diagnostics import Report
-from planner.task.presets import PRESETS
-from planner.tradeoff.task_axes import averaged, ways
-from planner.tradeoff.task_tradeoff import (
+from microplan.featuresel.trials.bounds import failure_upper
+from microplan.optics.lens.sensor import Sensor, expose, to_unit
+from microplan.planner.cli.main import main
+from microplan.planner.source.diagnostics import Report
+from microplan.planner.task.presets import PRESETS
+from microplan.planner.tradeoff.task_axes import averaged, ways
+from microplan.planner.tradeoff.task_tradeoff import (
     choices,
     error_um,
     point_of,
@@ -29,9 +29,9 @@ from planner.tradeoff.task_tradeoff import (
     success_lower,
     with_fronts,
 )
-from planner.tradeoff.task_tradeoff_record import Point, Spent
-from planner.tradeoff.vary import parse_vary
-from schemas.plan import Plan, parse_plan
+from microplan.planner.tradeoff.task_tradeoff_record import Point, Spent
+from microplan.planner.tradeoff.vary import parse_vary
+from microplan.schemas.plan import Plan, parse_plan
 from tests.planner.examples import EXAMPLE, change, copy_example, one_look, read
 
 GOLDEN = Path(__file__).parents[2] / "golden" / "gear_on_shaft.fast.json"

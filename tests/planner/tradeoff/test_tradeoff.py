@@ -20,24 +20,24 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from optics.oracle import oracle_image
-from optics.render.fidelity import choose
-from optics.render.scene import Layer, Scene, Window
-from optics.transfer.models import MODELS
-from planner.assembly.step_states import unfold
-from planner.cli.main import main
-from planner.looks import scenario as cases
-from planner.source.diagnostics import Report
-from planner.tradeoff import reference_images as truths
-from planner.tradeoff import render_methods as ways
-from planner.tradeoff.plots import Strip, round_down, strip_png, tradeoff_png
-from planner.tradeoff.reference_images import Sight, law_truth, layer_truth
-from planner.tradeoff.render_methods import front, measure
-from planner.tradeoff.tradeoff import FOCUS_SIGMAS, strip_of
-from planner.tradeoff.tradeoff_record import Measured, StepTradeoff, Tradeoff
-from planner.views.requests import requests
-from planner.views.target_views import views
-from schemas.codec import from_data
+from microplan.optics.oracle import oracle_image
+from microplan.optics.render.fidelity import choose
+from microplan.optics.render.scene import Layer, Scene, Window
+from microplan.optics.transfer.models import MODELS
+from microplan.planner.assembly.step_states import unfold
+from microplan.planner.cli.main import main
+from microplan.planner.looks import scenario as cases
+from microplan.planner.source.diagnostics import Report
+from microplan.planner.tradeoff import reference_images as truths
+from microplan.planner.tradeoff import render_methods as ways
+from microplan.planner.tradeoff.plots import Strip, round_down, strip_png, tradeoff_png
+from microplan.planner.tradeoff.reference_images import Sight, law_truth, layer_truth
+from microplan.planner.tradeoff.render_methods import front, measure
+from microplan.planner.tradeoff.tradeoff import FOCUS_SIGMAS, strip_of
+from microplan.planner.tradeoff.tradeoff_record import Measured, StepTradeoff, Tradeoff
+from microplan.planner.views.requests import requests
+from microplan.planner.views.target_views import views
+from microplan.schemas.codec import from_data
 from tests.optics.shapes import disc, microscope, one_layer, rectangle
 from tests.planner.examples import EXAMPLE, ROOT, copy_example, one_look, read
 
@@ -295,7 +295,7 @@ def test_hidden_layers_are_those_of_the_slow_oracle() -> None:
     slow = oracle_image(two_discs(), SMALL, focus_um=0.0, window=FRAME)
     away = float(np.abs(layered.images[0] - slow).max())
     blended = float(np.abs(law.images[0] - slow).max())
-    # the oracle's own rays and cells: `optics.oracle.oracle_image`
+    # the oracle's own rays and cells: `microplan.optics.oracle.oracle_image`
     assert away <= layered.error + 4e-4 + 1e-3
     assert blended > 5 * away
 
@@ -411,8 +411,8 @@ def test_a_folder_that_cannot_be_written_is_said_first(
 
 def test_compiler_and_preview_load_no_matplotlib() -> None:
     script = (
-        "import sys, planner.cli.main, planner.plan.compiler\n"
-        "import planner.tradeoff.preview, executor.cli.main\n"
+        "import sys, microplan.planner.cli.main, microplan.planner.plan.compiler\n"
+        "import microplan.planner.tradeoff.preview, microplan.executor.cli.main\n"
         "sys.exit('matplotlib' in sys.modules)"
     )
     done = subprocess.run([sys.executable, "-c", script], check=False)

@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planner.assembly.step_states import unfold
-from planner.source.diagnostics import Report
-from planner.task.task import Task
-from planner.views.check_task import check_task
-from planner.views.coarse import (
+from microplan.planner.assembly.step_states import unfold
+from microplan.planner.source.diagnostics import Report
+from microplan.planner.task.task import Task
+from microplan.planner.views.check_task import check_task
+from microplan.planner.views.coarse import (
     Sighting,
     assumed,
     centring,
@@ -21,8 +21,8 @@ from planner.views.coarse import (
     fine_request,
     may_gain,
 )
-from planner.views.requests import Known, Request, requests
-from planner.views.target_views import needed_shape, spot_of, views
+from microplan.planner.views.requests import Known, Request, requests
+from microplan.planner.views.target_views import needed_shape, spot_of, views
 from tests.planner.examples import change, copy_example, read
 
 LOW = 6.9

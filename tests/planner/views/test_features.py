@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import pytest
 
-from optics.outline.outline import Arc, Outline, Ring, Segment
-from planner.assembly.assembly import initial
-from planner.task.task import Part, Task
-from planner.views.features import Proposals, offset_um, proposals
-from planner.views.requests import Request
-from planner.views.targets import Shape, shape_of
+from microplan.optics.outline.outline import Arc, Outline, Ring, Segment
+from microplan.planner.assembly.assembly import initial
+from microplan.planner.task.task import Part, Task
+from microplan.planner.views.features import Proposals, offset_um, proposals
+from microplan.planner.views.requests import Request
+from microplan.planner.views.targets import Shape, shape_of
 from tests.planner.examples import EXAMPLE, read
 
 HOLES = {"near": (-20.0, 10.0, 6.0), "far": (30.0, -5.0, 8.0)}  # x, y, radius

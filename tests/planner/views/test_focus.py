@@ -11,10 +11,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planner.assembly.assembly import Place
-from planner.source.diagnostics import Report, Span
-from planner.task.workcell import Interval
-from planner.views.focus import (
+from microplan.planner.assembly.assembly import Place
+from microplan.planner.source.diagnostics import Report, Span
+from microplan.planner.task.workcell import Interval
+from microplan.planner.views.focus import (
     HEIGHTS,
     MOST_STOPS,
     NARROWED,
@@ -24,8 +24,8 @@ from planner.views.focus import (
     focus_stops,
     narrowed,
 )
-from planner.views.views import SEARCH_SIGMAS
-from schemas.pose import Pose
+from microplan.planner.views.views import SEARCH_SIGMAS
+from microplan.schemas.pose import Pose
 from tests.planner.examples import EXAMPLE, read
 
 FAR = (-1e4, 1e4)

@@ -8,23 +8,23 @@ from pathlib import Path
 
 import pytest
 
-from featuresel.look.scenario import Turning, scene
-from optics.layers.layer_error import layer_error
-from optics.lens.distorted_scene import lens_scene
-from planner.assembly.step_states import unfold
-from planner.looks.scenario import build_case
-from planner.source.diagnostics import Report
-from planner.task.read_task import load_task
-from planner.task.task import Task
-from planner.views.lens_errors import (
+from microplan.featuresel.look.scenario import Turning, scene
+from microplan.optics.layers.layer_error import layer_error
+from microplan.optics.lens.distorted_scene import lens_scene
+from microplan.planner.assembly.step_states import unfold
+from microplan.planner.looks.scenario import build_case
+from microplan.planner.source.diagnostics import Report
+from microplan.planner.task.read_task import load_task
+from microplan.planner.task.task import Task
+from microplan.planner.views.lens_errors import (
     known_errors,
     lamp_aperture,
     lens_rows,
     middle_offset_um,
     middle_sigma_um,
 )
-from planner.views.requests import Request, requests
-from planner.views.target_views import needed_shape, spot_of, views
+from microplan.planner.views.requests import Request, requests
+from microplan.planner.views.target_views import needed_shape, spot_of, views
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "gear_on_shaft" / "task.yaml"
 

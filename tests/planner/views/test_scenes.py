@@ -11,12 +11,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from optics.outline.outline import Arc, Edge, Outline, Point, Ring, Segment
-from planner.assembly.assembly import Axis4, Place, State, initial
-from planner.task.task import Task
-from planner.views.scenes import EDGE_POINTS, shade_of
-from planner.views.targets import shape_of
-from schemas.pose import Pose
+from microplan.arrays import Point
+from microplan.optics.outline.outline import Arc, Edge, Outline, Ring, Segment
+from microplan.planner.assembly.assembly import Axis4, Place, State, initial
+from microplan.planner.task.task import Task
+from microplan.planner.views.scenes import EDGE_POINTS, shade_of
+from microplan.planner.views.targets import shape_of
+from microplan.schemas.pose import Pose
 from tests.planner.examples import EXAMPLE, read
 
 HIGH_UM = 50.0  # of the roof above the face

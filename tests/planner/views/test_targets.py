@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 import shapely
 
-from planner.assembly.assembly import Axis4, bodies, initial
-from planner.assembly.shapes import polygon
-from planner.task.task import Task
-from planner.views.targets import JAWS_SEEN_UM, shape_of
+from microplan.planner.assembly.assembly import Axis4, bodies, initial
+from microplan.planner.assembly.shapes import polygon
+from microplan.planner.task.task import Task
+from microplan.planner.views.targets import JAWS_SEEN_UM, shape_of
 from tests.planner.examples import EXAMPLE, change, copy_example, read
 
 

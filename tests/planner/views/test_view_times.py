@@ -8,21 +8,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from executor.simulated.cell import build_cell
-from planner.assembly.assembly import Axis4, Carrier, axes_of, initial
-from planner.assembly.step_states import StepState, unfold
-from planner.assembly.world import build_world
-from planner.source.diagnostics import Report
-from planner.task.task import Task
-from planner.views.view_times import (
+from microplan.executor.simulated.cell import build_cell
+from microplan.planner.assembly.assembly import Axis4, Carrier, axes_of, initial
+from microplan.planner.assembly.step_states import StepState, unfold
+from microplan.planner.assembly.world import build_world
+from microplan.planner.source.diagnostics import Report
+from microplan.planner.task.task import Task
+from microplan.planner.views.view_times import (
     Setting,
     approach_times,
     centre_times,
     move_times,
     view_change,
 )
-from schemas.plan import Look, View
-from schemas.plan.views import CoarseFirst, TimeRow
+from microplan.schemas.plan import Look, View
+from microplan.schemas.plan.views import CoarseFirst, TimeRow
 from tests.executor.disc import look as disc_look
 from tests.planner.examples import EXAMPLE, read
 

@@ -6,15 +6,15 @@ from dataclasses import replace
 
 import pytest
 
-from planner.assembly.step_states import unfold
-from planner.source.diagnostics import Report
-from planner.task.task import Task
-from planner.views.requests import Request, requests
-from planner.views.view_verdict import view_verdict
-from planner.views.zooms import ladder, microscope_at
-from schemas.codec import from_data, to_data
-from schemas.plan import View
-from schemas.plan.views import ViewVerdict, ZoomTried
+from microplan.planner.assembly.step_states import unfold
+from microplan.planner.source.diagnostics import Report
+from microplan.planner.task.task import Task
+from microplan.planner.views.requests import Request, requests
+from microplan.planner.views.view_verdict import view_verdict
+from microplan.planner.views.zooms import ladder, microscope_at
+from microplan.schemas.codec import from_data, to_data
+from microplan.schemas.plan import View
+from microplan.schemas.plan.views import ViewVerdict, ZoomTried
 from tests.planner.examples import EXAMPLE, read
 
 USABLE = {"gear.teeth": (-10.0, 20.0)}

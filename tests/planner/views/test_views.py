@@ -10,19 +10,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from optics.outline.outline import Arc, Outline, Ring, Segment
-from planner.assembly.assembly import Axis4, Place, State, initial
-from planner.assembly.step_states import unfold
-from planner.source.diagnostics import Report
-from planner.task.task import Part, Task
-from planner.views.check_task import check_task
-from planner.views.requests import requests
-from planner.views.scenes import EDGE_POINTS, shade_of
-from planner.views.target_views import needed_shape, spot_of, views
-from planner.views.targets import Shape, shape_of
-from planner.views.views import SEARCH_SIGMAS, light_level, region_for
-from planner.views.zooms import in_field, microscope_at
-from schemas.pose import Pose
+from microplan.optics.outline.outline import Arc, Outline, Ring, Segment
+from microplan.planner.assembly.assembly import Axis4, Place, State, initial
+from microplan.planner.assembly.step_states import unfold
+from microplan.planner.source.diagnostics import Report
+from microplan.planner.task.task import Part, Task
+from microplan.planner.views.check_task import check_task
+from microplan.planner.views.requests import requests
+from microplan.planner.views.scenes import EDGE_POINTS, shade_of
+from microplan.planner.views.target_views import needed_shape, spot_of, views
+from microplan.planner.views.targets import Shape, shape_of
+from microplan.planner.views.views import SEARCH_SIGMAS, light_level, region_for
+from microplan.planner.views.zooms import in_field, microscope_at
+from microplan.schemas.pose import Pose
 from tests.planner.examples import EXAMPLE, beyond_notes, read
 
 LOW = 6.9

@@ -14,13 +14,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planner.assembly.assembly import Place, initial
-from planner.source.diagnostics import Report, Span
-from planner.task.task import Task
-from planner.task.workcell import Workcell
-from planner.views.check_task import check_task
-from planner.views.targets import Shape, shape_of
-from planner.views.zooms import (
+from microplan.planner.assembly.assembly import Place, initial
+from microplan.planner.source.diagnostics import Report, Span
+from microplan.planner.task.task import Task
+from microplan.planner.task.workcell import Workcell
+from microplan.planner.views.check_task import check_task
+from microplan.planner.views.targets import Shape, shape_of
+from microplan.planner.views.zooms import (
     FINEST_PX,
     LADDER,
     Origin,
@@ -32,7 +32,7 @@ from planner.views.zooms import (
     useful_magnification,
     zoom_range,
 )
-from schemas.pose import Pose
+from microplan.schemas.pose import Pose
 from tests.planner.examples import EXAMPLE, change, copy_example, read
 
 HERE = Origin(

@@ -10,16 +10,21 @@ from typing import Any
 import jsonschema
 import pytest
 
-import schemas
-from schemas.files.plan_schema import outlines_schema, plan_schema, schema_text
-from schemas.plan import parse_plan
+from microplan import schemas
+from microplan.schemas.files import json_schema
+from microplan.schemas.files.plan_schema import (
+    outlines_schema,
+    plan_schema,
+    schema_text,
+)
+from microplan.schemas.plan import parse_plan
 
 GOLDEN = Path(__file__).parents[2] / "golden" / "gear_on_shaft.fast.json"
 
 
 def errors(data: Any) -> list[str]:
     """Return the paths at which the schema finds fault with a plan."""
-    validator = jsonschema.Draft202012Validator(schemas.load("plan"))
+    validator = jsonschema.Draft202012Validator(json_schema.load("plan"))
     return [error.json_path for error in validator.iter_errors(data)]
 
 
@@ -35,13 +40,13 @@ def plan() -> Any:
 def test_the_file_is_what_the_types_say(name: str, schema: Any) -> None:
     file = Path(schemas.__file__).with_name(f"{name}.schema.json")
     assert file.read_text(encoding="utf-8") == schema_text(schema), (
-        "run: python -m schemas.files.plan_schema"
+        "run: python -m microplan.schemas.files.plan_schema"
     )
-    assert schemas.load(name) == schema
+    assert json_schema.load(name) == schema
 
 
 def test_the_schema_is_valid_and_closed() -> None:
-    schema = schemas.load("plan")
+    schema = json_schema.load("plan")
     jsonschema.Draft202012Validator.check_schema(schema)
     objects = [schema, *schema["$defs"].values()]
     assert len(objects) > 30

@@ -10,14 +10,14 @@ from typing import IO
 
 import pytest
 
-from schemas.page.console import say, tell
+from microplan.schemas.page.console import say, tell
 
 FULL = Path("/dev/full")
 # as a user has it: what is printed goes through a buffer
 ENVIRONMENT = {k: v for k, v in os.environ.items() if k != "PYTHONUNBUFFERED"}
 TALKS = """
 import sys
-from schemas.page.console import OutputLostError, flush, say, tell
+from microplan.schemas.page.console import OutputLostError, flush, say, tell
 print("by others", end="")
 try:
     say("result " * 50_000)
@@ -70,7 +70,8 @@ def test_a_full_disk_is_told_once() -> None:
 
 @pytest.mark.skipif(not FULL.exists(), reason=f"no {FULL}")
 @pytest.mark.parametrize(
-    ("command", "status"), [("planner.cli.main", 2), ("executor.cli.main", 3)]
+    ("command", "status"),
+    [("microplan.planner.cli.main", 2), ("microplan.executor.cli.main", 3)],
 )
 def test_a_command_ends_as_others_do(command: str, status: int) -> None:
     """Argparse writes the help, and what it writes may be lost at the very end."""

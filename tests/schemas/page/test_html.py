@@ -12,12 +12,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from schemas.page.axes import Axes, Scale, around, around_log
-from schemas.page.charts import Bar, Point, bars, curve, scatter
-from schemas.page.elements import el, slug, write
-from schemas.page.figures import chance, number, seconds, um
-from schemas.page.labels import Box, width
-from schemas.page.page import document, png_size, png_uri
+from microplan.schemas.page.axes import Axes, Scale, around, around_log
+from microplan.schemas.page.charts import Bar, Point, bars, curve, scatter
+from microplan.schemas.page.elements import el, slug, write
+from microplan.schemas.page.figures import chance, number, seconds, um
+from microplan.schemas.page.labels import Box, width
+from microplan.schemas.page.page import document, png_size, png_uri
 
 # what markup, addresses and terminals obey, and what they do not
 LETTERS = "<>&\"'/;:=#(){}ab \u00e9\u202e\x00\ud800\n"

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from matplotlib.font_manager import findfont
 from matplotlib.ft2font import FT2Font
 
-from schemas.page.labels import Box, Name, Segment, placed, shortened, width
+from microplan.schemas.page.labels import Box, Name, Segment, placed, shortened, width
 
 FIELD = Box(left=0.0, top=0.0, right=360.0, bottom=200.0)
 MARK, HEIGHT = 4.0, 14.0

@@ -10,16 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from featuresel.look.nominal import nominal_render
-from featuresel.look.scenario import LookCase
-from featuresel.routines import (
-    Artifact,
-    Failure,
-    Guess,
-    Measurement,
-)
-from featuresel.routines.circle import circle_caliper
-from optics.render.scene import Window
+from microplan.featuresel.look.nominal import nominal_render
+from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.routines.circle import circle_caliper
+from microplan.featuresel.routines.contract import Artifact, Failure, Guess, Measurement
+from microplan.optics.render.scene import Window
 
 # Radial calipers came to 8.8 times the Cramer-Rao limit in focus in the measurements
 # this project started from; one that does worse has lost something.

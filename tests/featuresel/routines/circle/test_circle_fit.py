@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from skimage.measure import CircleModel, ransac
 
-from featuresel.routines.circle.circle_fit import fit_centre, fit_circle
+from microplan.featuresel.routines.circle.circle_fit import fit_centre, fit_circle
 
 CENTRE, RADIUS = (31.3, 27.8), 23.0
 

@@ -10,12 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from featuresel.look.nominal import nominal_render
-from featuresel.look.scenario import LookCase
-from featuresel.routines import Artifact, Failure, Guess, Measurement, load
-from featuresel.routines.circle.circle_fit import fit_circle
-from featuresel.routines.circle.rim import approach
-from optics.render.scene import Illumination
+from microplan.featuresel.look.nominal import nominal_render
+from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.routines.circle.circle_fit import fit_circle
+from microplan.featuresel.routines.circle.rim import approach
+from microplan.featuresel.routines.contract import Artifact, Failure, Guess, Measurement
+from microplan.featuresel.routines.registry import load
+from microplan.optics.render.scene import Illumination
 
 # An iso-line circle came to 5.4 times the Cramer-Rao limit in focus in the measurements
 # this project started from; one that does worse has lost something.

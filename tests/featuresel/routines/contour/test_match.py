@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from featuresel.look.nominal import nominal_render
-from featuresel.look.scenario import LookCase
-from featuresel.routines import Artifact, Failure, Guess, Measurement
-from featuresel.routines.contour import match as contour_match
-from featuresel.routines.contour.model import ROUND, build
-from featuresel.routines.contour.polarity import predict
-from optics.outline.outline import Outline, place
+from microplan.featuresel.look.nominal import nominal_render
+from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.routines.contour import match as contour_match
+from microplan.featuresel.routines.contour.model import ROUND, build
+from microplan.featuresel.routines.contour.polarity import predict
+from microplan.featuresel.routines.contract import Artifact, Failure, Guess, Measurement
+from microplan.optics.outline.outline import Outline, place
 
 # Radial calipers came to 8.8 times the Cramer-Rao limit in focus in the measurements
 # this project started from; edges along all of the contour must not do worse.

@@ -10,12 +10,12 @@ import pytest
 
 from benchmarks.localisation.polarity import judge
 from benchmarks.selection.random_parts import polygon
-from featuresel.features.contour import with_contour
-from featuresel.look.nominal import nominal_render
-from featuresel.look.scenario import LookCase
-from featuresel.routines.contour.polarity import predict
-from optics.outline.outline import Outline
-from optics.render.scene import Layer, Window
+from microplan.featuresel.features.contour import with_contour
+from microplan.featuresel.look.nominal import nominal_render
+from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.routines.contour.polarity import predict
+from microplan.optics.outline.outline import Outline
+from microplan.optics.render.scene import Layer, Window
 
 Look = Callable[[str], LookCase]
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from featuresel.routines.contour import search as contour_search
-from featuresel.routines.contour.search import Pose, field, score, search
+from microplan.featuresel.routines.contour import search as contour_search
+from microplan.featuresel.routines.contour.search import Pose, field, score, search
 
 ANGLES = np.array([-0.1, 0.0, 0.1])
 

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from featuresel.look.nominal import nominal_render
-from featuresel.look.scenario import LookCase
-from featuresel.routines import Artifact, Failure, Guess, Measurement
-from featuresel.routines.edge import tooth_notch
-from optics.outline.outline import Arc, Outline
+from microplan.featuresel.look.nominal import nominal_render
+from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.routines.contract import Artifact, Failure, Guess, Measurement
+from microplan.featuresel.routines.edge import tooth_notch
+from microplan.optics.outline.outline import Arc, Outline
 
 Look = Callable[[str], LookCase]
 

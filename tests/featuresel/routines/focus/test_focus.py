@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from featuresel.look.scenario import LookCase, scene
-from featuresel.routines.focus.focus import FocusPeak, peak, ring_mask, score
-from optics.render.render import render_stack
+from microplan.featuresel.look.scenario import LookCase, scene
+from microplan.featuresel.routines.focus.focus import FocusPeak, peak, ring_mask, score
+from microplan.optics.render.render import render_stack
 
 Look = Callable[[str], LookCase]
 

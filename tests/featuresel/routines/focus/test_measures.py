@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from featuresel.look.scenario import LookCase, scene
-from featuresel.routines.focus.measures import (
+from microplan.featuresel.look.scenario import LookCase, scene
+from microplan.featuresel.routines.focus.measures import (
     MEASURES,
     brenner,
     dct_ratio,
@@ -22,7 +22,7 @@ from featuresel.routines.focus.measures import (
     tenengrad,
     vollath_f4,
 )
-from optics.render.render import render_stack
+from microplan.optics.render.render import render_stack
 
 Look = Callable[[str], LookCase]
 BOTH = pytest.mark.parametrize("name", list(MEASURES))

@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from featuresel.routines import Failure
-from featuresel.routines.focus.focus import FITS
-from featuresel.routines.focus.mirror import mirror_error_um, mirror_peak
-from featuresel.routines.focus.peak import FocusPeak, gaussian_peak
+from microplan.featuresel.routines.contract import Failure
+from microplan.featuresel.routines.focus.focus import FITS
+from microplan.featuresel.routines.focus.mirror import mirror_error_um, mirror_peak
+from microplan.featuresel.routines.focus.peak import FocusPeak, gaussian_peak
 
 Fit = Callable[..., FocusPeak | Failure]
 BOTH = pytest.mark.parametrize("fit", list(FITS.values()), ids=list(FITS))

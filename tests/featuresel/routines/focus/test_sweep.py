@@ -10,20 +10,20 @@ import numpy as np
 import pytest
 from scipy import integrate
 
-from featuresel.look.nominal import nominal_render
-from featuresel.look.scenario import LookCase, scene
-from featuresel.routines import Failure
-from featuresel.routines.focus.measures import tenengrad
-from featuresel.routines.focus.mirror import mirror_peak
-from featuresel.routines.focus.peak import FocusPeak
-from featuresel.routines.focus.sweep import (
+from microplan.featuresel.look.nominal import nominal_render
+from microplan.featuresel.look.scenario import LookCase, scene
+from microplan.featuresel.routines.contract import Failure
+from microplan.featuresel.routines.focus.measures import tenengrad
+from microplan.featuresel.routines.focus.mirror import mirror_peak
+from microplan.featuresel.routines.focus.peak import FocusPeak
+from microplan.featuresel.routines.focus.sweep import (
     FocusCurve,
     Sweep,
     focus_curve,
     plan_sweep,
     sweep_sigma_um,
 )
-from optics.render.render import render_stack
+from microplan.optics.render.render import render_stack
 
 Look = Callable[[str], LookCase]
 CURVE = FocusCurve(width_um=5.0, noise=0.002)

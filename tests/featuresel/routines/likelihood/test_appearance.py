@@ -5,14 +5,16 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 
-from featuresel.look.nominal import nominal_render
-from featuresel.routines.likelihood.appearance import Appearance, Pose, read_appearance
+from microplan.arrays import FloatArray
+from microplan.featuresel.look.nominal import nominal_render
+from microplan.featuresel.routines.likelihood.appearance import (
+    Appearance,
+    Pose,
+    read_appearance,
+)
 from tests.featuresel.fits import Drawn, artifact, case, draw, render
-
-FloatArray = npt.NDArray[np.float64]
 
 LOOKS = ("find_gear", "post", "far_gear")
 SINGLE = float(np.finfo(np.float32).eps)

@@ -3,13 +3,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from scipy.stats import chi2
 
-from featuresel.look.nominal import nominal_render
-from featuresel.routines import Artifact, Failure, Guess, Measurement
-from featuresel.routines.likelihood import defocus_pair
+from microplan.arrays import FloatArray
+from microplan.featuresel.look.nominal import nominal_render
+from microplan.featuresel.routines.contract import Artifact, Failure, Guess, Measurement
+from microplan.featuresel.routines.likelihood import defocus_pair
 from tests.featuresel.conftest import noisy
 from tests.featuresel.fits import (
     PAIR_UM,
@@ -21,8 +21,6 @@ from tests.featuresel.fits import (
     pair_artifact,
     render,
 )
-
-FloatArray = npt.NDArray[np.float64]
 
 OFFSETS = (-PAIR_UM, PAIR_UM)
 DRAWS = 25

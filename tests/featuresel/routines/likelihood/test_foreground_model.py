@@ -7,13 +7,11 @@ import numpy.typing as npt
 import pytest
 from scipy.ndimage import map_coordinates
 
-from featuresel.look.nominal import nominal_render
-from featuresel.routines.likelihood.appearance import Pose, Veiling
-from featuresel.routines.likelihood.foreground import Front
-from featuresel.routines.likelihood.foreground_model import front_maps
+from microplan.featuresel.look.nominal import nominal_render
+from microplan.featuresel.routines.likelihood.appearance import Pose, Veiling
+from microplan.featuresel.routines.likelihood.foreground import Front
+from microplan.featuresel.routines.likelihood.foreground_model import front_maps
 from tests.featuresel.fits import Drawn, artifact, case, job, render
-
-FloatArray = npt.NDArray[np.float64]
 
 REACH_UM = 12.0  # three deviations of the focus
 IMAGE = 1e-6  # that outlines transformed in single precision cost an image

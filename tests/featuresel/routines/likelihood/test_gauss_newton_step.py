@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from featuresel.routines import Failure, Guess, Measurement
-from featuresel.routines.likelihood import gauss_newton_step as one_step
+from microplan.featuresel.routines.contract import Failure, Guess, Measurement
+from microplan.featuresel.routines.likelihood import gauss_newton_step as one_step
 from tests.featuresel.fits import artifact, case, draw, photo, render
 
 

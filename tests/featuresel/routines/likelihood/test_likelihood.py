@@ -8,19 +8,17 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 
-from featuresel.look.nominal import NominalRender, nominal_render
-from featuresel.routines import Failure, Guess, Measurement
-from featuresel.routines.likelihood import likelihood
-from featuresel.routines.likelihood.ambiguity import other_turns
-from optics.outline.outline import Outline
-from optics.render.scene import Layer
+from microplan.arrays import FloatArray
+from microplan.featuresel.look.nominal import NominalRender, nominal_render
+from microplan.featuresel.routines.contract import Failure, Guess, Measurement
+from microplan.featuresel.routines.likelihood import likelihood
+from microplan.featuresel.routines.likelihood.ambiguity import other_turns
+from microplan.optics.outline.outline import Outline
+from microplan.optics.render.scene import Layer
 from tests.featuresel.conftest import TEETH, disc, gear, noisy
 from tests.featuresel.fits import Drawn, artifact, case, draw, near, photo, render
-
-FloatArray = npt.NDArray[np.float64]
 
 # Ten times the limits 10 um out of focus, .004 px and .06 mrad; a wrong tooth is .35
 # rad off, a wrong half tooth .17.

@@ -7,27 +7,25 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 
-from featuresel.limits.place_limit import place_limits_um
-from featuresel.look.design import design
-from featuresel.look.disturb import shifted, turned
-from featuresel.look.nominal import nominal_render, swayed
-from featuresel.look.perturb import image
-from featuresel.look.reference_point import Located, located
-from featuresel.look.scenario import LookCase, Turning
-from featuresel.routines import Artifact, Guess, Measurement
-from featuresel.routines.likelihood import likelihood
-from featuresel.routines.likelihood.comparison import Job, View
-from featuresel.routines.likelihood.fit_problem import read_job
-from featuresel.routines.likelihood.occluder_modes import principal, sway_maps
-from featuresel.routines.likelihood.pose_fit import PoseFit, fit_pose
-from optics.render.scene import Window
+from microplan.arrays import FloatArray
+from microplan.featuresel.limits.place_limit import place_limits_um
+from microplan.featuresel.look.design import design
+from microplan.featuresel.look.disturb import shifted, turned
+from microplan.featuresel.look.nominal import nominal_render, swayed
+from microplan.featuresel.look.perturb import image
+from microplan.featuresel.look.reference_point import Located, located
+from microplan.featuresel.look.scenario import LookCase, Turning
+from microplan.featuresel.routines.contract import Artifact, Guess, Measurement
+from microplan.featuresel.routines.likelihood import likelihood
+from microplan.featuresel.routines.likelihood.comparison import Job, View
+from microplan.featuresel.routines.likelihood.fit_problem import read_job
+from microplan.featuresel.routines.likelihood.occluder_modes import principal, sway_maps
+from microplan.featuresel.routines.likelihood.pose_fit import PoseFit, fit_pose
+from microplan.optics.render.scene import Window
 from tests.featuresel.conftest import CASES, on_target
 from tests.featuresel.fits import Drawn, artifact, case
-
-FloatArray = npt.NDArray[np.float64]
 
 SIGMA_UM = 1.2  # of the gear above the post
 GEAR = Turning(owner="gear", x_um=0.0, y_um=0.0, sigma_theta_rad=math.pi)

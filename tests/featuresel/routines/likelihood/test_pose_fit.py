@@ -7,20 +7,22 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from scipy.optimize import minimize_scalar
 from scipy.stats import chi2
 
-from featuresel.look.nominal import nominal_render
-from featuresel.routines import Failure
-from featuresel.routines.likelihood.appearance import Pose
-from featuresel.routines.likelihood.pixel_selection import LOSS
-from featuresel.routines.likelihood.pose_fit import PoseFit, fit_pose, step_once
+from microplan.arrays import FloatArray
+from microplan.featuresel.look.nominal import nominal_render
+from microplan.featuresel.routines.contract import Failure
+from microplan.featuresel.routines.likelihood.appearance import Pose
+from microplan.featuresel.routines.likelihood.pixel_selection import LOSS
+from microplan.featuresel.routines.likelihood.pose_fit import (
+    PoseFit,
+    fit_pose,
+    step_once,
+)
 from tests.featuresel.conftest import limit_um
 from tests.featuresel.fits import Drawn, case, draw, job, limits, photo, render
-
-FloatArray = npt.NDArray[np.float64]
 
 DRAWS = 40
 # of a right fit to fail one of the three dozen comparisons: 1 %

@@ -3,21 +3,19 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.integrate import quad
 from scipy.interpolate import BSpline, CubicSpline
 
-from featuresel.routines.likelihood.spline import (
+from microplan.arrays import FloatArray
+from microplan.featuresel.routines.likelihood.spline import (
     basis,
     cubic_weights,
     depth_coefficients,
     plane_coefficients,
     runout_coefficients,
 )
-
-FloatArray = npt.NDArray[np.float64]
 
 T = np.linspace(0, 1, 41)
 EPS = np.finfo(float).eps

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from featuresel.look.nominal import nominal_render
-from featuresel.look.scenario import LookCase
-from featuresel.routines import Artifact, Failure, Guess, Measurement
-from featuresel.routines.template import ecc
+from microplan.featuresel.look.nominal import nominal_render
+from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.routines.contract import Artifact, Failure, Guess, Measurement
+from microplan.featuresel.routines.template import ecc
 
 Look = Callable[[str], LookCase]
 

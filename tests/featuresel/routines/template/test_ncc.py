@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 from skimage.feature import match_template
 
-from featuresel.look.nominal import nominal_render
-from featuresel.look.scenario import LookCase
-from featuresel.routines import Artifact, Failure, Guess, Measurement
-from featuresel.routines.template import ncc
-from optics.outline.outline import place
+from microplan.featuresel.look.nominal import nominal_render
+from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.routines.contract import Artifact, Failure, Guess, Measurement
+from microplan.featuresel.routines.template import ncc
+from microplan.optics.outline.outline import place
 
 Look = Callable[[str], LookCase]
 

@@ -12,11 +12,11 @@ import pytest
 from skimage.filters import threshold_otsu
 from skimage.measure import label, regionprops
 
-from featuresel.look.nominal import nominal_render
-from featuresel.look.scenario import LookCase
-from featuresel.routines import Artifact, Failure, Guess, Measurement
-from featuresel.routines.template import otsu
-from optics.outline.outline import place
+from microplan.featuresel.look.nominal import nominal_render
+from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.routines.contract import Artifact, Failure, Guess, Measurement
+from microplan.featuresel.routines.template import otsu
+from microplan.optics.outline.outline import place
 
 Look = Callable[[str], LookCase]
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from featuresel.routines import FloatArray
-from featuresel.routines.template.template_fit import Fit, refine
+from microplan.arrays import FloatArray
+from microplan.featuresel.routines.template.template_fit import Fit, refine
 
 
 def texture(rows: int, columns: int, column: float, row: float) -> FloatArray:

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from scipy.stats import binom, truncnorm
 
-from planner.budget.probability.angle_budget import Turning
-from schemas.plan.verdicts import TurnRow
+from microplan.planner.budget.probability.angle_budget import Turning
+from microplan.schemas.plan.verdicts import TurnRow
 
 SAMPLES = 1_000_000
 

@@ -8,12 +8,15 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from planner.assembly.step_states import StepState, unfold
-from planner.budget.budget import empty_budget
-from planner.budget.probability.collision_probability import narrow_gaps, passed
-from planner.source.diagnostics import Report
-from planner.task.task import Task
-from schemas.plan import Budget
+from microplan.planner.assembly.step_states import StepState, unfold
+from microplan.planner.budget.budget import empty_budget
+from microplan.planner.budget.probability.collision_probability import (
+    narrow_gaps,
+    passed,
+)
+from microplan.planner.source.diagnostics import Report
+from microplan.planner.task.task import Task
+from microplan.schemas.plan import Budget
 from tests.planner.examples import EXAMPLE, change, copy_example, read
 
 STAGE_Z_UM, ROBOT_Z_UM = 1.0, 8.0  # the example's repeatabilities

@@ -12,15 +12,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import binom, ncx2
 
-from planner.budget.probability.ellipse_probability import (
+from microplan.planner.budget.probability.ellipse_probability import (
     Spread,
     beyond_circle,
     beyond_radii,
     within_circle,
 )
-from planner.budget.probability.miss_density import Room
-from planner.budget.probability.miss_probability import chance_beyond
-from planner.budget.probability.servo_landing import Landing
+from microplan.planner.budget.probability.miss_density import Room
+from microplan.planner.budget.probability.miss_probability import chance_beyond
+from microplan.planner.budget.probability.servo_landing import Landing
 
 SAMPLES = 1_000_000
 # One run in a thousand fails by chance, whatever the number of cases.

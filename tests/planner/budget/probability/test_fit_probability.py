@@ -10,7 +10,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from planner.budget.probability.fit_probability import (
+from microplan.planner.budget.probability.fit_probability import (
     EASY_SIGMAS,
     LEAST_SIGMAS,
     SERVO_SHARE,

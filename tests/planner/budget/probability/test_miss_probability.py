@@ -1,10 +1,10 @@
 """Chances of a miss against two other roads: waves, and rays from the bias.
 
-Neither shares a step with `planner.budget.probability.miss_probability`. The waves
-multiply the characteristic functions of all errors; they need an unseen rest that is
-not too small. The rays go out from the bias and meet the circle of the radius where the
-servo's law is known in closed form; they know no unseen rest, which Gauss-Hermite nodes
-add as a shift of the bias.
+Neither shares a step with `microplan.planner.budget.probability.miss_probability`. The
+waves multiply the characteristic functions of all errors; they need an unseen rest that
+is not too small. The rays go out from the bias and meet the circle of the radius where
+the servo's law is known in closed form; they know no unseen rest, which Gauss-Hermite
+nodes add as a shift of the bias.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import integrate, special
 
-from planner.budget.probability.miss_density import Room
-from planner.budget.probability.miss_probability import (
+from microplan.planner.budget.probability.miss_density import Room
+from microplan.planner.budget.probability.miss_probability import (
     NODES,
     blurred,
     certain,
     chance_beyond,
 )
-from planner.budget.probability.servo_landing import Landing
+from microplan.planner.budget.probability.servo_landing import Landing
 
 ROUNDING = 1e-12  # of sums of about 1e4 terms of up to 1
 LANDINGS = [(1.3, 1.5), (0.2, 1.5), (5.0, 2.0), (0.01, 0.02), (3.0, 3.0), (5.0, 20.0)]

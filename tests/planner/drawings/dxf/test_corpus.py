@@ -14,13 +14,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from optics.outline.outline import Arc, Outline
-from planner.drawings.biarcs import CURVE_UM
-from planner.drawings.dxf.drawing import take
-from planner.drawings.nesting import CHORD_UM
-from planner.source.diagnostics import Report, Span
+from microplan.arrays import Point
+from microplan.optics.outline.outline import Arc, Outline
+from microplan.planner.drawings.biarcs import CURVE_UM
+from microplan.planner.drawings.dxf.drawing import take
+from microplan.planner.drawings.nesting import CHORD_UM
+from microplan.planner.source.diagnostics import Report, Span
 from tests.planner.drawings.dxf_text import (
-    Point,
     Tags,
     arc,
     box,

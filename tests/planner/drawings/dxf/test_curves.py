@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from optics.outline.outline import Arc, Edge
-from planner.drawings.biarcs import CURVE_PART, CURVE_UM, TooManyError
-from planner.drawings.dxf.curves import Affine, EllipticArc, spline
+from microplan.optics.outline.outline import Arc, Edge
+from microplan.planner.drawings.biarcs import CURVE_PART, CURVE_UM, TooManyError
+from microplan.planner.drawings.dxf.curves import Affine, EllipticArc, spline
 
 PARTS = st.floats(-3, 3)
 MAPS = st.builds(

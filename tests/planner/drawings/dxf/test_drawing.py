@@ -13,10 +13,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from optics.outline.outline import Arc, Outline, Segment
-from planner.drawings.dxf.drawing import Drawing, take
-from planner.source.diagnostics import Report, Span
-from planner.source.normalise import plain_outline
+from microplan.optics.outline.outline import Arc, Outline, Segment
+from microplan.planner.drawings.dxf.drawing import Drawing, take
+from microplan.planner.source.diagnostics import Report, Span
+from microplan.planner.source.normalise import plain_outline
 from tests.planner.drawings.reading import open_drawing
 
 EXAMPLE = Path(__file__).parents[4] / "examples" / "gear_on_shaft"

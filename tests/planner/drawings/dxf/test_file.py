@@ -10,8 +10,8 @@ from typing import Any
 import ezdxf
 import pytest
 
-from planner.drawings.dxf.file import read_dxf
-from planner.drawings.dxf.tags import DxfError
+from microplan.planner.drawings.dxf.file import read_dxf
+from microplan.planner.drawings.dxf.tags import DxfError
 from tests.planner.drawings.dxf.test_corpus import SLOT, SLOT_AREA, read
 from tests.planner.drawings.dxf_text import binary, box, circle, dxf, insert, lwpolyline
 

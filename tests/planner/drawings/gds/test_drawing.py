@@ -11,14 +11,14 @@ import gdstk
 import numpy as np
 import pytest
 
-from optics.outline.outline import Arc, Outline
-from planner.drawings.dxf.drawing import MAX_BYTES
-from planner.drawings.gds.cells import expand, reached
-from planner.drawings.gds.drawing import take_gds
-from planner.drawings.gds.library import read_library
-from planner.drawings.gds.regions import unite
-from planner.drawings.nesting import nest
-from planner.source.diagnostics import Report, Span
+from microplan.optics.outline.outline import Arc, Outline
+from microplan.planner.drawings.dxf.drawing import MAX_BYTES
+from microplan.planner.drawings.gds.cells import expand, reached
+from microplan.planner.drawings.gds.drawing import take_gds
+from microplan.planner.drawings.gds.library import read_library
+from microplan.planner.drawings.gds.regions import unite
+from microplan.planner.drawings.nesting import nest
+from microplan.planner.source.diagnostics import Report, Span
 from tests.planner.drawings.gds_writer import (
     SQUARE,
     Points,

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planner.drawings.gds.records import MAX_RECORDS, GdsError, real8, records
+from microplan.planner.drawings.gds.records import MAX_RECORDS, GdsError, real8, records
 from tests.planner.drawings import gds_writer as gds
 
 WHOLE = gds.library(gds.cell("TOP", gds.boundary(gds.SQUARE)))

@@ -1,0 +1,271 @@
+"""The two-phase contract of an image routine.
+
+`prepare` runs in the compiler and gets the renderer as an argument; `measure` runs in
+both the compiler and the executor, with numpy and cv2 only. Everything here is in
+pixels of the *region*, the part of the frame cut out for the look: columns go right,
+rows down, pixel centres are integers. Angles are counter-clockwise as displayed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Literal, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from microplan.arrays import FloatArray
+
+TargetKind = Literal["circle", "teeth", "outline", "jaws", "edge", "pair", "corner"]
+Known = Literal["xy", "theta", "z", "zoom"]  # what a routine gives, or needs to start
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Target:
+    """What is to be found, in pixels of the region.
+
+    `parameters` hold what the kind needs, lengths in um as named:
+    circle `radius_um`; teeth `count`, `outer_um`, `root_um` (radii), `phase_rad` (angle
+    of a tooth's middle at theta 0) and, where something breaks the symmetry,
+    `notch_rad`, `notch_radius_um` (angle and radius of its middle at theta 0),
+    `notch_width_um`, and `bore_um` (radius of the round hole it is cut into);
+    outline `extent_um` (radius of the circle about the reference point that holds it);
+    jaws `opening_um`, `finger_width_um`, `grip_from_tip_um` (fingers extend to +y);
+    edge `length_um`; pair `length_um`, `width_um` (of what lies between the two edges);
+    corner `angle_rad` (inside), `reach_um` (of both legs).
+    The frame of an edge or pair has its x axis across, out of the material of the first
+    edge, and that of a corner along the bisector that leads out of the material.
+    """
+
+    name: str
+    kind: TargetKind
+    column: float  # nominal place of the reference point
+    row: float
+    theta_rad: float  # nominal angle
+    px_per_um: float
+    search_px: float  # the true place is within this of the nominal one
+    theta_range_rad: float  # the true angle is within this of nominal; pi = any
+    symmetry: int  # order of the rotational symmetry seen by coarse routines; 1 = none
+    bright: bool  # whether the target is brighter than what surrounds it
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    # points on the drawn edges and their normals out of the material, (x, y, nx, ny) um
+    # in the target's frame at theta 0, about half a pixel apart
+    contour: tuple[tuple[float, float, float, float], ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Artifact:
+    """What `prepare` hands to `measure`: numbers for the plan, arrays for an npz."""
+
+    parameters: Mapping[str, float]
+    arrays: Mapping[str, npt.NDArray[np.float32]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Guess:
+    """Where to start: the nominal place, or what an earlier routine found."""
+
+    column: float
+    row: float
+    theta_rad: float | None = None
+    z_um: float | None = None  # of the focus from nominal
+    zoom: float | None = None  # over nominal
+    # nobody has measured `theta_rad`: the true angle is anywhere in the target's range
+    theta_assumed: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Measurement:
+    """Where the target is. `theta_rad` is None if the routine cannot tell."""
+
+    column: float
+    row: float
+    theta_rad: float | None
+    score: float  # 0..1, the routine's own confidence; gates compare it
+    spread_px: float  # the routine's own estimate of its standard deviation per axis
+    spread_theta_rad: float | None = None
+    z_um: float | None = None  # of the focus from nominal; the sign may be unknown
+    spread_z_um: float | None = None
+    zoom: float | None = None  # over nominal
+    axis_rad: float | None = None  # the one direction in which the place is known
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Failure:
+    """Why a routine gives no answer: a stable code and a sentence with the numbers."""
+
+    code: str  # e.g. "no_edge", "low_score", "outside", "ambiguous"
+    message: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Camera:
+    """The noise of the camera, in electrons; full scale is full well."""
+
+    full_well_e: float
+    read_noise_e: float  # one standard deviation
+    bits: int
+    fill_factor: float  # light-sensitive share of a pixel's area
+
+    def variance(self, image: FloatArray) -> FloatArray:
+        """Return the variance of pixels whose mean is `image`, full scale squared.
+
+        Shot noise, read noise and rounding to counts.
+        """
+        read, levels = self.read_noise_e / self.full_well_e, 2**self.bits - 1
+        shot = np.maximum(image, 0.0) / self.full_well_e
+        noise: FloatArray = shot + read**2 + 1 / (12 * levels**2)
+        return noise
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Blur:
+    """What the optics can show."""
+
+    cutoff_per_um: float  # finest detail with any contrast, cycles/um
+    depth_um: float  # wave depth of field
+    cone: float  # radius of the blur over the defocus
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Drifts:
+    """What an image may differ in from the nominal one besides the target's pose."""
+
+    focus_sigma_um: float
+    zoom_sigma: float  # of the ratio to nominal
+    gradient: float  # the largest relative change of the light across the field
+    axis_px: tuple[float, float]  # column and row of the region that zoom leaves alone
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Veil:
+    """What stands in front of the target: image = light + through x target alone."""
+
+    light: FloatArray  # (rows, columns) sent back by what stands in front
+    through: FloatArray  # (rows, columns) share of the target's light let through
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sway:
+    """What one likely error in the place or angle of what stands still changes.
+
+    Such errors are independent and have mean 0: the sum of the products of their
+    changes is the covariance of the image.
+    """
+
+    shown: FloatArray  # (rows, columns) change of the image, the target as planned
+    through: FloatArray  # (rows, columns) change of the share let through
+
+
+class Render(Protocol):
+    """Renders the look's region with the target displaced from its nominal pose."""
+
+    def __call__(
+        self, *, dx_um: float = 0.0, dy_um: float = 0.0, theta_rad: float = 0.0
+    ) -> FloatArray:
+        """Return the (rows, columns) noise-free image, 0..1 of full scale."""
+        ...
+
+
+class LookModel(Protocol):
+    """All that a routine may ask of the look it is prepared for; a `Render` too."""
+
+    @property
+    def camera(self) -> Camera:
+        """Return the camera's noise."""
+        ...
+
+    @property
+    def blur(self) -> Blur:
+        """Return what the optics can show."""
+        ...
+
+    @property
+    def drifts(self) -> Drifts:
+        """Return what else the trials of this look vary."""
+        ...
+
+    def __call__(
+        self,
+        *,
+        dx_um: float = 0.0,
+        dy_um: float = 0.0,
+        theta_rad: float = 0.0,
+        dz_um: float = 0.0,
+        zoom: float = 1.0,
+    ) -> FloatArray:
+        """Return the (rows, columns) noise-free image, 0..1 of full scale."""
+        ...
+
+    def template(
+        self, dz_um: Sequence[float], *, over: int, half_px: tuple[int, int]
+    ) -> FloatArray:
+        """Return the target alone at its nominal pose, without pixels' area.
+
+        Parameters
+        ----------
+        dz_um : (K,) sequence of float
+            Of the focus from nominal.
+        over : int
+            Samples per pixel, odd.
+        half_px : (columns, rows)
+            Half the template's sides, px.
+
+        Returns
+        -------
+        (K, 2 R over + 1, 2 C over + 1) float64 array
+            Light at points, 0..1 of full scale; the middle sample is at the centre of
+            the pixel nearest the target's reference point.
+        """
+        ...
+
+    def alone(
+        self, *, dx_um: float = 0.0, dy_um: float = 0.0, dz_um: float = 0.0
+    ) -> FloatArray:
+        """Return the image without what stands still, (rows, columns), not clipped."""
+        ...
+
+    def veil(self, dz_um: float = 0.0) -> Veil:
+        """Return what stands in front of the target, `dz_um` off nominal focus."""
+        ...
+
+    def sways(self) -> Sequence[Sway]:
+        """Return how the image may differ as what stands still may lie elsewhere."""
+        ...
+
+
+class Routine(Protocol):
+    """One image routine; modules in this package are such objects."""
+
+    NAME: str
+    VERSION: str
+    KINDS: tuple[TargetKind, ...]  # target kinds it can look for
+    GIVES: tuple[Known, ...]
+    NEEDS: tuple[Known, ...]  # of the guess, better than nominal; () if nothing
+    CAPTURE_PX: float  # how far off the guess may be; inf: the target's `search_px`
+    CONTROL: bool  # known to be bad: tried where asked for only, as a control
+    DEAR: bool  # takes dozens of images to prepare: tried where others leave no room
+
+    def prepare(self, render: LookModel, target: Target) -> Artifact | Failure:
+        """Return what `measure` needs, computed from the nominal image."""
+        ...
+
+    def measure(
+        self, image: FloatArray, artifact: Artifact, guess: Guess
+    ) -> Measurement | Failure:
+        """Return where the target is in `image`, (rows, columns) 0..1, or why not.
+
+        The image is not changed.
+        """
+        ...
+
+    def cost(self, artifact: Artifact, pixels: int, /) -> float:
+        """Return the predicted work of one `measure` on a region of `pixels`.
+
+        In 640 x 480 box filters of 64-bit pixels; it depends on nothing measured.
+        """
+        ...
+
+
+FRAME_PX = 640 * 480  # what a unit of cost filters
