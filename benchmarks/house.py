@@ -76,7 +76,8 @@ def array_functions() -> Iterator[tuple[str, str, bool]]:
     """
     for file in modules():
         tree = ast.parse(file.read_text(encoding="utf-8"))
-        owners = [tree, *(n for n in tree.body if isinstance(n, ast.ClassDef))]
+        classes = (n for n in tree.body if isinstance(n, ast.ClassDef))
+        owners: list[ast.Module | ast.ClassDef] = [tree, *classes]
         for owner in owners:
             if isinstance(owner, ast.ClassDef) and owner.name.startswith("_"):
                 continue

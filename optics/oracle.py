@@ -19,7 +19,7 @@ from scipy.interpolate import CubicSpline
 from microplan.arrays import Box, FloatArray
 from microplan.optics.layers.occlusion import Tracing, cell_um
 from microplan.optics.layers.rays import slopes
-from microplan.optics.outline.clip import Edges, clip, to_edges
+from microplan.optics.outline.clip import EdgeArrays, clip, to_edges
 from microplan.optics.outline.fourier_integral import transform
 from microplan.optics.outline.outline import Outline
 from microplan.optics.render.pixels import axis_px
@@ -42,7 +42,7 @@ class Oracle:
 
     microscope: Microscope
     window: Window
-    edges: Edges
+    edges: EdgeArrays
     tile: Tile
     deepest_um: float  # the largest defocus that keeps `wrap_error`
     wrap_error: float  # what repetition and cutting cost at most [1]

@@ -21,8 +21,8 @@ import numpy as np
 from benchmarks.figures import Benchmark, Figure, Options
 from microplan.planner.budget.insertion import Insertion
 from microplan.planner.budget.probability.fit_probability import (
-    Fit,
     Residual,
+    RoundFit,
     miss_probability,
 )
 from microplan.schemas.plan import BudgetRow
@@ -58,7 +58,7 @@ def _insertion(rng: np.random.Generator, kind: int) -> Insertion:
     )
     left = Residual(sigma_um=float(rng.uniform(0.2, 1.5)), within_um=1.5)
     return Insertion(
-        fit=Fit(
+        fit=RoundFit(
             hole_um=25.0,
             shaft_um=25.0 - float(rng.uniform(1.0, 4.0)),
             hole_tolerance_um=float(rng.choice([0.0, 0.3])),
@@ -105,7 +105,7 @@ def errors_of(jobs: Iterable[Insertion], rng: np.random.Generator) -> list[float
 
 def worst_tail() -> float:
     """Return the largest relative difference from mpmath, of a miss and of a hit."""
-    fit = Fit(
+    fit = RoundFit(
         hole_um=25.0, shaft_um=22.0, hole_tolerance_um=0.0, shaft_tolerance_um=0.0
     )
     errors = []

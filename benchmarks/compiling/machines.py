@@ -18,7 +18,7 @@ from typing import Any
 
 from benchmarks.figures import Benchmark, Figure, Options
 from microplan.featuresel.selection.constraints import Constraints
-from microplan.featuresel.selection.evaluate import Contest
+from microplan.featuresel.selection.evaluate import RoutineComparison
 from microplan.planner.plan.compiler import compile_task
 from microplan.planner.plan.options import Options as Asked
 from microplan.planner.source.diagnostics import Report
@@ -55,13 +55,13 @@ class Recorder(Memo):
     def call(self, function: Any, /, *args: Any, **kwargs: Any) -> Any:
         """Return what `function` returns; print what a contest came to."""
         found = function(*args, **kwargs)
-        if isinstance(found, Contest):
+        if isinstance(found, RoutineComparison):
             for row in rows(args[0], found):
                 print(json.dumps(row))
         return found
 
 
-def rows(case: Any, found: Contest) -> Iterator[Row]:
+def rows(case: Any, found: RoutineComparison) -> Iterator[Row]:
     """Yield what decides on each chain of a contest, numbers in full."""
     task = Constraints(
         tolerance_um=case.tolerance_um,
@@ -131,7 +131,11 @@ def nearest(found: Sequence[Row]) -> float:
         abs(use / limit - 1)
         for of_look in uses.values()
         for use in of_look
-        for limit in (1.0, limits.roomy, *(limits.better * other for other in of_look))
+        for limit in (
+            1.0,
+            limits.margin_share,
+            *(limits.better * other for other in of_look),
+        )
     )
 
 

@@ -16,11 +16,11 @@ from pathlib import Path
 from microplan.planner.assembly.assembly import owner_of
 from microplan.planner.assembly.mating import mating_of
 from microplan.planner.assembly.step_states import unfold
-from microplan.planner.budget.budget import Sighted
+from microplan.planner.budget.budget import PastMeasurement
 from microplan.planner.budget.control import method_of, tolerance_um
 from microplan.planner.budget.insert_budget import insert_budget, share_of_goal
 from microplan.planner.budget.insertion_problem import insertion_of
-from microplan.planner.budget.measurement_history import Memory
+from microplan.planner.budget.measurement_history import MeasurementHistory
 from microplan.planner.budget.step_budget import left_of
 from microplan.planner.source.diagnostics import Report
 from microplan.planner.task.read_task import load_task
@@ -55,7 +55,9 @@ def verdict(task: Task, plan: Plan, pin_um: float) -> Verdict:
     insert = next(s for s in states if s.step.verb == "insert")
     seen = sightings(plan, insert.step.id)
     before = sightings(plan, align.step.id)[owner_of(align.step.target or "")]
-    memory = Memory(magnification=0.0, seen=seen, within_um=0.0, key="", before=before)
+    memory = MeasurementHistory(
+        magnification=0.0, seen=seen, within_um=0.0, key="", before=before
+    )
     hole = seen.get(owner_of(insert.step.target or ""))
     within = tolerance_um(changed, states, align, hole, Report())
     choice = method_of(changed, states, align, within, seen, Report(), before)
@@ -90,7 +92,7 @@ def with_pin(task: Task, pin_um: float) -> Task:
     return replace(task, parts=parts)
 
 
-def sightings(plan: Plan, until: str) -> dict[str, Sighted]:
+def sightings(plan: Plan, until: str) -> dict[str, PastMeasurement]:
     """Return the last look at every owner before a step."""
     found = {}
     for step in plan.steps:
@@ -98,7 +100,7 @@ def sightings(plan: Plan, until: str) -> dict[str, Sighted]:
             break
         for look in step.looks:
             pose = look.measure.reference.pose
-            found[owner_of(look.target)] = Sighted(
+            found[owner_of(look.target)] = PastMeasurement(
                 name=look.target,
                 step=step.id,
                 sigma_um=look.sigma_xy_um,

@@ -23,7 +23,7 @@ from microplan.executor.record.frames import Frames
 from microplan.executor.record.journal import Journal
 from microplan.executor.run.artifacts import Artifacts
 from microplan.executor.run.focus_sweep import Height, height_by_pair, height_by_sweep
-from microplan.executor.run.measure_target import Sighting
+from microplan.executor.run.measure_target import TargetSighting
 from microplan.executor.run.run_context import Rig
 from microplan.executor.simulated.cell import Cell, build_cell
 from microplan.featuresel.look.nominal import nominal_render
@@ -77,7 +77,7 @@ def _answer(way: str, seed: int) -> Answer:
     body.pose = Pose(x_um=600.0 + x_um, y_um=y_um, theta_rad=theta_rad)
     cell.stage.move(z_um=float(rng.uniform(-WITHIN_UM, WITHIN_UM)))
     pose = cell.truth.pose(body)
-    part = Sighting(
+    part = TargetSighting(
         target="gear", x_um=pose.x_um, y_um=pose.y_um, theta_rad=pose.theta_rad,
         score=1.0, spread_um=0.1, sigma_theta_rad=None, routines=(), frames=1,
         features={},
@@ -94,7 +94,7 @@ def _answer(way: str, seed: int) -> Answer:
     )
 
 
-def _height(way: str, rig: Rig, look: Look, part: Sighting) -> Height:
+def _height(way: str, rig: Rig, look: Look, part: TargetSighting) -> Height:
     """Return a height by one way."""
     if way == "sweep":
         search = HeightSearch(

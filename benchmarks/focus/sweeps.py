@@ -17,7 +17,7 @@ import numpy as np
 from benchmarks.figures import Benchmark, Figure, Options
 from benchmarks.focus.truth import LAWS, PARTS, SENSOR, limit_um, noisy, still, sweep
 from microplan.arrays import FloatArray
-from microplan.featuresel.routines.contract import Camera, Failure
+from microplan.featuresel.routines.contract import CameraNoise, Failure
 from microplan.featuresel.routines.focus.focus import FITS, MEASURE
 from microplan.featuresel.routines.focus.measures import MEASURES
 from microplan.featuresel.routines.focus.mirror import mirror_error_um, mirror_peak
@@ -175,7 +175,7 @@ def _undrawn(z: FloatArray, s: FloatArray) -> Iterator[float]:
 def curve(name: str) -> FocusCurve:
     """Return the default measure's curve on a part, from the compiler's blur law."""
     z = np.arange(-RANGE_UM, RANGE_UM + 0.5, 1.0)
-    camera = Camera(
+    camera = CameraNoise(
         full_well_e=SENSOR.full_well_e,
         read_noise_e=SENSOR.read_noise_e,
         bits=SENSOR.bits,

@@ -82,7 +82,7 @@ def price(case: LookCase, unit_s: float) -> Iterator[Priced]:
         if isinstance(artifact, Failure):
             continue
         # where the routine before it in a chain would have ended
-        near = "xy" in routine.NEEDS
+        near = "xy" in routine.REQUIRES
         theta = case.theta_rad + turn + 0.005
         guess = Guess(
             column=case.target.column + (2.0 * k + 0.3 if near else 0.0),

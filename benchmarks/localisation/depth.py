@@ -25,7 +25,7 @@ from microplan.featuresel.limits.crlb import camera_of, fisher
 from microplan.featuresel.limits.information import limit
 from microplan.featuresel.look.nominal import nominal_render
 from microplan.featuresel.look.scenario import LookCase
-from microplan.featuresel.look.sensitivity import Setting, sensitivities
+from microplan.featuresel.look.sensitivity import LookSetting, sensitivities
 from microplan.featuresel.routines.contract import Artifact, Failure
 from microplan.featuresel.routines.likelihood import defocus_pair
 
@@ -60,7 +60,7 @@ def measure_pair(unit: Unit) -> Part:
 
 
 def pair_limit_squared(
-    case: LookCase, z_um: float, settings: Sequence[Setting]
+    case: LookCase, z_um: float, settings: Sequence[LookSetting]
 ) -> float:
     """Return the squared limit of z from both images, the pose and the light shared.
 

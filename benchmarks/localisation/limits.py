@@ -20,8 +20,8 @@ from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.look.sensitivity import (
     LIGHT,
     POSE,
+    LookSetting,
     Sensitivities,
-    Setting,
     sensitivities,
 )
 from microplan.optics.render.scene import Window
@@ -42,7 +42,7 @@ def gear() -> LookCase:
 @cache
 def slopes(z_um: float) -> Sensitivities:
     """Return the gear's slopes at a focus."""
-    return sensitivities(gear(), Setting(dz_um=z_um), POSE + LIGHT)
+    return sensitivities(gear(), LookSetting(dz_um=z_um), POSE + LIGHT)
 
 
 def row(z_um: float) -> tuple[float, ...]:
@@ -75,7 +75,7 @@ def light_prices(side_px: int) -> dict[str, float]:
     first = (320 - side_px // 2, 240 - side_px // 2)
     window = Window(row=first[1], column=first[0], rows=side_px, columns=side_px)
     case = replace(gear(), window=window)
-    seen = sensitivities(case, Setting(dz_um=25.0), POSE + LIGHT)
+    seen = sensitivities(case, LookSetting(dz_um=25.0), POSE + LIGHT)
     told = fisher(seen, camera_of(case))
     return prices(told, POSE[:4], free=("zoom", "gain"), extra=LIGHT[1:])
 

@@ -14,11 +14,11 @@ import numpy as np
 
 from microplan.arrays import FloatArray
 from microplan.featuresel.look.scenario import LookCase
-from microplan.featuresel.look.sensitivity import Setting
+from microplan.featuresel.look.sensitivity import LookSetting
 from microplan.featuresel.routines.contract import TargetKind
 from microplan.optics.lens.sensor import expose, to_unit
 from microplan.optics.outline.outline import Outline, Ring, place
-from microplan.optics.render.prepared_scene import Prepared, prepare
+from microplan.optics.render.prepared_scene import PreparedScene, prepare
 from microplan.optics.render.sampling import Sampling
 from microplan.optics.render.scene import Illumination, Layer, Scene, Window
 from microplan.optics.render.view_range import Range
@@ -54,7 +54,7 @@ _LARGEST_ZOOM_FIELD_UM = 120.0  # the gear, its search and its blur
 class Drawn:
     """One trial: where the look stands, and the image the camera gives."""
 
-    setting: Setting
+    setting: LookSetting
     image: FloatArray
 
 
@@ -214,7 +214,7 @@ def _radius_um(case: LookCase) -> float:
     return p.get("outer_um", p.get("radius_um", _HALF_UM))
 
 
-def _group(case: LookCase, z_um: float, rng: np.random.Generator) -> Setting:
+def _group(case: LookCase, z_um: float, rng: np.random.Generator) -> LookSetting:
     """Return the turn and zoom that some trials share."""
     turn = 0.0
     if case.target.kind != "circle":
@@ -222,10 +222,12 @@ def _group(case: LookCase, z_um: float, rng: np.random.Generator) -> Setting:
         turn = float(rng.uniform(-reach, reach))
     zoom = 2 * case.spread.magnification_sigma
     zoomed = 1 + float(rng.uniform(-zoom, zoom))
-    return Setting(dtheta_rad=turn, dz_um=z_um, zoom=zoomed)
+    return LookSetting(dtheta_rad=turn, dz_um=z_um, zoom=zoomed)
 
 
-def _setting(case: LookCase, group: Setting, rng: np.random.Generator) -> Setting:
+def _setting(
+    case: LookCase, group: LookSetting, rng: np.random.Generator
+) -> LookSetting:
     """Return where one trial stands."""
     dx, dy = rng.uniform(-PLACE_UM, PLACE_UM, 2)
     gradient, angle = rng.uniform(0, case.spread.light_gradient[1]), rng.uniform(0, 7)
@@ -239,7 +241,9 @@ def _setting(case: LookCase, group: Setting, rng: np.random.Generator) -> Settin
     )
 
 
-def _prepared(case: LookCase, group: Setting) -> tuple[Prepared, Prepared | None]:
+def _prepared(
+    case: LookCase, group: LookSetting
+) -> tuple[PreparedScene, PreparedScene | None]:
     """Return what moves and what stands still, by the exact law at one focus."""
     height = case.focus_um + group.dz_um
     reach = Range(focus_um=(height, height), shift_um=PLACE_UM)
@@ -255,7 +259,7 @@ def _prepared(case: LookCase, group: Setting) -> tuple[Prepared, Prepared | None
         for layer in case.moving
     )
 
-    def ready(layers: tuple[Layer, ...]) -> Prepared:
+    def ready(layers: tuple[Layer, ...]) -> PreparedScene:
         return prepare(
             Scene(layers=layers, background=case.background),
             scope,
@@ -269,9 +273,9 @@ def _prepared(case: LookCase, group: Setting) -> tuple[Prepared, Prepared | None
 
 def _exposed(
     case: LookCase,
-    at: Setting,
-    moving: Prepared,
-    still: Prepared | None,
+    at: LookSetting,
+    moving: PreparedScene,
+    still: PreparedScene | None,
     rng: np.random.Generator,
 ) -> Drawn:
     """Return one trial with the camera's noise."""

@@ -32,8 +32,8 @@ from microplan.featuresel.look.nominal import nominal_render
 from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.look.sensitivity import (
     POSE,
+    LookSetting,
     Sensitivities,
-    Setting,
     sensitivities,
 )
 from microplan.featuresel.routines.chain import measure_chain
@@ -144,7 +144,7 @@ def is_right(off: Sequence[float]) -> bool:
     )
 
 
-def limit_squared(case: LookCase, settings: Sequence[Setting]) -> tuple[float, ...]:
+def limit_squared(case: LookCase, settings: Sequence[LookSetting]) -> tuple[float, ...]:
     """Return the squared limit of x, y and theta, the mean over the settings' lights.
 
     At the pose of the first setting: a unit's poses hardly differ in their limits, its
@@ -160,14 +160,14 @@ def limit_squared(case: LookCase, settings: Sequence[Setting]) -> tuple[float, .
     return tuple(np.mean(np.square(found), axis=0).tolist())
 
 
-def dark_to_bright(settings: Sequence[Setting]) -> list[Setting]:
+def dark_to_bright(settings: Sequence[LookSetting]) -> list[LookSetting]:
     """Return the middles of as many equal shares of the settings, ranked by light."""
     ranked = sorted(settings, key=lambda s: s.gain)
     count = min(_LIGHTS, len(ranked))
     return [ranked[int((k + 0.5) * len(ranked) / count)] for k in range(count)]
 
 
-def relit(case: LookCase, seen: Sensitivities, setting: Setting) -> Sensitivities:
+def relit(case: LookCase, seen: Sensitivities, setting: LookSetting) -> Sensitivities:
     """Return slopes seen in even light of gain 1 in a setting's light.
 
     Those to the light stay as they are: in another light they are other sums of the
@@ -241,7 +241,7 @@ def near(case: LookCase, drawn: Drawn, rng: np.random.Generator) -> Guess:
 
 
 def _nearby(
-    case: LookCase, s: Setting, far_px: float, rng: np.random.Generator
+    case: LookCase, s: LookSetting, far_px: float, rng: np.random.Generator
 ) -> tuple[float, float]:
     """Return a column and row evenly distributed about the true ones."""
     off, along = far_px * math.sqrt(rng.random()), 2 * math.pi * rng.random()

@@ -28,7 +28,11 @@ from microplan.optics.render.render import render
 from microplan.optics.render.scene import Layer, Scene
 from microplan.optics.render.view_range import full
 from microplan.optics.transfer.microscope import Microscope
-from microplan.planner.tradeoff.reference_images import Sight, law_truth, layer_truth
+from microplan.planner.tradeoff.reference_images import (
+    ReferenceView,
+    law_truth,
+    layer_truth,
+)
 from tests.optics.shapes import circle, disc, gear, rectangle
 
 COUNT = 500
@@ -164,8 +168,8 @@ def _blended(case: Case, fidelity: Fidelity) -> FloatArray:
     )
 
 
-def _sight(case: Case) -> Sight:
-    return Sight(
+def _sight(case: Case) -> ReferenceView:
+    return ReferenceView(
         scene=case.scene,
         microscope=case.microscope,
         window=full(case.microscope),

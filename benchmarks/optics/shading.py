@@ -17,7 +17,7 @@ from benchmarks.figures import Benchmark, Figure, Options
 from benchmarks.timing import best_s, once_s
 from microplan.arrays import FloatArray
 from microplan.optics.layers.occlusion import occluded
-from microplan.optics.layers.shading import shade_error, shaded
+from microplan.optics.layers.shading import render_coaxial, shade_error
 from microplan.optics.outline.outline import Outline, place
 from microplan.optics.render.render import render
 from microplan.optics.render.scene import Layer, Scene, Window
@@ -95,7 +95,7 @@ def off(case: Case, optics: Microscope, window: Window) -> FloatArray:
     """Return the change of an image by shade, less that of a traced one."""
     scene, focus_um = case
     floor = _on_floor(scene)
-    light = shaded(
+    light = render_coaxial(
         scene, optics, focus_um=focus_um, lamp_aperture=LAMP, window=window
     ) - render(scene, optics, focus_um=focus_um, window=window)
     traced = occluded(
@@ -108,7 +108,7 @@ def off(case: Case, optics: Microscope, window: Window) -> FloatArray:
 def _told(case: Case, optics: Microscope, window: Window) -> float:
     """Return `shade_error` over the largest change that shade makes."""
     scene, focus_um = case
-    change = shaded(
+    change = render_coaxial(
         scene, optics, focus_um=focus_um, lamp_aperture=LAMP, window=window
     ) - render(scene, optics, focus_um=focus_um, window=window)
     told = shade_error(
@@ -138,7 +138,7 @@ def _time(optics: Microscope) -> Figure:
     scene, window, focus_um = grasp(), replace(_WINDOW, rows=100), 100.0
 
     def ours() -> FloatArray:
-        return shaded(
+        return render_coaxial(
             scene, optics, focus_um=focus_um, lamp_aperture=LAMP, window=window
         )
 

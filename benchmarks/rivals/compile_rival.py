@@ -29,7 +29,7 @@ from microplan.featuresel.look.design import Trial, design
 from microplan.featuresel.look.perturb import counts
 from microplan.featuresel.look.scenario import LookCase, scene
 from microplan.featuresel.selection.evaluate import make_ready
-from microplan.featuresel.trials.trials import Prepared, measure_trial, prepare
+from microplan.featuresel.trials.trials import PreparedRoutines, measure_trial, prepare
 from microplan.optics.lens.sensor import expose, to_unit
 from microplan.optics.outline.outline import flatten
 from microplan.planner.assembly.step_states import unfold
@@ -172,7 +172,7 @@ def _against(case: LookCase, name: str) -> Iterator[Figure]:
 
 
 def _errors(
-    case: LookCase, ready: Prepared, trials: Sequence[Trial]
+    case: LookCase, ready: PreparedRoutines, trials: Sequence[Trial]
 ) -> Iterator[float]:
     for trial in trials:
         (found,) = measure_trial(case, ready, trial)
@@ -180,7 +180,7 @@ def _errors(
 
 
 def _trial_cost(
-    case: LookCase, ready: Prepared, trials: Sequence[Trial]
+    case: LookCase, ready: PreparedRoutines, trials: Sequence[Trial]
 ) -> Iterator[Figure]:
     """Yield the time of a trial; the floor is its routines and one transform pair."""
     made = cpu_s(lambda: [counts(case, t) for t in trials]) / len(trials)

@@ -9,9 +9,9 @@ from microplan.featuresel.routines.contract import (
     Artifact,
     Failure,
     Guess,
-    Known,
     LookModel,
     Measurement,
+    PoseTerm,
     Target,
     TargetKind,
 )
@@ -19,11 +19,11 @@ from microplan.featuresel.routines.contract import (
 NAME = "null"
 VERSION = "1"
 KINDS: tuple[TargetKind, ...] = ("circle",)
-GIVES: tuple[Known, ...] = ("xy",)
-NEEDS: tuple[Known, ...] = ()
+PROVIDES: tuple[PoseTerm, ...] = ("xy",)
+REQUIRES: tuple[PoseTerm, ...] = ()
 CAPTURE_PX = math.inf
-CONTROL = True
-DEAR = False
+BASELINE = True
+EXPENSIVE = False
 
 
 def prepare(_render: LookModel, _target: Target) -> Artifact | Failure:

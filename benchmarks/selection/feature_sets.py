@@ -15,9 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.figures import Benchmark, Figure, Options
-from microplan.featuresel.sets.pose_covariance import Sight
-from microplan.featuresel.sets.pose_requirement import Need, log_det
-from microplan.featuresel.sets.set_search import MARGIN, Search
+from microplan.featuresel.sets.pose_covariance import FeatureMeasurement
+from microplan.featuresel.sets.pose_requirement import PoseRequirement, log_det
+from microplan.featuresel.sets.set_search import MARGIN, SetSearch
 
 COUNT = 1000
 SEED = 14
@@ -40,10 +40,10 @@ def judge(number: int) -> Found:
     rng = np.random.default_rng(np.random.SeedSequence([SEED, number]))
     sights = [_sight(rng, k) for k in range(FEATURES)]
     angle = 0.1 if number % 2 else None
-    need = Need(sigma_um=1.0, sigma_theta_rad=angle, radius_um=_RADIUS_UM)
+    need = PoseRequirement(sigma_um=1.0, sigma_theta_rad=angle, radius_um=_RADIUS_UM)
     size = SIZES[number % len(SIZES)]
     start = time.process_time()
-    taken = Search.of(sights, need).best_of(size)
+    taken = SetSearch.of(sights, need).best_of(size)
     middle = time.process_time()
     best = max(log_det(some, need) for some in itertools.combinations(sights, size))
     end = time.process_time()
@@ -52,11 +52,11 @@ def judge(number: int) -> Found:
     return Found(lost=lost, search_s=middle - start, all_s=end - middle)
 
 
-def _sight(rng: np.random.Generator, number: int) -> Sight:
+def _sight(rng: np.random.Generator, number: int) -> FeatureMeasurement:
     """Return a random feature of a part; spreads go over two decades."""
     x, y = rng.uniform(-_RADIUS_UM, _RADIUS_UM, 2)
     edge, turned = rng.random(2) < (0.4, 0.2)
-    return Sight(
+    return FeatureMeasurement(
         name=f"feature{number:02}",
         x_um=float(x),
         y_um=float(y),

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from microplan.featuresel.look.scenario import LookCase, Spread
+from microplan.featuresel.look.scenario import LookCase, TrialSpread
 from microplan.featuresel.routines.contract import Target, TargetKind
 from microplan.featuresel.trials.chains import Chain
 from microplan.optics.lens.lens import LensErrors
@@ -145,11 +145,11 @@ def _neighbour(
     )
 
 
-def _spread(rng: np.random.Generator, scope: Microscope) -> Spread:
+def _spread(rng: np.random.Generator, scope: Microscope) -> TrialSpread:
     """Return spreads from hardly any to as much as a look stands."""
     pixel, much = scope.um_per_px, rng.uniform(0, 1)
     gain = rng.uniform(0, 0.3) * much
-    return Spread(
+    return TrialSpread(
         focus_sigma_um=float(rng.uniform(0, 5) * much),
         magnification_sigma=float(rng.uniform(0, 0.01) * much),
         light_gain=(1 - gain, 1 + gain),

@@ -24,11 +24,11 @@ from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.selection.race import race
 from microplan.featuresel.selection.select import select
 from microplan.featuresel.trials.bounds import CONFIDENCE
-from microplan.featuresel.trials.calibration import Calibration
+from microplan.featuresel.trials.calibration import SigmaCalibration
 from microplan.featuresel.trials.gates import choose_gate, gated
 from microplan.featuresel.trials.outcomes import Outcome, Outcomes
-from microplan.featuresel.trials.score import Score, score
-from microplan.featuresel.trials.trials import Prepared, is_wrong, prepare, run
+from microplan.featuresel.trials.score import ChainScore, score
+from microplan.featuresel.trials.trials import PreparedRoutines, is_wrong, prepare, run
 
 PROBLEMS = 200
 TRIALS = 64  # what the preset `balanced` spends
@@ -78,7 +78,7 @@ def judge(index: int) -> Judged:
     )
 
 
-def _broken(said: Score, truth: Score) -> Iterator[str]:
+def _broken(said: ChainScore, truth: ChainScore) -> Iterator[str]:
     """Yield the promises of a score that fresh trials do not keep."""
     if truth.success / truth.trials < said.success_lower:
         yield "success"
@@ -97,7 +97,7 @@ def _broken(said: Score, truth: Score) -> Iterator[str]:
 
 
 def _gate_broken(
-    case: LookCase, alone: Prepared, seen: Outcomes, fresh: Outcomes
+    case: LookCase, alone: PreparedRoutines, seen: Outcomes, fresh: Outcomes
 ) -> Iterator[str]:
     """Yield "gate" if it lets more wrong answers pass than its bound says."""
     gate = choose_gate(case, seen, silent_limit=SILENT)
@@ -108,7 +108,7 @@ def _gate_broken(
         yield "gate"
 
 
-def _claims(said: Score, right: list[Outcome]) -> tuple[Claims, ...]:
+def _claims(said: ChainScore, right: list[Outcome]) -> tuple[Claims, ...]:
     """Return how fresh errors compare with what each answer may now claim."""
     rows = [
         (*o.target_um, o.theta_rad, o.spread_um, o.spread_theta_rad or 1.0)
@@ -124,7 +124,7 @@ def _claims(said: Score, right: list[Outcome]) -> tuple[Claims, ...]:
 
 
 def _claim(
-    calibration: Calibration | None, errors: FloatArray, spreads: FloatArray
+    calibration: SigmaCalibration | None, errors: FloatArray, spreads: FloatArray
 ) -> Claims:
     known = np.isfinite(errors)
     if calibration is None or not known.any():
@@ -142,7 +142,7 @@ def judge_race(index: int) -> tuple[float, bool]:
     case, ready = problem.case, prepare(problem.case, problem.chains)
     raced = race(case, ready, root_seed=_ROOT, most=LONG)
     whole = run(case, ready, design(case, LONG, _ROOT))
-    peeked = score(case, ready, whole, peeks=raced.peeks)
+    peeked = score(case, ready, whole, interim_tests=raced.interim_tests)
     choices = [
         select(
             scores,

@@ -9,7 +9,7 @@ import numpy as np
 
 from microplan.arrays import Point
 from microplan.featuresel.features.contour import with_contour
-from microplan.featuresel.look.scenario import LookCase, Spread
+from microplan.featuresel.look.scenario import LookCase, TrialSpread
 from microplan.featuresel.routines.contract import Target
 from microplan.optics.lens.lens import LensErrors
 from microplan.optics.lens.sensor import Sensor
@@ -68,7 +68,7 @@ def random_case(rng: np.random.Generator) -> LookCase:
         treatment="blend",
         tolerance_um=1.0,
         tolerance_theta_rad=None,
-        spread=Spread(
+        spread=TrialSpread(
             focus_sigma_um=float(rng.choice([0.0, 1.0, 3.0])),
             magnification_sigma=0.005,
             light_gain=(0.7, 1.3),

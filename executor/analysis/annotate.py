@@ -43,7 +43,7 @@ def mark(seer: Viewer, finding: Finding, folder: Path) -> Marked | None:
     grey = np.clip(finding.image * 255, 0, 255).astype(np.uint8)
     large = grey.repeat(times, axis=0).repeat(times, axis=1)
     picture = cv2.cvtColor(large, cv2.COLOR_GRAY2BGR)
-    place = _Place(seer, finding, times)
+    place = _Enlarged(seer, finding, times)
     region = seer.look.measure.region
     if finding.whole:
         first = place.on_picture(-0.5, -0.5)
@@ -84,7 +84,7 @@ def write_marked(folder: Path, name: str, picture: Marked) -> None:
         raise ExecutorError("MP878", f"{path}: {why(error)}", place=path) from error
 
 
-class _Place:
+class _Enlarged:
     """World um and pixels of the region to points of the enlarged picture."""
 
     def __init__(self, seer: Viewer, finding: Finding, times: int) -> None:
@@ -105,7 +105,7 @@ class _Place:
         return self.on_picture(column, row)
 
 
-def _draw(picture: Any, place: _Place, attempt: Attempt, folder: Path) -> None:
+def _draw(picture: Any, place: _Enlarged, attempt: Attempt, folder: Path) -> None:
     """Draw where one chain found its feature."""
     import cv2  # as above
 

@@ -17,7 +17,7 @@ FEW = 2e-3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Appearance:
+class RegionStatistics:
     """Three numbers of a region, 0..1 of full scale."""
 
     brightness: float  # mean
@@ -35,21 +35,21 @@ class Likeness:
     words: tuple[str, ...]  # what differs by more than `TOLD`
 
 
-def appearance(image: FloatArray) -> Appearance:
+def appearance(image: FloatArray) -> RegionStatistics:
     """Return brightness, contrast and sharpness of (rows, columns), 0..1."""
     smooth = _smooth(image)  # noise of single pixels is no edge
     low, high = np.percentile(smooth, (100 * FEW, 100 * (1 - FEW)))
     steps = np.hypot(*np.gradient(smooth)) if min(image.shape) > 1 else np.zeros(1)
     contrast = float(high - low)
     steep = float(np.percentile(steps, 100 * (1 - FEW)))
-    return Appearance(
+    return RegionStatistics(
         brightness=float(image.mean()),
         contrast=contrast,
         sharpness_per_px=steep / contrast if contrast > 0 else 0.0,
     )
 
 
-def likeness(found: Appearance, reference: Appearance) -> Likeness:
+def likeness(found: RegionStatistics, reference: RegionStatistics) -> Likeness:
     """Return a picture's numbers over those of the reference, and what is amiss."""
     ratios = {
         "light": _ratio(found.brightness, reference.brightness),

@@ -12,7 +12,7 @@ from microplan.executor.analysis.distributions import (
     student_above,
     student_quantile,
 )
-from microplan.executor.analysis.run_summaries import Run
+from microplan.executor.analysis.run_summaries import RunFolderSummary
 from microplan.executor.analysis.scatter import LEVEL, Mean, mean, share, spread
 from microplan.schemas.plan import Control, Plan, Step
 
@@ -51,8 +51,8 @@ class Check:
 class Comparison:
     """What the runs say together."""
 
-    runs: tuple[Run, ...]
-    apart: tuple[Run, ...]  # with faults that were asked for, or resumed
+    runs: tuple[RunFolderSummary, ...]
+    apart: tuple[RunFolderSummary, ...]  # with faults that were asked for, or resumed
     done: int
     counted: int  # runs that the operator did not stop
     figures: tuple[Figure, ...]
@@ -70,7 +70,7 @@ class Comparison:
         return tuple(found)
 
 
-def compare(plan: Plan, runs: Sequence[Run]) -> Comparison:
+def compare(plan: Plan, runs: Sequence[RunFolderSummary]) -> Comparison:
     """Return the figures of the runs, and the plan's predictions put to the test.
 
     Each prediction is tested as what it is: the success as a binomial, the looks of an
@@ -105,7 +105,7 @@ def predicted_s(control: Control, looks: float | None = None) -> float:
     return control.approach_s + number * control.expected_s / control.expected_cycles
 
 
-def _figures(step: Step, runs: Sequence[Run]) -> list[Figure]:
+def _figures(step: Step, runs: Sequence[RunFolderSummary]) -> list[Figure]:
     """Return a step's numbers over the runs that did it."""
     rows = [row for run in runs if (row := run.step(step.id)) is not None]
     sigma_um, limit_um = _told(rows, "expected_sigma_um"), _told(rows, "limit_um")
@@ -155,7 +155,7 @@ def _figure(
     )
 
 
-def _checks(step: Step, runs: Sequence[Run]) -> list[Check]:
+def _checks(step: Step, runs: Sequence[RunFolderSummary]) -> list[Check]:
     """Return the tests of one step's predictions that the runs allow."""
     found: list[Check] = []
     rows = [row for run in runs if (row := run.step(step.id)) is not None]
@@ -267,7 +267,7 @@ def _interval(one: Mean) -> str:
     return f"{one.low:.3g}..{one.high:.3g}" if one.count > 1 else "one run"
 
 
-def _true_errors(step: Step, runs: Sequence[Run]) -> list[float]:
+def _true_errors(step: Step, runs: Sequence[RunFolderSummary]) -> list[float]:
     """Return the true errors of a step's last look, of runs that did the step."""
     if not step.looks:
         return []

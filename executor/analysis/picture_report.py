@@ -9,10 +9,17 @@ from dataclasses import dataclass
 from typing import Any
 
 from microplan.executor.analysis.pictures import Attempt, Finding, Viewer
-from microplan.executor.analysis.scatter import Mean, Share, Spread, mean, share, spread
+from microplan.executor.analysis.scatter import (
+    Mean,
+    MeasuredScatter,
+    Share,
+    mean,
+    share,
+    spread,
+)
 from microplan.executor.devices.errors import CODES
 from microplan.executor.record.summary import columns
-from microplan.executor.run.gates import Gate
+from microplan.executor.run.gates import GateValue
 from microplan.schemas.codec import to_data
 
 ALPHA = 0.05  # of a false alarm in all that is asked together
@@ -23,13 +30,13 @@ _HEAD = (
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Together:
+class PictureTotals:
     """What all pictures say of the plan's predictions; None where too few tell it."""
 
     found: Share
     still: bool  # nothing was moved between the pictures, as the user says
-    place: Spread | None
-    turn: Spread | None
+    place: MeasuredScatter | None
+    turn: MeasuredScatter | None
     off_x_um: Mean | None  # from where the plan has the target
     off_y_um: Mean | None
 
@@ -46,7 +53,7 @@ class Together:
 
 def together(
     seer: Viewer, findings: Sequence[Finding], *, still: bool = False
-) -> Together:
+) -> PictureTotals:
     """Return what the pictures that could be used say of the look's predictions.
 
     Their scatter is judged only if nothing was moved between them.
@@ -62,7 +69,7 @@ def together(
     turns = [f.theta_rad for f in good if f.theta_rad is not None]
     sigma_theta = look.sigma_theta_rad
     upper = None if look.together is not None else score.sigma_upper_um
-    return Together(
+    return PictureTotals(
         found=share(len(good), len(used), lower),
         still=still,
         place=_scatter(at, look.sigma_xy_um, upper),
@@ -75,7 +82,7 @@ def together(
 
 
 def report_text(
-    seer: Viewer, findings: Sequence[Finding], all_of_them: Together
+    seer: Viewer, findings: Sequence[Finding], all_of_them: PictureTotals
 ) -> str:
     """Return the table, why pictures were refused, and what they say together."""
     rows = [_HEAD, *(_row(seer, f) for f in findings)]
@@ -93,7 +100,7 @@ def report_text(
 
 
 def report_json(
-    seer: Viewer, findings: Sequence[Finding], all_of_them: Together
+    seer: Viewer, findings: Sequence[Finding], all_of_them: PictureTotals
 ) -> str:
     """Return the same as one JSON object."""
     data = {
@@ -110,7 +117,7 @@ def report_json(
 
 def _scatter(
     at: Sequence[tuple[float, float]], sigma_um: float, upper_um: float | None
-) -> Spread | None:
+) -> MeasuredScatter | None:
     """Return the spread of places about their mean, per axis."""
     if len(at) < 2:
         return None
@@ -119,7 +126,7 @@ def _scatter(
     return spread(squares, 2 * (len(at) - 1), sigma_um, upper_um)
 
 
-def _turns(turns: Sequence[float], sigma_rad: float) -> Spread:
+def _turns(turns: Sequence[float], sigma_rad: float) -> MeasuredScatter:
     """Return the spread of angles about their mean direction."""
     middle = math.atan2(sum(map(math.sin, turns)), sum(map(math.cos, turns)))
     off = [math.remainder(t - middle, math.tau) for t in turns]
@@ -159,7 +166,7 @@ def _row(seer: Viewer, finding: Finding) -> tuple[str, ...]:
     )
 
 
-def _summary(found: Together) -> list[str]:
+def _summary(found: PictureTotals) -> list[str]:
     """Return the lines about all pictures together."""
     one, wrong = found.found, found.refuted
     lines = [
@@ -196,7 +203,7 @@ def _summary(found: Together) -> list[str]:
     return lines
 
 
-def _spread_line(name: str, one: Spread, scale: float, unit: str) -> str:
+def _spread_line(name: str, one: MeasuredScatter, scale: float, unit: str) -> str:
     """Return a spread in words."""
     sigma, low, high, plan, most = (
         v * scale for v in (one.sigma, one.low, one.high, one.predicted, one.most)
@@ -267,7 +274,7 @@ def _number(value: float | None) -> str:
     return "-" if value is None else f"{value:.4f}"
 
 
-def _gate(gate: Gate | None) -> str:
+def _gate(gate: GateValue | None) -> str:
     """Return value and limit; what does not pass is marked."""
     if gate is None:
         return "-"

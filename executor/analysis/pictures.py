@@ -9,8 +9,8 @@ from pathlib import Path
 
 from microplan.arrays import FloatArray
 from microplan.executor.analysis.appearance import (
-    Appearance,
     Likeness,
+    RegionStatistics,
     appearance,
     likeness,
 )
@@ -20,8 +20,8 @@ from microplan.executor.devices.errors import ExecutorError, why
 from microplan.executor.motion.beliefs import Beliefs
 from microplan.executor.record.frames import INDEX
 from microplan.executor.run.artifacts import Artifacts
-from microplan.executor.run.gates import Gate, gates_of
-from microplan.executor.run.measure_feature import Picture, Shown, measured, spare
+from microplan.executor.run.gates import GateValue, gates_of
+from microplan.executor.run.measure_feature import Picture, SeenTarget, measured, spare
 from microplan.featuresel.routines.contract import Failure
 from microplan.featuresel.routines.fusion import Believed, fuse
 from microplan.schemas.plan import Look, Measure, Plan, Region, RoutineUse
@@ -40,8 +40,8 @@ class Attempt:
     spare: bool  # the fallback
     code: str | None  # why it was refused; None: accepted
     why: str
-    shown: Shown | None = None  # None: nothing was found
-    gates: tuple[Gate, ...] = ()
+    shown: SeenTarget | None = None  # None: nothing was found
+    gates: tuple[GateValue, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,7 +80,7 @@ class Viewer:
     artifacts: Artifacts
     expected: Pose  # of the look's target
     believed: Believed | None
-    reference: Appearance | None  # None: the plan's image is not there
+    reference: RegionStatistics | None  # None: the plan's image is not there
     bits: int | None = None
 
     def frame_of(self, look: Look) -> LookFrame:
@@ -272,7 +272,7 @@ def _believed(
     return Believed(theta_rad=expected.theta_rad, sigma_rad=sigma)
 
 
-def _reference(plan: Plan, look: Look, folder: Path) -> Appearance | None:
+def _reference(plan: Plan, look: Look, folder: Path) -> RegionStatistics | None:
     """Return how the plan's own image of the look appears, None without one."""
     region = look.measure.region
     try:

@@ -22,7 +22,7 @@ Row = Mapping[str, Any]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Left:
+class RunArtifacts:
     """A run's plan, summary, events and frames."""
 
     folder: Path
@@ -48,7 +48,7 @@ class Left:
         ]
 
 
-def read_left(folder: Path) -> Left:
+def read_left(folder: Path) -> RunArtifacts:
     """Return what a run left.
 
     Raises
@@ -61,7 +61,7 @@ def read_left(folder: Path) -> Left:
             "MP879", f"{folder} holds no run: it has no {EVENTS}", place=folder
         )
     source = contents(folder / PLAN, _MOST_BYTES)
-    return Left(
+    return RunArtifacts(
         folder=folder,
         plan=_object(source),
         plan_sha256=hashlib.sha256(source).hexdigest(),

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from microplan.executor.analysis.run_artifacts import Left, Row, real, text
+from microplan.executor.analysis.run_artifacts import Row, RunArtifacts, real, text
 from microplan.executor.record.frames import FOLDER, png_bytes, read_png
 from microplan.schemas.page.elements import Element, el
 from microplan.schemas.page.figures import um
@@ -29,7 +29,7 @@ _CAPTION = Caption(
 _MOST_STEPS = 60  # a page with more would not be read
 
 
-def frame_figures(left: Left) -> Iterator[Element]:
+def frame_figures(left: RunArtifacts) -> Iterator[Element]:
     """Yield the first and last whole frame of every step that kept some."""
     whole = [row for row in left.frames if row.get("shows") is None]
     steps = list(dict.fromkeys(text(row, "step") for row in whole))

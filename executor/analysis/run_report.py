@@ -7,8 +7,8 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from microplan.executor.analysis.run_artifacts import (
-    Left,
     Row,
+    RunArtifacts,
     read_left,
     real,
     reals,
@@ -20,7 +20,7 @@ from microplan.executor.devices.errors import ExecutorError
 from microplan.executor.record.journal import ESCAPED
 from microplan.executor.record.run_folder import REPORT
 from microplan.executor.record.summary import injected
-from microplan.schemas.page.axes import Axes, Scale, around
+from microplan.schemas.page.axes import AxisScale, ChartField, around
 from microplan.schemas.page.charts import Bar, bars, curve
 from microplan.schemas.page.elements import Element, Node, el, slug
 from microplan.schemas.page.figures import MICRO, chance, number, quantity, seconds, um
@@ -67,7 +67,7 @@ def write_report(folder: Path) -> Path:
     return file
 
 
-def run_report(left: Left) -> str:
+def run_report(left: RunArtifacts) -> str:
     """Return the report of a run; the same folder gives the same bytes."""
     name = text(left.summary, "plan") or text(left.plan, "name") or "run"
     toc = [el("li", link(words, place)) for words, place in _SECTIONS]
@@ -100,7 +100,7 @@ def _section(
     return el("section", el("h2", title), found or el("p", nothing), id=place)
 
 
-def _first(left: Left) -> Element:
+def _first(left: RunArtifacts) -> Element:
     """Return the verdict and the run's figures."""
     data = left.summary
     station = text(data, "station") or "not told"
@@ -133,7 +133,7 @@ def _faults(data: Row) -> str:
     )
 
 
-def _verdict(left: Left) -> Element:
+def _verdict(left: RunArtifacts) -> Element:
     """Return how the run ended."""
     data = left.summary
     if not data:
@@ -160,7 +160,7 @@ def _truth(verdict: Row) -> Element:
               f", {offset} off.")  # fmt: skip
 
 
-def _compared(left: Left) -> Iterator[Element]:
+def _compared(left: RunArtifacts) -> Iterator[Element]:
     """Yield predicted against actual as a table and as charts."""
     steps = left.steps
     if not steps:
@@ -183,7 +183,7 @@ def _compared(left: Left) -> Iterator[Element]:
         yield el("div", found, class_="cols")
 
 
-def _row(left: Left, step: Row, known: Row) -> list[Node]:
+def _row(left: RunArtifacts, step: Row, known: Row) -> list[Node]:
     """Return the cells of one step."""
     code, name = text(step, "code"), str(step["id"])
     looked = real(known, name) if known else real(step, "spread_um")
@@ -267,7 +267,7 @@ def _sigmas(steps: Sequence[Row], known: Row) -> Iterator[Element]:
     )
 
 
-def _servo(left: Left) -> Iterator[Element]:
+def _servo(left: RunArtifacts) -> Iterator[Element]:
     """Yield the error over the looks of every alignment."""
     found = []
     for step in dict.fromkeys(text(row, "step") for row in left.of("error")):
@@ -286,9 +286,9 @@ def _servo_figure(step: str, errors: list[float], limit: float | None) -> Elemen
     """Return the error over the looks of one alignment."""
     top = max([*errors, limit or 0.0]) * 1.15 or 1.0
     looks = "1 look" if len(errors) == 1 else f"{len(errors)} looks"
-    axes = Axes(
-        across=Scale(low=0.0, high=max(len(errors), 3) + 0.5),
-        up=Scale(low=0.0, high=top),
+    axes = ChartField(
+        across=AxisScale(low=0.0, high=max(len(errors), 3) + 0.5),
+        up=AxisScale(low=0.0, high=top),
         across_label="look",
         up_label=f"error, {_UM}",
         height=196,
@@ -313,7 +313,7 @@ def _servo_figure(step: str, errors: list[float], limit: float | None) -> Elemen
     return figure(caption, drawing)
 
 
-def _focus(left: Left) -> Iterator[Element]:
+def _focus(left: RunArtifacts) -> Iterator[Element]:
     """Yield sharpness over focus of every height that was looked for."""
     heights = {text(row, "step"): real(row, "z_um") for row in left.of("height")}
     found = []
@@ -332,7 +332,7 @@ def _focus_figure(
     step: str, pairs: list[tuple[float, float]], height: float | None
 ) -> Element:
     """Return sharpness over focus of one sweep."""
-    axes = Axes(
+    axes = ChartField(
         across=around([x for x, _ in pairs]),
         up=around([y for _, y in pairs], zero=True),
         across_label=f"focus, {_UM}",

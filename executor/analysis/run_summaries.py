@@ -17,7 +17,7 @@ _MOST_BYTES = 1 << 26
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Run:
+class RunFolderSummary:
     """One run folder's summary."""
 
     folder: Path
@@ -41,7 +41,7 @@ class Run:
         return None
 
 
-def read_runs(folders: Sequence[Path], file: PlanFile) -> tuple[Run, ...]:
+def read_runs(folders: Sequence[Path], file: PlanFile) -> tuple[RunFolderSummary, ...]:
     """Return the runs of some folders.
 
     Raises
@@ -61,7 +61,7 @@ def read_runs(folders: Sequence[Path], file: PlanFile) -> tuple[Run, ...]:
     return runs
 
 
-def _read(folder: Path, file: PlanFile) -> Run:
+def _read(folder: Path, file: PlanFile) -> RunFolderSummary:
     """Return one run; MP879 if it is none of the plan."""
     path = folder / SUMMARY
     try:
@@ -82,7 +82,7 @@ def _read(folder: Path, file: PlanFile) -> Run:
             f"{folder} is a run of another plan: {data.get('plan_sha256')}, this one's "
             f"hash is {file.sha256}",
         )
-    return Run(folder=folder, data=data)
+    return RunFolderSummary(folder=folder, data=data)
 
 
 def _is_summary(data: Any) -> bool:
@@ -113,7 +113,7 @@ def _number(value: Any) -> bool:
         return False
 
 
-def _same(run: Run) -> list[object]:
+def _same(run: RunFolderSummary) -> list[object]:
     """Return what tells a run from others: a simulated one is its seed."""
     found: list[object] = [run.folder.resolve()]
     if run.data.get("station") == "sim":

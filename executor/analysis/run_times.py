@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from microplan.executor.analysis.run_artifacts import Left, Row, real, text
+from microplan.executor.analysis.run_artifacts import Row, RunArtifacts, real, text
 from microplan.schemas.files.times import JAWS, PROBE
 from microplan.schemas.page.elements import Element, el
 from microplan.schemas.page.figures import number, seconds
 
 
-def predicted(left: Left) -> Element | None:
+def predicted(left: RunArtifacts) -> Element | None:
     """Return how long what was predicted took, and what was not predicted."""
     known = [
         (took, expected)
@@ -30,7 +30,7 @@ def predicted(left: Left) -> Element | None:
     return el("small", f"{said}; not predicted: {others}" if others else said)
 
 
-def times(left: Left, step: Row) -> str:
+def times(left: RunArtifacts, step: Row) -> str:
     """Return how long a step took and should have, or why nothing says so."""
     expected = real(step, "expected_s")
     if expected is not None:
@@ -49,7 +49,7 @@ def pair(actual: str, predicted: str) -> str:
     return f"{actual} / {predicted}"
 
 
-def _unpredicted(left: Left, step: Row) -> str:
+def _unpredicted(left: RunArtifacts, step: Row) -> str:
     """Return why no plan tells how long a step takes, "" if nobody knows."""
     if text(step, "verb") in ("grasp", "release"):
         return JAWS

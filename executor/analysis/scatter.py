@@ -30,7 +30,7 @@ class Share:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Spread:
+class MeasuredScatter:
     """A standard deviation per axis, beside the one predicted."""
 
     freedom: int
@@ -68,7 +68,7 @@ def share(hits: int, trials: int, predicted: float) -> Share:
 
 def spread(
     squares: float, freedom: int, predicted: float, most: float | None = None
-) -> Spread:
+) -> MeasuredScatter:
     """Return what a sum of squared deviations says of a predicted sigma.
 
     Parameters
@@ -84,7 +84,7 @@ def spread(
     """
     limit = max(predicted, most or 0.0)
     tail = (1 - LEVEL) / 2
-    return Spread(
+    return MeasuredScatter(
         freedom=freedom,
         sigma=math.sqrt(squares / freedom),
         low=math.sqrt(squares / chi_square_quantile(1 - tail, freedom)),

@@ -23,11 +23,11 @@ from microplan.executor.analysis.picture_report import (
 )
 from microplan.executor.analysis.pictures import files_of, find_in, viewer
 from microplan.executor.analysis.run_summaries import read_runs
-from microplan.executor.cli.options import Call, parse
+from microplan.executor.cli.options import RunOptions, parse
 from microplan.executor.cli.replay import replay
 from microplan.executor.cli.run_result import Ended, told
 from microplan.executor.cli.select_station import Site, find_site
-from microplan.executor.cli.session import Asking, Job, header_of, perform
+from microplan.executor.cli.session import Asking, RunJob, header_of, run_whole_plan
 from microplan.executor.devices.errors import (
     BUG,
     CODES,
@@ -99,7 +99,7 @@ def _status(argv: Sequence[str] | None) -> int:
         return stopped.exit_status
 
 
-def _run(call: Call) -> int:
+def _run(call: RunOptions) -> int:
     """Do what was asked; errors are the caller's to report."""
     file = read_plan(call.plan_file)
     if note := newer_note(file.plan):
@@ -121,7 +121,7 @@ def _run(call: Call) -> int:
         return _on_station(call, file, stack)
 
 
-def _on_station(call: Call, file: PlanFile, stack: ExitStack) -> int:
+def _on_station(call: RunOptions, file: PlanFile, stack: ExitStack) -> int:
     """Check, list, run or resume the plan on its station."""
     plan = file.plan
     path = call.run_dir or call.folder.parent / f"{plan.name}.run"
@@ -141,11 +141,11 @@ def _on_station(call: Call, file: PlanFile, stack: ExitStack) -> int:
     asking = _asking(call, plan)
     run = stack.enter_context(new_run(path, discard=call.discard))
     run.begin(call.plan_file, file.source, site.source)
-    job = Job(call=call, file=file, site=site, artifacts=artifacts, run=run)
-    return _report(call, plan, perform(job, asking))
+    job = RunJob(call=call, file=file, site=site, artifacts=artifacts, run=run)
+    return _report(call, plan, run_whole_plan(job, asking))
 
 
-def _resume(call: Call, file: PlanFile, run: RunFolder) -> int:
+def _resume(call: RunOptions, file: PlanFile, run: RunFolder) -> int:
     """Go on with the run of a folder."""
     then = run.header
     seed = then.seed if call.seed is None else call.seed
@@ -156,11 +156,11 @@ def _resume(call: Call, file: PlanFile, run: RunFolder) -> int:
     check_same(header_of(call, file, devices, site.source), then)
     preflight(file.plan, site.station, begun=True)
     artifacts = Artifacts.from_folder(file.plan, call.folder)
-    job = Job(call=call, file=file, site=site, artifacts=artifacts, run=run)
-    return _report(call, file.plan, perform(job, _asking(call, file.plan)))
+    job = RunJob(call=call, file=file, site=site, artifacts=artifacts, run=run)
+    return _report(call, file.plan, run_whole_plan(job, _asking(call, file.plan)))
 
 
-def _site(call: Call, plan: Plan, left: Path | None) -> Site:
+def _site(call: RunOptions, plan: Plan, left: Path | None) -> Site:
     """Return the station that was asked for; `left` is a simulated cell's world."""
     seed, faults = call.seed or 0, call.faults
     steps = [step.id for step in plan.steps]
@@ -174,7 +174,7 @@ def _site(call: Call, plan: Plan, left: Path | None) -> Site:
     return find_site(call.station, call.folder, seed=seed, faults=faults, left=left)
 
 
-def _report(call: Call, plan: Plan, ended: Ended) -> int:
+def _report(call: RunOptions, plan: Plan, ended: Ended) -> int:
     """Print table, findings and verdicts; return the exit status."""
     result, verdict = ended.result, ended.verdict
     say(told(ended))
@@ -212,7 +212,7 @@ def _write_report(folder: Path) -> None:
         tell(f"note: no report: {error.message}")
 
 
-def _replay(call: Call, file: PlanFile, folder: Path) -> int:
+def _replay(call: RunOptions, file: PlanFile, folder: Path) -> int:
     """Run the plan on a run's records and say whether the commands are the same."""
     artifacts = Artifacts.from_folder(file.plan, call.folder)
     paths = records_of(folder)
@@ -227,7 +227,7 @@ def _replay(call: Call, file: PlanFile, folder: Path) -> int:
     return DONE
 
 
-def _look_at_pictures(call: Call, plan: Plan, pictures: Path) -> int:
+def _look_at_pictures(call: RunOptions, plan: Plan, pictures: Path) -> int:
     """Measure a folder of pictures; 0 if the target was found in all of them."""
     artifacts = Artifacts.from_folder(plan, call.folder)
     seer = viewer(
@@ -252,7 +252,7 @@ def _look_at_pictures(call: Call, plan: Plan, pictures: Path) -> int:
     return DONE if right else FAILED
 
 
-def _compare(call: Call, file: PlanFile) -> int:
+def _compare(call: RunOptions, file: PlanFile) -> int:
     """Join runs of the plan; 1 if they refute what it predicted."""
     found = compare(file.plan, read_runs(call.runs, file))
     report = comparison_json if call.format == "json" else comparison_text
@@ -260,7 +260,7 @@ def _compare(call: Call, file: PlanFile) -> int:
     return FAILED if found.refuted else DONE
 
 
-def _asking(call: Call, plan: Plan) -> Asking:
+def _asking(call: RunOptions, plan: Plan) -> Asking:
     """Return what the operator can be asked, and is told."""
     gate = _gate() if call.stepwise else None
     progress = None if gate else _teller(plan)

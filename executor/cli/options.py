@@ -16,7 +16,7 @@ NO_STATION = ("replay", "compare", "report")  # they touch no device
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Call:
+class RunOptions:
     """A call of the command."""
 
     plan_file: Path
@@ -51,7 +51,7 @@ class Call:
         return None if self.station == SIMULATED else Path(self.station)
 
 
-def parse(argv: Sequence[str] | None) -> Call:
+def parse(argv: Sequence[str] | None) -> RunOptions:
     """Return what the command line asks for.
 
     Raises
@@ -64,7 +64,7 @@ def parse(argv: Sequence[str] | None) -> Call:
     wrong = _contradiction(found)
     if wrong:
         parser.error(wrong)
-    return Call(
+    return RunOptions(
         plan_file=found.plan / "plan.json" if is_folder(found.plan) else found.plan,
         station=found.station or "",
         seed=found.seed,

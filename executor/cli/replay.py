@@ -13,7 +13,7 @@ from microplan.executor.record.outcome import RunResult
 from microplan.executor.record.plan_file import PlanFile
 from microplan.executor.record.recorded_calls import Recorded, Tape
 from microplan.executor.record.recording import CALLS, RESUMES
-from microplan.executor.record.recovery import Past, past_in
+from microplan.executor.record.recovery import ResumeState, past_in
 from microplan.executor.record.replay_station import tape_station
 from microplan.executor.record.write_ahead_log import FILE
 from microplan.executor.run.artifacts import Artifacts
@@ -82,7 +82,7 @@ def replay(
     return _judged(tape, _run(rig, past, recorded))
 
 
-def _past(recorded: Recorded) -> Past | None:
+def _past(recorded: Recorded) -> ResumeState | None:
     """Return what the executor of a record resumed from; None if it began the run."""
     count = recorded.head.get(RESUMES)
     if count is None and recorded.path.name == CALLS:
@@ -105,7 +105,7 @@ def _past(recorded: Recorded) -> Past | None:
     return past_in(b"".join(lines[:count]), str(path)).past
 
 
-def _run(rig: Rig, past: Past | None, recorded: Recorded) -> RunResult:
+def _run(rig: Rig, past: ResumeState | None, recorded: Recorded) -> RunResult:
     """Begin, or go on, as the executor did."""
 
     def answer(_question: str) -> bool:

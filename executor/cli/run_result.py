@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from microplan.executor.cli.options import Call
+from microplan.executor.cli.options import RunOptions
 from microplan.executor.cli.select_station import Site
 from microplan.executor.devices.errors import ExecutorError
 from microplan.executor.record.journal import ESCAPED
@@ -40,7 +40,7 @@ def told(ended: Ended) -> str:
     return f"{words}\ninjected faults: {faults}" if faults else words
 
 
-def write_summary(call: Call, site: Site, file: PlanFile, ended: Ended) -> None:
+def write_summary(call: RunOptions, site: Site, file: PlanFile, ended: Ended) -> None:
     """Write summary.json and the table; MP863 if they cannot be written."""
     try:
         words = told(ended) + "\n"
@@ -59,7 +59,9 @@ def write_summary(call: Call, site: Site, file: PlanFile, ended: Ended) -> None:
         ) from error
 
 
-def _extra(call: Call, site: Site, file: PlanFile, ended: Ended) -> dict[str, Any]:
+def _extra(
+    call: RunOptions, site: Site, file: PlanFile, ended: Ended
+) -> dict[str, Any]:
     """Return what summary.json says beside the result."""
     verdict = ended.verdict
     return {

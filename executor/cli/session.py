@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, TextIO
 
-from microplan.executor.cli.options import Call
+from microplan.executor.cli.options import RunOptions
 from microplan.executor.cli.run_result import Ended, write_summary
 from microplan.executor.cli.select_station import SIMULATED, Site
 from microplan.executor.cli.simulated_truth import judged, keep_world, watch
@@ -22,10 +22,10 @@ from microplan.executor.record.frames import Frames
 from microplan.executor.record.journal import ESCAPED, Journal
 from microplan.executor.record.outcome import RunResult
 from microplan.executor.record.plan_file import PlanFile, world_beside
-from microplan.executor.record.recording import CALLS, RESUMES, Record
+from microplan.executor.record.recording import CALLS, RESUMES, CallRecorder
 from microplan.executor.record.recovery import Header
 from microplan.executor.record.run_folder import EVENTS, RunFolder
-from microplan.executor.record.write_ahead_log import Intents
+from microplan.executor.record.write_ahead_log import WriteAheadLog
 from microplan.executor.run.artifacts import Artifacts
 from microplan.executor.run.resume import begin, take_up
 from microplan.executor.run.run import run_plan
@@ -44,10 +44,10 @@ class Asking:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Job:
+class RunJob:
     """A plan that is to be run: as asked for, where, and where the run is kept."""
 
-    call: Call
+    call: RunOptions
     file: PlanFile
     site: Site
     artifacts: Artifacts  # of the plan's routines
@@ -59,12 +59,12 @@ class _Logs:
     """What a run writes while it goes on."""
 
     journal: Journal
-    intents: Intents
+    intents: WriteAheadLog
     frames: Frames
-    record: Record | None  # None: it cannot be replayed
+    record: CallRecorder | None  # None: it cannot be replayed
 
 
-def perform(job: Job, asking: Asking) -> Ended:
+def run_whole_plan(job: RunJob, asking: Asking) -> Ended:
     """Run the plan, or what is left of it, and write the run folder.
 
     Parameters
@@ -104,7 +104,7 @@ def perform(job: Job, asking: Asking) -> Ended:
 
 
 @contextmanager
-def _logs(job: Job, seq: int, before: int) -> Iterator[_Logs]:
+def _logs(job: RunJob, seq: int, before: int) -> Iterator[_Logs]:
     """Give the files of a run, after `seq` events of `before` earlier executors."""
     run, station = job.run, job.site.station
     tag = f"_by{before + 1}" if before else ""
@@ -120,7 +120,7 @@ def _logs(job: Job, seq: int, before: int) -> Iterator[_Logs]:
         yield _Logs(journal=journal, intents=intents, frames=frames, record=record)
 
 
-def _rig(job: Job, logs: _Logs, operator: Operator, asking: Asking) -> Rig:
+def _rig(job: RunJob, logs: _Logs, operator: Operator, asking: Asking) -> Rig:
     """Return all that steps are done with."""
     plan, station, record = job.file.plan, job.site.station, logs.record
     return Rig(
@@ -137,7 +137,7 @@ def _rig(job: Job, logs: _Logs, operator: Operator, asking: Asking) -> Rig:
     )
 
 
-def _close(record: Record, result: RunResult) -> None:
+def _close(record: CallRecorder, result: RunResult) -> None:
     """End the record; that it cannot be hides no fault that came before."""
     try:
         record.close(result.code, result.message)
@@ -147,7 +147,7 @@ def _close(record: Record, result: RunResult) -> None:
 
 
 def header_of(
-    call: Call,
+    call: RunOptions,
     file: PlanFile,
     devices: Mapping[str, str],
     source: bytes | None = None,
@@ -181,13 +181,13 @@ def _sha256(data: bytes) -> str:
 @contextmanager
 def _recorded(
     path: Path, frames: Frames, station: Station, facts: Mapping[str, Any]
-) -> Iterator[Record | None]:
+) -> Iterator[CallRecorder | None]:
     """Give the record of a run, None without frames: nothing could answer from it."""
     if not frames.wanted:
         yield None
         return
     with _open(path, "w") as stream:
-        record = Record(stream, frames, station, facts)
+        record = CallRecorder(stream, frames, station, facts)
         try:
             yield record
         except ExecutorError as error:  # an interrupt: MP860
@@ -223,7 +223,7 @@ def _facts(
     }
 
 
-def _run(rig: Rig, job: Job, asking: Asking) -> RunResult:
+def _run(rig: Rig, job: RunJob, asking: Asking) -> RunResult:
     """Run the plan; whatever ends it, nothing is left in motion."""
     try:
         if job.run.found is None:

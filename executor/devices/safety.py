@@ -153,7 +153,7 @@ def outside(
             yield axis, away
 
 
-class Progress:
+class MotionProgress:
     """Watches one motion: axes must keep coming closer until all are in their windows.
 
     An axis with a short way may creep beside one with a long way, where a controller

@@ -15,7 +15,7 @@ T = TypeVar("T")
 
 
 @dataclass(slots=True)
-class _Job:
+class _PendingCall:
     """One call on its way to the thread that makes it."""
 
     name: str
@@ -29,7 +29,7 @@ class _Job:
     late_error: BaseException | None = None
 
 
-_Jobs = SimpleQueue[_Job | None]
+_Jobs = SimpleQueue[_PendingCall | None]
 
 
 class Caller:
@@ -41,7 +41,9 @@ class Caller:
 
     def __init__(self) -> None:
         self._worker: tuple[_Jobs, threading.Thread] | None = None
-        self._left: list[tuple[_Job, threading.Thread]] = []  # that may begin a motion
+        self._left: list[
+            tuple[_PendingCall, threading.Thread]
+        ] = []  # that may begin a motion
 
     def call(
         self,
@@ -69,7 +71,7 @@ class Caller:
         ExecutorError
             MP844 if it takes longer; MP841 if it raises.
         """
-        job = _Job(name, call, late)
+        job = _PendingCall(name, call, late)
         job.done.acquire()
         jobs = self._queue()
         try:
@@ -103,7 +105,7 @@ class Caller:
             for job, _ in self._left
         ]
 
-    def _give_up(self, job: _Job) -> None:
+    def _give_up(self, job: _PendingCall) -> None:
         """Leave a call, and the thread that makes it, behind."""
         job.given_up.set()
         worker, self._worker = self._worker, None
@@ -134,7 +136,7 @@ def told(error: BaseException) -> str:
         return f"{kind}, whose words raise {type(other).__name__}"
 
 
-def _why(job: _Job) -> str:
+def _why(job: _PendingCall) -> str:
     """Return what went wrong with the stop of a motion that began late."""
     error = job.late_error
     if error is None:
@@ -157,7 +159,7 @@ def _work(jobs: _Jobs) -> None:
             return
 
 
-def _stop(job: _Job) -> None:
+def _stop(job: _PendingCall) -> None:
     """Undo what a call began that nobody waited for any more."""
     if job.late is None:
         return

@@ -11,7 +11,7 @@ from microplan.executor.devices.tables import Table
 from microplan.executor.devices.wall_clock import WallClock
 from microplan.executor.micromanager.hub import FILE, Hub, make_hub
 from microplan.executor.simulated.cell import Cell, build_cell
-from microplan.executor.simulated.following import Readings, follow
+from microplan.executor.simulated.following import DeviceReadings, follow
 from microplan.executor.simulated.hub import read_world
 
 ARRIVE_S = 30.0  # to the plan's start, for each device
@@ -51,7 +51,7 @@ class RenderedHub:
                 opening_um = found.jaws.reading()
             zoom = None if found.lens is None or found.lens.moving() else found.lens
             magnification, focus_um = zoom.reading() if zoom else (None, None)
-            readings = Readings(
+            readings = DeviceReadings(
                 stage=found.stage.reading() if found.stage else None,
                 robot=found.robot.reading() if found.robot else None,
                 opening_um=opening_um,

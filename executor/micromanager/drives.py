@@ -59,7 +59,7 @@ class Drive(Protocol):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Scale:
+class DeviceScale:
     """What a device's own number means: value = zero + per * number."""
 
     zero: float = 0.0
@@ -104,7 +104,7 @@ class StageDrive:
         name: str,
         *,
         limits: Interval,
-        scale: Scale,
+        scale: DeviceScale,
         speed: Speed,
     ) -> None:
         self._core, self.label, self._name = core, label, name
@@ -155,7 +155,7 @@ class XYDrive:
         label: str,
         *,
         limits: Mapping[str, Interval],
-        scales: Mapping[str, Scale],
+        scales: Mapping[str, DeviceScale],
         speed: Speed,
         hold_um: float,
     ) -> None:

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 from microplan.executor.devices.tables import Table
 from microplan.executor.micromanager.core import LoadedDevice, describe
 from microplan.executor.micromanager.drives import (
+    DeviceScale,
     Drive,
-    Scale,
     Speed,
     StageDrive,
     XYDrive,
@@ -78,7 +78,7 @@ def drive(core: CMMCorePlus, table: Table, name: str) -> Drive:
         return StateDrive(core, label, name, states)
     low, high = table.interval("limits")
     limits = (low * unit, high * unit)
-    scale = Scale(
+    scale = DeviceScale(
         zero=unit * table.number("zero", 0.0), per=unit * _not_0(table, "per", 1.0)
     )
     property_name = table.text("property") if table.has("property") else ""
@@ -113,7 +113,7 @@ def _xy(core: CMMCorePlus, table: Table) -> Drive:
     if 0.0 in per:
         table.refuse("per", f"found {list(per)}", "it must not be 0")
     scales = {
-        name: Scale(zero=a, per=b)
+        name: DeviceScale(zero=a, per=b)
         for name, a, b in zip(XYDrive.names, zero, per, strict=True)
     }
     speed, paced = _speed(table, 1.0)

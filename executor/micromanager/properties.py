@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 from microplan.executor.micromanager.drives import (
     SLACK,
+    DeviceScale,
     Interval,
-    Scale,
     Speed,
     check_limits,
 )
@@ -31,7 +31,7 @@ class PropertyDrive:
         name: str,
         *,
         limits: Interval,
-        scale: Scale,
+        scale: DeviceScale,
         speed: Speed,
     ) -> None:
         self._core, self.label, self._name = core, label, name

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from pymmcore_plus import CMMCorePlus
 
     from microplan.executor.simulated.cell import Cell
-    from microplan.executor.simulated.following import Readings
+    from microplan.executor.simulated.following import DeviceReadings
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,14 +38,14 @@ class Labels:
     focus: str = ""
     magnification: float | None = None
 
-    def readings(self, core: CMMCorePlus, start: AxisReading) -> Readings:
+    def readings(self, core: CMMCorePlus, start: AxisReading) -> DeviceReadings:
         """Return where the devices of a core are."""
-        from microplan.executor.simulated.following import Readings
+        from microplan.executor.simulated.following import DeviceReadings
 
         x_um, y_um = (
             core.getXYPosition(self.xy) if self.xy else (start.x_um, start.y_um)
         )
-        return Readings(
+        return DeviceReadings(
             stage=AxisReading(
                 x_um=x_um,
                 y_um=y_um,

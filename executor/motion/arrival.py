@@ -7,7 +7,12 @@ from collections.abc import Callable, Mapping
 
 from microplan.executor.devices.drivers import AxisReading
 from microplan.executor.devices.errors import ExecutorError
-from microplan.executor.devices.safety import AXES, Progress, check_travel, outside
+from microplan.executor.devices.safety import (
+    AXES,
+    MotionProgress,
+    check_travel,
+    outside,
+)
 from microplan.executor.devices.station import Station
 from microplan.schemas.plan import AxesName
 
@@ -41,7 +46,7 @@ def arrive(
         MP840, MP845, MP846, and those of `read`.
     """
     settle, clock = station.rules.settle(group), station.clock
-    progress = Progress(start, target, settle)
+    progress = MotionProgress(start, target, settle)
     there = all(getattr(start, axis) == value for axis, value in target.items())
     dwell_s = 0.0 if there else settle.dwell_s
     began_s = clock.now_s()

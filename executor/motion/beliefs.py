@@ -71,7 +71,7 @@ class Readings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Known:
+class BeliefRecord:
     """All that a record of beliefs holds at one moment."""
 
     owners: tuple[Belief, ...]
@@ -88,11 +88,11 @@ class Beliefs:
         self._features = {f.name: f for f in features}
         self._held: dict[str, str] = {}  # part -> tool
 
-    def known(self) -> Known:
+    def known(self) -> BeliefRecord:
         """Return all that is believed now."""
-        return Known(owners=tuple(self._owners.values()), held=dict(self._held))
+        return BeliefRecord(owners=tuple(self._owners.values()), held=dict(self._held))
 
-    def restore(self, known: Known) -> None:
+    def restore(self, known: BeliefRecord) -> None:
         """Believe what `known` says, and nothing else."""
         self._owners = {b.name: b for b in known.owners}
         self._held = dict(known.held)

@@ -7,7 +7,7 @@ from microplan.schemas.plan import AxesName, AxisMove
 from microplan.schemas.pose import Pose
 
 
-def readings_for(
+def inverse_kinematics(
     axes: AxesName,
     readings: Readings,
     here: Pose,

@@ -13,7 +13,7 @@ from microplan.executor.devices.safety import check_finite, targets
 from microplan.executor.motion.beliefs import Beliefs, Readings
 from microplan.executor.motion.swept_volume import (
     ROUNDING_UM,
-    Room,
+    SweptVolume,
     Travel,
     first_meeting,
     hull,
@@ -168,7 +168,7 @@ class KeepOut:
                 return room.owner, SURFACE
         return None
 
-    def _carried(self, axes: AxesName, now: Moment) -> Iterator[Room]:
+    def _carried(self, axes: AxesName, now: Moment) -> Iterator[SweptVolume]:
         """Yield what an axis group carries, where that is with the axes at 0."""
         for name, prisms in self._parts.items():
             if now.beliefs.belief(name).carrier == axes:
@@ -186,7 +186,7 @@ class KeepOut:
 
 def _room(
     owner: str, prism: Prism, now: Moment, shifts: Sequence[tuple[float, float]]
-) -> Room:
+) -> SweptVolume:
     """Return a prism, shifted in its owner's frame, where its owner is believed."""
     belief = now.beliefs.belief(owner)
     corners = [
@@ -194,7 +194,7 @@ def _room(
         for x, y in prism.corners_um
         for dx, dy in shifts
     ]
-    return Room(
+    return SweptVolume(
         owner=owner,
         corners_um=np.array(corners) if len(shifts) == 1 else hull(np.array(corners)),
         low_um=belief.z_um + prism.low_um,
@@ -222,8 +222,8 @@ def _travel(move: AxisMove, readings: Readings) -> Travel:
 
 
 def _standing(
-    rooms: Iterable[Room], axes: AxesName, readings: Readings
-) -> Iterator[Room]:
+    rooms: Iterable[SweptVolume], axes: AxesName, readings: Readings
+) -> Iterator[SweptVolume]:
     """Yield where rooms that an axis group carries are now."""
     for room in rooms:
         reading = readings.reading(axes)
@@ -236,15 +236,17 @@ def _pivot_um(axes: AxesName, readings: Readings) -> tuple[float, float]:
     return readings.theta_axis_um if axes == "stage" else (0.0, 0.0)
 
 
-def _level(heights_um: tuple[float, float], room: Room, margin_um: float) -> bool:
+def _level(
+    heights_um: tuple[float, float], room: SweptVolume, margin_um: float
+) -> bool:
     """Return whether a range of heights comes within a margin of a room's."""
     low_um, high_um = heights_um
     return max(low_um - room.high_um, room.low_um - high_um) < margin_um
 
 
 def _meeting(
-    moving: Iterable[Room],
-    still: Sequence[Room],
+    moving: Iterable[SweptVolume],
+    still: Sequence[SweptVolume],
     allowed: frozenset[Pair],
     margin_um: float,
 ) -> tuple[str, str] | None:

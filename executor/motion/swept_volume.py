@@ -23,7 +23,7 @@ TURN_RAD = math.radians(5.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Room:
+class SweptVolume:
     """A convex polygon times a range of heights, in the world."""
 
     owner: str
@@ -40,12 +40,12 @@ class Travel:
     end: AxisReading
     pivot_um: tuple[float, float] = (0.0, 0.0)  # at reading 0; travels along
 
-    def heights_um(self, room: Room) -> tuple[float, float]:
+    def heights_um(self, room: SweptVolume) -> tuple[float, float]:
         """Return the least and the greatest height that `room` reaches on the way."""
         ends = (self.start.z_um, self.end.z_um)
         return room.low_um + min(ends), room.high_um + max(ends)
 
-    def covered(self, room: Room) -> Iterator[Room]:
+    def covered(self, room: SweptVolume) -> Iterator[SweptVolume]:
         """Yield rooms that together hold all that `room` covers on the way.
 
         `room` is where it is with the axes at reading 0.
@@ -58,7 +58,7 @@ class Travel:
         for arcs in _turned(room.corners_um - pivot, a.theta_rad, b.theta_rad):
             corners = np.concatenate([arcs + shift for shift in shifts])
             turned_only = len(corners) == len(room.corners_um)  # convex as it was
-            yield Room(
+            yield SweptVolume(
                 owner=room.owner,
                 corners_um=corners if turned_only else hull(corners),
                 low_um=low_um,
@@ -66,7 +66,7 @@ class Travel:
             )
 
 
-def meets(room: Room, other: Room, *, margin_um: float = 0.0) -> bool:
+def meets(room: SweptVolume, other: SweptVolume, *, margin_um: float = 0.0) -> bool:
     """Return whether two rooms overlap, or come closer than a margin.
 
     Convex shapes are apart if and only if a line along an edge of one of them parts
@@ -89,8 +89,8 @@ def meets(room: Room, other: Room, *, margin_um: float = 0.0) -> bool:
 
 
 def first_meeting(
-    room: Room, others: Iterable[Room], *, margin_um: float = 0.0
-) -> Room | None:
+    room: SweptVolume, others: Iterable[SweptVolume], *, margin_um: float = 0.0
+) -> SweptVolume | None:
     """Return the first of `others` that a room meets, None if all stay apart."""
     return next((o for o in others if meets(room, o, margin_um=margin_um)), None)
 

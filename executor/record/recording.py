@@ -31,7 +31,7 @@ COMMANDS = (
 QUERIES = ("reading", "moving", "now_s")
 
 
-class Record:
+class CallRecorder:
     """Writes the calls of devices to a stream, a line each.
 
     Parameters
@@ -189,7 +189,7 @@ class Record:
 class _Noted:
     """A device whose calls are noted and passed on."""
 
-    def __init__(self, device: Any, name: str, record: Record) -> None:
+    def __init__(self, device: Any, name: str, record: CallRecorder) -> None:
         self._device, self._name, self._record = device, name, record
 
     def __getattr__(self, method: str) -> Any:

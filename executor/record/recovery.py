@@ -10,7 +10,7 @@ from typing import Any
 from microplan.executor.devices.errors import ExecutorError
 from microplan.executor.devices.paths import is_file
 from microplan.executor.devices.safety import Phase
-from microplan.executor.motion.beliefs import Known
+from microplan.executor.motion.beliefs import BeliefRecord
 from microplan.executor.record.outcome import StepResult
 from microplan.executor.record.write_ahead_log import (
     AWAY,
@@ -18,8 +18,8 @@ from microplan.executor.record.write_ahead_log import (
     FORMAT,
     MARK,
     REPEATED,
+    DriveReadings,
     Intent,
-    Standing,
     opened,
 )
 from microplan.schemas.codec import CodecError, from_data
@@ -38,7 +38,7 @@ class Header:
 
 
 @dataclass(slots=True, kw_only=True)
-class Past:
+class ResumeState:
     """How far the run had come, and what of its present step is done.
 
     An empty one is that of a run that begins.
@@ -53,14 +53,14 @@ class Past:
         None  # brought the axes near a look, and nothing took them back
     )
     errors_um: list[float] = field(default_factory=list)  # of its alignment's looks
-    known: Known | None = None
+    known: BeliefRecord | None = None
     phase: Phase = "approach"  # after the last finished step
     view: View | None = None  # what the zoom was last sent to
-    standing: Standing | None = None
+    standing: DriveReadings | None = None
     ended: bool = False
     code: str | None = None  # why it ended
 
-    def done(self, name: str, standing: Standing) -> None:
+    def done(self, name: str, standing: DriveReadings) -> None:
         """Note that the motion begun last has ended at its target."""
         self.opened, self.standing = None, standing
         if self.away is not None and name == AWAY[self.away.name]:
@@ -68,7 +68,7 @@ class Past:
         if name not in REPEATED:
             self.finished.add(name)
 
-    def close(self, done: bool, standing: Standing) -> None:  # noqa: FBT001 - a fact
+    def close(self, done: bool, standing: DriveReadings) -> None:  # noqa: FBT001 - a fact
         """Note what became of the motion begun last, and where everything stands."""
         intent, self.opened, self.standing = self.opened, None, standing
         self.ended, self.code = False, None
@@ -77,17 +77,17 @@ class Past:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Found:
+class ReadJournal:
     """A journal as it was found."""
 
     header: Header
-    past: Past
+    past: ResumeState
     seq: int  # of the last whole line
     chain: int
     size: int  # bytes; a torn line may follow
 
 
-def read_past(path: Path) -> Found:
+def read_past(path: Path) -> ReadJournal:
     """Return what a journal tells; see `past_in`."""
     try:
         data = path.read_bytes()
@@ -96,7 +96,7 @@ def read_past(path: Path) -> Found:
     return past_in(data, str(path))
 
 
-def past_in(data: bytes, name: str = FILE) -> Found:
+def past_in(data: bytes, name: str = FILE) -> ReadJournal:
     """Return what the bytes of a journal tell.
 
     The last line may be torn or damaged: it was not yet on the disk when the executor
@@ -124,7 +124,7 @@ def past_in(data: bytes, name: str = FILE) -> Found:
         header, past = _told(records)
     except (CodecError, KeyError, TypeError) as error:
         raise ExecutorError("MP867", f"{name}: {error}") from error
-    return Found(header=header, past=past, seq=seq, chain=chain, size=size)
+    return ReadJournal(header=header, past=past, seq=seq, chain=chain, size=size)
 
 
 def is_open(folder: Path) -> bool:
@@ -142,60 +142,60 @@ def is_open(folder: Path) -> bool:
     return not past.ended or past.code == "MP860"
 
 
-def _told(records: Sequence[Mapping[str, Any]]) -> tuple[Header, Past]:
+def _told(records: Sequence[Mapping[str, Any]]) -> tuple[Header, ResumeState]:
     """Return what the lines add up to."""
-    first, past = records[0], Past()
+    first, past = records[0], ResumeState()
     if first["kind"] != "run" or first["format"] != FORMAT:
         raise CodecError(f"no journal of format {FORMAT}")
-    past.standing = from_data(Standing, first["standing"])
+    past.standing = from_data(DriveReadings, first["standing"])
     for record in records[1:]:
         _KINDS[record["kind"]](past, record)
     return from_data(Header, first["header"]), past
 
 
-def _begin(past: Past, record: Mapping[str, Any]) -> None:
+def _begin(past: ResumeState, record: Mapping[str, Any]) -> None:
     if record["step"] != past.step:
         past.step, past.finished, past.errors_um = record["step"], set(), []
         past.away = None
 
 
-def _intent(past: Past, record: Mapping[str, Any]) -> None:
+def _intent(past: ResumeState, record: Mapping[str, Any]) -> None:
     past.opened = from_data(Intent, record["intent"])
     if past.opened.name in AWAY and past.away is None:
         past.away = past.opened
 
 
-def _done(past: Past, record: Mapping[str, Any]) -> None:
-    past.done(record["name"], from_data(Standing, record["standing"]))
+def _done(past: ResumeState, record: Mapping[str, Any]) -> None:
+    past.done(record["name"], from_data(DriveReadings, record["standing"]))
 
 
-def _resumed(past: Past, record: Mapping[str, Any]) -> None:
-    past.close(record["was"] == "done", from_data(Standing, record["standing"]))
+def _resumed(past: ResumeState, record: Mapping[str, Any]) -> None:
+    past.close(record["was"] == "done", from_data(DriveReadings, record["standing"]))
 
 
-def _undone(past: Past, record: Mapping[str, Any]) -> None:
+def _undone(past: ResumeState, record: Mapping[str, Any]) -> None:
     past.finished.discard(record["name"])
 
 
-def _known(past: Past, record: Mapping[str, Any]) -> None:
-    past.known = from_data(Known, record["known"])
+def _known(past: ResumeState, record: Mapping[str, Any]) -> None:
+    past.known = from_data(BeliefRecord, record["known"])
 
 
-def _error(past: Past, record: Mapping[str, Any]) -> None:
+def _error(past: ResumeState, record: Mapping[str, Any]) -> None:
     past.errors_um.append(float(record["error_um"]))
 
 
-def _view(past: Past, record: Mapping[str, Any]) -> None:
+def _view(past: ResumeState, record: Mapping[str, Any]) -> None:
     past.view = from_data(View, record["view"])
 
 
-def _step(past: Past, record: Mapping[str, Any]) -> None:
+def _step(past: ResumeState, record: Mapping[str, Any]) -> None:
     past.results.append(from_data(StepResult, record["result"]))
     past.phase = record["phase"]
     _known(past, record)
 
 
-def _end(past: Past, record: Mapping[str, Any]) -> None:
+def _end(past: ResumeState, record: Mapping[str, Any]) -> None:
     past.ended, past.code = True, record["code"]
     past.errors_um = []  # what failed by them begins anew when it is resumed
 

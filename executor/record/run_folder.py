@@ -16,8 +16,8 @@ from microplan.executor.devices.paths import is_file
 from microplan.executor.record.frames import FOLDER
 from microplan.executor.record.lock import held
 from microplan.executor.record.recording import CALLS, MORE_CALLS
-from microplan.executor.record.recovery import Found, Header, is_open, read_past
-from microplan.executor.record.write_ahead_log import FILE, FileStore, Intents
+from microplan.executor.record.recovery import Header, ReadJournal, is_open, read_past
+from microplan.executor.record.write_ahead_log import FILE, FileStore, WriteAheadLog
 
 EVENTS = "events.jsonl"
 LOCK = "lock"
@@ -37,7 +37,7 @@ class RunFolder:
     """A locked run folder; `found` is what an earlier executor left there to resume."""
 
     path: Path
-    found: Found | None
+    found: ReadJournal | None
 
     @property
     def header(self) -> Header:
@@ -94,7 +94,7 @@ class RunFolder:
             ) from error
 
     @contextmanager
-    def intents(self) -> Iterator[Intents]:
+    def intents(self) -> Iterator[WriteAheadLog]:
         """Return the journal, open for what comes next; a torn line is cut off."""
         found = self.found
         seq, chain, size = (
@@ -106,7 +106,7 @@ class RunFolder:
             file = self.path / FILE
             raise ExecutorError("MP863", f"{file}: {why(error)}", place=file) from error
         try:
-            yield Intents(store, seq=seq, chain=chain)
+            yield WriteAheadLog(store, seq=seq, chain=chain)
         finally:
             store.close()
 

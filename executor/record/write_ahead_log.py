@@ -30,7 +30,7 @@ HEAD = len(MARK + b'00000000", ')
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Standing:
+class DriveReadings:
     """What all drives that touch anything read at one moment."""
 
     stage: AxisReading
@@ -48,10 +48,10 @@ class Intent:
     target: Mapping[str, float]  # absolute, by axis; of the jaws "opening_um"
     phase: Phase
     irreversible: bool  # never to be done twice
-    before: Standing
+    before: DriveReadings
 
 
-class Store(Protocol):
+class LogStore(Protocol):
     """Where lines are kept."""
 
     def append(self, line: bytes) -> None:
@@ -125,7 +125,7 @@ def opened(line: bytes, chain: int) -> tuple[dict[str, Any], int] | None:
     return found, chain
 
 
-class Intents:
+class WriteAheadLog:
     """Writes the journal; without a store it keeps nothing.
 
     After a line that could not be written no further one is: it would follow a torn
@@ -140,7 +140,7 @@ class Intents:
     """
 
     def __init__(
-        self, store: Store | None = None, *, seq: int = 0, chain: int = 0
+        self, store: LogStore | None = None, *, seq: int = 0, chain: int = 0
     ) -> None:
         self._store = store
         self._seq, self._chain = seq, chain

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from microplan.executor.devices.errors import ExecutorError
-from microplan.executor.run.measure_target import Sighting, to_unit
+from microplan.executor.run.measure_target import TargetSighting, to_unit
 from microplan.executor.run.run_context import Rig
 from microplan.featuresel.routines.contract import Artifact, Failure, Guess
 from microplan.schemas.plan import HeightSearch, Look
@@ -20,7 +20,7 @@ LEAST_HEIGHT = 8.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Curve:
+class SharpnessCurve:
     """What a sweep saw: sharpness over focus."""
 
     focus_um: tuple[float, ...]
@@ -35,11 +35,11 @@ class Height:
     z_um: float
     sigma_um: float
     seconds: float  # from the first picture's order to the last picture
-    curve: Curve | None = None
+    curve: SharpnessCurve | None = None
 
 
 def height_by_sweep(
-    rig: Rig, search: HeightSearch, look: Look, part: Sighting
+    rig: Rig, search: HeightSearch, look: Look, part: TargetSighting
 ) -> Height:
     """Return the height at which the part's face is sharpest, um.
 
@@ -61,12 +61,12 @@ def height_by_sweep(
             again.append(twice - scores[-1])
     # a difference has twice the variance of one score
     noise = math.sqrt(sum(d * d for d in again) / len(again) / 2)
-    curve = Curve(focus_um=search.focus_um, scores=tuple(scores), noise=noise)
+    curve = SharpnessCurve(focus_um=search.focus_um, scores=tuple(scores), noise=noise)
     rig.journal.write("focus_curve", look=look.id, curve=curve)
     return peak_of(curve, part.target, rig.station.clock.now_s() - began_s)
 
 
-def peak_of(curve: Curve, target: str, seconds: float = 0.0) -> Height:
+def peak_of(curve: SharpnessCurve, target: str, seconds: float = 0.0) -> Height:
     """Return the one true peak of a curve; MP853 if it has none."""
     from microplan.featuresel.routines.focus.focus import (
         peak,  # loads cv2, not needed at start
@@ -97,7 +97,7 @@ def peak_of(curve: Curve, target: str, seconds: float = 0.0) -> Height:
 def height_by_pair(
     rig: Rig,
     look: Look,
-    part: Sighting,
+    part: TargetSighting,
     artifact: Artifact,
     *,
     expected_um: float,
@@ -147,7 +147,7 @@ def height_by_pair(
 
 
 def _score_at(
-    rig: Rig, search: HeightSearch, look: Look, part: Sighting, focus_um: float
+    rig: Rig, search: HeightSearch, look: Look, part: TargetSighting, focus_um: float
 ) -> float:
     """Return how sharp the part's edges are with the focus at `focus_um`."""
     from microplan.featuresel.routines.focus.focus import ring_mask, score  # as above

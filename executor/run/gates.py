@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from microplan.featuresel.routines.fusion import Seen
+from microplan.featuresel.routines.fusion import SeenFeature
 from microplan.schemas.plan import Measure
 from microplan.schemas.pose import Pose
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Gate:
+class GateValue:
     """One value of an answer and its limit."""
 
     name: str
@@ -40,8 +40,8 @@ class Gate:
 
 
 def gates_of(
-    measure: Measure, score: float, spread_um: float, seen: Seen, expected: Pose
-) -> tuple[Gate, ...]:
+    measure: Measure, score: float, spread_um: float, seen: SeenFeature, expected: Pose
+) -> tuple[GateValue, ...]:
     """Return the gates of an answer, in the order in which they are asked.
 
     Parameters
@@ -57,24 +57,32 @@ def gates_of(
     """
     limits = measure.gates
     found = [
-        Gate(name="score", code="MP821", value=score, limit=limits.min_score, unit="",
-             least=True)
-    ]  # fmt: skip
+        GateValue(
+            name="score",
+            code="MP821",
+            value=score,
+            limit=limits.min_score,
+            unit="",
+            least=True,
+        )
+    ]
     if limits.max_spread_um is not None:
         most = limits.max_spread_um
         found.append(
-            Gate(name="spread", code="MP825", value=spread_um, limit=most, unit="um")
+            GateValue(
+                name="spread", code="MP825", value=spread_um, limit=most, unit="um"
+            )
         )
     x_um, y_um = expected.apply(*measure.offset_um)
     shift_um = math.hypot(seen.x_um - x_um, seen.y_um - y_um)
     most = limits.max_shift_um
     found.append(
-        Gate(name="shift", code="MP822", value=shift_um, limit=most, unit="um")
+        GateValue(name="shift", code="MP822", value=shift_um, limit=most, unit="um")
     )
     if limits.max_turn_rad is not None and seen.theta_rad is not None:
         turn = abs(math.remainder(seen.theta_rad - expected.theta_rad, math.tau))
         most = limits.max_turn_rad
         found.append(
-            Gate(name="turn", code="MP823", value=turn, limit=most, unit="rad")
+            GateValue(name="turn", code="MP823", value=turn, limit=most, unit="rad")
         )
     return tuple(found)

@@ -12,9 +12,14 @@ from microplan.executor.devices.errors import ExecutorError
 from microplan.executor.run.artifacts import Artifacts, Stages, answer_of, key_of
 from microplan.executor.run.gates import gates_of
 from microplan.executor.run.run_context import Rig
-from microplan.executor.run.warm_start import Found, Near, guess_from, nearest_routine
+from microplan.executor.run.warm_start import (
+    FoundFeature,
+    WarmStart,
+    guess_from,
+    nearest_routine,
+)
 from microplan.featuresel.routines.contract import Failure, Guess, Measurement
-from microplan.featuresel.routines.fusion import Believed, Seen
+from microplan.featuresel.routines.fusion import Believed, SeenFeature
 from microplan.schemas.plan import BiasAt, Look, Measure, RoutineUse
 from microplan.schemas.pose import Pose
 
@@ -37,27 +42,29 @@ class Picture:
     expected: Pose  # of the look's target, world
     believed: Believed | None  # the part's angle, None if nothing is known of it
     dz_um: float  # of the focus from the look's own
-    near: Near | None = None  # what a look just before found, a correction ago
+    near: WarmStart | None = None  # what a look just before found, a correction ago
     trusted: bool = True  # whether what is expected says where to begin
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Shown:
+class SeenTarget:
     """A feature as one picture shows it, and how surely."""
 
-    seen: Seen
+    seen: SeenFeature
     score: float
     spread_um: float  # the routine's own estimate, one sigma per axis
     routines: tuple[str, ...]
     pixels: Measurement  # what the last of them said, in the look's region
 
     @property
-    def found(self) -> Found:
+    def found(self) -> FoundFeature:
         """Return what a look after a small correction starts from."""
-        return Found(x_um=self.seen.x_um, y_um=self.seen.y_um, pixels=self.pixels)
+        return FoundFeature(
+            x_um=self.seen.x_um, y_um=self.seen.y_um, pixels=self.pixels
+        )
 
 
-def look_for(rig: Rig, look: Look, measure: Measure, picture: Picture) -> Shown:
+def look_for(rig: Rig, look: Look, measure: Measure, picture: Picture) -> SeenTarget:
     """Return where a picture shows a feature: its chain, then the fallback.
 
     Where a look just before has found it, the end of the chain alone comes first.
@@ -127,7 +134,7 @@ def spare(measure: Measure) -> Measure:
 
 def _accepted(
     rig: Eye, look: Look, measure: Measure, uses: Sequence[RoutineUse], picture: Picture
-) -> Shown:
+) -> SeenTarget:
     """Run one chain on the image and pass its answer through the gates."""
     shown = measured(rig, look, measure, uses, picture)
     name = measure.feature or look.target
@@ -137,7 +144,7 @@ def _accepted(
 
 def measured(
     rig: Eye, look: Look, measure: Measure, uses: Sequence[RoutineUse], picture: Picture
-) -> Shown:
+) -> SeenTarget:
     """Return what one chain answers, whatever the gates say of it.
 
     It starts where the feature is believed to be, not where the plan's own picture has
@@ -168,7 +175,7 @@ def measured(
 
 def _from_near(
     rig: Rig, look: Look, measure: Measure, picture: Picture
-) -> Shown | None:
+) -> SeenTarget | None:
     """Return what the end of the chain finds where the feature must be, if anything."""
     name, near = measure.feature or look.target, picture.near
     before = None if near is None else near.features.get(name)
@@ -201,7 +208,7 @@ def _answer(
     stages: Stages,
     start: Guess,
     picture: Picture,
-) -> Shown:
+) -> SeenTarget:
     """Return what routines find from `start`, whatever the gates say of it."""
     name = measure.feature or look.target
     try:
@@ -222,7 +229,7 @@ def _answer(
 
 def _shown(
     rig: Eye, look: Look, measure: Measure, found: Measurement, picture: Picture
-) -> Shown:
+) -> SeenTarget:
     """Turn pixels into um and take off the mean error that the trials showed.
 
     That error is fixed in the part's frame: at an unknown angle it stays.
@@ -236,8 +243,8 @@ def _shown(
         turn = Pose(x_um=0.0, y_um=0.0, theta_rad=theta_rad)
         bias = turn.apply(measure.bias_um[0] + more_x, measure.bias_um[1] + more_y)
         x_um, y_um = x_um - bias[0], y_um - bias[1]
-    return Shown(
-        seen=Seen(
+    return SeenTarget(
+        seen=SeenFeature(
             x_um=x_um,
             y_um=y_um,
             sigma_um=measure.sigma_xy_um,
@@ -253,7 +260,9 @@ def _shown(
     )
 
 
-def _pass_gates(name: str, measure: Measure, shown: Shown, picture: Picture) -> None:
+def _pass_gates(
+    name: str, measure: Measure, shown: SeenTarget, picture: Picture
+) -> None:
     """Raise unless score, spread, place and angle are what they should be."""
     for gate in gates_of(
         measure, shown.score, shown.spread_um, shown.seen, picture.expected

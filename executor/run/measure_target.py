@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from microplan.arrays import FloatArray
 from microplan.executor.devices.drivers import Counts
 from microplan.executor.devices.errors import MACHINE, STOPPED, ExecutorError
-from microplan.executor.motion.inverse_kinematics import readings_for
-from microplan.executor.run.measure_feature import Picture, Shown, look_for
+from microplan.executor.motion.inverse_kinematics import inverse_kinematics
+from microplan.executor.run.measure_feature import Picture, SeenTarget, look_for
 from microplan.executor.run.run_context import Rig
-from microplan.executor.run.warm_start import Found, Near
+from microplan.executor.run.warm_start import FoundFeature, WarmStart
 from microplan.featuresel.routines.contract import Failure
 from microplan.featuresel.routines.fusion import fuse
 from microplan.schemas.plan import AxisMove, Look, OnFailure
@@ -26,7 +26,7 @@ UNSEEN = (NOT_FOUND, "MP821", "MP822", "MP823", "MP825", "MP826")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Sighting:
+class TargetSighting:
     """Where a look found its target, world frame."""
 
     target: str
@@ -38,7 +38,7 @@ class Sighting:
     sigma_theta_rad: float | None  # by the trials; None: the angle was not measured
     routines: tuple[str, ...]
     frames: int  # grabbed until it was found
-    features: Mapping[str, Found]  # each that was found, by its name
+    features: Mapping[str, FoundFeature]  # each that was found, by its name
 
 
 def look_at(
@@ -46,9 +46,9 @@ def look_at(
     look: Look,
     on_failure: Sequence[OnFailure] = (),
     *,
-    near: Near | None = None,
+    near: WarmStart | None = None,
     trusted: bool = True,
-) -> Sighting:
+) -> TargetSighting:
     """Measure a look's target and update the beliefs.
 
     Parameters
@@ -72,7 +72,7 @@ def look_at(
     ExecutorError
         MP820..MP826 when the tries are used up.
     """
-    tries, kept = 0, dict[str, Shown]()
+    tries, kept = 0, dict[str, SeenTarget]()
     while True:
         tries += 1
         try:
@@ -102,7 +102,7 @@ def look_at(
         return sighting
 
 
-Seeing = Callable[[Rig, Look, Sequence[OnFailure]], Sighting]
+Seeing = Callable[[Rig, Look, Sequence[OnFailure]], TargetSighting]
 
 
 def look_near(
@@ -111,7 +111,7 @@ def look_near(
     look: Look,
     on_failure: Sequence[OnFailure] = (),
     seeing: Seeing = look_at,
-) -> Sighting:
+) -> TargetSighting:
     """Measure a look's target, coarsely first and brought near where the plan says so.
 
     `seeing` is how each look is made.
@@ -143,7 +143,7 @@ def look_near(
             f"seen, the {first.axes} may bring it {first.most_um:.3g} um",
         )
     back = readings.reading(first.axes)
-    rig.move(readings_for(first.axes, readings, here, first.at_um), "near")
+    rig.move(inverse_kinematics(first.axes, readings, here, first.at_um), "near")
     seen = seeing(rig, look, on_failure)
     rig.move(AxisMove(axes=first.axes, x_um=back.x_um, y_um=back.y_um), "back")
     return seen
@@ -183,11 +183,11 @@ def _sight(
     rig: Rig,
     look: Look,
     tries: int,
-    kept: dict[str, Shown],
-    near: Near | None,
+    kept: dict[str, SeenTarget],
+    near: WarmStart | None,
     *,
     trusted: bool,
-) -> Sighting:
+) -> TargetSighting:
     """Look once at every feature of the look; `kept` are those of tries before.
 
     Features that disagree are forgotten: one of them is wrong.
@@ -221,7 +221,7 @@ def _sight(
         raise
 
 
-def _show(rig: Rig, look: Look, picture: Picture, kept: dict[str, Shown]) -> None:
+def _show(rig: Rig, look: Look, picture: Picture, kept: dict[str, SeenTarget]) -> None:
     """Add the features that a picture shows; raise if too few are known even so."""
     least = len(look.measures) if look.together is None else look.together.least
     faults: list[ExecutorError] = []
@@ -239,8 +239,8 @@ def _show(rig: Rig, look: Look, picture: Picture, kept: dict[str, Shown]) -> Non
 
 
 def _fused(
-    look: Look, found: Mapping[str, Shown], picture: Picture, tries: int
-) -> Sighting:
+    look: Look, found: Mapping[str, SeenTarget], picture: Picture, tries: int
+) -> TargetSighting:
     """Return the target's pose by all features found."""
     shown = tuple(found.values())
     pose = fuse([each.seen for each in shown], picture.believed)
@@ -250,7 +250,7 @@ def _fused(
             f"look {look.id}: {look.target}: {pose.message}",
             cause=pose.code,
         )
-    return Sighting(
+    return TargetSighting(
         target=look.target,
         x_um=pose.x_um,
         y_um=pose.y_um,

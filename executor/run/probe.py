@@ -14,7 +14,7 @@ import numpy as np
 from microplan.arrays import Point
 from microplan.executor.devices.calibration import IDENTITY
 from microplan.executor.devices.errors import ExecutorError
-from microplan.executor.motion.inverse_kinematics import readings_for
+from microplan.executor.motion.inverse_kinematics import inverse_kinematics
 from microplan.executor.run.image_jacobian import (
     Followed,
     check_directions,
@@ -22,10 +22,10 @@ from microplan.executor.run.image_jacobian import (
     check_turn,
     followed,
 )
-from microplan.executor.run.measure_target import UNSEEN, Sighting, look_at
+from microplan.executor.run.measure_target import UNSEEN, TargetSighting, look_at
 from microplan.executor.run.probe_limits import axis_sigma_um, in_the_way, steers_angle
 from microplan.executor.run.run_context import Rig
-from microplan.executor.run.warm_start import Near
+from microplan.executor.run.warm_start import WarmStart
 from microplan.schemas.plan import AxesName, AxisMove, Look, OnFailure
 
 LEAST_UM = 3.0  # a first move: what any stage can do and any eye can see
@@ -39,20 +39,20 @@ DECIMALS = 1  # of the places that a probe goes to, um
 
 
 @dataclass(slots=True)
-class Track:
+class ProbeTrack:
     """Readings of the axes and where the target was seen, (x, y) um each."""
 
     readings: list[Point] = field(default_factory=list)
     places: list[Point] = field(default_factory=list)
 
-    def note(self, reading: Point, seen: Sighting) -> None:
+    def note(self, reading: Point, seen: TargetSighting) -> None:
         """Add a reading and where the target was seen."""
         self.readings.append(reading)
         self.places.append((seen.x_um, seen.y_um))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Job:
+class _ProbeState:
     """What a probe works on, and what it has seen."""
 
     rig: Rig
@@ -60,7 +60,7 @@ class _Job:
     axes: AxesName  # that carry the look's target
     sigma_um: float  # of a place per axis, the axes' landing included
     on_failure: tuple[OnFailure, ...]
-    track: Track = field(default_factory=Track)
+    track: ProbeTrack = field(default_factory=ProbeTrack)
 
 
 def look_probed(
@@ -68,8 +68,8 @@ def look_probed(
     look: Look,
     on_failure: Sequence[OnFailure] = (),
     *,
-    near: Near | None = None,
-) -> Sighting:
+    near: WarmStart | None = None,
+) -> TargetSighting:
     """Look, and probe if nothing was probed at this zoom yet; then look again.
 
     `near` is as in `look_at`.
@@ -92,7 +92,7 @@ def look_probed(
 
 
 def probe(
-    rig: Rig, look: Look, seen: Sighting, on_failure: Sequence[OnFailure] = ()
+    rig: Rig, look: Look, seen: TargetSighting, on_failure: Sequence[OnFailure] = ()
 ) -> str:
     """Move what carries the target in x and y, look after each, and go back.
 
@@ -136,16 +136,16 @@ def probe(
     return ""
 
 
-def _job(rig: Rig, look: Look, on_failure: Sequence[OnFailure]) -> _Job:
+def _job(rig: Rig, look: Look, on_failure: Sequence[OnFailure]) -> _ProbeState:
     """Return what a probe works on."""
     axes = rig.beliefs.belief(look.target).carrier
     sigma_um = math.hypot(axis_sigma_um(rig, axes), look.sigma_xy_um)
-    return _Job(
+    return _ProbeState(
         rig=rig, look=look, axes=axes, sigma_um=sigma_um, on_failure=tuple(on_failure)
     )
 
 
-def _inward(look: Look, seen: Sighting) -> Point:
+def _inward(look: Look, seen: TargetSighting) -> Point:
     """Return the way from where a target is to the middle of its look's range.
 
     Rounded, so that the noise of a look does not change what is ordered.
@@ -157,12 +157,12 @@ def _inward(look: Look, seen: Sighting) -> Point:
     )
 
 
-def _step(job: _Job, place: Point) -> None:
+def _step(job: _ProbeState, place: Point) -> None:
     """Move, look and note; MP835 if the target is not seen there."""
     job.track.note(place, _moved(job, _to(job.axes, place)))
 
 
-def _reach_out(job: _Job, middle: Point, reach_um: float) -> None:
+def _reach_out(job: _ProbeState, middle: Point, reach_um: float) -> None:
     """Look from four places about a middle, as far as nothing is in the way."""
     for place in _around(middle, reach_um):
         if in_the_way(job.rig, job.look, _to(job.axes, place)):
@@ -176,7 +176,7 @@ def _reach_out(job: _Job, middle: Point, reach_um: float) -> None:
             job.rig.journal.write("probe_unseen", look=job.look.id, why=why)
 
 
-def _judge(job: _Job) -> None:
+def _judge(job: _ProbeState) -> None:
     """Note how the image followed, and raise if it did not."""
     found = _followed(job)
     job.rig.journal.write(
@@ -191,7 +191,7 @@ def _judge(job: _Job) -> None:
     check_scale(found, job.look)
 
 
-def _followed(job: _Job) -> Followed:
+def _followed(job: _ProbeState) -> Followed:
     """Return how the image followed, the calibration's own matrix taken off."""
     calibration = job.rig.station.offer.calibration
     meant = IDENTITY
@@ -201,7 +201,7 @@ def _followed(job: _Job) -> Followed:
     return replace(found, matrix=found.matrix @ np.linalg.inv(np.array(meant)))
 
 
-def _moved(job: _Job, move: AxisMove) -> Sighting:
+def _moved(job: _ProbeState, move: AxisMove) -> TargetSighting:
     """Move and look; MP835 if the target is not seen there."""
     rig, look = job.rig, job.look
     rig.move(move, "probe")
@@ -219,7 +219,7 @@ def _moved(job: _Job, move: AxisMove) -> Sighting:
         ) from error
 
 
-def _probe_turn(job: _Job, theta_rad: float) -> None:
+def _probe_turn(job: _ProbeState, theta_rad: float) -> None:
     """Turn a little about the target, look, and turn back."""
     rig, look, axes = job.rig, job.look, job.axes
     sigma_rad = math.sqrt(2) * (look.sigma_theta_rad or 0.0)
@@ -228,7 +228,7 @@ def _probe_turn(job: _Job, theta_rad: float) -> None:
     turn_rad = min(max(LEAST_RAD, WANTED * sigma_rad), most_rad)
     readings = rig.readings()
     home, here = readings.reading(axes), rig.beliefs.world(look.target, readings)
-    move = readings_for(axes, readings, here, (here.x_um, here.y_um), turn_rad)
+    move = inverse_kinematics(axes, readings, here, (here.x_um, here.y_um), turn_rad)
     why = in_the_way(rig, look, move)
     if turn_rad < ENOUGH * sigma_rad:
         why = f"a turn by {turn_rad:.3g} rad does not stand out of {sigma_rad:.3g} rad"

@@ -9,8 +9,13 @@ from typing import Literal
 
 from microplan.executor.devices.errors import ExecutorError
 from microplan.executor.devices.safety import AXES, Rules
-from microplan.executor.record.recovery import Header, Past
-from microplan.executor.record.write_ahead_log import FORMAT, REPEATED, Intent, Standing
+from microplan.executor.record.recovery import Header, ResumeState
+from microplan.executor.record.write_ahead_log import (
+    FORMAT,
+    REPEATED,
+    DriveReadings,
+    Intent,
+)
 from microplan.executor.run.run_context import Rig
 
 Was = Literal["done", "not begun", "on the way"]
@@ -22,7 +27,7 @@ def begin(rig: Rig, header: Header) -> None:
     rig.intents.write("run", format=FORMAT, header=header, standing=rig.standing())
 
 
-def take_up(rig: Rig, past: Past, ask: Ask | None = None) -> None:
+def take_up(rig: Rig, past: ResumeState, ask: Ask | None = None) -> None:
     """Make a rig ready to go on where another executor was.
 
     Everything is stopped first, then read, and nothing moves until it is clear how far
@@ -63,7 +68,7 @@ def take_up(rig: Rig, past: Past, ask: Ask | None = None) -> None:
     _restore_view(rig, past)
 
 
-def decide(past: Past, now: Standing, rules: Rules) -> Was:
+def decide(past: ResumeState, now: DriveReadings, rules: Rules) -> Was:
     """Return how far the motion that the journal leaves open went.
 
     Parameters
@@ -111,7 +116,7 @@ def _check_on_the_way(
     raise ExecutorError("MP865", f"{name} reads {now:.6g}, it was at {was:.6g}{went}")
 
 
-def _let_go_on(intent: Intent, now: Standing, ask: Ask | None) -> None:
+def _let_go_on(intent: Intent, now: DriveReadings, ask: Ask | None) -> None:
     """Return if the operator lets a half-done irreversible motion go on."""
     was, is_now = _flat(intent.before), _flat(now)
     way = ", ".join(
@@ -125,7 +130,7 @@ def _let_go_on(intent: Intent, now: Standing, ask: Ask | None) -> None:
         raise ExecutorError("MP864", f"{what}; the operator did not let it go on")
 
 
-def _restore_view(rig: Rig, past: Past) -> None:
+def _restore_view(rig: Rig, past: ResumeState) -> None:
     """Keep the zoom if it reads what it was sent to; focus and light are set anew.
 
     A zoom that is sent where it is may still land a little elsewhere, and looks before
@@ -139,7 +144,7 @@ def _restore_view(rig: Rig, past: Past) -> None:
         rig.view = replace(past.view, focus_um=math.nan, light=math.nan)
 
 
-def _flat(standing: Standing) -> dict[str, float]:
+def _flat(standing: DriveReadings) -> dict[str, float]:
     """Return all readings by name."""
     found: dict[str, float] = {}
     for group, reading in (("stage", standing.stage), ("robot", standing.robot)):

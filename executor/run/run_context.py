@@ -24,8 +24,13 @@ from microplan.executor.motion.motion import Motion
 from microplan.executor.record.frames import Frames
 from microplan.executor.record.journal import Journal
 from microplan.executor.record.outcome import StepResult
-from microplan.executor.record.recovery import Past
-from microplan.executor.record.write_ahead_log import AWAY, Intent, Intents, Standing
+from microplan.executor.record.recovery import ResumeState
+from microplan.executor.record.write_ahead_log import (
+    AWAY,
+    DriveReadings,
+    Intent,
+    WriteAheadLog,
+)
 from microplan.executor.run.artifacts import Artifacts
 from microplan.schemas.plan import AxisMove, Look, Plan, Region, View
 
@@ -53,14 +58,16 @@ class Rig:
     waited_s: float = 0.0  # at the gate, no part of the work
     motion: Motion = field(default_factory=Motion)
     phase: Phase = "approach"  # what moves are for now: it sets their limits
-    intents: Intents = field(default_factory=Intents)
-    past: Past = field(default_factory=Past)  # empty unless the run is resumed
+    intents: WriteAheadLog = field(default_factory=WriteAheadLog)
+    past: ResumeState = field(
+        default_factory=ResumeState
+    )  # empty unless the run is resumed
     planned_s: Mapping[str, float] = field(default_factory=dict)  # step -> as planned
 
     def enter(self, step: str) -> None:
         """Begin a step; what an earlier executor did of another is no longer asked."""
         if self.past.step != step:
-            self.past = Past()
+            self.past = ResumeState()
         self.intents.write("begin", step=step)
 
     def finish(self, result: StepResult) -> None:
@@ -94,11 +101,11 @@ class Rig:
             theta_axis_um=self.plan.requirements.theta_axis_um,
         )
 
-    def standing(self) -> Standing:
+    def standing(self) -> DriveReadings:
         """Return what axes and jaws read now."""
         readings = self.readings()
         jaws = self.station.gripper
-        return Standing(
+        return DriveReadings(
             stage=readings.stage,
             robot=readings.robot,
             opening_um=None if jaws is None else self.motion.opening(self.station),

@@ -7,11 +7,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from microplan.executor.devices.errors import ExecutorError
-from microplan.executor.motion.inverse_kinematics import readings_for
-from microplan.executor.run.measure_target import UNSEEN, Sighting
+from microplan.executor.motion.inverse_kinematics import inverse_kinematics
+from microplan.executor.run.measure_target import UNSEEN, TargetSighting
 from microplan.executor.run.probe import look_probed
 from microplan.executor.run.run_context import Rig
-from microplan.executor.run.warm_start import Near
+from microplan.executor.run.warm_start import WarmStart
 from microplan.schemas.plan import AlignAction, AxisMove, Control, Look, OnFailure
 
 # A tolerance below .6 move sigmas is refused by the compiler, so sigma <= t / .6. Axes
@@ -76,12 +76,12 @@ def align(
         near = _near(seen, look, control)
 
 
-def _near(seen: Sighting, look: Look, control: Control) -> Near | None:
+def _near(seen: TargetSighting, look: Look, control: Control) -> WarmStart | None:
     """Return where a look's features must be after a correction, if that is known."""
     if control.move_sigma_um is None:
         return None
     sigma_um = math.hypot(control.move_sigma_um, look.measure.sigma_xy_um)
-    return Near(features=seen.features, sigma_um=sigma_um)
+    return WarmStart(features=seen.features, sigma_um=sigma_um)
 
 
 class _Watch:
@@ -97,8 +97,8 @@ class _Watch:
         rig: Rig,
         look: Look,
         on_failure: Sequence[OnFailure],
-        near: Near | None = None,
-    ) -> Sighting:
+        near: WarmStart | None = None,
+    ) -> TargetSighting:
         """Look; a target that is lost is looked for where it was seen last."""
         try:
             seen = look_probed(rig, look, on_failure, near=near)
@@ -146,7 +146,7 @@ def correction(
         here.x_um + gain * (goal.x_um - here.x_um),
         here.y_um + gain * (goal.y_um - here.y_um),
     )
-    return readings_for(action.axes, readings, here, wanted, turn_rad)
+    return inverse_kinematics(action.axes, readings, here, wanted, turn_rad)
 
 
 def _standing(rig: Rig, action: AlignAction) -> AxisMove:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from microplan.executor.devices.errors import ExecutorError
 from microplan.executor.run.focus_sweep import Height, height_by_sweep
-from microplan.executor.run.measure_target import UNSEEN, Sighting, look_at
+from microplan.executor.run.measure_target import UNSEEN, TargetSighting, look_at
 from microplan.executor.run.run_context import Rig
 from microplan.schemas.plan import HeightSearch, Look, OnFailure, VerifyAction
 from microplan.schemas.pose import Pose
@@ -72,7 +72,7 @@ def verify(
     )
 
 
-def _find(rig: Rig, look: Look, on_failure: Sequence[OnFailure]) -> Sighting:
+def _find(rig: Rig, look: Look, on_failure: Sequence[OnFailure]) -> TargetSighting:
     """Look, and call whatever hides the target by verify's own code."""
     try:
         return look_at(rig, look, on_failure)
@@ -85,7 +85,7 @@ def _find(rig: Rig, look: Look, on_failure: Sequence[OnFailure]) -> Sighting:
 
 
 def check_turn(
-    action: VerifyAction, within_rad: float, part: Sighting, seat: Sighting
+    action: VerifyAction, within_rad: float, part: TargetSighting, seat: TargetSighting
 ) -> float:
     """Return how far the part is turned against its seat, rad."""
     if part.theta_rad is None or seat.theta_rad is None:
@@ -101,7 +101,9 @@ def check_turn(
     return turn_rad
 
 
-def _check_height(rig: Rig, search: HeightSearch, look: Look, part: Sighting) -> Height:
+def _check_height(
+    rig: Rig, search: HeightSearch, look: Look, part: TargetSighting
+) -> Height:
     """Return the height of the part's face; MP852 if it is not that of a seated one."""
     found = height_by_sweep(rig, search, look, part)
     rig.journal.write("height", z_um=found.z_um, sigma_um=found.sigma_um)

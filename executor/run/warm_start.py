@@ -15,7 +15,7 @@ FIT, STEP = "likelihood", "one_step"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Found:
+class FoundFeature:
     """A feature as the look before found it."""
 
     x_um: float  # world, the routine's mean error taken off
@@ -24,15 +24,15 @@ class Found:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Near:
+class WarmStart:
     """What the look before found, and how well the move since is known."""
 
-    features: Mapping[str, Found]
+    features: Mapping[str, FoundFeature]
     sigma_um: float  # of a feature's place now, per axis
 
 
 def nearest_routine(
-    uses: Sequence[RoutineUse], near: Near, before: Found, um_per_px: float
+    uses: Sequence[RoutineUse], near: WarmStart, before: FoundFeature, um_per_px: float
 ) -> str | None:
     """Return the routine that may start where a feature must be, None for the chain.
 
@@ -49,7 +49,7 @@ def nearest_routine(
 
 
 def guess_from(
-    before: Found,
+    before: FoundFeature,
     now_px: tuple[float, float],
     then_px: tuple[float, float],
     theta_rad: float,

@@ -11,7 +11,7 @@ import numpy as np
 
 from microplan.executor.devices.drivers import AxisReading
 from microplan.executor.simulated.contact import touch
-from microplan.executor.simulated.timeline import Timeline, Trouble
+from microplan.executor.simulated.timeline import DeviceFaults, Timeline
 from microplan.executor.simulated.truth import AXES, AxisState
 
 STEP_UM = {"x_um": 4.0, "y_um": 4.0, "z_um": 1.0}  # between contact tests
@@ -20,7 +20,7 @@ SLIP = 0.1  # of the way: how far an axis that slips moves along
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Drive:
+class DriveError:
     """How a drive differs from one that is where it reads; 0 is none of it."""
 
     quantum_um: float = 0.0  # targets and readings are multiples of it
@@ -63,16 +63,16 @@ class SimAxes:
         name: str,
         state: AxisState,
         rng: np.random.Generator,
-        trouble: Trouble,
+        trouble: DeviceFaults,
         *,
-        drive: Drive | None = None,
+        drive: DriveError | None = None,
     ) -> None:
         self._timeline = timeline
         self._name = name
         self._state = state
         self._rng = rng
         self._trouble = trouble
-        self._drive = drive or Drive()
+        self._drive = drive or DriveError()
         self._motion: _Motion | None = None
         timeline.add(self)
 

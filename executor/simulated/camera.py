@@ -13,9 +13,9 @@ from microplan.arrays import FloatArray
 from microplan.executor.devices.drivers import Counts, Frame
 from microplan.executor.simulated.faults import Faults
 from microplan.executor.simulated.lens import SimLens
-from microplan.executor.simulated.timeline import Timeline, Trouble
-from microplan.executor.simulated.truth import Body, Truth
-from microplan.optics.layers.shading import shaded
+from microplan.executor.simulated.timeline import DeviceFaults, Timeline
+from microplan.executor.simulated.truth import TrueBody, Truth
+from microplan.optics.layers.shading import render_coaxial
 from microplan.optics.lens.distorted_scene import lens_scene
 from microplan.optics.lens.sensor import Sensor, expose
 from microplan.optics.outline.outline import Outline, place
@@ -99,7 +99,7 @@ class SimCamera:
         self._light = light
         self._rng = rng
         self._faults = faults
-        self._trouble = Trouble(faults, "camera")
+        self._trouble = DeviceFaults(faults, "camera")
 
     @property
     def model(self) -> str:
@@ -168,7 +168,7 @@ class SimCamera:
         microscope, focus_um = self._microscope(height_px), self._lens.focus_um
         lamp = self._truth.world.optics.lamp_share * microscope.aperture
         errors = self._lens.errors
-        return shaded(
+        return render_coaxial(
             lens_scene(scene_of(self._truth), microscope, errors, focus_um),
             microscope,
             focus_um=focus_um,
@@ -221,7 +221,7 @@ def scene_of(truth: Truth) -> Scene:
     )
 
 
-def _layers(truth: Truth, body: Body) -> Iterator[Layer]:
+def _layers(truth: Truth, body: TrueBody) -> Iterator[Layer]:
     """Yield a body's face and the tops of its posts."""
     pose, top_um = truth.pose(body), truth.top_um(body)
     yield Layer(

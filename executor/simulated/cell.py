@@ -9,14 +9,14 @@ import numpy as np
 
 from microplan.executor.devices.safety import Rules, Settle, Speeds
 from microplan.executor.devices.station import Offer, Station
-from microplan.executor.simulated.axes import Drive, SimAxes
+from microplan.executor.simulated.axes import DriveError, SimAxes
 from microplan.executor.simulated.camera import SimCamera, SimLight
 from microplan.executor.simulated.faults import Faults
 from microplan.executor.simulated.gripper import SimGripper
 from microplan.executor.simulated.judging import Verdict, judge
 from microplan.executor.simulated.lens import SimLens, drawn_errors
 from microplan.executor.simulated.making import made_truth
-from microplan.executor.simulated.timeline import SimClock, Timeline, Trouble
+from microplan.executor.simulated.timeline import DeviceFaults, SimClock, Timeline
 from microplan.executor.simulated.truth import Truth
 from microplan.schemas.files.world import World, WorldAxes
 
@@ -91,7 +91,7 @@ def build_cell(
     seed: int,
     faults: Iterable[str] = (),
     *,
-    drives: Mapping[str, Drive] | None = None,
+    drives: Mapping[str, DriveError] | None = None,
 ) -> Cell:
     """Return a cell whose errors are drawn from `seed`.
 
@@ -112,7 +112,7 @@ def build_cell(
     timeline = Timeline(truth)
     stage, robot = (
         SimAxes(
-            timeline, name, state, rng[name], Trouble(wrong, "axis"),
+            timeline, name, state, rng[name], DeviceFaults(wrong, "axis"),
             drive=made.get(name),
         )
         for name, state in (("stage", truth.stage), ("robot", truth.robot))
@@ -122,7 +122,7 @@ def build_cell(
     clock = SimClock(timeline)
     camera = SimCamera(timeline, lens, light, rng["noise"], wrong)
     stick = 0.0 if truth.tool is None else truth.tool.stick_probability
-    jaws = SimGripper(timeline, rng["stick"], Trouble(wrong, "jaws"), stick=stick)
+    jaws = SimGripper(timeline, rng["stick"], DeviceFaults(wrong, "jaws"), stick=stick)
     station = Station(
         stage=stage,
         robot=robot,
@@ -152,7 +152,7 @@ def _lens(
         (rng["zoom"], rng["focus"]),
         (lateral[0], lateral[1]),
         drawn_errors(optics.lens, rng["lens"]),
-        Trouble(faults, "lens"),
+        DeviceFaults(faults, "lens"),
     )
 
 

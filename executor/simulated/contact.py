@@ -14,7 +14,7 @@ import numpy as np
 from microplan.arrays import FloatArray
 from microplan.executor.simulated.fingers import check_fingers
 from microplan.executor.simulated.shapes import inside, moved
-from microplan.executor.simulated.truth import Body, Post, Truth
+from microplan.executor.simulated.truth import TrueBody, TruePost, Truth
 from microplan.schemas.pose import Pose
 
 FROM_ABOVE_UM = 3.0  # deeper at once than this is a hit from the side: z steps are 1 um
@@ -37,20 +37,20 @@ def touch(truth: Truth, block: Callable[[], bool] = lambda: False) -> None:
         check_fingers(truth)
 
 
-def posts(truth: Truth) -> Iterator[tuple[Body, Post]]:
+def posts(truth: Truth) -> Iterator[tuple[TrueBody, TruePost]]:
     """Yield every post with the body it stands on, by name."""
     for name in sorted(truth.bodies):
         for post in truth.bodies[name].posts:
             yield truth.bodies[name], post
 
 
-def post_place(truth: Truth, host: Body, post: Post) -> tuple[float, float]:
+def post_place(truth: Truth, host: TrueBody, post: TruePost) -> tuple[float, float]:
     """Return a post's true centre in the world, um."""
     return truth.pose(host).apply(*post.center_um)
 
 
 def hole_error(
-    truth: Truth, body: Body, host: Body, post: Post
+    truth: Truth, body: TrueBody, host: TrueBody, post: TruePost
 ) -> tuple[float, float, float] | None:
     """Return (dx, dy) from the post to the nearest hole, and their clearance, um."""
     best = None
@@ -63,14 +63,18 @@ def hole_error(
     return best
 
 
-def captured(truth: Truth, body: Body, host: Body, post: Post) -> bool:
+def captured(truth: Truth, body: TrueBody, host: TrueBody, post: TruePost) -> bool:
     """Return whether a hole of the body is truly over the post."""
     error = hole_error(truth, body, host, post)
     return error is not None and math.hypot(error[0], error[1]) < error[2]
 
 
 def _meet_post(
-    truth: Truth, body: Body, host: Body, post: Post, block: Callable[[], bool]
+    truth: Truth,
+    body: TrueBody,
+    host: TrueBody,
+    post: TruePost,
+    block: Callable[[], bool],
 ) -> None:
     """Thread a held part onto a post, lift it, or note a blow from the side."""
     gap_um = truth.under_um(body) - truth.post_top_um(host, post)
@@ -92,7 +96,7 @@ def _meet_post(
             truth.hit(f"{post.name} ran into the side of {body.part.name}")
 
 
-def keep_around(truth: Truth, body: Body, host: Body, post: Post) -> None:
+def keep_around(truth: Truth, body: TrueBody, host: TrueBody, post: TruePost) -> None:
     """Push a part whose hole a post stands in, so that the post stays inside."""
     error = hole_error(truth, body, host, post)
     if error is None:
@@ -111,7 +115,7 @@ def keep_around(truth: Truth, body: Body, host: Body, post: Post) -> None:
         truth.hit(f"{post.name} was bent by {body.part.name}")
 
 
-def _meet_plates(truth: Truth, body: Body) -> None:
+def _meet_plates(truth: Truth, body: TrueBody) -> None:
     """Rest a held part on whatever has come up under it."""
     for floor_um, name in _floors(truth, body, above_um=truth.under_um(body)):
         depth_um = floor_um - truth.under_um(body)
@@ -122,7 +126,7 @@ def _meet_plates(truth: Truth, body: Body) -> None:
 
 
 def _floors(
-    truth: Truth, body: Body, *, above_um: float = -math.inf
+    truth: Truth, body: TrueBody, *, above_um: float = -math.inf
 ) -> Iterator[tuple[float, str]]:
     """Yield height and name of stage and top faces in the body's way, if above."""
     if truth.stage_z_um() > above_um:
@@ -137,7 +141,7 @@ def _floors(
             yield truth.top_um(other), name
 
 
-def _drop_if_lost(truth: Truth, body: Body) -> None:
+def _drop_if_lost(truth: Truth, body: TrueBody) -> None:
     """Let go of a part that was lifted out of the jaws."""
     tool = truth.tool
     if tool is not None and body.z_um >= tool.thickness_um:
@@ -145,14 +149,14 @@ def _drop_if_lost(truth: Truth, body: Body) -> None:
         drop(truth, body)
 
 
-def lean(truth: Truth, body: Body) -> None:
+def lean(truth: Truth, body: TrueBody) -> None:
     """Let the post in a part's hole push, however far it drifted since."""
     for host, post in posts(truth):
         if body.on_post == post.name:
             keep_around(truth, body, host, post)
 
 
-def drop(truth: Truth, body: Body) -> None:
+def drop(truth: Truth, body: TrueBody) -> None:
     """Put a free part onto what is under it."""
     lean(truth, body)
     under_um = truth.under_um(body)
@@ -171,7 +175,7 @@ def drop(truth: Truth, body: Body) -> None:
     truth.carry(body, "stage", truth.pose(body), max(floors, default=under_um))
 
 
-def _post_under(truth: Truth, body: Body, host: Body, post: Post) -> bool:
+def _post_under(truth: Truth, body: TrueBody, host: TrueBody, post: TruePost) -> bool:
     """Return whether a post that is not in a hole lies under the body's material."""
     error = hole_error(truth, body, host, post)
     if error is not None:
@@ -183,7 +187,7 @@ def _post_under(truth: Truth, body: Body, host: Body, post: Post) -> bool:
 
 def _overlap(
     truth: Truth,
-    body: Body,
+    body: TrueBody,
     edge: FloatArray,
     rings: tuple[FloatArray, ...],
     pose: Pose,

@@ -44,7 +44,7 @@ START = {"zoom": 6.9, "focus": 0.0, "jaws": 130.0}
 
 
 @dataclass(slots=True)
-class _Axis:
+class _MovingAxis:
     """An axis on its way; at rest where `seconds` is 0."""
 
     place: float
@@ -81,7 +81,7 @@ class FakeController:
         self.path = os.ttyname(self._slave)
         self.fault = fault
         self.orders: list[str] = []
-        self._axes = {name: _Axis(value, value) for name, value in START.items()}
+        self._axes = {name: _MovingAxis(value, value) for name, value in START.items()}
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._serve, daemon=True)
 
@@ -155,7 +155,7 @@ class FakeController:
         if verb == "stop":
             for name in words[1:]:
                 place, _ = self._axes[name].now()
-                self._axes[name] = _Axis(place, place)
+                self._axes[name] = _MovingAxis(place, place)
             return "ok"
         place, _ = self._axes[words[1]].now()
         if fault == "refuses":
@@ -164,7 +164,7 @@ class FakeController:
         if fault == "short":
             goal = (place + goal) / 2
         seconds = abs(goal - place) / SPEED[words[1]]
-        self._axes[words[1]] = _Axis(place, goal, time.monotonic(), seconds)
+        self._axes[words[1]] = _MovingAxis(place, goal, time.monotonic(), seconds)
         return "ok"
 
     def _reading(self, name: str, fault: str) -> str:

@@ -16,7 +16,7 @@ DIGITS = 6  # of a reading, um: what differs by less has not moved
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Readings:
+class DeviceReadings:
     """Where outer devices are now; None is what nobody reads, and stays as it is."""
 
     stage: AxisReading | None = None
@@ -27,7 +27,7 @@ class Readings:
     level: float | None = None
 
 
-def follow(cell: Cell, readings: Readings, now_s: float) -> None:
+def follow(cell: Cell, readings: DeviceReadings, now_s: float) -> None:
     """Bring a cell to where outer devices are, in steps in which things may touch.
 
     The axes' own errors are left out: the outer readings are the truth. Jaws and lens

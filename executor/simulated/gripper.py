@@ -10,7 +10,7 @@ import numpy as np
 
 from microplan.executor.simulated.contact import touch
 from microplan.executor.simulated.jaws import close_jaws, open_jaws
-from microplan.executor.simulated.timeline import Delayed, Timeline, Trouble
+from microplan.executor.simulated.timeline import Delayed, DeviceFaults, Timeline
 
 JAW_TIME_S = 0.3  # the workcell states none
 
@@ -22,7 +22,7 @@ class SimGripper:
         self,
         timeline: Timeline,
         rng: np.random.Generator,
-        trouble: Trouble,
+        trouble: DeviceFaults,
         *,
         stick: float = 0.0,
     ) -> None:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from microplan.executor.devices.errors import ExecutorError
-from microplan.executor.simulated.axes import Drive
+from microplan.executor.simulated.axes import DriveError
 from microplan.executor.simulated.cell import Cell, build_cell
 from microplan.executor.simulated.keeping import keep, take
 from microplan.schemas.codec import from_data
@@ -35,7 +35,7 @@ def cell(
     faults : sequence of str
         Names of `microplan.executor.simulated.faults.FAULTS`, or NAME@STEP.
     quantum_um, backlash_um, lag_s : float
-        Of both drives; see `microplan.executor.simulated.axes.Drive`.
+        Of both drives; see `microplan.executor.simulated.axes.DriveError`.
     kept : str
         A file in which the cell's world outlives the executor; deleted, the cell is new
         again. "": nothing is kept.
@@ -47,7 +47,7 @@ def cell(
     ValueError
         If a fault or seed is none.
     """
-    drive = Drive(quantum_um=quantum_um, backlash_um=backlash_um, lag_s=lag_s)
+    drive = DriveError(quantum_um=quantum_um, backlash_um=backlash_um, lag_s=lag_s)
     drives = {"stage": drive, "robot": drive}
     made = build_cell(read_world(Path(world)), seed, faults, drives=drives)
     if kept:

@@ -9,7 +9,7 @@ import numpy as np
 
 from microplan.executor.simulated.contact import drop, lean
 from microplan.executor.simulated.shapes import extent_x, moved
-from microplan.executor.simulated.truth import Body, Truth
+from microplan.executor.simulated.truth import TrueBody, Truth
 from microplan.schemas.pose import Pose
 
 BEHIND_TIPS_UM = 5.0  # a part's middle must lie at least this far behind the tips
@@ -56,7 +56,7 @@ def open_jaws(truth: Truth, opening_um: float, *, stick_side: float = 0.0) -> No
     drop(truth, body)
 
 
-def _between(truth: Truth, body: Body, opening_um: float) -> bool:
+def _between(truth: Truth, body: TrueBody, opening_um: float) -> bool:
     """Return whether a body lies between the open jaws."""
     tool = truth.tool
     if tool is None:
@@ -75,7 +75,7 @@ def _between(truth: Truth, body: Body, opening_um: float) -> bool:
     )
 
 
-def _settled(truth: Truth, body: Body) -> float:
+def _settled(truth: Truth, body: TrueBody) -> float:
     """Return the angle to the jaws that squeezing turns a body to: the nearest minimum.
 
     A width repeats after half a turn.

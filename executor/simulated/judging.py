@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from microplan.executor.simulated.contact import hole_error
-from microplan.executor.simulated.truth import Body, Truth
+from microplan.executor.simulated.truth import TrueBody, Truth
 
 SEATED_UM = 1.0  # a part lying this close to its seat lies on it
 
@@ -53,7 +53,7 @@ def judge(
 
 
 def _off_seat(
-    truth: Truth, target: str, body: Body, on: str, host: Body, within_um: float
+    truth: Truth, target: str, body: TrueBody, on: str, host: TrueBody, within_um: float
 ) -> tuple[float, float]:
     """Return how far the target truly is off its seat, and how far it may be, um."""
     for post in host.posts:
@@ -67,7 +67,7 @@ def _off_seat(
     return math.hypot(x - seat_x, y - seat_y), within_um
 
 
-def _point(body: Body, name: str) -> tuple[float, float]:
+def _point(body: TrueBody, name: str) -> tuple[float, float]:
     """Return a hole's centre in its part's frame; a part's own place is its origin."""
     if name == body.part.name:
         return (0.0, 0.0)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from microplan.executor.simulated.timeline import Delayed, Timeline, Trouble
+from microplan.executor.simulated.timeline import Delayed, DeviceFaults, Timeline
 from microplan.optics.lens.lens import MAX_DISTORTION, LensErrors
 from microplan.schemas.files.world import WorldLens
 
@@ -27,7 +27,7 @@ class SimLens:
         rngs: tuple[np.random.Generator, np.random.Generator],  # zoom, focus
         lateral: tuple[float, float],
         errors: LensErrors,
-        trouble: Trouble,
+        trouble: DeviceFaults,
     ) -> None:
         self._timeline = timeline
         self._optics = timeline.truth.world.optics

@@ -14,7 +14,7 @@ from microplan.executor.simulated.shapes import (
     polygons,
     with_holes,
 )
-from microplan.executor.simulated.truth import AxisState, Body, Post, Truth
+from microplan.executor.simulated.truth import AxisState, TrueBody, TruePost, Truth
 from microplan.schemas.files.world import World, WorldAxes, WorldPart, WorldPost
 from microplan.schemas.pose import Pose
 
@@ -69,14 +69,14 @@ def _add_fingers(truth: Truth) -> None:
     truth.opening_um = tool.start_opening_um
 
 
-def _body(part: WorldPart, rng: Mapping[str, np.random.Generator]) -> Body:
+def _body(part: WorldPart, rng: Mapping[str, np.random.Generator]) -> TrueBody:
     """Return a part with its edge offsets, where it was laid down."""
     limit = part.profile_tolerance_um
     made = [(h, float(rng["profile"].uniform(-limit, limit))) for h in part.holes]
     dx, dy, turn = rng["start"].standard_normal(3)
     theta = part.start.theta_rad + part.sigma_theta_rad * turn
     anywhere = rng["start"].uniform(-math.pi, math.pi)
-    return Body.made(
+    return TrueBody.made(
         part,
         with_holes(outline_of(part.outline), made),
         {hole.name: hole.radius_um + offset for hole, offset in made},
@@ -89,12 +89,12 @@ def _body(part: WorldPart, rng: Mapping[str, np.random.Generator]) -> Body:
     )
 
 
-def _post(post: WorldPost, rng: np.random.Generator) -> Post:
+def _post(post: WorldPost, rng: np.random.Generator) -> TruePost:
     """Return a post with its edge offset."""
     limit = post.profile_tolerance_um
     offset_um = float(rng.uniform(-limit, limit))
     outline = made_post(post, offset_um)
-    return Post(
+    return TruePost(
         name=post.name,
         outline=outline,
         center_um=post.center_um,

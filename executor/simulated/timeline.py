@@ -103,7 +103,7 @@ class Delayed:
             change()
 
 
-class Trouble:
+class DeviceFaults:
     """The faults of one device: `kind` is how their names begin."""
 
     def __init__(self, faults: Faults, kind: str) -> None:

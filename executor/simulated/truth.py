@@ -18,7 +18,7 @@ AXES = ("x_um", "y_um", "z_um", "theta_rad")
 
 
 @dataclass(slots=True, kw_only=True)
-class Post:
+class TruePost:
     """A post as it was made, in its part's frame."""
 
     name: str
@@ -32,13 +32,13 @@ class Post:
 
 
 @dataclass(slots=True, kw_only=True)
-class Body:
+class TrueBody:
     """A part as it was made, and where it truly is."""
 
     part: WorldPart
     outline: Outline
     hole_radius_um: dict[str, float]
-    posts: tuple[Post, ...]
+    posts: tuple[TruePost, ...]
     edge: FloatArray  # boundary points in the part's frame
     rings: tuple[FloatArray, ...]
     reach_um: float  # farthest boundary point from the origin
@@ -53,9 +53,9 @@ class Body:
         part: WorldPart,
         outline: Outline,
         holes: dict[str, float],
-        posts: tuple[Post, ...],
+        posts: tuple[TruePost, ...],
         pose: Pose,
-    ) -> Body:
+    ) -> TrueBody:
         """Return a part lying on the stage at `pose`."""
         edge = boundary(outline)
         return cls(
@@ -98,7 +98,7 @@ class Truth:
     """Everything that is so, whether anyone measures it or not."""
 
     world: World
-    bodies: dict[str, Body]
+    bodies: dict[str, TrueBody]
     stage: AxisState
     robot: AxisState
     tool: WorldTool | None
@@ -163,23 +163,25 @@ class Truth:
         """Return the world height that bodies' heights count from."""
         return self.stage_z_um() if carrier == "stage" else self.grip_z_um()
 
-    def pose(self, body: Body) -> Pose:
+    def pose(self, body: TrueBody) -> Pose:
         """Return a body's true world pose."""
         return self.carrier_pose(body.carrier).compose(body.pose)
 
-    def under_um(self, body: Body) -> float:
+    def under_um(self, body: TrueBody) -> float:
         """Return the world height of a body's underside."""
         return self.carrier_z_um(body.carrier) + body.z_um
 
-    def top_um(self, body: Body) -> float:
+    def top_um(self, body: TrueBody) -> float:
         """Return the world height of a body's top face, posts left out."""
         return self.under_um(body) + body.part.thickness_um
 
-    def post_top_um(self, host: Body, post: Post) -> float:
+    def post_top_um(self, host: TrueBody, post: TruePost) -> float:
         """Return the world height of the top of a post of `host`."""
         return self.top_um(host) + post.height_um
 
-    def carry(self, body: Body, carrier: AxesName, pose: Pose, under_um: float) -> None:
+    def carry(
+        self, body: TrueBody, carrier: AxesName, pose: Pose, under_um: float
+    ) -> None:
         """Put a body, at a world pose and height, onto a carrier."""
         body.carrier = carrier
         body.pose = self.carrier_pose(carrier).inverse().compose(pose)

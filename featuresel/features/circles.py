@@ -23,7 +23,7 @@ _ON = 1e-3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Circle:
+class RingCircle:
     """A circle, or the part of it that is drawn."""
 
     center_um: Point
@@ -33,7 +33,7 @@ class Circle:
     polygon: bool = False  # drawn as chords
 
 
-def circles(rings: Sequence[Clean]) -> tuple[Circle, ...]:
+def circles(rings: Sequence[Clean]) -> tuple[RingCircle, ...]:
     """Return the circles of which at least `SHARE` is drawn, in order of the rings.
 
     Arcs of one circle count together, whatever rings they are in. A ring of many
@@ -47,7 +47,7 @@ def circles(rings: Sequence[Clean]) -> tuple[Circle, ...]:
     return tuple(found)
 
 
-def to_feature(circle: Circle) -> Feature:
+def to_feature(circle: RingCircle) -> Feature:
     """Return the circle as a feature without a name."""
     return Feature(
         name="",
@@ -61,13 +61,13 @@ def to_feature(circle: Circle) -> Feature:
     )
 
 
-def rounded(ring: Clean, circle: Circle) -> bool:
+def rounded(ring: Clean, circle: RingCircle) -> bool:
     """Return whether most of a ring's length lies on a circle."""
     on = sum(e.length_um for e in ring.edges if is_on(e, circle))
     return on > ring.length_um / 2
 
 
-def is_on(edge: Edge, circle: Circle) -> bool:
+def is_on(edge: Edge, circle: RingCircle) -> bool:
     """Return whether an edge is part of a circle, as it is drawn."""
     within = 2 * _ON * circle.radius_um
     if isinstance(edge, Arc):
@@ -81,7 +81,7 @@ def is_on(edge: Edge, circle: Circle) -> bool:
     return all(abs(d - circle.radius_um) <= within for d in away)
 
 
-def _of_arcs(arcs: Sequence[Arc], within_um: float) -> list[Circle]:
+def _of_arcs(arcs: Sequence[Arc], within_um: float) -> list[RingCircle]:
     """Return the circles that arcs of one centre and radius make up."""
     groups: list[list[Arc]] = []
     for arc in arcs:
@@ -98,7 +98,7 @@ def _of_arcs(arcs: Sequence[Arc], within_um: float) -> list[Circle]:
         if sweep >= SHARE * math.tau:
             longest = least(group, lambda arc: -abs(arc.sweep_rad))
             found.append(
-                Circle(
+                RingCircle(
                     center_um=longest.center,
                     radius_um=longest.radius_um,
                     hole=longest.sweep_rad < 0,
@@ -108,7 +108,7 @@ def _of_arcs(arcs: Sequence[Arc], within_um: float) -> list[Circle]:
     return found
 
 
-def _of_corners(ring: Clean) -> Circle | None:
+def _of_corners(ring: Clean) -> RingCircle | None:
     """Return the circle that a polygon of many sides stands for."""
     if len(ring.edges) < _SIDES or any(isinstance(e, Arc) for e in ring.edges):
         return None
@@ -130,7 +130,7 @@ def _of_corners(ring: Clean) -> Circle | None:
         return None
     # chords cut off what lies between them and the arc: keep the enclosed area
     shrink = math.sqrt(float(np.sin(turns).sum()) / sweep)
-    return Circle(
+    return RingCircle(
         center_um=(float(center[0]), float(center[1])),
         radius_um=float(radius * shrink),
         hole=ring.hole,

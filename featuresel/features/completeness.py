@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from microplan.arrays import FloatArray
-from microplan.featuresel.routines.contract import Target, Veil
+from microplan.featuresel.routines.contract import Occluders, Target
 
 # Of the most light that any of the edges sends through: at the middle of a blurred edge
 # of what stands in front half of it comes through.
@@ -15,7 +15,7 @@ _THROUGH = 0.5
 _DARK = 0.05  # of unshaded light: less is no sight, even where no edge has more
 
 
-def seen_share(target: Target, veil: Veil) -> float | None:
+def seen_share(target: Target, occluders: Occluders) -> float | None:
     """Return the share of a target's edges that is seen at its nominal pose.
 
     Parameters
@@ -33,7 +33,7 @@ def seen_share(target: Target, veil: Veil) -> float | None:
     if not target.contour:
         return None
     column, row = contour_px(target)
-    rows, columns = veil.through.shape
+    rows, columns = occluders.through.shape
     # pixels' areas reach half a pixel beyond their centres
     inside = (column > -0.5) & (column < columns - 0.5)
     inside &= (row > -0.5) & (row < rows - 0.5)
@@ -41,7 +41,7 @@ def seen_share(target: Target, veil: Veil) -> float | None:
         np.rint(row[inside]).astype(np.intp).clip(0, rows - 1),
         np.rint(column[inside]).astype(np.intp).clip(0, columns - 1),
     )
-    through = veil.through[at]
+    through = occluders.through[at]
     least = max(_DARK, _THROUGH * float(through.max(initial=0.0)))
     return float(np.count_nonzero(through > least) / len(column))
 

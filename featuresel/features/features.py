@@ -6,7 +6,12 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-from microplan.featuresel.features.circles import Circle, circles, rounded, to_feature
+from microplan.featuresel.features.circles import (
+    RingCircle,
+    circles,
+    rounded,
+    to_feature,
+)
 from microplan.featuresel.features.feature import Feature, coincide, renamed
 from microplan.featuresel.features.ring_cleanup import SAME, Clean, clean, extent_um
 from microplan.featuresel.features.straight import (
@@ -137,7 +142,7 @@ def _whole(outline: Outline, rings: Sequence[Clean]) -> list[Feature]:
     ]
 
 
-def _toothed(rings: Sequence[Clean], rounds: Sequence[Circle]) -> list[Feature]:
+def _toothed(rings: Sequence[Clean], rounds: Sequence[RingCircle]) -> list[Feature]:
     """Return the toothed rings, each with its bore and notch."""
     found = []
     for ring in ordered(rings, lambda ring: -ring.length_um)[:_MOST_RINGS]:
@@ -150,7 +155,7 @@ def _toothed(rings: Sequence[Clean], rounds: Sequence[Circle]) -> list[Feature]:
 
 def _with_bore(
     feature: Feature, notch: Notch | None, rings: Sequence[Clean],
-    rounds: Sequence[Circle],
+    rounds: Sequence[RingCircle],
 ) -> Feature:  # fmt: skip
     """Return teeth with the round hole about their centre, and the notch in either."""
     parameters = dict(feature.parameters)

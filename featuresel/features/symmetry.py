@@ -21,7 +21,7 @@ _MOST_TEETH = 360
 
 
 @dataclass(frozen=True, slots=True)
-class Curve:
+class RingSamples:
     """Points along rings, to be compared with themselves turned."""
 
     tried: FloatArray  # (N, 2) um, evenly along the rings
@@ -42,13 +42,13 @@ class Curve:
         return np.asarray(away <= NEAR * self.radius_um, dtype=np.bool_)
 
 
-def curve(rings: Sequence[Clean], center_um: Point) -> Curve:
+def curve(rings: Sequence[Clean], center_um: Point) -> RingSamples:
     """Return the rings as a curve about a point."""
     corners = np.concatenate([ring.points for ring in rings])
     radius = float(np.hypot(*(corners - np.array(center_um)).T).max())
     spacing = NEAR * radius / 4  # adds at most an eighth of it to a distance
     length = sum(ring.length_um for ring in rings)
-    return Curve(
+    return RingSamples(
         tried=along(rings, length / TRIED),
         tree=cKDTree(along(rings, spacing)),
         center_um=center_um,
@@ -56,7 +56,7 @@ def curve(rings: Sequence[Clean], center_um: Point) -> Curve:
     )
 
 
-def order_of(shape: Curve) -> tuple[int, float, int]:
+def order_of(shape: RingSamples) -> tuple[int, float, int]:
     """Return the order of the symmetry, and how alike the likeliest wrong turn is.
 
     Returns
@@ -75,7 +75,7 @@ def order_of(shape: Curve) -> tuple[int, float, int]:
     return order, alike, other
 
 
-def pattern_of(shape: Curve) -> tuple[int, float]:
+def pattern_of(shape: RingSamples) -> tuple[int, float]:
     """Return the order of a pattern that may be interrupted, and how much of it meets.
 
     What meets under any turn, as round parts do, does not count: 1 means that all the
@@ -122,12 +122,12 @@ def along(rings: Sequence[Clean], spacing_um: float) -> FloatArray:
     return np.concatenate(found)
 
 
-def _background(shape: Curve) -> float:
+def _background(shape: RingSamples) -> float:
     """Return the share that meets under turns that no pattern has."""
     return max(shape.share(math.tau / n) for n in (89, 97))
 
 
-def _orders(shape: Curve) -> list[int]:
+def _orders(shape: RingSamples) -> list[int]:
     """Return the orders worth trying: small ones, and those of what goes in and out."""
     orders = set(_SMALL_ORDERS)
     reach = np.hypot(*(shape.tried - np.array(shape.center_um)).T)

@@ -11,14 +11,14 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from microplan.arrays import BoolArray, FloatArray, Point
-from microplan.featuresel.features.circles import Circle, is_on
+from microplan.featuresel.features.circles import RingCircle, is_on
 from microplan.featuresel.features.feature import Feature
 from microplan.featuresel.features.ring_cleanup import Clean
 from microplan.featuresel.features.symmetry import (
     NEAR,
     TRIED,
     WHOLE,
-    Curve,
+    RingSamples,
     along,
     centroid,
     curve,
@@ -51,7 +51,7 @@ def teeth(
     `PATTERN` of its length when turned by a tooth. The centre is that of most of its
     arcs, or of its area, or one of those given, as of a bore.
     """
-    best: tuple[float, int, Curve] | None = None
+    best: tuple[float, int, RingSamples] | None = None
     for center in _centers(ring, centers):
         inner, outer = _radii(ring, center)
         if outer - inner < DEPTH * outer or _is_convex(ring):
@@ -63,7 +63,7 @@ def teeth(
     return None if best is None else _toothed(ring, best[1], best[2])
 
 
-def notch_of(ring: Clean, circle: Circle) -> Notch | None:
+def notch_of(ring: Clean, circle: RingCircle) -> Notch | None:
     """Return the only interruption of a round ring, None if there is not just one."""
     off = np.array([not is_on(edge, circle) for edge in ring.edges])
     first, count = _only_run(off)
@@ -109,7 +109,9 @@ def _is_convex(ring: Clean) -> bool:
     return area > (1 - DEPTH / 10) * hull
 
 
-def _toothed(ring: Clean, count: int, shape: Curve) -> tuple[Feature, Notch | None]:
+def _toothed(
+    ring: Clean, count: int, shape: RingSamples
+) -> tuple[Feature, Notch | None]:
     """Return the feature of a ring of `count` teeth, and its own notch."""
     pitch, center = math.tau / count, np.array(shape.center_um)
     fine = replace(shape, tried=along([ring], ring.length_um / (10 * TRIED)))

@@ -21,7 +21,7 @@ from microplan.featuresel.limits.information import (
 )
 from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.look.sensitivity import Sensitivities
-from microplan.featuresel.routines.contract import Camera
+from microplan.featuresel.routines.contract import CameraNoise
 
 IndexArray = npt.NDArray[np.intp]
 
@@ -30,10 +30,10 @@ _NOTHING = 1e-12  # of what a pixel tells in mid-scale: what rounding leaves of 
 _ROUNDS = 2  # of choosing pixels: a third takes none off a gear's
 
 
-def camera_of(case: LookCase) -> Camera:
+def camera_of(case: LookCase) -> CameraNoise:
     """Return a look's noise; a sensor's gain makes full scale a part of its well."""
     sensor = case.sensor
-    return Camera(
+    return CameraNoise(
         full_well_e=sensor.full_well_e / sensor.gain,
         read_noise_e=sensor.read_noise_e,
         bits=sensor.bits,
@@ -41,7 +41,9 @@ def camera_of(case: LookCase) -> Camera:
     )
 
 
-def weights(mean: FloatArray, camera: Camera, *, ceiling: float = 1.0) -> FloatArray:
+def weights(
+    mean: FloatArray, camera: CameraNoise, *, ceiling: float = 1.0
+) -> FloatArray:
     """Return what each pixel tells about its own mean.
 
     Parameters
@@ -80,7 +82,7 @@ def weights(mean: FloatArray, camera: Camera, *, ceiling: float = 1.0) -> FloatA
 
 
 def fisher(
-    seen: Sensitivities, camera: Camera, *, mask: BoolArray | None = None
+    seen: Sensitivities, camera: CameraNoise, *, mask: BoolArray | None = None
 ) -> Information:
     """Return what one image tells.
 
@@ -103,7 +105,7 @@ def fisher(
 
 
 def density(
-    seen: Sensitivities, camera: Camera, *, mask: BoolArray | None = None
+    seen: Sensitivities, camera: CameraNoise, *, mask: BoolArray | None = None
 ) -> FloatArray:
     """Return each pixel's part of the information, (P, rows, columns).
 
@@ -120,7 +122,7 @@ def density(
 
 def informative(
     seen: Sensitivities,
-    camera: Camera,
+    camera: CameraNoise,
     wanted: Collection[str],
     *,
     share: float = 0.98,
@@ -170,7 +172,7 @@ def informative(
 
 
 def _scores(
-    seen: Sensitivities, camera: Camera, mask: BoolArray | None
+    seen: Sensitivities, camera: CameraNoise, mask: BoolArray | None
 ) -> tuple[FloatArray, FloatArray]:
     """Return slopes and their errors over the pixels' noise, (P, N) each."""
     weight = weights(seen.mean, camera, ceiling=seen.ceiling)

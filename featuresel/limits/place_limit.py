@@ -30,8 +30,8 @@ def limit_um(case: LookCase) -> float | None:
 def place_limits_um(case: LookCase) -> tuple[float, float]:
     """Return the Cramer-Rao limits of a look's place in x and y, see `limit_um`."""
     seen = _with_sways(case, sensitivities(case, names=unknowns(case)))
-    sways = [name for name in seen.names if name.startswith(_SWAY)]
-    told = fisher(seen, camera_of(case)).with_prior(dict.fromkeys(sways, 1.0))
+    occluder_modes = [name for name in seen.names if name.startswith(_SWAY)]
+    told = fisher(seen, camera_of(case)).with_prior(dict.fromkeys(occluder_modes, 1.0))
     known = limit(told)
     return known["x"], known["y"]
 
@@ -57,10 +57,10 @@ def _with_sways(case: LookCase, seen: Sensitivities) -> Sensitivities:
     if len(changes) == 0:
         return seen
     noise = np.sqrt(camera_of(case).variance(seen.mean))
-    sways = np.tensordot(principal(changes / noise), changes, 1)
+    occluder_modes = np.tensordot(principal(changes / noise), changes, 1)
     return replace(
         seen,
-        names=(*seen.names, *(f"{_SWAY}{k}" for k in range(len(sways)))),
-        slopes=np.concatenate((seen.slopes, sways)),
-        errors=np.concatenate((seen.errors, np.zeros_like(sways))),
+        names=(*seen.names, *(f"{_SWAY}{k}" for k in range(len(occluder_modes)))),
+        slopes=np.concatenate((seen.slopes, occluder_modes)),
+        errors=np.concatenate((seen.errors, np.zeros_like(occluder_modes))),
     )

@@ -15,7 +15,7 @@ from microplan.featuresel.limits.crlb import camera_of, fisher
 from microplan.featuresel.limits.information import limit
 from microplan.featuresel.look.nominal import nominal_render
 from microplan.featuresel.look.scenario import LookCase
-from microplan.featuresel.look.sensitivity import Setting, sensitivities
+from microplan.featuresel.look.sensitivity import LookSetting, sensitivities
 
 Curve = Callable[[float], float]
 
@@ -114,7 +114,7 @@ def limit_curve(case: LookCase, name: str, names: Sequence[str]) -> Curve:
     camera = camera_of(case)
 
     def sigma(dz_um: float) -> float:
-        seen = sensitivities(case, Setting(dz_um=dz_um), names)
+        seen = sensitivities(case, LookSetting(dz_um=dz_um), names)
         return limit(fisher(seen, camera))[name]
 
     return sigma

@@ -14,7 +14,7 @@ from microplan.optics.render.scene import Layer
 _TURNS = 12  # of the circle, where an angle is unknown: blur leaves its first waves
 
 
-def elsewhere(case: LookCase) -> Iterator[tuple[LookCase, float]]:
+def displaced_look(case: LookCase) -> Iterator[tuple[LookCase, float]]:
     """Yield the look with what stands still elsewhere, and the root of its weight."""
     own = case.target.name.partition(".")[0]
     names = sorted({layer.name.partition(".")[0] for layer in case.static} - {own})

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-from microplan.featuresel.look.scenario import Turning
+from microplan.featuresel.look.scenario import UnknownRotation
 from microplan.optics.lens.lens import MAX_DISTORTION, LensErrors
 from microplan.optics.lens.sensor import Sensor
 from microplan.optics.outline.outline import place
@@ -17,7 +17,7 @@ def shifted(
     layers: tuple[Layer, ...],
     owner: str,
     by_um: tuple[float, float],
-    turns: Sequence[tuple[Turning, float]] = (),
+    turns: Sequence[tuple[UnknownRotation, float]] = (),
 ) -> tuple[Layer, ...]:
     """Return what stands still, turned and moved as one where it is not the owner's.
 
@@ -36,7 +36,7 @@ def shifted(
 
 
 def turned(
-    layers: tuple[Layer, ...], what: Turning, turn_rad: float
+    layers: tuple[Layer, ...], what: UnknownRotation, turn_rad: float
 ) -> tuple[Layer, ...]:
     """Return layers with those of one owner turned about its point, rad."""
     return shifted(layers, "", (0.0, 0.0), ((what, turn_rad),))
@@ -46,7 +46,7 @@ def _moved(
     layer: Layer,
     owner: str,
     by_um: tuple[float, float],
-    turns: Sequence[tuple[Turning, float]],
+    turns: Sequence[tuple[UnknownRotation, float]],
 ) -> Layer:
     """Return one layer as `shifted` has it: placed once, however often it turns."""
     whose = layer.name.partition(".")[0]

@@ -13,7 +13,7 @@ from microplan.featuresel.look.perturb import image, still
 from microplan.featuresel.look.scenario import LookCase, moved_layers
 from microplan.featuresel.look.static_layers import standing
 from microplan.optics.lens.sensor import expose, to_unit
-from microplan.optics.render.prepared_scene import Prepared, prepare
+from microplan.optics.render.prepared_scene import PreparedScene, prepare
 from microplan.optics.render.scene import Layer, Scene
 from microplan.optics.render.view_range import Range
 
@@ -90,7 +90,7 @@ def through_focus(case: LookCase, farthest: Sequence[Trial]) -> Pictures:
     end_um = case.focus_um + farthest[0].dz_um
     reach = Range(focus_um=(min(case.focus_um, end_um), max(case.focus_um, end_um)))
 
-    def ready(layers: tuple[Layer, ...]) -> Prepared:
+    def ready(layers: tuple[Layer, ...]) -> PreparedScene:
         return prepare(
             Scene(layers=layers, background=case.background),
             case.microscope,

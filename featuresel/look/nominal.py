@@ -9,18 +9,24 @@ from typing import TypeVar
 import numpy as np
 
 from microplan.arrays import FloatArray
-from microplan.featuresel.look.displaced_look import elsewhere
-from microplan.featuresel.look.occluders import veil
+from microplan.featuresel.look.displaced_look import displaced_look
+from microplan.featuresel.look.occluders import occluders
 from microplan.featuresel.look.scenario import (
     LookCase,
     moved_layers,
-    picture,
+    render_look,
     still_layers,
     still_lights,
 )
 from microplan.featuresel.look.static_layers import Backdrop, standing, usual_range
 from microplan.featuresel.look.templates import template
-from microplan.featuresel.routines.contract import Blur, Camera, Drifts, Sway, Veil
+from microplan.featuresel.routines.contract import (
+    Blur,
+    CameraNoise,
+    Nuisances,
+    OccluderMode,
+    Occluders,
+)
 from microplan.optics.render.scene import Illumination
 from microplan.optics.transfer.microscope import Microscope
 
@@ -47,10 +53,10 @@ class NominalRender:
     known: _Known = field(default_factory=_Known, init=False, compare=False, repr=False)
 
     @property
-    def camera(self) -> Camera:
+    def camera(self) -> CameraNoise:
         """Return the camera's noise."""
         sensor = self.case.sensor
-        return Camera(
+        return CameraNoise(
             full_well_e=sensor.full_well_e,
             read_noise_e=sensor.read_noise_e,
             bits=sensor.bits,
@@ -68,10 +74,10 @@ class NominalRender:
         )
 
     @property
-    def drifts(self) -> Drifts:
+    def drifts(self) -> Nuisances:
         """Return what else the trials of this look vary."""
         spread = self.case.spread
-        return Drifts(
+        return Nuisances(
             focus_sigma_um=spread.focus_sigma_um,
             zoom_sigma=spread.magnification_sigma,
             gradient=spread.light_gradient[1],
@@ -127,22 +133,24 @@ class NominalRender:
         lone = NominalRender(case=replace(self.case, static=(), light=even))
         return lone._picture((dx_um, dy_um, 0.0), dz_um=dz_um, zoom=1.0)
 
-    def veil(self, dz_um: float = 0.0) -> Veil:
+    def occluders(self, dz_um: float = 0.0) -> Occluders:
         """Return what stands in front: see `look.occluders.veil`."""
-        return veil(self.case, dz_um)
+        return occluders(self.case, dz_um)
 
-    def sways(self) -> tuple[Sway, ...]:
+    def occluder_modes(self) -> tuple[OccluderMode, ...]:
         """Return how the image may differ as what stands still may lie elsewhere.
 
         Each owner for itself: to both sides along x and y by the spread that trials
         have, and round the circle or to both sides where its angle is unknown.
         """
-        image, through = self(), self.veil().through
-        found = [(nominal_render(case), root) for case, root in elsewhere(self.case)]
+        image, through = self(), self.occluders().through
+        found = [
+            (nominal_render(case), root) for case, root in displaced_look(self.case)
+        ]
         return tuple(
-            Sway(
+            OccluderMode(
                 shown=root * (there() - image),
-                through=root * (there.veil().through - through),
+                through=root * (there.occluders().through - through),
             )
             for there, root in found
         )
@@ -173,7 +181,7 @@ class NominalRender:
         own = self._own(moved, focus_um=focus_um, zoom=zoom, again=again)
         if own is not None:
             shown, layers = shown.with_(own), ()
-        return picture(
+        return render_look(
             case,
             layers,
             scope,
@@ -218,7 +226,7 @@ def swayed(case: LookCase) -> FloatArray:
         Shares of full scale, as `NominalRender.sways` shows them.
     """
     image = nominal_render(case)()
-    changes = [root * (nominal_render(c)() - image) for c, root in elsewhere(case)]
+    changes = [root * (nominal_render(c)() - image) for c, root in displaced_look(case)]
     return np.array(changes).reshape(-1, *image.shape)
 
 

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from microplan.arrays import FloatArray
-from microplan.featuresel.look.scenario import LookCase, picture
+from microplan.featuresel.look.scenario import LookCase, render_look
 from microplan.featuresel.look.static_layers import CUT, Backdrop, standing
-from microplan.featuresel.routines.contract import Veil
+from microplan.featuresel.routines.contract import Occluders
 from microplan.optics.outline.outline import Outline, Ring, Segment
 from microplan.optics.render.scene import Illumination, Layer
 from microplan.optics.render.view_range import Range
@@ -17,7 +17,7 @@ from microplan.optics.render.view_range import Range
 _VEILED = 3.0  # fields: the face behind what stands in front ends out of sight
 
 
-def veil(case: LookCase, dz_um: float) -> Veil:
+def occluders(case: LookCase, dz_um: float) -> Occluders:
     """Return what stands in front of the target, `dz_um` off nominal focus.
 
     A face without end at the height of the target's top, once black and once white,
@@ -28,14 +28,14 @@ def veil(case: LookCase, dz_um: float) -> Veil:
     above = tuple(layer for layer in case.static if layer.z_um > top_um)
     if not above:
         shape = (case.window.rows, case.window.columns)
-        return Veil(light=np.zeros(shape), through=np.ones(shape))
+        return Occluders(light=np.zeros(shape), through=np.ones(shape))
     even = replace(case, light=Illumination(), static=above, background_z_um=None)
     shown = _before(even, _face(even, top_um, 0.0), dz_um)
     even = replace(even, focus_um=case.focus_um + dz_um)
     black, white = (
         _faced(even, _face(even, top_um, share), shown) for share in (0.0, 1.0)
     )
-    return Veil(light=case.light.gain * black, through=white - black)
+    return Occluders(light=case.light.gain * black, through=white - black)
 
 
 def _before(case: LookCase, face: Layer, dz_um: float) -> Backdrop:
@@ -53,7 +53,7 @@ def _before(case: LookCase, face: Layer, dz_um: float) -> Backdrop:
 
 def _faced(case: LookCase, face: Layer, shown: Backdrop) -> FloatArray:
     """Return the region with a face in the target's place."""
-    return picture(
+    return render_look(
         case,
         (face,),
         case.microscope,

@@ -9,7 +9,7 @@ import numpy as np
 from microplan.arrays import FloatArray
 from microplan.featuresel.look.design import Trial
 from microplan.featuresel.look.disturb import noisier, shifted
-from microplan.featuresel.look.scenario import LookCase, moved_layers, picture
+from microplan.featuresel.look.scenario import LookCase, moved_layers, render_look
 from microplan.featuresel.look.static_layers import (
     Backdrop,
     displaced,
@@ -50,7 +50,7 @@ def counts(
     behind = still(case, trial) if backdrop is None else backdrop
     if moved is None:
         moved = moved_layers(case, trial.dx_um, trial.dy_um, trial.dtheta_rad)
-    noiseless = picture(
+    noiseless = render_look(
         seen,
         moved,
         seen.microscope,

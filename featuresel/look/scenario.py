@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from microplan.arrays import FloatArray
 from microplan.featuresel.routines.contract import Target
 from microplan.featuresel.routines.frame import RegionFrame
-from microplan.optics.layers.coaxial_light import Light, lights
+from microplan.optics.layers.coaxial_light import Irradiance, lights
 from microplan.optics.layers.occlusion import occluded
-from microplan.optics.layers.shading import shaded
+from microplan.optics.layers.shading import render_coaxial
 from microplan.optics.lens.distorted_scene import lens_scene
 from microplan.optics.lens.lens import LensErrors
 from microplan.optics.lens.sensor import Sensor
@@ -25,7 +25,7 @@ _SURE = LensErrors()  # no error is known, none unknown
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Turning:
+class UnknownRotation:
     """Something that is not the target's owner, at an angle that nobody has measured.
 
     Its layers turn about a point of the world, all of them together.
@@ -49,7 +49,7 @@ class Turning:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Spread:
+class TrialSpread:
     """What trials are perturbed by; sigmas are one standard deviation per axis."""
 
     focus_sigma_um: float
@@ -61,7 +61,7 @@ class Spread:
     search_um: float  # how far off a look may start; trials reach it at the extremes
     # of what stands still and is not the target's owner, all of it together
     occluder_sigma_um: float = 0.0
-    turning: tuple[Turning, ...] = ()  # of that, what lies at unknown angles
+    turning: tuple[UnknownRotation, ...] = ()  # of that, what lies at unknown angles
     noise: tuple[float, float] = (1.0, 1.0)  # uniform, times the sensor's noise
     lens: LensErrors = _SURE  # only its sigmas count, about the look's own
 
@@ -116,7 +116,7 @@ class LookCase:
     treatment: str  # of layers, one of `microplan.optics.layers.layer_error.TREATMENTS`
     tolerance_um: float  # what the look has to meet per axis, 2 sigma and bias
     tolerance_theta_rad: float | None  # None: the angle is not needed
-    spread: Spread
+    spread: TrialSpread
 
     def __post_init__(self) -> None:
         if not self.tolerance_um > 0:
@@ -184,7 +184,7 @@ def moved_layers(
     )
 
 
-def picture(
+def render_look(
     case: LookCase,
     moved: Sequence[Layer],
     microscope: Microscope,
@@ -193,7 +193,7 @@ def picture(
     model: str,
     light: Illumination,
     backdrop: Sequence[Covered] = (),
-    under: Sequence[Light] | None = None,
+    under: Sequence[Irradiance] | None = None,
 ) -> FloatArray:
     """Return the region without noise, as the case's fidelity has it.
 
@@ -232,7 +232,7 @@ def picture(
             light=light,
             lamp_aperture=case.lamp_aperture,
         )
-    return shaded(
+    return render_coaxial(
         shown,
         microscope,
         focus_um=focus_um,
@@ -264,7 +264,7 @@ def still_layers(
 
 def still_lights(
     case: LookCase, microscope: Microscope, *, focus_um: float
-) -> tuple[Light, ...] | None:
+) -> tuple[Irradiance, ...] | None:
     """Return the light that still layers leave at every height that is seen.
 
     Returns

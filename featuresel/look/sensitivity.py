@@ -10,7 +10,7 @@ import numpy as np
 
 from microplan.arrays import FloatArray
 from microplan.featuresel.look.design import Trial
-from microplan.featuresel.look.scenario import LookCase, moved_layers, picture
+from microplan.featuresel.look.scenario import LookCase, moved_layers, render_look
 from microplan.featuresel.look.static_layers import Backdrop, Standing, standing
 from microplan.optics.outline.outline import Outline
 from microplan.optics.render.layer_blending import light_up
@@ -35,7 +35,7 @@ _MORE = 1 + 1e-6  # times that, for what rounding adds
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Setting:
+class LookSetting:
     """Where a look stands: displacements from nominal, and light times nominal."""
 
     dx_um: float = 0.0
@@ -58,7 +58,7 @@ class Setting:
             )
 
     @classmethod
-    def of(cls, trial: Trial) -> Setting:
+    def of(cls, trial: Trial) -> LookSetting:
         """Return where a trial stands; what else it changes is of the case."""
         return cls(
             dx_um=trial.dx_um,
@@ -108,7 +108,7 @@ class Sensitivities:
 
 def sensitivities(
     case: LookCase,
-    setting: Setting | None = None,
+    setting: LookSetting | None = None,
     names: Sequence[str] = POSE + LIGHT[:3],
 ) -> Sensitivities:
     """Return the mean image of a look and how it changes.
@@ -139,9 +139,9 @@ def sensitivities(
     unknown = [name for name in names if name not in POSE + LIGHT]
     if unknown:
         raise ValueError(f"no such parameters: {unknown}, known: {POSE + LIGHT}")
-    at = setting or Setting()
+    at = setting or LookSetting()
     steps = {name: h for name, h in _steps(case, at).items() if name in names}
-    look = _Look.of(case, at, steps)
+    look = _FocusRenderer.of(case, at, steps)
     unlit, light = look.unlit(), _light(case, at)
     mean = unlit * light
     slopes = np.zeros((len(names), *unlit.shape))
@@ -163,20 +163,22 @@ def sensitivities(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Look:
+class _FocusRenderer:
     """Renders a case in even light, about a setting; through focus from one spectrum.
 
     `case` is at the setting's zoom; so are the zooms of views.
     """
 
     case: LookCase
-    at: Setting
+    at: LookSetting
     still: Standing | None  # None, both: images do not share layers
     own: Standing | None  # the target in its place
     behind: Backdrop  # what stands still, at the setting's focus and zoom
 
     @classmethod
-    def of(cls, case: LookCase, at: Setting, steps: Mapping[str, float]) -> _Look:
+    def of(
+        cls, case: LookCase, at: LookSetting, steps: Mapping[str, float]
+    ) -> _FocusRenderer:
         """Return the look, with band and margin wide enough for differences."""
         sampling = replace(
             case.sampling,
@@ -210,12 +212,12 @@ class _Look:
 
         return stepped
 
-    def unlit(self, at: Setting | None = None) -> FloatArray:
+    def unlit(self, at: LookSetting | None = None) -> FloatArray:
         """Return the region in even light of gain 1, (rows, columns)."""
         at, m = at or self.at, self.case.microscope
         zoom = at.zoom / self.at.zoom
         layers, shown = self._seen(at, zoom)
-        return picture(
+        return render_look(
             self.case,
             layers,
             m if zoom == 1 else replace(m, magnification=m.magnification * zoom),
@@ -226,7 +228,7 @@ class _Look:
             under=shown.under,
         )
 
-    def _seen(self, at: Setting, zoom: float) -> tuple[tuple[Layer, ...], Backdrop]:
+    def _seen(self, at: LookSetting, zoom: float) -> tuple[tuple[Layer, ...], Backdrop]:
         """Return the layers to be rendered anew, and those that are ready.
 
         What is displaced on its tile would be cut off elsewhere: an edge that goes on
@@ -242,13 +244,13 @@ class _Look:
         return (), behind.with_(self.own.at(focus_um=focus_um, zoom=zoom))
 
 
-def _scope(case: LookCase, at: Setting) -> Microscope:
+def _scope(case: LookCase, at: LookSetting) -> Microscope:
     """Return the case's microscope at the setting's zoom."""
     magnification = case.microscope.magnification * at.zoom
     return replace(case.microscope, magnification=magnification)
 
 
-def _light(case: LookCase, at: Setting) -> FloatArray:
+def _light(case: LookCase, at: LookSetting) -> FloatArray:
     """Return the light's intensity at the pixels, (rows, columns)."""
     light = np.ones((case.window.rows, case.window.columns))
     shining = Illumination(
@@ -260,7 +262,9 @@ def _light(case: LookCase, at: Setting) -> FloatArray:
     return light
 
 
-def _to_light(case: LookCase, at: Setting, unlit: FloatArray, name: str) -> FloatArray:
+def _to_light(
+    case: LookCase, at: LookSetting, unlit: FloatArray, name: str
+) -> FloatArray:
     """Return the slope of the mean to one parameter of the light."""
     if name == "offset":
         return np.ones_like(unlit)
@@ -283,7 +287,7 @@ def _difference(
     return slope, np.abs(slope - (4 * middle - far) / 3)
 
 
-def _steps(case: LookCase, at: Setting) -> dict[str, float]:
+def _steps(case: LookCase, at: LookSetting) -> dict[str, float]:
     """Return the smallest step of each parameter of `POSE`.
 
     A turn and a zoom move the farthest edge as far as a shift does.

@@ -9,9 +9,9 @@ from functools import lru_cache
 import numpy as np
 
 from microplan.featuresel.look.scenario import LookCase
-from microplan.optics.layers.coaxial_light import Light, lights
+from microplan.optics.layers.coaxial_light import Irradiance, lights
 from microplan.optics.outline.outline import place
-from microplan.optics.render.prepared_scene import Prepared, prepare
+from microplan.optics.render.prepared_scene import PreparedScene, prepare
 from microplan.optics.render.render import Covered, cover
 from microplan.optics.render.sampling import Sampling
 from microplan.optics.render.scene import Layer, Scene, Window
@@ -27,7 +27,7 @@ class Backdrop:
     """Layers blurred at one focus and zoom, and the light that they leave."""
 
     layers: tuple[Covered, ...] = ()
-    under: tuple[Light, ...] | None = None  # None: computed with the image
+    under: tuple[Irradiance, ...] | None = None  # None: computed with the image
 
     def with_(self, other: Backdrop) -> Backdrop:
         """Return the layers of both, and the light under all of them."""
@@ -44,8 +44,8 @@ class Backdrop:
 class Standing:
     """Layers ready for the images of a range, and the light under them."""
 
-    prepared: Prepared
-    lights: tuple[Light, ...] | None  # None: nothing is shaded
+    prepared: PreparedScene
+    lights: tuple[Irradiance, ...] | None  # None: nothing is shaded
 
     def at(
         self,

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from microplan.arrays import FloatArray
-from microplan.featuresel.look.scenario import LookCase, moved_layers, picture
+from microplan.featuresel.look.scenario import LookCase, moved_layers, render_look
 from microplan.featuresel.look.static_layers import Backdrop, standing
 from microplan.optics.render.scene import Illumination, Layer, Window
 from microplan.optics.render.view_range import Range
@@ -79,7 +79,7 @@ def _pictured(
     known: Backdrop = _NOTHING,
 ) -> FloatArray:
     """Return the picture of the target alone at one focus, `known` being blurred."""
-    return picture(
+    return render_look(
         fine,
         moved,
         fine.microscope,

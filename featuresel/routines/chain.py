@@ -20,7 +20,7 @@ HANDOVER_SIGMAS = 3.0  # of the place before must fit into a routine's capture r
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Progress:
+class ChainState:
     """Where a chain stands: the next guess, and what was measured so far."""
 
     guess: Guess
@@ -28,8 +28,8 @@ class Progress:
 
 
 def advance(
-    image: FloatArray, name: str, artifact: Artifact, progress: Progress
-) -> Progress | Failure:
+    image: FloatArray, name: str, artifact: Artifact, progress: ChainState
+) -> ChainState | Failure:
     """Return the chain's state after one more routine, or why that failed.
 
     Angle, focus and zoom are those of the last routine that gave them. A routine that
@@ -48,7 +48,7 @@ def advance(
     if isinstance(found, Failure):
         return Failure(code=found.code, message=f"{name}: {found.message}")
     if before is not None:
-        found = _kept(found, before, placed="xy" in routine.GIVES)
+        found = _kept(found, before, placed="xy" in routine.PROVIDES)
     start = progress.guess
     guess = Guess(
         column=found.column,
@@ -58,7 +58,7 @@ def advance(
         zoom=start.zoom if found.zoom is None else found.zoom,
         theta_assumed=start.theta_assumed and found.theta_rad is None,
     )
-    return Progress(guess=guess, found=found)
+    return ChainState(guess=guess, found=found)
 
 
 def measure_chain(
@@ -87,7 +87,7 @@ def measure_chain(
     """
     if not stages:
         raise ValueError("a chain needs at least one routine")
-    progress = Progress(guess=start)
+    progress = ChainState(guess=start)
     for name, artifact in stages:
         after = advance(image, name, artifact, progress)
         if isinstance(after, Failure):

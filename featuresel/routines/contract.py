@@ -18,7 +18,9 @@ import numpy.typing as npt
 from microplan.arrays import FloatArray
 
 TargetKind = Literal["circle", "teeth", "outline", "jaws", "edge", "pair", "corner"]
-Known = Literal["xy", "theta", "z", "zoom"]  # what a routine gives, or needs to start
+PoseTerm = Literal[
+    "xy", "theta", "z", "zoom"
+]  # what a routine gives, or needs to start
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -100,7 +102,7 @@ class Failure:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Camera:
+class CameraNoise:
     """The noise of the camera, in electrons; full scale is full well."""
 
     full_well_e: float
@@ -129,7 +131,7 @@ class Blur:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Drifts:
+class Nuisances:
     """What an image may differ in from the nominal one besides the target's pose."""
 
     focus_sigma_um: float
@@ -139,7 +141,7 @@ class Drifts:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Veil:
+class Occluders:
     """What stands in front of the target: image = light + through x target alone."""
 
     light: FloatArray  # (rows, columns) sent back by what stands in front
@@ -147,7 +149,7 @@ class Veil:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Sway:
+class OccluderMode:
     """What one likely error in the place or angle of what stands still changes.
 
     Such errors are independent and have mean 0: the sum of the products of their
@@ -172,7 +174,7 @@ class LookModel(Protocol):
     """All that a routine may ask of the look it is prepared for; a `Render` too."""
 
     @property
-    def camera(self) -> Camera:
+    def camera(self) -> CameraNoise:
         """Return the camera's noise."""
         ...
 
@@ -182,7 +184,7 @@ class LookModel(Protocol):
         ...
 
     @property
-    def drifts(self) -> Drifts:
+    def drifts(self) -> Nuisances:
         """Return what else the trials of this look vary."""
         ...
 
@@ -226,11 +228,11 @@ class LookModel(Protocol):
         """Return the image without what stands still, (rows, columns), not clipped."""
         ...
 
-    def veil(self, dz_um: float = 0.0) -> Veil:
+    def occluders(self, dz_um: float = 0.0) -> Occluders:
         """Return what stands in front of the target, `dz_um` off nominal focus."""
         ...
 
-    def sways(self) -> Sequence[Sway]:
+    def occluder_modes(self) -> Sequence[OccluderMode]:
         """Return how the image may differ as what stands still may lie elsewhere."""
         ...
 
@@ -241,11 +243,13 @@ class Routine(Protocol):
     NAME: str
     VERSION: str
     KINDS: tuple[TargetKind, ...]  # target kinds it can look for
-    GIVES: tuple[Known, ...]
-    NEEDS: tuple[Known, ...]  # of the guess, better than nominal; () if nothing
+    PROVIDES: tuple[PoseTerm, ...]
+    REQUIRES: tuple[PoseTerm, ...]  # of the guess, better than nominal; () if nothing
     CAPTURE_PX: float  # how far off the guess may be; inf: the target's `search_px`
-    CONTROL: bool  # known to be bad: tried where asked for only, as a control
-    DEAR: bool  # takes dozens of images to prepare: tried where others leave no room
+    BASELINE: bool  # known to be bad: tried where asked for only, as a control
+    EXPENSIVE: (
+        bool  # takes dozens of images to prepare: tried where others leave no room
+    )
 
     def prepare(self, render: LookModel, target: Target) -> Artifact | Failure:
         """Return what `measure` needs, computed from the nominal image."""

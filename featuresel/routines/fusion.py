@@ -22,7 +22,7 @@ _DOUBT = 3.72  # normal quantile of 1 - 1e-4: features that agree are refused so
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Seen:
+class SeenFeature:
     """A feature where a frame shows it, world frame."""
 
     x_um: float
@@ -55,7 +55,9 @@ class Fused:
     freedom: int  # numbers measured beyond those wanted
 
 
-def fuse(seen: Sequence[Seen], believed: Believed | None = None) -> Fused | Failure:
+def fuse(
+    seen: Sequence[SeenFeature], believed: Believed | None = None
+) -> Fused | Failure:
     """Return the pose that fits all features best, weighted by their sigmas.
 
     Parameters
@@ -90,7 +92,9 @@ def fuse(seen: Sequence[Seen], believed: Believed | None = None) -> Fused | Fail
     return _settled(seen, start or 0.0, free)
 
 
-def _settled(seen: Sequence[Seen], start_rad: float, free: int) -> Fused | Failure:
+def _settled(
+    seen: Sequence[SeenFeature], start_rad: float, free: int
+) -> Fused | Failure:
     """Return the fit of the first two or all three of place and angle."""
     pose = np.array([0.0, 0.0, start_rad])
     for _ in range(_ROUNDS):
@@ -120,7 +124,7 @@ def _settled(seen: Sequence[Seen], start_rad: float, free: int) -> Fused | Failu
 
 
 def _turn_free(
-    seen: Sequence[Seen], rows: FloatArray, believed: Believed | None
+    seen: Sequence[SeenFeature], rows: FloatArray, believed: Believed | None
 ) -> bool:
     """Return whether the features tell the angle, and better than it is believed."""
     if any(s.theta_rad is not None and s.sigma_theta_rad is not None for s in seen):
@@ -141,7 +145,7 @@ def bound(freedom: int) -> float:
     return float(freedom * (1 - part + _DOUBT * math.sqrt(part)) ** 3)
 
 
-def _angle(seen: Sequence[Seen], believed: Believed | None) -> float | None:
+def _angle(seen: Sequence[SeenFeature], believed: Believed | None) -> float | None:
     """Return the angle to start from: the best measured, the one believed, or that of
     the longest line between two features."""
     turns = [
@@ -163,7 +167,7 @@ def _angle(seen: Sequence[Seen], believed: Believed | None) -> float | None:
     return turn if length > _FINEST_UM else None
 
 
-def _bearing(a: Seen, b: Seen) -> float:
+def _bearing(a: SeenFeature, b: SeenFeature) -> float:
     """Return the turn from the line between two features as drawn to that seen."""
     (ax, ay), (bx, by) = a.offset_um, b.offset_um
     drawn = math.atan2(by - ay, bx - ax)
@@ -172,7 +176,9 @@ def _bearing(a: Seen, b: Seen) -> float:
 
 
 def _system(
-    seen: Sequence[Seen], theta_rad: float, at_um: tuple[float, float] = (0.0, 0.0)
+    seen: Sequence[SeenFeature],
+    theta_rad: float,
+    at_um: tuple[float, float] = (0.0, 0.0),
 ) -> tuple[FloatArray, FloatArray]:
     """Return the Jacobian's rows and the deviations, all over the sigmas."""
     c, s = math.cos(theta_rad), math.sin(theta_rad)

@@ -78,7 +78,7 @@ def _keys(t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Edges:
+class LineEdges:
     """The strongest edge on each of N lines; `offset_px` is 0 where `found` is not."""
 
     offset_px: FloatArray  # (N,) from the middle of the line
@@ -93,7 +93,7 @@ def find_edges(
     *,
     width_px: float,
     rising: bool,
-) -> Edges:
+) -> LineEdges:
     """Return the strongest rising or falling edge along each line.
 
     Parameters
@@ -126,7 +126,7 @@ def find_edges(
     return _peaks(response)
 
 
-def _peaks(response: FloatArray) -> Edges:
+def _peaks(response: FloatArray) -> LineEdges:
     """Return the highest inner sample of each row with a parabola through it."""
     lines, count = response.shape
     each = np.arange(lines)
@@ -137,7 +137,7 @@ def _peaks(response: FloatArray) -> Edges:
     safe = [np.where(found, v, w) for v, w in ((before, 0), (peak, 1), (after, 0))]
     shift = (safe[2] - safe[0]) / (2 * (2 * safe[1] - safe[0] - safe[2]) + 1e-300)
     offset = (near - (count - 1) / 2 + np.clip(shift, -0.5, 0.5)) * STEP_PX
-    return Edges(
+    return LineEdges(
         offset_px=np.where(found, offset, 0.0),
         strength=np.where(found, safe[1], 0.0),
         found=found,

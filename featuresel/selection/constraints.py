@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from microplan.featuresel.routines.contract import Target
 from microplan.featuresel.trials.chains import has_angle
-from microplan.featuresel.trials.score import CONFIDENCE, Score
+from microplan.featuresel.trials.score import CONFIDENCE, ChainScore
 from microplan.optics.outline.tolerant_order import above, at_most
 
 
@@ -18,7 +18,9 @@ class Limits:
     success: float = 0.98  # observed; the rest fails aloud and is retried
     silent_upper: float = 0.01  # or no silent failure at all, where trials are few
     better: float = 1.5  # a dearer chain must be this much more accurate ...
-    roomy: float = 0.5  # ... and the cheaper one use more than this of the tolerance
+    margin_share: float = (
+        0.5  # ... and the cheaper one use more than this of the tolerance
+    )
     cost: float = math.inf  # of one fix, in 640 x 480 box filters
     # of the target's edges, in view and nothing in front: a quarter of a circle tells
     # its centre 16 times worse along its bisector than all of it, the radius free
@@ -47,7 +49,7 @@ class Constraints:
         if self.visible is not None and not 0 <= self.visible <= 1:
             raise ValueError(f"visible must be in 0..1, got {self.visible}")
 
-    def fault(self, score: Score) -> str:
+    def fault(self, score: ChainScore) -> str:
         """Return why the chain does not pass, with numbers; "" if it does."""
         return (
             self.unfit()
@@ -83,7 +85,7 @@ class Constraints:
             "off"
         )
 
-    def unreliable(self, score: Score) -> str:
+    def unreliable(self, score: ChainScore) -> str:
         """Return what the counts say against the chain."""
         if score.silent and score.silent_upper > self.limits.silent_upper:
             return (
@@ -101,7 +103,7 @@ class Constraints:
             )
         return ""
 
-    def inaccurate(self, score: Score) -> str:
+    def inaccurate(self, score: ChainScore) -> str:
         """Return what the errors say against the chain."""
         if self.one_way(score):
             return "tells the place in one direction only, both are needed"
@@ -123,26 +125,26 @@ class Constraints:
             )
         return ""
 
-    def one_way(self, score: Score) -> bool:
+    def one_way(self, score: ChainScore) -> bool:
         """Return whether a direction of the place that is needed is not told."""
         return score.axis_rad is not None and not self.in_set
 
-    def slow(self, score: Score) -> str:
+    def slow(self, score: ChainScore) -> str:
         """Return whether one fix costs too much."""
         if at_most(score.cost, self.limits.cost):
             return ""
         return f"cost {score.cost:.3g}, at most {self.limits.cost:.3g}"
 
-    def use(self, score: Score) -> float:
+    def use(self, score: ChainScore) -> float:
         """Return the share of the tighter tolerance that the chain uses up."""
         place = score.need_um / self.tolerance_um
         if self.tolerance_theta_rad is None:
             return place
         return max(place, score.need_theta_rad / self.tolerance_theta_rad)
 
-    def is_roomy(self, score: Score) -> bool:
+    def has_margin(self, score: ChainScore) -> bool:
         """Return whether the chain leaves room in every tolerance."""
-        return at_most(self.use(score), self.limits.roomy)
+        return at_most(self.use(score), self.limits.margin_share)
 
 
 def half_period_rad(target: Target) -> float:

@@ -17,29 +17,31 @@ from microplan.featuresel.trials.bounds import (
 )
 from microplan.featuresel.trials.chains import Chain
 from microplan.featuresel.trials.outcomes import Outcome
-from microplan.featuresel.trials.score import Score, score
-from microplan.featuresel.trials.trials import Prepared
+from microplan.featuresel.trials.score import ChainScore, score
+from microplan.featuresel.trials.trials import PreparedRoutines
 from microplan.optics.outline.tolerant_order import above, at_most
 
 _TESTS = 4  # success, silent failures, place, angle: a chain may fall by any of them
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Verdicts:
+class Elimination:
     """What a chain must meet, and how often it is asked."""
 
     case: LookCase
     limits: Limits
-    peeks: int
+    interim_tests: int
     in_set: bool  # one direction of the place will do
 
     def scores(
-        self, racing: Prepared, outcomes: Sequence[Outcome]
-    ) -> tuple[Score, ...]:
+        self, racing: PreparedRoutines, outcomes: Sequence[Outcome]
+    ) -> tuple[ChainScore, ...]:
         """Return scores whose bounds hold in every test of every round at once."""
-        return score(self.case, racing, outcomes, peeks=_TESTS * self.peeks)
+        return score(
+            self.case, racing, outcomes, interim_tests=_TESTS * self.interim_tests
+        )
 
-    def fallen(self, scores: Sequence[Score]) -> list[tuple[Chain, str]]:
+    def fallen(self, scores: Sequence[ChainScore]) -> list[tuple[Chain, str]]:
         """Return the chains that are out, with the reason."""
         found = [(s.chain, self.excluded(s)) for s in scores]
         out = {chain for chain, reason in found if reason}
@@ -47,13 +49,13 @@ class Verdicts:
         found += [(s.chain, self.dominated(s, left)) for s in left]
         return [(chain, reason) for chain, reason in found if reason]
 
-    def excluded(self, score: Score) -> str:
+    def excluded(self, score: ChainScore) -> str:
         """Return which limit the chain misses for certain, "" if none."""
         return self.unreliable(score) or self.misplaced(score) or self.turned(score)
 
-    def unreliable(self, score: Score) -> str:
+    def unreliable(self, score: ChainScore) -> str:
         """Return what the counts refute, "" if nothing."""
-        level = 1 - (1 - CONFIDENCE) / (_TESTS * self.peeks)
+        level = 1 - (1 - CONFIDENCE) / (_TESTS * self.interim_tests)
         most = failure_upper(score.success, score.trials, level)
         if most < self.limits.success:
             return f"success below {most:.1%}, at least {self.limits.success:.0%}"
@@ -65,7 +67,7 @@ class Verdicts:
             )
         return ""
 
-    def misplaced(self, score: Score) -> str:
+    def misplaced(self, score: ChainScore) -> str:
         """Return what the place misses for certain, "" if nothing."""
         if self.one_way(score):
             return "tells the place in one direction only, both are needed"
@@ -76,7 +78,7 @@ class Verdicts:
             )
         return ""
 
-    def turned(self, score: Score) -> str:
+    def turned(self, score: ChainScore) -> str:
         """Return what the angle misses for certain, "" if nothing."""
         limit = self.case.tolerance_theta_rad
         if limit is None or not score.success:
@@ -90,7 +92,7 @@ class Verdicts:
             )
         return ""
 
-    def dominated(self, score: Score, left: Sequence[Score]) -> str:
+    def dominated(self, score: ChainScore, left: Sequence[ChainScore]) -> str:
         """Return which other chain makes this one superfluous, "" if none."""
         for other in left:
             if (
@@ -105,7 +107,7 @@ class Verdicts:
                 return f"{' > '.join(other.chain)} is no dearer and more accurate"
         return ""
 
-    def meets(self, score: Score) -> bool:
+    def meets(self, score: ChainScore) -> bool:
         """Return whether the chain has met all limits so far, the needs for certain."""
         return (
             score.success >= self.limits.success * score.trials
@@ -113,11 +115,11 @@ class Verdicts:
             and at_most(self.use(score), 1)
         )
 
-    def one_way(self, score: Score) -> bool:
+    def one_way(self, score: ChainScore) -> bool:
         """Return whether a direction of the place that is needed is not told."""
         return score.axis_rad is not None and not self.in_set
 
-    def surely_finer(self, one: Score, other: Score) -> bool:
+    def surely_finer(self, one: ChainScore, other: ChainScore) -> bool:
         """Return whether one chain's need is below the other's for certain.
 
         Needs along different directions do not compare.
@@ -132,7 +134,7 @@ class Verdicts:
             other.theta is None or one.theta.need_upper <= other.theta.need_lower
         )
 
-    def use(self, score: Score) -> float:
+    def use(self, score: ChainScore) -> float:
         """Return the largest share of the tighter tolerance that is not refuted."""
         if self.one_way(score):
             return math.inf
@@ -142,7 +144,7 @@ class Verdicts:
             return place
         return max(place, _most(score, score.theta) / limit)
 
-    def is_decided(self, left: Sequence[Score]) -> bool:
+    def is_decided(self, left: Sequence[ChainScore]) -> bool:
         """Return whether more trials cannot change the choice."""
         if not left:
             return True
@@ -150,11 +152,11 @@ class Verdicts:
         return (
             first.success_lower >= self.limits.success
             and first.silent_upper <= self.limits.silent_upper
-            and at_most(self.use(first), self.limits.roomy)
+            and at_most(self.use(first), self.limits.margin_share)
         )
 
 
-def _most(score: Score, theta: Estimate | None) -> float:
+def _most(score: ChainScore, theta: Estimate | None) -> float:
     """Return the largest need of the angle; inf where it is not always given."""
     if theta is None or score.angles < score.success:
         return math.inf

@@ -18,26 +18,26 @@ from microplan.featuresel.selection.select import Limits, Selection, select
 from microplan.featuresel.selection.undecided import chains_ahead
 from microplan.featuresel.trials.chains import Chain, chains, routines
 from microplan.featuresel.trials.outcomes import Outcomes
-from microplan.featuresel.trials.score import Score
+from microplan.featuresel.trials.score import ChainScore
 from microplan.featuresel.trials.trial_cache import Known, Looks
-from microplan.featuresel.trials.trials import Map, Prepared, prepare
+from microplan.featuresel.trials.trials import Map, PreparedRoutines, prepare
 
 ROUNDS = (8, 24, 64, 304, 1024)  # trials at the end of each; most chains leave early
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Contest:
+class RoutineComparison:
     """What the race over one look showed, and who won."""
 
-    prepared: Prepared
+    prepared: PreparedRoutines
     outcomes: Outcomes
-    scores: tuple[Score, ...]  # of every chain, by the trials that it had
+    scores: tuple[ChainScore, ...]  # of every chain, by the trials that it had
     selection: Selection
     limit_um: float | None  # Cramer-Rao, the worse axis; None: none, or not asked for
     visible: float | None  # share of the target's edges; None: not known
 
 
-def compete(
+def compare_routines(
     case: LookCase,
     *,
     root_seed: int,
@@ -49,7 +49,7 @@ def compete(
     in_set: bool = False,
     map: Map = map,  # noqa: A002 - it is the builtin, or a pool's
     looks: Looks | None = None,
-) -> Contest:
+) -> RoutineComparison:
     """Return the chain to measure a look with, and what was tried to find it.
 
     A target that is hidden, or whose angle cannot be told, gets the trials of one round
@@ -102,7 +102,7 @@ def compete(
         known=known,
     )
     found = judge.contest(judge.ready(dear=thorough and not hopeless))
-    if once or is_roomy(case, found.selection, judge.limits):
+    if once or has_margin(case, found.selection, judge.limits):
         return found
     return judge.with_dear(found)
 
@@ -110,7 +110,7 @@ def compete(
 def _visible(case: LookCase, known: Known) -> float | None:
     """Return the share of the target's edges that is seen; None: not known."""
     return known.fact(
-        "visible", lambda: seen_share(case.target, nominal_render(case).veil())
+        "visible", lambda: seen_share(case.target, nominal_render(case).occluders())
     )
 
 
@@ -119,11 +119,11 @@ def _limit_um(case: LookCase, known: Known) -> float | None:
     return known.fact("limit_um", lambda: limit_um(case))
 
 
-def is_roomy(case: LookCase, found: Selection, limits: Limits | None = None) -> bool:
+def has_margin(case: LookCase, found: Selection, limits: Limits | None = None) -> bool:
     """Return whether the chosen chain leaves room in every tolerance."""
     if found.chosen is None:
         return False
-    return _task(case, limits or Limits()).is_roomy(found.chosen)
+    return _task(case, limits or Limits()).has_margin(found.chosen)
 
 
 def is_fit(case: LookCase, visible: float | None, limits: Limits | None = None) -> bool:
@@ -158,19 +158,21 @@ class _Judge:
     visible: float | None
     known: Known
 
-    def ready(self, *, dear: bool = True) -> Prepared:
+    def ready(self, *, dear: bool = True) -> PreparedRoutines:
         """Return routines prepared once, and the chains worth trying."""
         found = make_ready(self.case, dear=dear, known=self.known.artifacts)
         self.known.artifacts.update(found.artifacts)
         return found
 
-    def with_dear(self, found: Contest) -> Contest:
+    def with_dear(self, found: RoutineComparison) -> RoutineComparison:
         """Return a contest after the race of those that were too dear for it."""
         ready = self.ready()
         fresh = tuple(c for c in ready.chains if c not in found.prepared.chains)
         return self.contest(replace(ready, chains=fresh), found) if fresh else found
 
-    def contest(self, ready: Prepared, before: Contest | None = None) -> Contest:
+    def contest(
+        self, ready: PreparedRoutines, before: RoutineComparison | None = None
+    ) -> RoutineComparison:
         """Return the choice among new chains and those of an earlier contest."""
         raced = self.race(ready, before)
         outcomes, chains_, artifacts = raced.outcomes, ready.chains, ready.artifacts
@@ -180,8 +182,8 @@ class _Judge:
             chains_ = before.prepared.chains + chains_
             artifacts = {**before.prepared.artifacts, **artifacts}
             scores = before.scores + scores
-        return Contest(
-            prepared=Prepared(chains=chains_, artifacts=artifacts),
+        return RoutineComparison(
+            prepared=PreparedRoutines(chains=chains_, artifacts=artifacts),
             outcomes=outcomes,
             scores=scores,
             selection=self.select(scores),
@@ -189,7 +191,7 @@ class _Judge:
             visible=self.visible,
         )
 
-    def race(self, ready: Prepared, before: Contest | None) -> Race:
+    def race(self, ready: PreparedRoutines, before: RoutineComparison | None) -> Race:
         """Return the outcomes of chains, as far as any of them may be chosen."""
         return race(
             self.case,
@@ -198,7 +200,7 @@ class _Judge:
             most=self.most,
             limits=self.limits,
             rounds=ROUNDS,
-            peeks=self.races * len(round_ends(ROUNDS, self.most)),
+            interim_tests=self.races * len(round_ends(ROUNDS, self.most)),
             in_set=self.in_set,
             ahead=None if self.to_the_end else partial(self.ahead, before),
             map=self.map,
@@ -206,14 +208,14 @@ class _Judge:
         )
 
     def ahead(
-        self, before: Contest | None, scores: Sequence[Score]
+        self, before: RoutineComparison | None, scores: Sequence[ChainScore]
     ) -> frozenset[Chain]:
         """Return the chains that the choice hangs on, an earlier contest's included."""
         whole = [*(before.scores if before else ()), *scores]
         task = _task(self.case, self.limits, self.visible)
         return chains_ahead(whole, self.select(whole), task)
 
-    def select(self, scores: Sequence[Score]) -> Selection:
+    def select(self, scores: Sequence[ChainScore]) -> Selection:
         """Return the choice."""
         return select(
             scores,
@@ -232,7 +234,7 @@ def make_ready(
     dear: bool = True,
     controls: bool = False,
     known: Mapping[str, Artifact | Failure] | None = None,
-) -> Prepared:
+) -> PreparedRoutines:
     """Return every routine prepared once, and the chains worth trying by their cost.
 
     Parameters
@@ -249,7 +251,7 @@ def make_ready(
     names = [
         name
         for name in routines(case.target, controls=controls)
-        if dear or not load(name).DEAR
+        if dear or not load(name).EXPENSIVE
     ]
     ready = {name: found for name, found in (known or {}).items() if name in names}
     fresh = prepare(case, [(name,) for name in names if name not in ready])
@@ -257,7 +259,7 @@ def make_ready(
     found = chains(case.target, costs=_costs(case, names, ready), controls=controls)
     if not found:  # nothing could be prepared: the trials say of each why
         found = chains(case.target, costs=dict.fromkeys(names, 1.0))
-    return Prepared(chains=found, artifacts=ready)
+    return PreparedRoutines(chains=found, artifacts=ready)
 
 
 def _costs(

@@ -6,13 +6,13 @@ import math
 from collections.abc import Callable, Sequence
 
 from microplan.featuresel.trials.chains import Chain
-from microplan.featuresel.trials.score import Score
+from microplan.featuresel.trials.score import ChainScore
 from microplan.optics.outline.tolerant_order import above, ordered
 
 
 def front(
-    scores: Sequence[Score], error: Callable[[Score], float]
-) -> tuple[Score, ...]:
+    scores: Sequence[ChainScore], error: Callable[[ChainScore], float]
+) -> tuple[ChainScore, ...]:
     """Return the scores that none is both as cheap and as accurate as.
 
     Parameters
@@ -31,7 +31,7 @@ def front(
         the first by name.
     """
     ranked = ordered(ordered(sorted(scores, key=_name), error), _cost)
-    kept: list[Score] = []
+    kept: list[ChainScore] = []
     least = math.inf
     for score in ranked:
         if above(least, error(score)):
@@ -40,14 +40,14 @@ def front(
     return tuple(kept)
 
 
-def by_cost(scores: Sequence[Score]) -> list[Score]:
+def by_cost(scores: Sequence[ChainScore]) -> list[ChainScore]:
     """Return scores, the cheapest first; of those that cost the same by name."""
     return ordered(sorted(scores, key=_name), _cost)
 
 
-def _cost(score: Score) -> float:
+def _cost(score: ChainScore) -> float:
     return score.cost
 
 
-def _name(score: Score) -> Chain:
+def _name(score: ChainScore) -> Chain:
     return score.chain

@@ -9,13 +9,13 @@ from functools import partial
 from microplan.featuresel.look.design import design
 from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.selection.constraints import Limits
-from microplan.featuresel.selection.elimination import Verdicts
+from microplan.featuresel.selection.elimination import Elimination
 from microplan.featuresel.selection.race_schedule import Ahead, Heats
 from microplan.featuresel.trials.chains import Chain
 from microplan.featuresel.trials.outcomes import Outcomes
-from microplan.featuresel.trials.score import Score, score
+from microplan.featuresel.trials.score import ChainScore, score
 from microplan.featuresel.trials.trial_cache import Known
-from microplan.featuresel.trials.trials import Curves, Map, Prepared, run
+from microplan.featuresel.trials.trials import Curves, Map, PreparedRoutines, run
 
 ROUNDS = (32, 256, 1024)  # trials at the end of each
 
@@ -25,21 +25,23 @@ class Race:
     """What the rounds showed."""
 
     outcomes: Outcomes  # round by round, each trial by trial
-    scores: tuple[Score, ...]  # of every chain, by the trials that it had
+    scores: tuple[ChainScore, ...]  # of every chain, by the trials that it had
     trials: Mapping[Chain, int]  # how many that were
     dropped: tuple[tuple[Chain, str], ...]  # why a chain was, in the order it happened
-    peeks: int  # how often outcomes could decide on trials: bounds hold for each
+    interim_tests: (
+        int  # how often outcomes could decide on trials: bounds hold for each
+    )
 
 
 def race(
     case: LookCase,
-    prepared: Prepared,
+    prepared: PreparedRoutines,
     *,
     root_seed: int,
     most: int,
     limits: Limits | None = None,
     rounds: Sequence[int] = ROUNDS,
-    peeks: int | None = None,
+    interim_tests: int | None = None,
     in_set: bool = False,
     ahead: Ahead | None = None,
     map: Map = map,  # noqa: A002 - it is the builtin, or a pool's
@@ -79,7 +81,7 @@ def race(
         What a chain must meet, as in `microplan.featuresel.selection.select.select`.
     rounds : sequence of int
         Trials at the end of each round, rising; those below `most` count.
-    peeks : int, optional
+    interim_tests : int, optional
         How often outcomes may decide on trials, at least the number of rounds, which is
         the default. Where one race's outcomes decide whether another is run, both want
         the rounds of both: the bounds of whichever chain wins then hold.
@@ -95,45 +97,47 @@ def race(
     Returns
     -------
     Race
-        It depends on the case, chains, seed, rounds, peeks, limits and `ahead` alone.
-        Each bound in a score holds at all `peeks` at once, at `CONFIDENCE` (union
-        bound); a chain that meets all limits is dropped by the first three tests with a
-        probability of 1 - `CONFIDENCE` at most.
+        It depends on case, chains, seed, rounds, interim_tests, limits, `ahead` alone.
+        Each bound in a score holds at all `interim_tests` at once, at `CONFIDENCE`
+        (union bound); a chain that meets all limits is dropped by the first three tests
+        with a probability of 1 - `CONFIDENCE` at most.
 
     Raises
     ------
     ValueError
-        If the rounds do not rise, `most` is out of range, or `peeks` are fewer than the
-        rounds.
+        If the rounds do not rise, `most` is out of range, or `interim_tests` are fewer
+        than the rounds.
 
     References
     ----------
     Maron & Moore (1997), The racing algorithm, Artificial Intelligence Review 11.
     """
     ends = round_ends(rounds, most)
-    peeks = _peeks(ends, peeks)
-    verdicts = Verdicts(
-        case=case, limits=limits or Limits(), peeks=peeks, in_set=in_set
+    interim_tests = _tests(ends, interim_tests)
+    verdicts = Elimination(
+        case=case, limits=limits or Limits(), interim_tests=interim_tests, in_set=in_set
     )
     heats = Heats(
         prepared=prepared,
         trials=design(case, most, root_seed),
         run=partial(run, case, map=map, curves=curves, known=known or Known()),
         scored=verdicts.scores,
-        judged=partial(score, case, peeks=peeks, curves=curves),
+        judged=partial(score, case, interim_tests=interim_tests, curves=curves),
         ahead=ahead,
     )
     for end in ends:
         scores = heats.round(end)
         if verdicts.is_decided(heats.left(scores, verdicts.fallen(scores))):
             break
-    found = score(case, prepared, heats.outcomes, peeks=peeks, curves=curves)
+    found = score(
+        case, prepared, heats.outcomes, interim_tests=interim_tests, curves=curves
+    )
     return Race(
         outcomes=heats.outcomes,
         scores=found,
         trials={s.chain: s.trials for s in found},
         dropped=tuple(heats.dropped),
-        peeks=peeks,
+        interim_tests=interim_tests,
     )
 
 
@@ -144,10 +148,12 @@ def round_ends(rounds: Sequence[int], most: int) -> tuple[int, ...]:
     return (*(end for end in rounds if end < most), most)
 
 
-def _peeks(ends: Sequence[int], peeks: int | None) -> int:
+def _tests(ends: Sequence[int], interim_tests: int | None) -> int:
     """Return how often outcomes may decide on trials, at least once a round."""
-    if peeks is None:
+    if interim_tests is None:
         return len(ends)
-    if peeks < len(ends):
-        raise ValueError(f"need a peek for each of {len(ends)} rounds, got {peeks}")
-    return peeks
+    if interim_tests < len(ends):
+        raise ValueError(
+            f"need a test for each of {len(ends)} rounds, got {interim_tests}"
+        )
+    return interim_tests

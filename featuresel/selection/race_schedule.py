@@ -8,21 +8,21 @@ from dataclasses import dataclass, field, replace
 from microplan.featuresel.look.design import Trial
 from microplan.featuresel.trials.chains import Chain
 from microplan.featuresel.trials.outcomes import Outcome, Outcomes
-from microplan.featuresel.trials.score import Score
-from microplan.featuresel.trials.trials import Prepared
+from microplan.featuresel.trials.score import ChainScore
+from microplan.featuresel.trials.trials import PreparedRoutines
 
 SHOWN = 24  # trials before a chain waits: what it can do shows in these
 
-Ahead = Callable[[Sequence[Score]], Collection[Chain]]
-Run = Callable[[Prepared, Sequence[Trial]], Sequence[Outcome]]
-Scored = Callable[[Prepared, Sequence[Outcome]], tuple[Score, ...]]
+Ahead = Callable[[Sequence[ChainScore]], Collection[Chain]]
+Run = Callable[[PreparedRoutines, Sequence[Trial]], Sequence[Outcome]]
+Scored = Callable[[PreparedRoutines, Sequence[Outcome]], tuple[ChainScore, ...]]
 
 
 @dataclass(slots=True, kw_only=True)
 class Heats:
     """How a race stands: who runs, who fell and why, and on what each was tried."""
 
-    prepared: Prepared
+    prepared: PreparedRoutines
     trials: Sequence[Trial]
     run: Run
     scored: Scored  # with bounds for dropping chains
@@ -32,7 +32,7 @@ class Heats:
     done: dict[Chain, int] = field(default_factory=dict)  # trials of each chain
     dropped: list[tuple[Chain, str]] = field(default_factory=list)
 
-    def round(self, end: int) -> list[Score]:
+    def round(self, end: int) -> list[ChainScore]:
         """Try the chains that the choice hangs on up to a trial; return their scores.
 
         Who that is may change with the trials: none is left out that matters by the
@@ -45,8 +45,8 @@ class Heats:
         return [score for score in self._scores() if score.trials == end]
 
     def left(
-        self, scores: Sequence[Score], fallen: Sequence[tuple[Chain, str]]
-    ) -> list[Score]:
+        self, scores: Sequence[ChainScore], fallen: Sequence[tuple[Chain, str]]
+    ) -> list[ChainScore]:
         """Drop who has fallen; return the scores of the others."""
         out = {chain for chain, _ in fallen}
         self.dropped += fallen
@@ -57,7 +57,7 @@ class Heats:
         out = {chain for chain, _ in self.dropped}
         return tuple(chain for chain in self.prepared.chains if chain not in out)
 
-    def _scores(self) -> tuple[Score, ...]:
+    def _scores(self) -> tuple[ChainScore, ...]:
         """Return the scores of all that run, by the trials that each had."""
         return self.scored(
             replace(self.prepared, chains=self._running()), self.outcomes

@@ -13,7 +13,7 @@ from microplan.featuresel.selection.constraints import (
 )
 from microplan.featuresel.selection.pareto import by_cost, front
 from microplan.featuresel.trials.chains import Chain
-from microplan.featuresel.trials.score import Score
+from microplan.featuresel.trials.score import ChainScore
 from microplan.optics.outline.tolerant_order import above, least
 
 
@@ -21,16 +21,16 @@ from microplan.optics.outline.tolerant_order import above, least
 class Selection:
     """The chain chosen, one to fall back on, and a sentence for every chain."""
 
-    chosen: Score | None  # None: no chain passes, and `advice` says what to relax
-    fallback: Score | None  # with another first routine if there is one
+    chosen: ChainScore | None  # None: no chain passes, and `advice` says what to relax
+    fallback: ChainScore | None  # with another first routine if there is one
     reasons: tuple[tuple[Chain, str], ...]  # in the order of the scores
     advice: str  # "" if a chain was chosen
     # reliable chains that none is both cheaper and more accurate than, cheapest first
-    pareto: tuple[Score, ...] = ()
+    pareto: tuple[ChainScore, ...] = ()
 
 
 def select(
-    scores: Sequence[Score],
+    scores: Sequence[ChainScore],
     *,
     tolerance_um: float,
     tolerance_theta_rad: float | None,
@@ -99,22 +99,22 @@ def select(
     )
 
 
-def _best(scores: Sequence[Score], task: Constraints) -> Score | None:
+def _best(scores: Sequence[ChainScore], task: Constraints) -> ChainScore | None:
     """Return the cheapest that leaves room, by the rule of `select`."""
-    chosen: Score | None = None
+    chosen: ChainScore | None = None
     limits = task.limits
     for score in by_cost(scores):
         if chosen is None:
             chosen = score
-        tight = above(task.use(chosen), limits.roomy)
+        tight = above(task.use(chosen), limits.margin_share)
         if tight and above(task.use(chosen), limits.better * task.use(score)):
             chosen = score
     return chosen
 
 
 def _fallback(
-    passing: Sequence[Score], chosen: Score | None, task: Constraints
-) -> Score | None:
+    passing: Sequence[ChainScore], chosen: ChainScore | None, task: Constraints
+) -> ChainScore | None:
     """Return the next best, one that begins with another routine if there is one."""
     if chosen is None:
         return None
@@ -123,7 +123,7 @@ def _fallback(
     return _best(apart, task) or _best(others, task)
 
 
-def _advice(scores: Sequence[Score], task: Constraints) -> str:
+def _advice(scores: Sequence[ChainScore], task: Constraints) -> str:
     """Return what to relax: what the best reliable chain needs, or another target."""
     if task.hidden():
         return f"{task.hidden()}: look from elsewhere, or at another feature"
@@ -133,7 +133,7 @@ def _advice(scores: Sequence[Score], task: Constraints) -> str:
     return _looser(reliable, task) if reliable else _safer(scores)
 
 
-def _looser(reliable: Sequence[Score], task: Constraints) -> str:
+def _looser(reliable: Sequence[ChainScore], task: Constraints) -> str:
     """Return the limits under which a reliable chain would pass, or what none tells."""
     whole = [s for s in reliable if not task.one_way(s)]
     if not whole:
@@ -153,7 +153,7 @@ def _looser(reliable: Sequence[Score], task: Constraints) -> str:
     return "too few trials to tell a spread"
 
 
-def _safer(scores: Sequence[Score]) -> str:
+def _safer(scores: Sequence[ChainScore]) -> str:
     """Return how near the most reliable chain comes, where none is."""
     rightest = max(by_cost(scores), key=lambda s: s.success - s.silent)
     return (
@@ -174,7 +174,7 @@ def _unambiguous(task: Constraints) -> str:
     )
 
 
-def _needs(score: Score, task: Constraints) -> str:
+def _needs(score: ChainScore, task: Constraints) -> str:
     """Return the limits the chain needs, in words."""
     parts = []
     if above(score.need_um, task.tolerance_um):
@@ -188,7 +188,10 @@ def _needs(score: Score, task: Constraints) -> str:
 
 
 def _reason(
-    score: Score, fault: str, chosen: Score | None, fallback: Score | None
+    score: ChainScore,
+    fault: str,
+    chosen: ChainScore | None,
+    fallback: ChainScore | None,
 ) -> str:
     """Return why a chain is taken or not; one without a fault passes."""
     if fault or chosen is None:

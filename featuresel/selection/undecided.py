@@ -8,11 +8,11 @@ from microplan.featuresel.selection.constraints import Constraints
 from microplan.featuresel.selection.pareto import by_cost
 from microplan.featuresel.selection.select import Selection
 from microplan.featuresel.trials.chains import Chain
-from microplan.featuresel.trials.score import Score
+from microplan.featuresel.trials.score import ChainScore
 
 
 def chains_ahead(
-    scores: Sequence[Score], found: Selection, task: Constraints
+    scores: Sequence[ChainScore], found: Selection, task: Constraints
 ) -> frozenset[Chain]:
     """Return the chains whose trials may change the choice or what it falls back on.
 
@@ -41,7 +41,7 @@ def chains_ahead(
         return frozenset(order)
     begun = chosen.chain[0]
     if fallback.chain[0] == begun or not (
-        task.is_roomy(chosen) and task.is_roomy(fallback)
+        task.has_margin(chosen) and task.has_margin(fallback)
     ):
         return frozenset(order)
     before = order[: order.index(chosen.chain) + 1]

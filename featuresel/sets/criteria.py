@@ -8,12 +8,12 @@ from dataclasses import dataclass
 
 from microplan.featuresel.features.feature import Feature
 from microplan.featuresel.sets.pose_covariance import (
-    Sight,
+    FeatureMeasurement,
     conditioning,
     controllability,
 )
 from microplan.featuresel.trials.chains import Chain
-from microplan.featuresel.trials.score import Score
+from microplan.featuresel.trials.score import ChainScore
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,8 +72,8 @@ class Candidate:
     """A feature with the chain that measures it, as trials saw it."""
 
     feature: Feature
-    score: Score
-    sight: Sight
+    score: ChainScore
+    sight: FeatureMeasurement
     seen: (
         float | None
     )  # share of its edges, from `microplan.featuresel.features.completeness`

@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from itertools import combinations
 
-from microplan.featuresel.sets.pose_covariance import Sight, jacobian
-from microplan.featuresel.sets.pose_requirement import Known, Need
-from microplan.featuresel.sets.set_search import Search
+from microplan.featuresel.sets.pose_covariance import FeatureMeasurement, jacobian
+from microplan.featuresel.sets.pose_requirement import PoseAccuracy, PoseRequirement
+from microplan.featuresel.sets.set_search import SetSearch
 from microplan.optics.outline.tolerant_order import at_most, least
 
 _MORE = 2  # features more than allowed that relaxations are tried with
@@ -23,7 +23,7 @@ class FeatureSet:
     """A set of features, best first as they were taken, and its standing."""
 
     names: tuple[str, ...]
-    known: Known
+    known: PoseAccuracy
     # with the worst feature dropped; infinite for a single one
     dropped_um: float
     dropped_theta_rad: float
@@ -33,7 +33,9 @@ class FeatureSet:
     relaxations: tuple[str, ...]  # each is enough; or what is missing; () if it is good
 
 
-def choose_set(sights: Sequence[Sight], need: Need) -> FeatureSet:
+def choose_set(
+    sights: Sequence[FeatureMeasurement], need: PoseRequirement
+) -> FeatureSet:
     """Return the smallest set that is good enough, the most telling of its size.
 
     For each size from one up, features are taken greedily by the determinant of the
@@ -66,11 +68,11 @@ def choose_set(sights: Sequence[Sight], need: Need) -> FeatureSet:
     names = [sight.name for sight in sights]
     if not names or len(set(names)) < len(names):
         raise ValueError(f"sights must have names that differ, got {names}")
-    search = Search.of(sights, need)
+    search = SetSearch.of(sights, need)
     return _result(search, search.chosen())
 
 
-def _result(search: Search, taken: tuple[int, ...]) -> FeatureSet:
+def _result(search: SetSearch, taken: tuple[int, ...]) -> FeatureSet:
     """Return the set with its standing."""
     found, dropped = search.known(taken), search.dropped(taken)
     qualifies = at_most(search.excess(taken), 1)
@@ -89,7 +91,7 @@ def _result(search: Search, taken: tuple[int, ...]) -> FeatureSet:
     )
 
 
-def _reason(search: Search, place: int, taken: tuple[int, ...]) -> str:
+def _reason(search: SetSearch, place: int, taken: tuple[int, ...]) -> str:
     """Return why a feature is in the set or not, with numbers."""
     sight, with_all = search.sights[place], search.known(taken)
     if place in taken:
@@ -112,12 +114,12 @@ def _reason(search: Search, place: int, taken: tuple[int, ...]) -> str:
     )
 
 
-def _swapped(search: Search, taken: Sequence[int], instead: Sequence[int]) -> str:
+def _swapped(search: SetSearch, taken: Sequence[int], instead: Sequence[int]) -> str:
     """Return the name of the feature that an exchange takes out."""
     return search.sights[next(k for k in taken if k not in instead)].name
 
 
-def _said(search: Search, found: Known) -> str:
+def _said(search: SetSearch, found: PoseAccuracy) -> str:
     """Return the sigmas in words."""
     words = f"sigma is {found.sigma_um:.3g} um"
     if search.need.sigma_theta_rad is not None:
@@ -125,7 +127,7 @@ def _said(search: Search, found: Known) -> str:
     return words
 
 
-def _relaxations(search: Search, taken: tuple[int, ...]) -> tuple[str, ...]:
+def _relaxations(search: SetSearch, taken: tuple[int, ...]) -> tuple[str, ...]:
     """Return what would let a set qualify: one change each, or two where one is none.
 
     Every way is tried. If none does, what is missing is said.
@@ -142,7 +144,7 @@ def _relaxations(search: Search, taken: tuple[int, ...]) -> tuple[str, ...]:
     return _missing(search)
 
 
-def _ways(search: Search, taken: tuple[int, ...]) -> list[tuple[str, Changes]]:
+def _ways(search: SetSearch, taken: tuple[int, ...]) -> list[tuple[str, Changes]]:
     """Return changes of the limits, in words and as they are."""
     need, found = search.need, search.known(taken)
     dropped = search.dropped(taken) if need.redundant else []
@@ -163,7 +165,7 @@ def _ways(search: Search, taken: tuple[int, ...]) -> list[tuple[str, Changes]]:
     return ways
 
 
-def _looser(need: Need, some: Sequence[Known]) -> tuple[str, Changes]:
+def _looser(need: PoseRequirement, some: Sequence[PoseAccuracy]) -> tuple[str, Changes]:
     """Return the sigmas that all of `some` meet; no change if those are infinite."""
     place = max(known.sigma_um for known in some) * _ROUND
     turn = max(known.sigma_theta_rad for known in some) * _ROUND
@@ -179,14 +181,14 @@ def _looser(need: Need, some: Sequence[Known]) -> tuple[str, Changes]:
     return " and ".join(words), tuple(changes)
 
 
-def _would_do(search: Search, changes: Mapping[str, float]) -> bool:
+def _would_do(search: SetSearch, changes: Mapping[str, float]) -> bool:
     """Return whether a set qualifies under other limits."""
     limits = {f.name: getattr(search.need, f.name) for f in fields(search.need)}
-    search = replace(search, need=Need(**{**limits, **changes}))
+    search = replace(search, need=PoseRequirement(**{**limits, **changes}))
     return at_most(search.excess(search.chosen()), 1)
 
 
-def _missing(search: Search) -> tuple[str, ...]:
+def _missing(search: SetSearch) -> tuple[str, ...]:
     """Return what no feature tells."""
     found = search.known(range(len(search.sights)))
     missing = []

@@ -10,14 +10,14 @@ import numpy as np
 
 from microplan.arrays import FloatArray, Point
 from microplan.featuresel.features.feature import Feature
-from microplan.featuresel.trials.score import Score
+from microplan.featuresel.trials.score import ChainScore
 
 FINEST_UM = 1e-4  # a spread below it counts as it: less than an atom's width
 _BLIND = 1e-6  # of the largest singular value: an arm of .1 nm on a part of 100 um
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Sight:
+class FeatureMeasurement:
     """One feature as a routine measures it, in the world's axes."""
 
     name: str
@@ -39,12 +39,12 @@ class Sight:
 
 def sight_of(
     feature: Feature,
-    score: Score,
+    score: ChainScore,
     *,
     about_um: Point,
     theta_rad: float,
     made_um: float = 0.0,
-) -> Sight:
+) -> FeatureMeasurement:
     """Return a feature as its trials saw it.
 
     Parameters
@@ -70,7 +70,7 @@ def sight_of(
     if score.sigma_theta_rad is not None and math.isfinite(score.need_theta_rad):
         turn = math.hypot(score.sigma_theta_rad, score.bias_theta_rad or 0.0)
     axis = score.axis_rad
-    return Sight(
+    return FeatureMeasurement(
         name=feature.name,
         x_um=c * x - s * y,
         y_um=s * x + c * y,
@@ -81,7 +81,7 @@ def sight_of(
     )
 
 
-def jacobian(sights: Sequence[Sight], radius_um: float) -> FloatArray:
+def jacobian(sights: Sequence[FeatureMeasurement], radius_um: float) -> FloatArray:
     """Return how what is measured moves with the pose, rotation as the rim's way.
 
     Parameters
@@ -110,7 +110,7 @@ def jacobian(sights: Sequence[Sight], radius_um: float) -> FloatArray:
     return _rows(sights, radius_um)[0]
 
 
-def information(sights: Sequence[Sight], radius_um: float) -> FloatArray:
+def information(sights: Sequence[FeatureMeasurement], radius_um: float) -> FloatArray:
     """Return sum J^T R^-1 J, (3, 3), per um2; arguments as in `jacobian`."""
     rows, sigmas = _rows(sights, radius_um)
     weighted = rows / sigmas[:, None]
@@ -118,7 +118,9 @@ def information(sights: Sequence[Sight], radius_um: float) -> FloatArray:
     return found
 
 
-def conditioning(sights: Sequence[Sight], radius_um: float, *, angle: bool) -> float:
+def conditioning(
+    sights: Sequence[FeatureMeasurement], radius_um: float, *, angle: bool
+) -> float:
     """Return largest over smallest singular value of the Jacobian, or infinity.
 
     Parameters
@@ -138,7 +140,7 @@ def conditioning(sights: Sequence[Sight], radius_um: float, *, angle: bool) -> f
 
 
 def controllability(
-    sights: Sequence[Sight], radius_um: float, *, angle: bool
+    sights: Sequence[FeatureMeasurement], radius_um: float, *, angle: bool
 ) -> tuple[int, float]:
     """Return rank and smallest singular value of the Jacobian, see `conditioning`.
 
@@ -150,7 +152,7 @@ def controllability(
     return rank, float(values[-1]) if rank == rows.shape[1] else 0.0
 
 
-def covariance(sights: Sequence[Sight], radius_um: float) -> FloatArray:
+def covariance(sights: Sequence[FeatureMeasurement], radius_um: float) -> FloatArray:
     """Return the pose's covariance (sum J^T R^-1 J)^-1; arguments as in `jacobian`.
 
     Returns
@@ -178,7 +180,9 @@ def covariance(sights: Sequence[Sight], radius_um: float) -> FloatArray:
     return (found + found.T) / 2
 
 
-def _rows(sights: Sequence[Sight], radius_um: float) -> tuple[FloatArray, FloatArray]:
+def _rows(
+    sights: Sequence[FeatureMeasurement], radius_um: float
+) -> tuple[FloatArray, FloatArray]:
     """Return the Jacobian's rows and the spread of each, um."""
     if not radius_um > 0:
         raise ValueError(f"radius_um must be positive, got {radius_um}")

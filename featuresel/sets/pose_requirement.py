@@ -8,13 +8,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from microplan.featuresel.sets.pose_covariance import Sight, conditioning, covariance
+from microplan.featuresel.sets.pose_covariance import (
+    FeatureMeasurement,
+    conditioning,
+    covariance,
+)
 
 CONDITIONING = 50.0  # a set beyond it hardly sees some motion
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Need:
+class PoseRequirement:
     """What a set has to tell."""
 
     sigma_um: float  # at most, of the place in the direction known worst
@@ -33,7 +37,7 @@ class Need:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Known:
+class PoseAccuracy:
     """How well a set tells the pose."""
 
     covariance: tuple[tuple[float, float, float], ...]  # x, y, um; theta, rad
@@ -42,7 +46,7 @@ class Known:
     conditioning: float
 
 
-def known(sights: Sequence[Sight], need: Need) -> Known:
+def known(sights: Sequence[FeatureMeasurement], need: PoseRequirement) -> PoseAccuracy:
     """Return how well the features together tell the pose."""
     found = covariance(sights, need.radius_um)
     place = found[:2, :2]
@@ -51,7 +55,7 @@ def known(sights: Sequence[Sight], need: Need) -> Known:
         worst = math.sqrt(float(np.linalg.eigvalsh(place)[-1]))
     angle = np.array([1.0, 1.0, 1 / need.radius_um])
     rows = (found * np.outer(angle, angle)).tolist()
-    return Known(
+    return PoseAccuracy(
         covariance=tuple((row[0], row[1], row[2]) for row in rows),
         sigma_um=worst,
         sigma_theta_rad=math.sqrt(rows[2][2]),
@@ -61,7 +65,7 @@ def known(sights: Sequence[Sight], need: Need) -> Known:
     )
 
 
-def log_det(sights: Sequence[Sight], need: Need) -> float:
+def log_det(sights: Sequence[FeatureMeasurement], need: PoseRequirement) -> float:
     """Return -log det of the covariance of what is wanted, um; -inf if it is blind."""
     wanted = 2 if need.sigma_theta_rad is None else 3
     found = covariance(sights, need.radius_um)[:wanted, :wanted]

@@ -8,8 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from microplan.arrays import FloatArray
-from microplan.featuresel.sets.pose_covariance import Sight, information
-from microplan.featuresel.sets.pose_requirement import Known, Need, known
+from microplan.featuresel.sets.pose_covariance import FeatureMeasurement, information
+from microplan.featuresel.sets.pose_requirement import (
+    PoseAccuracy,
+    PoseRequirement,
+    known,
+)
 from microplan.optics.outline.tolerant_order import above, at_most, least, ordered
 
 MARGIN = 0.02  # of log det: a hundredth of every sigma is no reason to pay more
@@ -18,15 +22,17 @@ _SWEEPS = 20  # of exchanges: two are enough but for ties
 
 
 @dataclass(frozen=True, slots=True)
-class Search:
+class SetSearch:
     """One choice among some features; sets are tuples of their places in `sights`."""
 
-    sights: tuple[Sight, ...]
-    need: Need
+    sights: tuple[FeatureMeasurement, ...]
+    need: PoseRequirement
     matrices: FloatArray  # (N, 3, 3) what each tells
 
     @classmethod
-    def of(cls, sights: Sequence[Sight], need: Need) -> Search:
+    def of(
+        cls, sights: Sequence[FeatureMeasurement], need: PoseRequirement
+    ) -> SetSearch:
         """Return the search among `sights`."""
         matrices = [information([sight], need.radius_um) for sight in sights]
         return cls(sights=tuple(sights), need=need, matrices=np.array(matrices))
@@ -70,11 +76,11 @@ class Search:
             shares.append(max(map(self.share, self.dropped(taken))))
         return max(shares)
 
-    def some(self, taken: Sequence[int]) -> list[Sight]:
+    def some(self, taken: Sequence[int]) -> list[FeatureMeasurement]:
         """Return the features of a set."""
         return [self.sights[k] for k in taken]
 
-    def known(self, taken: Sequence[int]) -> Known:
+    def known(self, taken: Sequence[int]) -> PoseAccuracy:
         """Return how well some features tell the pose."""
         return known(self.some(taken), self.need)
 
@@ -96,11 +102,11 @@ class Search:
         """Return the work of measuring a set."""
         return sum(self.sights[k].cost for k in taken)
 
-    def dropped(self, taken: Sequence[int]) -> list[Known]:
+    def dropped(self, taken: Sequence[int]) -> list[PoseAccuracy]:
         """Return what is known with each feature dropped in turn."""
         return [self.known([k for k in taken if k != out]) for out in taken]
 
-    def share(self, found: Known) -> float:
+    def share(self, found: PoseAccuracy) -> float:
         """Return the larger sigma over its limit."""
         share = found.sigma_um / self.need.sigma_um
         if self.need.sigma_theta_rad is None:

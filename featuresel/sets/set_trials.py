@@ -13,11 +13,11 @@ from microplan.featuresel.look.perturb import image
 from microplan.featuresel.look.reference_point import Located, located
 from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.routines.contract import Failure
-from microplan.featuresel.routines.fusion import Believed, Seen, fuse
+from microplan.featuresel.routines.fusion import Believed, SeenFeature, fuse
 from microplan.featuresel.trials.chains import Chain
 from microplan.featuresel.trials.outcomes import Outcome
-from microplan.featuresel.trials.score import Score, chain_cost, score_chain
-from microplan.featuresel.trials.trials import Map, Prepared, follow, outcome_of
+from microplan.featuresel.trials.score import ChainScore, chain_cost, score_chain
+from microplan.featuresel.trials.trials import Map, PreparedRoutines, follow, outcome_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,8 +25,8 @@ class Member:
     """A feature of a set, with the chain that measures it."""
 
     case: LookCase  # a look at the feature itself, through the same region
-    prepared: Prepared  # of its one chain
-    score: Score  # of that chain, by the feature's own trials
+    prepared: PreparedRoutines  # of its one chain
+    score: ChainScore  # of that chain, by the feature's own trials
     offset_um: tuple[float, float]  # from the set's point, in the part's frame
     sigma_um: float  # of its place per axis, what the part's making adds in it
 
@@ -48,7 +48,7 @@ def score_set(
     *,
     least: int,
     map: Map = map,  # noqa: A002 - it is the builtin, or a pool's
-) -> Score:
+) -> ChainScore:
     """Return what the members tell together of the case's target, by fresh trials.
 
     Parameters
@@ -93,7 +93,7 @@ def _tried(
     """Return what the set says of one trial."""
     picture = image(case, trial)
     found = [_seen(member, picture) for member in members]
-    answered = [seen for seen in found if isinstance(seen, Seen)]
+    answered = [seen for seen in found if isinstance(seen, SeenFeature)]
     if len(answered) < least:
         missed = next(seen for seen in found if isinstance(seen, Failure))
         return outcome_of(case, trial, _chain(members), missed)
@@ -119,7 +119,7 @@ def _believed(case: LookCase) -> Believed | None:
     )
 
 
-def _seen(member: Member, picture: FloatArray) -> Seen | Failure:
+def _seen(member: Member, picture: FloatArray) -> SeenFeature | Failure:
     """Return a feature as one image shows it, its mean error taken off."""
     case = member.case
     found = follow(case, member.prepared, member.chain, picture, {})
@@ -137,7 +137,7 @@ def _seen(member: Member, picture: FloatArray) -> Seen | Failure:
     sigma_theta = math.hypot(
         member.score.sigma_theta_rad or 0.0, member.score.bias_theta_rad or 0.0
     )
-    return Seen(
+    return SeenFeature(
         x_um=place.x_um - (c * x - s * y),
         y_um=place.y_um - (s * x + c * y),
         sigma_um=member.sigma_um,

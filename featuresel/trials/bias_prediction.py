@@ -16,7 +16,12 @@ from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.trials.bias import BiasCurve
 from microplan.featuresel.trials.chains import Chain
 from microplan.featuresel.trials.outcomes import Outcome
-from microplan.featuresel.trials.trials import Map, Prepared, is_wrong, measure_picture
+from microplan.featuresel.trials.trials import (
+    Map,
+    PreparedRoutines,
+    is_wrong,
+    measure_picture,
+)
 
 _REACH = 3.0  # sigmas of the focus: trials go no farther
 _HEIGHTS = 9  # within that; the bias between two of them is interpolated
@@ -25,7 +30,7 @@ _TURN = 1.0  # sigmas of the angle, to both sides
 
 def predict_bias(
     case: LookCase,
-    prepared: Prepared,
+    prepared: PreparedRoutines,
     *,
     dz_um: Sequence[float] | None = None,
     poses: int = 4,
@@ -115,7 +120,7 @@ def _poses(case: LookCase, count: int, root_seed: int) -> tuple[Trial, ...]:
 
 
 def _at_height(
-    case: LookCase, prepared: Prepared, poses: tuple[Trial, ...], dz_um: float
+    case: LookCase, prepared: PreparedRoutines, poses: tuple[Trial, ...], dz_um: float
 ) -> list[Outcome]:
     """Return what every chain says at one focus height, pose by pose."""
     render = nominal_render(case)

@@ -13,7 +13,7 @@ COVERAGE = 0.95  # of intervals, two-sided
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Calibration:
+class SigmaCalibration:
     """What a routine's own spread along one axis is multiplied by.
 
     `sigma` is one standard deviation; `half` holds `COVERAGE` of the errors, whatever
@@ -34,7 +34,7 @@ class Calibration:
         return self.reach * spread
 
 
-def calibrate(errors: FloatArray, spreads: FloatArray) -> Calibration | None:
+def calibrate(errors: FloatArray, spreads: FloatArray) -> SigmaCalibration | None:
     """Return the calibration of one axis.
 
     Parameters
@@ -68,7 +68,7 @@ def calibrate(errors: FloatArray, spreads: FloatArray) -> Calibration | None:
     bias = float(errors.mean())
     ratios = np.sort(np.abs(errors - bias) / spreads)
     place = math.ceil((len(ratios) + 1) * COVERAGE)
-    return Calibration(
+    return SigmaCalibration(
         bias=bias,
         factor=math.sqrt(float((ratios**2).sum()) / (len(ratios) - 3)),
         reach=float(ratios[place - 1]) if place <= len(ratios) else math.inf,

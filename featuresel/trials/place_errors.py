@@ -10,7 +10,7 @@ import numpy as np
 
 from microplan.arrays import FloatArray
 from microplan.featuresel.trials.bounds import Estimate, estimate
-from microplan.featuresel.trials.calibration import Calibration, calibrate
+from microplan.featuresel.trials.calibration import SigmaCalibration, calibrate
 from microplan.featuresel.trials.outcomes import Outcome
 
 
@@ -22,8 +22,8 @@ class PlaceErrors:
     y: Estimate | None = None
     along: Estimate | None = None
     axis_rad: float | None = None
-    spread_x: Calibration | None = None
-    spread_y: Calibration | None = None
+    spread_x: SigmaCalibration | None = None
+    spread_y: SigmaCalibration | None = None
 
     @classmethod
     def of(cls, right: Sequence[Outcome], confidence: float) -> PlaceErrors:

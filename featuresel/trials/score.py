@@ -20,17 +20,17 @@ from microplan.featuresel.trials.bounds import (
 from microplan.featuresel.trials.bounds import Estimate, estimate
 from microplan.featuresel.trials.bounds import failure_upper as failure_upper
 from microplan.featuresel.trials.bounds import success_lower as success_lower
-from microplan.featuresel.trials.calibration import Calibration, calibrate
+from microplan.featuresel.trials.calibration import SigmaCalibration, calibrate
 from microplan.featuresel.trials.chains import Chain
 from microplan.featuresel.trials.outcomes import Outcome, Outcomes
 from microplan.featuresel.trials.place_errors import PlaceErrors, given
-from microplan.featuresel.trials.trials import Prepared, is_wrong
+from microplan.featuresel.trials.trials import PreparedRoutines, is_wrong
 
 _TOGETHER = 4  # sigma and mean of two axes: their bounds hold all at once
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Score:
+class ChainScore:
     """What the trials said of one chain; statistics are over its successes.
 
     Axes are those of the target's frame. Where the place is known in one direction
@@ -60,9 +60,9 @@ class Score:
     zoom: Estimate | None = None  # of the ratio to nominal
     axis_rad: float | None = None  # the one direction known, in the target's frame
     # the chain's own spread to an honest one; along x where that is the one direction
-    spread_x: Calibration | None = None
-    spread_y: Calibration | None = None
-    spread_theta: Calibration | None = None
+    spread_x: SigmaCalibration | None = None
+    spread_y: SigmaCalibration | None = None
+    spread_theta: SigmaCalibration | None = None
     worst_trial: int | None = None  # of the answers by distance: see `design.rebuild`
     median_trial: int | None = None
     first_failing: int | None = None  # aloud or silently
@@ -120,13 +120,13 @@ class Score:
 
 def score(
     case: LookCase,
-    prepared: Prepared,
+    prepared: PreparedRoutines,
     outcomes: Sequence[Outcome],
     *,
-    peeks: int = 1,
+    interim_tests: int = 1,
     limit_um: float | None = None,
     curves: Mapping[Chain, BiasCurve] | None = None,
-) -> tuple[Score, ...]:
+) -> tuple[ChainScore, ...]:
     """Return one score per chain, in the order of `prepared.chains`.
 
     A success is an answer within `WRONG_TOLERANCES` tolerances (place, and angle where
@@ -140,7 +140,7 @@ def score(
         Its chains; each must have an outcome.
     outcomes : sequence of Outcome
         Of trials; chains may have different numbers of them.
-    peeks : int
+    interim_tests : int
         How often the number of trials was decided upon by looking at outcomes. The
         bounds are widened to hold at all of these times at once (union bound).
     limit_um : float, optional
@@ -151,10 +151,10 @@ def score(
     Raises
     ------
     ValueError
-        If a chain has no outcome, or `peeks` is below 1.
+        If a chain has no outcome, or `interim_tests` is below 1.
     """
-    if peeks < 1:
-        raise ValueError(f"peeks must be at least 1, got {peeks}")
+    if interim_tests < 1:
+        raise ValueError(f"interim_tests must be at least 1, got {interim_tests}")
     whole = Outcomes.of(outcomes)
     return tuple(
         score_chain(
@@ -162,7 +162,7 @@ def score(
             chain,
             whole.by(chain),
             chain_cost(case, prepared, chain),
-            confidence=1 - (1 - CONFIDENCE) / peeks,
+            confidence=1 - (1 - CONFIDENCE) / interim_tests,
             limit_um=limit_um,
             curve=None if curves is None else curves.get(chain),
         )
@@ -170,7 +170,7 @@ def score(
     )
 
 
-def chain_cost(case: LookCase, prepared: Prepared, chain: Chain) -> float:
+def chain_cost(case: LookCase, prepared: PreparedRoutines, chain: Chain) -> float:
     """Return the predicted work of one fix, in 640 x 480 box filters.
 
     A routine that could not be prepared costs nothing: it never runs.
@@ -192,7 +192,7 @@ def score_chain(
     confidence: float = CONFIDENCE,
     limit_um: float | None = None,
     curve: BiasCurve | None = None,
-) -> Score:
+) -> ChainScore:
     """Return the score of one chain, or of a set of features, by its own outcomes."""
     codes = Counter(o.failure for o in outcomes if o.failure is not None)
     far = sorted((o.distance_um, o.trial) for o in outcomes if o.failure is None)
@@ -203,7 +203,7 @@ def score_chain(
     good = {o.trial for o in right}
     parts = PlaceErrors.of(right, 1 - (1 - confidence) / _TOGETHER)
     theta = estimate(_turns(right), confidence)
-    return Score(
+    return ChainScore(
         chain=chain,
         trials=len(outcomes),
         success=len(right),
@@ -243,7 +243,7 @@ def _turns(right: Sequence[Outcome]) -> FloatArray:
     return given([o.theta_rad for o in right])
 
 
-def _theta_spread(right: Sequence[Outcome]) -> Calibration | None:
+def _theta_spread(right: Sequence[Outcome]) -> SigmaCalibration | None:
     """Return the calibration of the angle; 1 rad stands for a spread not given."""
     claims = [
         (o.theta_rad, 1.0 if o.spread_theta_rad is None else o.spread_theta_rad)

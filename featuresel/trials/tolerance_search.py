@@ -22,7 +22,7 @@ from microplan.featuresel.look.focus_series import (
 from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.trials.bias import BiasCurve
 from microplan.featuresel.trials.outcomes import Outcome
-from microplan.featuresel.trials.trials import Prepared, measure_picture
+from microplan.featuresel.trials.trials import PreparedRoutines, measure_picture
 
 BytesArray = npt.NDArray[np.uint8]
 Setting = Literal["focus", "zoom", "light", "gradient", "pose"]
@@ -84,11 +84,11 @@ class Reached:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Search:
+class ToleranceSearch:
     """One chain of a look, asked how far settings may drift."""
 
     case: LookCase
-    prepared: Prepared  # the chain alone
+    prepared: PreparedRoutines  # the chain alone
     root_seed: int
     draws: int  # noisy images at each drift
     curve: BiasCurve | None = None  # taken off the places that the chain finds

@@ -15,7 +15,7 @@ from microplan.featuresel.look.nominal import nominal_render
 from microplan.featuresel.look.perturb import counts, image
 from microplan.featuresel.look.reference_point import Located, along, located
 from microplan.featuresel.look.scenario import LookCase
-from microplan.featuresel.routines.chain import Progress, advance
+from microplan.featuresel.routines.chain import ChainState, advance
 from microplan.featuresel.routines.contract import Artifact, Failure, Guess, Measurement
 from microplan.featuresel.routines.registry import load
 from microplan.featuresel.trials.bias import BiasCurve, unbiased
@@ -48,14 +48,14 @@ class Map(Protocol):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Prepared:
+class PreparedRoutines:
     """Routines made ready for one look; a routine that could not be is a Failure."""
 
     chains: tuple[Chain, ...]
     artifacts: Mapping[str, Artifact | Failure]
 
 
-def prepare(case: LookCase, chains: Sequence[Chain]) -> Prepared:
+def prepare(case: LookCase, chains: Sequence[Chain]) -> PreparedRoutines:
     """Return each routine of `chains` prepared once, on the nominal image."""
     names = sorted({name for chain in chains for name in chain})
     render = nominal_render(case)
@@ -67,7 +67,7 @@ def prepare(case: LookCase, chains: Sequence[Chain]) -> Prepared:
             artifacts[name] = Failure(code="wrong_kind", message=message)
         else:
             artifacts[name] = routine.prepare(render, case.target)
-    return Prepared(chains=tuple(chains), artifacts=artifacts)
+    return PreparedRoutines(chains=tuple(chains), artifacts=artifacts)
 
 
 def start(case: LookCase) -> Guess:
@@ -83,7 +83,7 @@ def start(case: LookCase) -> Guess:
 
 def run(
     case: LookCase,
-    prepared: Prepared,
+    prepared: PreparedRoutines,
     trials: Sequence[Trial],
     map: Map = map,  # noqa: A002 - it is the builtin, or a pool's
     curves: Curves | None = None,
@@ -135,7 +135,7 @@ def run(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Asked:
+class _PlannedTrial:
     """A trial, the chains that are to measure it, and its picture if that is known."""
 
     trial: Trial
@@ -143,9 +143,9 @@ class _Asked:
     picture: CountArray | None
 
 
-def _asked(prepared: Prepared, trial: Trial, seen: Known) -> _Asked:
+def _asked(prepared: PreparedRoutines, trial: Trial, seen: Known) -> _PlannedTrial:
     """Return what is not known of a trial yet."""
-    return _Asked(
+    return _PlannedTrial(
         trial=trial,
         chains=tuple(
             chain
@@ -157,7 +157,10 @@ def _asked(prepared: Prepared, trial: Trial, seen: Known) -> _Asked:
 
 
 def measure_trial(
-    case: LookCase, prepared: Prepared, trial: Trial, curves: Curves | None = None
+    case: LookCase,
+    prepared: PreparedRoutines,
+    trial: Trial,
+    curves: Curves | None = None,
 ) -> tuple[Outcome, ...]:
     """Return what each chain says of one trial's image."""
     return measure_picture(case, prepared, trial, image(case, trial), curves)
@@ -165,13 +168,13 @@ def measure_trial(
 
 def measure_picture(
     case: LookCase,
-    prepared: Prepared,
+    prepared: PreparedRoutines,
     trial: Trial,
     picture: FloatArray,
     curves: Curves | None = None,
 ) -> tuple[Outcome, ...]:
     """Return what each chain says of an image of the region in which `trial` holds."""
-    done: dict[Chain, Progress | Failure] = {}
+    done: dict[Chain, ChainState | Failure] = {}
     known = curves or {}
     return tuple(
         _outcome(
@@ -187,16 +190,16 @@ def measure_picture(
 
 def follow(
     case: LookCase,
-    prepared: Prepared,
+    prepared: PreparedRoutines,
     chain: Chain,
     picture: FloatArray,
-    done: dict[Chain, Progress | Failure],
+    done: dict[Chain, ChainState | Failure],
 ) -> Measurement | Failure:
     """Return what `measure_chain` would, doing a beginning that chains share once.
 
     `done` holds the beginnings done on this image so far, and takes what is added.
     """
-    progress = Progress(guess=start(case))
+    progress = ChainState(guess=start(case))
     for length, name in enumerate(chain, 1):
         beginning = chain[:length]
         if beginning not in done:
@@ -210,8 +213,8 @@ def follow(
 
 
 def _step(
-    prepared: Prepared, name: str, picture: FloatArray, progress: Progress
-) -> Progress | Failure:
+    prepared: PreparedRoutines, name: str, picture: FloatArray, progress: ChainState
+) -> ChainState | Failure:
     """Return the state after one routine, which may not even be prepared."""
     artifact = prepared.artifacts[name]
     if isinstance(artifact, Failure):
@@ -221,10 +224,10 @@ def _step(
 
 def _run_chunk(
     case: LookCase,
-    prepared: Prepared,
+    prepared: PreparedRoutines,
     curves: Curves,
     keeps: bool,  # noqa: FBT001 - a partial's
-    asked: Sequence[_Asked],
+    asked: Sequence[_PlannedTrial],
 ) -> list[tuple[tuple[Outcome, ...], CountArray | None]]:
     """Return the outcomes of some trials, in order, and pictures that are new."""
     found = []

@@ -9,8 +9,12 @@ from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.trials.bias import BiasCurve
 from microplan.featuresel.trials.chains import Chain
 from microplan.featuresel.trials.outcomes import Outcome
-from microplan.featuresel.trials.tolerance_search import BytesArray, Direction, Search
-from microplan.featuresel.trials.trials import Map, Prepared
+from microplan.featuresel.trials.tolerance_search import (
+    BytesArray,
+    Direction,
+    ToleranceSearch,
+)
+from microplan.featuresel.trials.trials import Map, PreparedRoutines
 
 # Focus goes farther and takes longer: those two first.
 NEARER, FARTHER = Direction("focus", -1), Direction("focus", 1)
@@ -29,7 +33,7 @@ class UsableRange:
 
 def usable_range(
     case: LookCase,
-    prepared: Prepared,
+    prepared: PreparedRoutines,
     chain: Chain,
     *,
     root_seed: int,
@@ -50,7 +54,7 @@ def usable_range(
     ValueError
         If `draws` is below 1.
     """
-    search = Search(
+    search = ToleranceSearch(
         case=case,
         prepared=alone(prepared, chain),
         root_seed=root_seed,
@@ -67,10 +71,10 @@ def usable_range(
     )
 
 
-def alone(prepared: Prepared, chain: Chain) -> Prepared:
+def alone(prepared: PreparedRoutines, chain: Chain) -> PreparedRoutines:
     """Return what one chain needs of what was prepared."""
     artifacts = {name: prepared.artifacts[name] for name in chain}
-    return Prepared(chains=(chain,), artifacts=artifacts)
+    return PreparedRoutines(chains=(chain,), artifacts=artifacts)
 
 
 def _meets(case: LookCase, outcome: Outcome) -> bool:

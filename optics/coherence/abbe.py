@@ -10,13 +10,13 @@ import numpy.typing as npt
 from scipy import fft
 
 from microplan.arrays import ComplexArray, FloatArray
-from microplan.optics.coherence.source import Source
+from microplan.optics.coherence.source import LightSource
 from microplan.optics.render.spectrum import Spectrum, Tile
 from microplan.optics.transfer.microscope import Microscope
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Sheet:
+class TransmissionSheet:
     """The bodies of one height on a tile; coefficients run from -K to K and -J to J."""
 
     z_um: float  # above the plane in focus
@@ -43,11 +43,11 @@ def band_per_um(tile: Tile, microscope: Microscope, coherence: float) -> float:
 
 
 def intensity(
-    sheets: list[Sheet],
+    sheets: list[TransmissionSheet],
     background: float,
     tile: Tile,
     microscope: Microscope,
-    source: Source,
+    source: LightSource,
 ) -> Spectrum:
     """Return the coefficients of an image's intensity, without the camera.
 
@@ -69,11 +69,11 @@ def intensity(
     Spectrum
         Up to the incoherent cutoff along x and along y.
     """
-    grid = _Grid.of(tile, microscope)
+    grid = _OrderGrid.of(tile, microscope)
     masks = [1 - grid.cover(s, microscope) for s in sheets[1:]]
     total = np.zeros(grid.shape)
     for sx, sy, weight in zip(source.x, source.y, source.weight, strict=True):
-        look = _Look.of(grid, microscope, float(sx), float(sy))
+        look = _SourcePoint.of(grid, microscope, float(sx), float(sy))
         field = look.first(grid, sheets[0], background)
         for sheet, mask in zip(sheets[1:], masks, strict=True):
             field = look.pass_by(grid, field, sheet, mask)
@@ -83,7 +83,7 @@ def intensity(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Grid:
+class _OrderGrid:
     """Points that hold a squared amplitude whose orders reach J and K."""
 
     tile: Tile
@@ -92,7 +92,7 @@ class _Grid:
     shape: tuple[int, int]  # over 4 K, over 4 J: squares and masked fields do not fold
 
     @classmethod
-    def of(cls, tile: Tile, microscope: Microscope) -> _Grid:
+    def of(cls, tile: Tile, microscope: Microscope) -> _OrderGrid:
         """Return the grid of a tile; the pupil's rim is within J and K."""
         radius = microscope.cutoff_per_um / 2
         J = math.floor(radius * tile.width_um) + 1
@@ -111,7 +111,7 @@ class _Grid:
         found[top : top + part.shape[0], left : left + part.shape[1]] = part
         return found
 
-    def cover(self, sheet: Sheet, microscope: Microscope) -> FloatArray:
+    def cover(self, sheet: TransmissionSheet, microscope: Microscope) -> FloatArray:
         """Return a sheet's indicator as far as it can turn light within the pupil."""
         cutoff = microscope.cutoff_per_um
         block = self.block(sheet.cover, 0, 0, 2)
@@ -150,7 +150,7 @@ class _Grid:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Look:
+class _SourcePoint:
     """One source point: which orders pass the pupil, and how defocus turns them."""
 
     order: tuple[int, int]  # (k, j) of the block's middle, near the pupil's
@@ -159,7 +159,9 @@ class _Look:
     light: float  # the same for the light on its way down
 
     @classmethod
-    def of(cls, grid: _Grid, microscope: Microscope, sx: float, sy: float) -> _Look:
+    def of(
+        cls, grid: _OrderGrid, microscope: Microscope, sx: float, sy: float
+    ) -> _SourcePoint:
         """Return the look of a source point, in radii of the pupil."""
         radius = microscope.cutoff_per_um / 2
         W, H = grid.tile.width_um, grid.tile.height_um
@@ -179,7 +181,9 @@ class _Look:
             light=wave * (n - low / (n + math.sqrt(n**2 - low))),
         )
 
-    def first(self, grid: _Grid, sheet: Sheet, background: float) -> ComplexArray:
+    def first(
+        self, grid: _OrderGrid, sheet: TransmissionSheet, background: float
+    ) -> ComplexArray:
         """Return the block in the pupil from the lowest sheet and what lies below."""
         field = grid.block(sheet.amplitude, *self.order, 1)
         if background:
@@ -190,7 +194,11 @@ class _Look:
         return field * self._from(sheet.z_um)
 
     def pass_by(
-        self, grid: _Grid, field: ComplexArray, sheet: Sheet, mask: FloatArray
+        self,
+        grid: _OrderGrid,
+        field: ComplexArray,
+        sheet: TransmissionSheet,
+        mask: FloatArray,
     ) -> ComplexArray:
         """Return the block after a higher sheet has blocked and added its light."""
         turn = np.exp(1j * sheet.z_um * self.path)

@@ -9,7 +9,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from microplan.arrays import ComplexArray, FloatArray
-from microplan.optics.coherence.abbe import Sheet, band_per_um, centred, intensity
+from microplan.optics.coherence.abbe import (
+    TransmissionSheet,
+    band_per_um,
+    centred,
+    intensity,
+)
 from microplan.optics.coherence.source import SAMPLES, disc_source
 from microplan.optics.outline.outline import Outline
 from microplan.optics.render.pixels import choose_tile, sample, to_world
@@ -161,9 +166,9 @@ def _sheets(
     spectra: Sequence[Spectrum],
     microscope: Microscope,
     focus_um: float,
-) -> list[Sheet]:
+) -> list[TransmissionSheet]:
     """Join layers of one height unless they overlap; lowest first."""
-    sheets: list[Sheet] = []
+    sheets: list[TransmissionSheet] = []
     pairs = zip(layers, spectra, strict=True)
     for z_um, group in itertools.groupby(pairs, key=lambda pair: pair[0].z_um):
         members = list(group)
@@ -175,11 +180,11 @@ def _sheets(
     return sheets
 
 
-def _sheet(members: Sequence[tuple[Layer, Spectrum]], z_um: float) -> Sheet:
+def _sheet(members: Sequence[tuple[Layer, Spectrum]], z_um: float) -> TransmissionSheet:
     """Add up bodies side by side."""
     cover = sum(s.values for _, s in members)
     amplitude = sum(math.sqrt(each.reflectance) * s.values for each, s in members)
-    return Sheet(
+    return TransmissionSheet(
         z_um=z_um,
         cover=centred(np.asarray(cover, dtype=np.complex128)),
         amplitude=centred(np.asarray(amplitude, dtype=np.complex128)),

@@ -14,7 +14,7 @@ _GOLDEN = (math.sqrt(5) - 1) / 2  # of a step: no two rings stand alike
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Source:
+class LightSource:
     """Weighted points of a disc, in radii of the objective's pupil."""
 
     x: FloatArray  # (N,)
@@ -35,7 +35,7 @@ def source_error(samples: int) -> float:
     return 1.5 / samples**2
 
 
-def disc_source(coherence: float, samples: int, *, half: bool = False) -> Source:
+def disc_source(coherence: float, samples: int, *, half: bool = False) -> LightSource:
     """Return rings of points that fill the condenser's disc evenly.
 
     Parameters
@@ -75,7 +75,7 @@ def disc_source(coherence: float, samples: int, *, half: bool = False) -> Source
         x.append(radius * np.cos(turn))
         y.append(radius * np.sin(turn))
         weight.append(np.full(pick, share / pick))
-    return Source(
+    return LightSource(
         x=np.concatenate(x), y=np.concatenate(y), weight=np.concatenate(weight)
     )
 

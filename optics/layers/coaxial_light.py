@@ -36,7 +36,7 @@ _COARSE = Sampling(band_error=1e-3, margin=12.0, near=12.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Shade:
+class LayerShade:
     """What the layers of one height keep from a face."""
 
     z_um: float  # of the layers
@@ -59,11 +59,11 @@ class Shade:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Light:
+class Irradiance:
     """The light that reaches one height."""
 
     z_um: float
-    shades: tuple[Shade, ...]  # none: all of it does
+    shades: tuple[LayerShade, ...]  # none: all of it does
 
     @property
     def step_um(self) -> float:
@@ -77,7 +77,7 @@ class Light:
             share *= 1 - np.clip(shade.on(lattice), 0.0, 1.0)
         return share
 
-    def displaced(self, by_um: tuple[float, float]) -> Light:
+    def displaced(self, by_um: tuple[float, float]) -> Irradiance:
         """Return the light under the same layers displaced."""
         moved = (
             replace(s, by_um=(s.by_um[0] + by_um[0], s.by_um[1] + by_um[1]))
@@ -85,7 +85,7 @@ class Light:
         )
         return replace(self, shades=tuple(moved))
 
-    def with_(self, other: Light) -> Light:
+    def with_(self, other: Irradiance) -> Irradiance:
         """Return the light under the layers of both."""
         if other.z_um != self.z_um:
             raise ValueError(f"lights of heights {self.z_um} and {other.z_um}")
@@ -103,7 +103,7 @@ def lights(
     focus_um: Sequence[float],
     window: Window | None = None,
     shift_um: tuple[float, float] = (0.0, 0.0),
-) -> tuple[Light, ...]:
+) -> tuple[Irradiance, ...]:
     """Return how much of the lamp's light reaches each height through layers above it.
 
     Parameters
@@ -149,7 +149,7 @@ def lights(
             for top in above
         )
         kept = tuple(shade for shade in shades if shade is not None)
-        found.append(Light(z_um=z_um, shades=kept))
+        found.append(Irradiance(z_um=z_um, shades=kept))
     return tuple(found)
 
 
@@ -183,7 +183,7 @@ def places_um(
     return x, ((cy - frame.row) * p - shift_um[1], -p, frame.rows)
 
 
-def _sum(shades: Sequence[Shade]) -> Shade:
+def _sum(shades: Sequence[LayerShade]) -> LayerShade:
     """Return what layers of one height keep together, on the points of one of them.
 
     One that was not displaced, if there is one: it was made for the image at hand.
@@ -203,7 +203,7 @@ def _shade(
     z_um: float,
     area: Area,
     finest_um: float,
-) -> Shade | None:
+) -> LayerShade | None:
     """Return what layers of one height keep from a face below, None if nothing."""
     height_um = layers[0].z_um - z_um
     radius = lamp.blur_diameter_um(height_um) / 2
@@ -226,12 +226,12 @@ def _shade(
     kept = np.sum([c.coverage for c in found], axis=0)
     if not kept.any():
         return None
-    return Shade(z_um=layers[0].z_um, lattice=lattice, kept=kept)
+    return LayerShade(z_um=layers[0].z_um, lattice=lattice, kept=kept)
 
 
-def _hard(layers: Sequence[Layer], lattice: Lattice) -> Shade | None:
+def _hard(layers: Sequence[Layer], lattice: Lattice) -> LayerShade | None:
     """Return what layers of one height keep from squares about the points."""
     kept = np.sum([lattice.cells(layer) for layer in layers], axis=0)
     if not kept.any():
         return None
-    return Shade(z_um=layers[0].z_um, lattice=lattice, kept=kept)
+    return LayerShade(z_um=layers[0].z_um, lattice=lattice, kept=kept)

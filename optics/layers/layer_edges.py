@@ -12,7 +12,7 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from microplan.arrays import Box, FloatArray
-from microplan.optics.outline.clip import Edges, clip
+from microplan.optics.outline.clip import EdgeArrays, clip
 from microplan.optics.render.fidelity import steps
 from microplan.optics.render.pixels import axis_px
 from microplan.optics.render.scene import Layer, Scene, Window
@@ -30,7 +30,7 @@ _GOLDEN_RAD = math.pi * (3 - math.sqrt(5))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Face:
+class LayerFace:
     """All layers of one height, and their edges near a window."""
 
     z_um: float  # above the plane in focus
@@ -54,7 +54,7 @@ class Points:
 
 def faces(
     scene: Scene, microscope: Microscope, focus_um: float, window: Window
-) -> list[Face]:
+) -> list[LayerFace]:
     """Return the faces whose blurred edges come near a window, the lowest first."""
     airy = microscope.wavelength_um / microscope.aperture
     pairs = list(zip(scene.layers, steps(scene), strict=True))
@@ -66,7 +66,7 @@ def faces(
         box = grown(seen_um(microscope, window), blur + _TAIL * airy)
         nodes, spacing = _nodes([clip(o.outline, box) for o in own], box, airy)
         if len(nodes):
-            face = Face(
+            face = LayerFace(
                 z_um=z_um - focus_um,
                 layers=own,
                 nodes_um=nodes,
@@ -79,7 +79,7 @@ def faces(
 
 
 def meeting_points(
-    found: Sequence[Face], microscope: Microscope, window: Window
+    found: Sequence[LayerFace], microscope: Microscope, window: Window
 ) -> Points:
     """Return points where edges of two faces come nearest, inside a window.
 
@@ -152,7 +152,9 @@ def _inside(points: FloatArray, box: Box) -> FloatArray:
     return inside
 
 
-def _nodes(parts: Sequence[Edges], box: Box, airy: float) -> tuple[FloatArray, float]:
+def _nodes(
+    parts: Sequence[EdgeArrays], box: Box, airy: float
+) -> tuple[FloatArray, float]:
     """Return nodes evenly along edges, but not along the box, and their spacing, um."""
     lines = np.concatenate([part.segments for part in parts])
     arcs = np.concatenate([part.arcs for part in parts])

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from microplan.arrays import FloatArray
-from microplan.optics.layers.layer_edges import Face, Points, faces, meeting_points
+from microplan.optics.layers.layer_edges import LayerFace, Points, faces, meeting_points
 from microplan.optics.layers.ray_probes import probe_error, probes
 from microplan.optics.outline.tolerant_order import at_most, least
 from microplan.optics.render.fidelity import rounded_up
@@ -176,7 +176,7 @@ def layer_error(
 def _blend_error(
     scene: Scene,
     microscope: Microscope,
-    found: Sequence[Face],
+    found: Sequence[LayerFace],
     at_um: FloatArray,
     rest: FloatArray,
 ) -> float:
@@ -193,7 +193,7 @@ def _blend_error(
 
 
 def diffraction_error(
-    found: Sequence[Face], points: Points, microscope: Microscope, *, traced: bool
+    found: Sequence[LayerFace], points: Points, microscope: Microscope, *, traced: bool
 ) -> FloatArray:
     """Return a bound of what traced rays lack, at points near edges, (N,).
 

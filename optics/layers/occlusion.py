@@ -18,7 +18,7 @@ from scipy import fft
 from microplan.arrays import FloatArray
 from microplan.optics.layers.rays import (
     Grid,
-    Sheet,
+    LayerSheet,
     Traced,
     hard,
     laid,
@@ -178,7 +178,7 @@ class Tracing:
         return _pixels(image, cut.per_px, m)
 
     def _shaded(
-        self, stack: Sequence[Sheet], grid: Grid, lamp: Microscope
+        self, stack: Sequence[LayerSheet], grid: Grid, lamp: Microscope
     ) -> list[FloatArray]:
         """Return what each sheet sends less for the shade of higher ones."""
         found = []
@@ -207,7 +207,7 @@ class Tracing:
         return _filtered(values, gain)[by:-by, by:-by]
 
 
-def meeting(stack: Sequence[Sheet]) -> tuple[slice, slice] | None:
+def meeting(stack: Sequence[LayerSheet]) -> tuple[slice, slice] | None:
     """Return the rows and columns where blurred edges of two sheets meet, or None."""
     if len(stack) < 2:
         return None
@@ -219,7 +219,7 @@ def meeting(stack: Sequence[Sheet]) -> tuple[slice, slice] | None:
     return slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
 
 
-def _all(image: FloatArray, stack: Sequence[Sheet]) -> tuple[slice, slice] | None:
+def _all(image: FloatArray, stack: Sequence[LayerSheet]) -> tuple[slice, slice] | None:
     """Return all rows and columns, or None where nothing can shade."""
     if len(stack) < 2:
         return None
@@ -236,7 +236,7 @@ def _piece(frame: Window, part: tuple[slice, slice]) -> Window:
     )
 
 
-def _sheets(covered: Sequence[Covered]) -> list[Sheet]:
+def _sheets(covered: Sequence[Covered]) -> list[LayerSheet]:
     return sheets([c.layer for c in covered], [c.coverage for c in covered])
 
 
@@ -298,7 +298,7 @@ def _hidden(
     share = _frequencies(found.image.shape, step_um) / microscope.cutoff_per_um
     gain = diffraction(share)
     alone = [
-        Sheet(
+        LayerSheet(
             z_um=sheet.z_um,
             covers=_filtered(sheet.covers, gain),
             sends=_filtered(sheet.sends, gain),

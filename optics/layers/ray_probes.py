@@ -13,7 +13,7 @@ from scipy.special import j0, j1
 from scipy.stats import qmc
 
 from microplan.arrays import BoolArray, Float32Array, FloatArray
-from microplan.optics.layers.layer_edges import Face, grown
+from microplan.optics.layers.layer_edges import LayerFace, grown
 from microplan.optics.layers.rays import sheets
 from microplan.optics.outline.scanlines import cells
 from microplan.optics.transfer.microscope import Microscope
@@ -74,7 +74,7 @@ class Probed:
 
 
 def probes(
-    microscope: Microscope, found: Sequence[Face], at_um: FloatArray
+    microscope: Microscope, found: Sequence[LayerFace], at_um: FloatArray
 ) -> list[Probed]:
     """Return rasters of faces wherever rays through points (N, 2) may meet them."""
     airy = microscope.wavelength_um / microscope.aperture

@@ -45,7 +45,7 @@ class Grid:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Sheet:
+class LayerSheet:
     """All layers of one height: what they cover, and what they send back."""
 
     z_um: float
@@ -84,7 +84,7 @@ def slopes(microscope: Microscope, count: int) -> FloatArray:
 
 def sheets(
     layers: Sequence[Layer], covers: Sequence[FloatArray | Float32Array]
-) -> list[Sheet]:
+) -> list[LayerSheet]:
     """Gather layers and their coverages by height, the lowest first.
 
     Where bodies of one height overlap, the last by name is in front.
@@ -98,7 +98,9 @@ def sheets(
     return found
 
 
-def _joined(z_um: float, group: list[tuple[Layer, FloatArray | Float32Array]]) -> Sheet:
+def _joined(
+    z_um: float, group: list[tuple[Layer, FloatArray | Float32Array]]
+) -> LayerSheet:
     """Join the layers of one height; side by side they add up."""
     first, cover = group[0]
     covers, sends = cover, first.reflectance * cover
@@ -108,11 +110,11 @@ def _joined(z_um: float, group: list[tuple[Layer, FloatArray | Float32Array]]) -
         hidden = 0.0 if side_by_side else cover
         covers = covers * (1 - hidden) + cover
         sends = sends * (1 - hidden) + layer.reflectance * cover
-    return Sheet(z_um=z_um, covers=covers, sends=sends)
+    return LayerSheet(z_um=z_um, covers=covers, sends=sends)
 
 
 def laid(
-    stack: Sequence[Sheet], background: float, shape: tuple[int, ...]
+    stack: Sequence[LayerSheet], background: float, shape: tuple[int, ...]
 ) -> FloatArray:
     """Return sheets laid over a background from the lowest to the highest."""
     image = np.full(shape, background)
@@ -127,7 +129,7 @@ class Traced:
     """Means over rays at the cells of a grid in the plane in focus."""
 
     image: FloatArray  # of the layers, each hiding those below
-    stack: tuple[Sheet, ...]  # of each sheet alone
+    stack: tuple[LayerSheet, ...]  # of each sheet alone
 
 
 def reach_cells(z_um: float, microscope: Microscope, step_um: float) -> int:
@@ -137,7 +139,7 @@ def reach_cells(z_um: float, microscope: Microscope, step_um: float) -> int:
 
 def hard(
     layers: Sequence[Layer], grid: Grid, microscope: Microscope, focus_um: float
-) -> list[Sheet]:
+) -> list[LayerSheet]:
     """Return rasters of layers by height, each wider than `grid` by its blur."""
     found = []
     for z_um in sorted({layer.z_um for layer in layers}):
@@ -155,7 +157,7 @@ def hard(
 
 
 def trace(
-    stack: Sequence[Sheet],
+    stack: Sequence[LayerSheet],
     background: float,
     shape: tuple[int, int],
     step_um: float,
@@ -192,14 +194,14 @@ def trace(
         image += seen
     share = 1 / len(tangents)
     means = tuple(
-        Sheet(z_um=sheet.z_um, covers=covers * share, sends=sends * share)
+        LayerSheet(z_um=sheet.z_um, covers=covers * share, sends=sends * share)
         for sheet, (covers, sends) in zip(stack, sums, strict=True)
     )
     return Traced(image=image * share, stack=means)
 
 
 def _moved(
-    stack: Sequence[Sheet],
+    stack: Sequence[LayerSheet],
     tangent: FloatArray,
     shape: tuple[int, int],
     focus_um: float,

@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from microplan.arrays import Float32Array, FloatArray
-from microplan.optics.layers.coaxial_light import Light
+from microplan.optics.layers.coaxial_light import Irradiance
 from microplan.optics.layers.lattice import Lattice, blur
 from microplan.optics.layers.rays import slopes
 from microplan.optics.render.scene import Layer
@@ -42,7 +42,7 @@ class _Face:
 def crossed(
     layers: Sequence[Layer],
     background: tuple[float, float] | None,
-    found: Mapping[float, Light],
+    found: Mapping[float, Irradiance],
     lattice: Lattice,
     microscope: Microscope,
     *,
@@ -187,7 +187,7 @@ def _whole(face: _Face, known: Collection[float]) -> _Face:
 def _faces(
     layers: Sequence[Layer],
     background: tuple[float, float] | None,
-    found: Mapping[float, Light],
+    found: Mapping[float, Irradiance],
     lattice: Lattice,
     microscope: Microscope,
     focus_um: float,

@@ -9,7 +9,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from microplan.arrays import FloatArray
-from microplan.optics.layers.coaxial_light import Light, area_um, fine_um, places_um
+from microplan.optics.layers.coaxial_light import (
+    Irradiance,
+    area_um,
+    fine_um,
+    places_um,
+)
 from microplan.optics.layers.lattice import Lattice, blur
 from microplan.optics.layers.shade_and_occlusion import crossed
 from microplan.optics.render.render import Covered
@@ -28,10 +33,10 @@ _UNIFORM = (
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Face:
+class ShadedFace:
     """A height that is shaded: the light on it, and how it is seen."""
 
-    light: Light
+    light: Irradiance
     lattice: Lattice
     share: FloatArray  # of the light, at the points of the lattice
     blurred: FloatArray  # the same blurred, and averaged over pixels
@@ -39,7 +44,7 @@ class Face:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Sight:
+class ShadedView:
     """What an image depends on but its layers and their light."""
 
     microscope: Microscope
@@ -48,7 +53,7 @@ class Sight:
     frame: Window
     shift_um: tuple[float, float]
 
-    def face(self, light: Light) -> Face:
+    def face(self, light: Irradiance) -> ShadedFace:
         """Return how a height is seen that has at least one shade."""
         m, z_um = self.microscope, light.z_um - self.focus_um
         area = area_um(m, self.frame, self.shift_um, z_um)
@@ -56,11 +61,11 @@ class Sight:
         share = light.on(lattice)
         blurred = blur(share, lattice.step_um, m, self.model, z_um)
         seen = self._at_pixels(blurred, lattice)
-        return Face(
+        return ShadedFace(
             light=light, lattice=lattice, share=share, blurred=blurred, seen=seen
         )
 
-    def lit(self, covered: Covered, face: Face) -> FloatArray:
+    def lit(self, covered: Covered, face: ShadedFace) -> FloatArray:
         """Return a layer blurred together with the light on it, at the pixels.
 
         The blur of the product is that of each multiplied, and on the lattice what it
@@ -84,7 +89,7 @@ class Sight:
         return found
 
     def lacking(
-        self, scene: Scene, covered: Sequence[Covered], faces: Sequence[Face]
+        self, scene: Scene, covered: Sequence[Covered], faces: Sequence[ShadedFace]
     ) -> FloatArray:
         """Return what shaded layers lack if each is blended alone, at the pixels."""
         lights = [face.light for face in faces]
@@ -99,7 +104,7 @@ class Sight:
         return change
 
     def _on_one_side(
-        self, scene: Scene, seen: Sequence[Covered], traced: Sequence[Light]
+        self, scene: Scene, seen: Sequence[Covered], traced: Sequence[Irradiance]
     ) -> FloatArray:
         """Return what faces on one side of the focus lack.
 
@@ -133,7 +138,7 @@ class Sight:
         self,
         scene: Scene,
         seen: Sequence[Covered],
-        traced: Sequence[Light],
+        traced: Sequence[Irradiance],
         sharp_um: float,
         step_um: float,
     ) -> FloatArray:
@@ -162,12 +167,12 @@ class Sight:
                 change *= 1 - each.coverage
         return change
 
-    def _is_wide(self, light: Light) -> bool:
+    def _is_wide(self, light: Irradiance) -> bool:
         """Tell whether rays from one point meet different light at a height."""
         least = max(light.step_um / 2, 2 * fine_um(self.microscope))
         return self._reach_um(light.z_um) > least
 
-    def _is_thin(self, light: Light) -> bool:
+    def _is_thin(self, light: Irradiance) -> bool:
         """Tell whether the light changes within what a pixel or the lens resolves."""
         return light.step_um < 2 * fine_um(self.microscope) and not self._is_wide(light)
 

@@ -14,26 +14,26 @@ from dataclasses import replace
 import numpy as np
 
 from microplan.arrays import FloatArray
-from microplan.optics.layers.coaxial_light import Light, lights, places_um
-from microplan.optics.layers.shaded_view import Face, Sight
+from microplan.optics.layers.coaxial_light import Irradiance, lights, places_um
+from microplan.optics.layers.shaded_view import ShadedFace, ShadedView
 from microplan.optics.outline.tolerant_order import MARGIN
 from microplan.optics.render.fidelity import rounded_up
-from microplan.optics.render.layer_blending import Patch, lay, light_up
+from microplan.optics.render.layer_blending import Patch, blend_layers, light_up
 from microplan.optics.render.render import Covered, cover, render
 from microplan.optics.render.sampling import Sampling
 from microplan.optics.render.scene import Illumination, Scene, Window
 from microplan.optics.render.view_range import full
 from microplan.optics.transfer.microscope import Microscope
 
-# What `shaded` errs by at most against traced images (`benchmarks/optics/shading.py`),
-# but for edges where blending itself errs.
+# What `render_coaxial` errs by at most against traced images
+# (`benchmarks/optics/shading.py`), but for edges where blending itself errs.
 SHADED_ERROR = 0.014
 _USUAL = Sampling()
 _PROBES = 64  # large pixels a side
 _ROUGH = Sampling(band_error=2e-3, margin=12.0, near=12.0, single=True)
 
 
-def shaded(
+def render_coaxial(
     scene: Scene,
     microscope: Microscope,
     *,
@@ -44,7 +44,7 @@ def shaded(
     light: Illumination | None = None,
     shift_um: tuple[float, float] = (0.0, 0.0),
     also: Sequence[Covered] = (),
-    under: Sequence[Light] | None = None,
+    under: Sequence[Irradiance] | None = None,
     sampling: Sampling = _USUAL,
 ) -> FloatArray:
     """Return the noise-free image of a scene in coaxial light.
@@ -106,7 +106,7 @@ def shaded(
         shift_um=shift_um,
         sampling=sampling,
     )
-    sight = Sight(
+    sight = ShadedView(
         microscope=microscope,
         focus_um=focus_um,
         model=model,
@@ -140,13 +140,13 @@ def shaded(
         for c in everything
     ]
     image = np.empty((frame.rows, frame.columns))
-    lay(image, patches, _background(scene, faces))
+    blend_layers(image, patches, _background(scene, faces))
     image += sight.lacking(scene, everything, tuple(faces.values()))
     light_up(image, microscope, frame, light or Illumination())
     return image
 
 
-def _background(scene: Scene, faces: Mapping[float, Face]) -> float | FloatArray:
+def _background(scene: Scene, faces: Mapping[float, ShadedFace]) -> float | FloatArray:
     """Return what the background sends back, at the pixels if it is shaded."""
     z_um = scene.background_z_um
     if z_um is None or z_um not in faces:
@@ -167,19 +167,19 @@ def shade_error(
     Parameters
     ----------
     scene, microscope, focus_um, lamp_aperture, window
-        As in `shaded`.
+        As in `render_coaxial`.
 
     Returns
     -------
     float
         Share of full scale, two digits, rounded up: the largest difference between
-        `shaded` and `render` on some 64 x 64 large pixels, and on the true ones about
-        its place. 0 where nothing is shaded.
+        `render_coaxial` and `render` on some 64 x 64 large pixels, and on the true ones
+        about its place. 0 where nothing is shaded.
 
     Raises
     ------
     ValueError
-        As in `shaded`.
+        As in `render_coaxial`.
     """
     frame = window or full(microscope)
     every = math.ceil(max(frame.rows, frame.columns) / _PROBES)
@@ -205,7 +205,7 @@ def shade_error(
         )
         bare = replace(scene, layers=())
         return np.abs(
-            shaded(
+            render_coaxial(
                 bare,
                 setting,
                 focus_um=focus_um,
@@ -244,7 +244,9 @@ def _heights(scene: Scene, covered: Sequence[Covered]) -> list[float]:
     return sorted(found)
 
 
-def _joined(found: Sequence[Light], under: Sequence[Light]) -> tuple[Light, ...]:
+def _joined(
+    found: Sequence[Irradiance], under: Sequence[Irradiance]
+) -> tuple[Irradiance, ...]:
     """Return each light found dimmed by that under the other layers too."""
     known = {each.z_um: each for each in under}
     lacking = [each.z_um for each in found if each.z_um not in known]

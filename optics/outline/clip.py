@@ -16,7 +16,7 @@ _TOUCHING = 1e-14
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Edges:
+class EdgeArrays:
     """The edges of closed rings, in no particular order, um and rad."""
 
     segments: FloatArray  # (S, 4) x0, y0, x1, y1
@@ -38,7 +38,7 @@ class Edges:
         x, y = boxes[:, 0::2], boxes[:, 1::2]
         return (float(x.min()), float(y.min()), float(x.max()), float(y.max()))
 
-    def placed(self, x_um: float, y_um: float, theta_rad: float = 0.0) -> Edges:
+    def placed(self, x_um: float, y_um: float, theta_rad: float = 0.0) -> EdgeArrays:
         """Return the edges turned about the origin, then shifted."""
         c, s = math.cos(theta_rad), math.sin(theta_rad)
         turn, shift = np.array([[c, s], [-s, c]]), np.array([x_um, y_um])  # of rows
@@ -46,10 +46,10 @@ class Edges:
         arcs[:, :2] = arcs[:, :2] @ turn + shift
         arcs[:, 3] += theta_rad
         ends = self.segments.reshape(-1, 2) @ turn + shift
-        return Edges(segments=ends.reshape(-1, 4), arcs=arcs)
+        return EdgeArrays(segments=ends.reshape(-1, 4), arcs=arcs)
 
 
-def to_edges(outline: Outline) -> Edges:
+def to_edges(outline: Outline) -> EdgeArrays:
     """Return the edges of `outline` as they are."""
     edges = [edge for ring in outline.rings for edge in ring.edges]
     segments = [(*e.start, *e.end) for e in edges if isinstance(e, Segment)]
@@ -58,13 +58,13 @@ def to_edges(outline: Outline) -> Edges:
         for e in edges
         if isinstance(e, Arc)
     ]
-    return Edges(
+    return EdgeArrays(
         segments=np.array(segments, dtype=np.float64).reshape(-1, 4),
         arcs=np.array(arcs, dtype=np.float64).reshape(-1, 5),
     )
 
 
-def clip(outline: Outline | Edges, box: Box) -> Edges:
+def clip(outline: Outline | EdgeArrays, box: Box) -> EdgeArrays:
     """Return the edges of an outline cut to a rectangle.
 
     Parameters
@@ -87,13 +87,13 @@ def clip(outline: Outline | Edges, box: Box) -> Edges:
     so windings about points inside stay, and double edges along the box cancel in
     every boundary integral, as after Sutherland & Hodgman (1974), Commun. ACM 17, 32.
     """
-    edges = outline if isinstance(outline, Edges) else to_edges(outline)
+    edges = outline if isinstance(outline, EdgeArrays) else to_edges(outline)
     if not len(edges.arcs):
-        return Edges(segments=_lines_clipped(edges.segments, box), arcs=edges.arcs)
+        return EdgeArrays(segments=_lines_clipped(edges.segments, box), arcs=edges.arcs)
     bounds = _arc_bounds(edges.arcs)
     inside, beyond = _within(bounds, box), _beyond(bounds, box)
     split = [_split(arc, box) for arc in edges.arcs[~inside & ~beyond]]
-    return Edges(
+    return EdgeArrays(
         segments=np.concatenate(
             [
                 _lines_clipped(edges.segments, box),

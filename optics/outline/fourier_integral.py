@@ -8,7 +8,7 @@ import numpy as np
 from scipy.special import j1
 
 from microplan.arrays import ComplexArray, FloatArray
-from microplan.optics.outline.clip import Edges
+from microplan.optics.outline.clip import EdgeArrays
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(32)
 # Half the phase, rad, that 32 nodes integrate to rounding, along a line or an arc of
@@ -19,7 +19,9 @@ _PANEL_RAD, _PANEL_TURN_RAD = 24.0, 1.0
 _NEAR_ZERO = 4e-5
 
 
-def transform(edges: Edges, u_per_um: FloatArray, v_per_um: FloatArray) -> ComplexArray:
+def transform(
+    edges: EdgeArrays, u_per_um: FloatArray, v_per_um: FloatArray
+) -> ComplexArray:
     """Return the Fourier integral of an outline on a grid of frequencies.
 
     Parameters
@@ -127,7 +129,7 @@ def _taylor(
     return series
 
 
-def _corners(edges: Edges) -> tuple[FloatArray, FloatArray]:
+def _corners(edges: EdgeArrays) -> tuple[FloatArray, FloatArray]:
     """Return coordinates x and y that span the edges' box."""
     cx, cy, r = edges.arcs[:, 0], edges.arcs[:, 1], edges.arcs[:, 2]
     lines = edges.segments
@@ -136,7 +138,7 @@ def _corners(edges: Edges) -> tuple[FloatArray, FloatArray]:
     return x, y
 
 
-def _middle(edges: Edges) -> FloatArray:
+def _middle(edges: EdgeArrays) -> FloatArray:
     """Return the middle of the edges' box, (2,) um; moments cancel least about it."""
     return np.array(
         [(c.min() + c.max()) / 2 if c.size else 0.0 for c in _corners(edges)]
@@ -145,5 +147,5 @@ def _middle(edges: Edges) -> FloatArray:
 
 def _reach(lines: FloatArray, arcs: FloatArray) -> float:
     """Return how far the edges reach from the origin, um."""
-    x, y = _corners(Edges(segments=lines, arcs=arcs))
+    x, y = _corners(EdgeArrays(segments=lines, arcs=arcs))
     return float(np.hypot(x, y).max(initial=0.0))

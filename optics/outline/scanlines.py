@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from microplan.arrays import FloatArray
-from microplan.optics.outline.clip import Edges, clip
+from microplan.optics.outline.clip import EdgeArrays, clip
 from microplan.optics.outline.outline import Outline
 
 CHORD_UM = 1e-3  # sagitta of the chords that stand for arcs
@@ -72,7 +72,7 @@ def _filled(
     return np.clip(covered[:, :columns], 0.0, 1.0)
 
 
-def _lines(edges: Edges) -> FloatArray:
+def _lines(edges: EdgeArrays) -> FloatArray:
     """Return segments, and arcs as chords, (N, 4) um."""
     cx, cy, radius, start, sweep = edges.arcs.T
     turn = 2 * np.arccos(np.maximum(1 - CHORD_UM / radius, 0.5))

@@ -16,7 +16,7 @@ from typing import Self
 import numpy as np
 
 from microplan.arrays import FloatArray
-from microplan.optics.outline.clip import Edges
+from microplan.optics.outline.clip import EdgeArrays
 from microplan.optics.render.pixel_mtf import Quadrant, pixel_gain
 from microplan.optics.render.pixels import PixelTile, to_world
 from microplan.optics.render.pruned_ifft import Factors, waves_at, weigh
@@ -127,7 +127,7 @@ def highest_per_um(reach_um: float) -> float:
 
 
 def make_far(
-    edges: Edges,
+    edges: EdgeArrays,
     microscope: Microscope,
     near: tuple[PixelTile, Spectrum],
     wide: PixelTile,

@@ -31,7 +31,7 @@ class Patch:
     lit: FloatArray | None = None
 
 
-def lay(
+def blend_layers(
     image: FloatArray, patches: Sequence[Patch], background: float | FloatArray
 ) -> None:
     """Fill an image with a background and the layers over it, in place."""

@@ -9,7 +9,7 @@ import numpy as np
 from scipy import fft
 
 from microplan.arrays import Box
-from microplan.optics.outline.clip import Edges
+from microplan.optics.outline.clip import EdgeArrays
 from microplan.optics.outline.outline import Outline
 from microplan.optics.render.pruned_ifft import (
     Coefficients,
@@ -30,7 +30,7 @@ _PRODUCT_GAIN = 0.8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Span:
+class PixelAxis:
     """One axis of a tile, in pixels of the frame."""
 
     start: int  # the pixel of the first sample
@@ -43,12 +43,12 @@ class Span:
 class PixelTile:
     """A tile whose samples are camera pixels."""
 
-    columns: Span
-    rows: Span  # down the frame
+    columns: PixelAxis
+    rows: PixelAxis  # down the frame
 
 
 def choose_tile(
-    outline: Outline | Edges,
+    outline: Outline | EdgeArrays,
     microscope: Microscope,
     margin_um: float,
     frame: Window,
@@ -105,7 +105,7 @@ def choose_tile(
 
 def _span(
     body: tuple[float, float], wanted: tuple[int, int], margin: float, apart: float
-) -> Span | None:
+) -> PixelAxis | None:
     """Choose one axis of a tile; all in pixels."""
     low, high = body
     first = max(wanted[0], math.floor(low - margin))
@@ -118,12 +118,12 @@ def _span(
     right = max(min(high, last + apart), first - apart)
     start = math.floor(min(left, first))
     if left > low and right < high:  # the body fills the period and runs on
-        return Span(start=start, count=_fast(right - start), seen=seen, cut=None)
+        return PixelAxis(start=start, count=_fast(right - start), seen=seen, cut=None)
     period = max(right - first, last - left) + apart
     count = _fast(max(period, max(right, last) - start + 2))
     whole = left == low and right == high
     cut = None if whole else (left, right)
-    return Span(start=start, count=count, seen=seen, cut=cut)
+    return PixelAxis(start=start, count=count, seen=seen, cut=cut)
 
 
 def to_world(
@@ -206,7 +206,7 @@ def axis_px(microscope: Microscope) -> tuple[float, float]:
     return ((microscope.width_px - 1) / 2, (microscope.height_px - 1) / 2)
 
 
-def _is_empty(outline: Outline | Edges) -> bool:
+def _is_empty(outline: Outline | EdgeArrays) -> bool:
     if isinstance(outline, Outline):
         return not outline.rings
     return not (outline.segments.size or outline.arcs.size)

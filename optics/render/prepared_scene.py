@@ -9,11 +9,11 @@ import numpy as np
 
 from microplan.arrays import FloatArray
 from microplan.optics.outline.clip import to_edges
-from microplan.optics.render.layer_blending import Patch, lay, light_up
+from microplan.optics.render.layer_blending import Patch, blend_layers, light_up
 from microplan.optics.render.sampling import Sampling
 from microplan.optics.render.scene import Illumination, Scene, Window
-from microplan.optics.render.tiled_layer import Part, make_part
-from microplan.optics.render.view_range import Range, View, full
+from microplan.optics.render.tiled_layer import TiledLayer, make_part
+from microplan.optics.render.view_range import ImageView, Range, full
 from microplan.optics.transfer.microscope import Microscope
 from microplan.optics.transfer.models import find_model
 
@@ -21,7 +21,7 @@ _PLAIN = Illumination()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Prepared:
+class PreparedScene:
     """A scene with the spectra of its parts, see `prepare`."""
 
     scene: Scene
@@ -30,7 +30,7 @@ class Prepared:
     reach: Range
     model: str
     sampling: Sampling
-    parts: tuple[Part, ...]  # those that come near the window
+    parts: tuple[TiledLayer, ...]  # those that come near the window
     shift_um: tuple[float, float]
 
     def image(
@@ -90,26 +90,28 @@ class Prepared:
             if patch is not None
         )
 
-    def draw(self, image: FloatArray, view: View, also: Sequence[Patch] = ()) -> None:
+    def draw(
+        self, image: FloatArray, view: ImageView, also: Sequence[Patch] = ()
+    ) -> None:
         """Write the unlit image of a view into (rows, columns), in place."""
         found = (part.patch(self.window, view) for part in self.parts)
         fresh = [patch for patch in found if patch is not None]
-        lay(image, [*also, *fresh], self.scene.background)
+        blend_layers(image, [*also, *fresh], self.scene.background)
 
     def _view(
         self, focus_um: float, shift_um: tuple[float, float], zoom: float
-    ) -> View:
+    ) -> ImageView:
         """Return a view; ValueError beyond the prepared range."""
         if not self.reach.holds(focus_um, shift_um, zoom):
             raise ValueError(
                 f"prepared for {self.reach}, got focus_um {focus_um}, "
                 f"shift_um {shift_um}, zoom {zoom}"
             )
-        return View(
+        return ImageView(
             microscope=self.microscope, focus_um=focus_um, shift_um=shift_um, zoom=zoom
         )
 
-    def under(self, model: str) -> Prepared:
+    def under(self, model: str) -> PreparedScene:
         """Return the scene under another defocus law, with the same spectra.
 
         Raises
@@ -124,7 +126,7 @@ class Prepared:
 
     def turned(
         self, theta_rad: float, *, names: Collection[str] | None = None
-    ) -> Prepared:
+    ) -> PreparedScene:
         """Return the scene with layers turned about the world's origin.
 
         Their edges are turned and transformed again, the others' spectra are kept.
@@ -166,7 +168,7 @@ def prepare(
     window: Window | None = None,
     sampling: Sampling | None = None,
     shift_um: tuple[float, float] = (0.0, 0.0),
-) -> Prepared:
+) -> PreparedScene:
     """Return a scene ready for many images.
 
     Parameters
@@ -215,7 +217,7 @@ def prepare(
         )
         for layer in scene.layers
     )
-    return Prepared(
+    return PreparedScene(
         scene=scene,
         microscope=microscope,
         window=frame,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from microplan.arrays import FloatArray
-from microplan.optics.outline.clip import Edges, clip
+from microplan.optics.outline.clip import EdgeArrays, clip
 from microplan.optics.outline.outline import Outline
 from microplan.optics.render.pixels import axis_px
 from microplan.optics.render.scene import Window
@@ -15,7 +15,7 @@ CHORD_UM = 1e-3  # a thousandth of a pixel
 
 
 def coverage(
-    outline: Outline | Edges,
+    outline: Outline | EdgeArrays,
     microscope: Microscope,
     window: Window | None = None,
     *,
@@ -68,7 +68,7 @@ def coverage(
     return _accumulate(pieces, frame.rows, frame.columns)
 
 
-def _lines(edges: Edges, chord_um: float) -> FloatArray:
+def _lines(edges: EdgeArrays, chord_um: float) -> FloatArray:
     """Return segments, and arcs as chords, (N, 4) um."""
     cx, cy, radius, start, sweep = edges.arcs.T
     half = np.arccos(np.maximum(1 - chord_um / radius, 0.5))  # never above 60 degrees

@@ -11,12 +11,12 @@ import numpy as np
 
 from microplan.arrays import FloatArray
 from microplan.optics.outline.clip import to_edges
-from microplan.optics.render.layer_blending import Patch, lay, light_up
+from microplan.optics.render.layer_blending import Patch, blend_layers, light_up
 from microplan.optics.render.prepared_scene import prepare
 from microplan.optics.render.sampling import Sampling
 from microplan.optics.render.scene import Illumination, Layer, Scene, Window
 from microplan.optics.render.tiled_layer import make_part
-from microplan.optics.render.view_range import Range, View, full
+from microplan.optics.render.view_range import ImageView, Range, full
 from microplan.optics.transfer.lru import Recent
 from microplan.optics.transfer.microscope import Microscope
 from microplan.optics.transfer.models import find_model
@@ -93,7 +93,7 @@ def render(
         for c in (*also, *fresh)
     ]
     image = np.empty((frame.rows, frame.columns))
-    lay(image, patches, scene.background)
+    blend_layers(image, patches, scene.background)
     light_up(image, microscope, frame, light or Illumination())
     return image
 
@@ -154,7 +154,7 @@ def _covered(
         shift_um=shift_um,
     )
     coverage = np.zeros((frame.rows, frame.columns))
-    view = View(microscope=microscope, focus_um=focus_um)
+    view = ImageView(microscope=microscope, focus_um=focus_um)
     patch = None if part is None else part.patch(frame, view)
     if patch is not None:
         coverage[patch.rows, patch.columns] = patch.coverage
@@ -197,7 +197,9 @@ def render_stack(
     top = max((layer.z_um for layer in scene.layers), default=0.0)
     # planes at one distance from a layer share its gain
     for index in sorted(range(len(focus_um)), key=lambda i: abs(focus_um[i] - top)):
-        still.draw(images[index], View(microscope=microscope, focus_um=focus_um[index]))
+        still.draw(
+            images[index], ImageView(microscope=microscope, focus_um=focus_um[index])
+        )
     light_up(images, microscope, frame, light or Illumination())
     return images
 

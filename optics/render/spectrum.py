@@ -15,7 +15,7 @@ import numpy.typing as npt
 from scipy import fft
 
 from microplan.arrays import Box, ComplexArray, FloatArray
-from microplan.optics.outline.clip import Edges, clip, to_edges
+from microplan.optics.outline.clip import EdgeArrays, clip, to_edges
 from microplan.optics.outline.outline import Outline
 from microplan.optics.render.nufft_gridding import (
     deposit,
@@ -102,7 +102,7 @@ def band_orders(tile: Tile, f_per_um: float) -> tuple[int, int]:
 
 
 def spectrum(
-    outline: Outline | Edges,
+    outline: Outline | EdgeArrays,
     tile: Tile,
     cut_per_um: float,
     *,
@@ -146,7 +146,7 @@ def spectrum(
     """
     if not (cut_per_um >= 0 and math.isfinite(cut_per_um)):
         raise ValueError(f"cut_per_um must be finite and >= 0, got {cut_per_um}")
-    edges = outline if isinstance(outline, Edges) else to_edges(outline)
+    edges = outline if isinstance(outline, EdgeArrays) else to_edges(outline)
     asked = (edges.segments.tobytes(), edges.arcs.tobytes(), tile, cut_per_um, box)
     return _RECENT.get(
         (*asked, single),
@@ -157,7 +157,7 @@ def spectrum(
 
 
 def _transformed(
-    edges: Edges, tile: Tile, cut_per_um: float, *, single: bool
+    edges: EdgeArrays, tile: Tile, cut_per_um: float, *, single: bool
 ) -> Spectrum:
     """Return the coefficients of edges within a tile, not to be changed."""
     share = edges.area_um2 / (tile.width_um * tile.height_um)
@@ -211,7 +211,7 @@ def direct(
 
 
 def boundary_nodes(
-    edges: Edges, f_per_um: float
+    edges: EdgeArrays, f_per_um: float
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return quadrature nodes of boundary integrals of waves up to a frequency.
 

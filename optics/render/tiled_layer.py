@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from microplan.arrays import FloatArray
-from microplan.optics.outline.clip import Edges
+from microplan.optics.outline.clip import EdgeArrays
 from microplan.optics.render.far_field import Far, make_far
 from microplan.optics.render.layer_blending import Patch
 from microplan.optics.render.pixel_mtf import Quadrant, pixel_gain
@@ -24,7 +24,7 @@ from microplan.optics.render.pruned_ifft import (
 from microplan.optics.render.sampling import Sampling, band_cut, margin_um
 from microplan.optics.render.scene import Layer, Window
 from microplan.optics.render.spectrum import Spectrum, spectrum
-from microplan.optics.render.view_range import ROUNDING_PX, Range, View
+from microplan.optics.render.view_range import ROUNDING_PX, ImageView, Range
 from microplan.optics.transfer.microscope import Microscope
 from microplan.optics.transfer.models import RadialTable, tabulate
 
@@ -45,11 +45,11 @@ class _Last:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Part:
+class TiledLayer:
     """A layer's spectrum on its tile, ready for the images of a range."""
 
     layer: Layer
-    edges: Edges
+    edges: EdgeArrays
     model: str
     sampling: Sampling
     tile: PixelTile
@@ -60,7 +60,7 @@ class Part:
     last: _Last = field(default_factory=_Last)
     space: Space = field(default_factory=Space)
 
-    def patch(self, frame: Window, view: View) -> Patch | None:
+    def patch(self, frame: Window, view: ImageView) -> Patch | None:
         """Return the blurred layer at the pixels of a window, None if none sees it.
 
         The coverage is overwritten by the next call, and not to be changed.
@@ -76,11 +76,13 @@ class Part:
         coverage = self._coverage(view, rows, columns)
         return Patch(layer=self.layer, rows=r, columns=c, coverage=coverage)
 
-    def under(self, model: str) -> Part:
+    def under(self, model: str) -> TiledLayer:
         """Return the part under another defocus law, with the same spectrum."""
         return replace(self, model=model, last=_Last(), space=Space())
 
-    def _coverage(self, view: View, rows: FloatArray, columns: FloatArray) -> Samples:
+    def _coverage(
+        self, view: ImageView, rows: FloatArray, columns: FloatArray
+    ) -> Samples:
         """Return the blurred layer at pixels; it is even in z."""
         setting, last = (self._defocus_um(view), view.zoom), self.last
         ends = (*rows[[0, -1]].tolist(), *columns[[0, -1]].tolist())
@@ -135,7 +137,7 @@ class Part:
         )
 
     def _correction(
-        self, far: Far, view: View, rows: FloatArray, columns: FloatArray
+        self, far: Far, view: ImageView, rows: FloatArray, columns: FloatArray
     ) -> Factors:
         """Return what the tile's image lacks, in the sampling's precision."""
         table, cut_per_um = self._table(view)
@@ -144,7 +146,7 @@ class Part:
             return left.astype(np.float32), right.astype(np.float32)
         return left, right
 
-    def _gain(self, view: View) -> Samples:
+    def _gain(self, view: ImageView) -> Samples:
         """Return transfer times pixel on a quadrant of the band."""
         table, cut_per_um = self._table(view)
         J, K = self.spectrum.within(cut_per_um)
@@ -154,7 +156,7 @@ class Part:
         np.multiply(gain, along[:, None], out=gain, casting="same_kind")
         return gain
 
-    def _table(self, view: View) -> tuple[RadialTable, float]:
+    def _table(self, view: ImageView) -> tuple[RadialTable, float]:
         """Return the transfer of a view and the highest frequency of its image."""
         setting, z_um = view.setting, self._defocus_um(view)
         cut = band_cut(self.model, setting, z_um, self.sampling.band_error)
@@ -163,13 +165,13 @@ class Part:
         table = tabulate(self.model, setting, z_um, 2.0 ** (steps / _TABLES))
         return table, cut * setting.cutoff_per_um
 
-    def _defocus_um(self, view: View) -> float:
+    def _defocus_um(self, view: ImageView) -> float:
         return abs(self.layer.z_um - view.focus_um)
 
 
 def make_part(
     layer: Layer,
-    edges: Edges,
+    edges: EdgeArrays,
     microscope: Microscope,
     *,
     reach: Range,
@@ -177,7 +179,7 @@ def make_part(
     window: Window,
     sampling: Sampling,
     shift_um: tuple[float, float] = (0.0, 0.0),
-) -> Part | None:
+) -> TiledLayer | None:
     """Choose a layer's tile and transform its outline, displaced by `shift_um`.
 
     None where nothing of the layer comes near the window. The band is that of the
@@ -211,7 +213,7 @@ def make_part(
             shift_um=shift_um,
             single=sampling.single,
         )
-    return Part(
+    return TiledLayer(
         layer=layer,
         edges=edges,
         model=model,
@@ -225,7 +227,7 @@ def make_part(
 
 
 def _tiles(
-    edges: Edges,
+    edges: EdgeArrays,
     microscope: Microscope,
     z_um: float,
     frame: Window,

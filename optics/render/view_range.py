@@ -68,7 +68,7 @@ class Range:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class View:
+class ImageView:
     """One image of a range: where its pixels lie, and at what magnification."""
 
     microscope: Microscope  # as prepared

@@ -45,37 +45,37 @@ def _exact(microscope: Microscope, z_um: float) -> Curve:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Model:
+class DefocusModel:
     """One rung of the ladder of defocus laws."""
 
     curve: Callable[[Microscope, float], Curve]  # (microscope, z_um) -> x -> transfer
     diffracts: bool  # 0 beyond the cutoff
 
 
-MODELS: Mapping[str, Model] = MappingProxyType(
+MODELS: Mapping[str, DefocusModel] = MappingProxyType(
     {
-        "geometric": Model(
+        "geometric": DefocusModel(
             curve=lambda m, z: lambda x: geometric(x, _paraxial_waves(m, z)),
             diffracts=False,
         ),
-        "product": Model(
+        "product": DefocusModel(
             curve=lambda m, z: lambda x: product(x, _paraxial_waves(m, z)),
             diffracts=True,
         ),
-        "stokseth": Model(
+        "stokseth": DefocusModel(
             curve=lambda m, z: lambda x: stokseth(x, _rim_waves(m, z)),
             diffracts=True,
         ),
-        "hopkins": Model(
+        "hopkins": DefocusModel(
             curve=lambda m, z: lambda x: hopkins(x, _rim_waves(m, z)),
             diffracts=True,
         ),
-        "exact": Model(curve=_exact, diffracts=True),
+        "exact": DefocusModel(curve=_exact, diffracts=True),
     }
 )
 
 
-def find_model(model: str) -> Model:
+def find_model(model: str) -> DefocusModel:
     """Return the rung called `model`; ValueError with the known names otherwise."""
     if model not in MODELS:
         raise ValueError(f"model must be one of {', '.join(MODELS)}, got {model!r}")

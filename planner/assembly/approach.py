@@ -18,14 +18,14 @@ from microplan.planner.assembly.assembly import (
 )
 from microplan.planner.assembly.swept_volume import SIGMAS, sweep_hits
 from microplan.planner.source.diagnostics import Report
-from microplan.planner.task.task import Step, Task
+from microplan.planner.task.task import Task, TaskStep
 
 # Order of the axes in the first approach of an alignment, cheapest first.
 PATHS = (("xy",), ("x", "y"), ("y", "x"))
 
 
 def approach(
-    task: Task, state: State, step: Step, report: Report
+    task: Task, state: State, step: TaskStep, report: Report
 ) -> tuple[State, tuple[str, ...]]:
     """Return the state with the target at its goal, and a path that touches nothing.
 

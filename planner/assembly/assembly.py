@@ -13,7 +13,7 @@ from typing import Literal
 
 from microplan.optics.outline.outline import Outline, place
 from microplan.planner.task.task import Part, Reading, Task
-from microplan.planner.task.workcell import Axes, Tool
+from microplan.planner.task.workcell import AxesSpec, Tool
 from microplan.schemas.pose import Pose
 
 Carrier = Literal["stage", "robot"]
@@ -191,7 +191,7 @@ def height_sigma_um(task: Task, state: State, owner: str) -> float:
     return next(b.sigma_z_um for b in bodies(task, state) if b.owner == owner)
 
 
-def axes_of(task: Task, carrier: Carrier) -> Axes:
+def axes_of(task: Task, carrier: Carrier) -> AxesSpec:
     """Return the axes that move what is on `carrier`."""
     if carrier == "stage":
         return task.workcell.stage.axes

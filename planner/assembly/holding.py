@@ -25,7 +25,7 @@ from microplan.planner.assembly.resting import report_resting
 from microplan.planner.assembly.shapes import hull, squeeze_minima_rad, squeeze_width_um
 from microplan.planner.assembly.swept_volume import SIGMAS
 from microplan.planner.source.diagnostics import Report
-from microplan.planner.task.task import Step, Task
+from microplan.planner.task.task import Task, TaskStep
 from microplan.schemas.pose import Pose
 
 TAIL_SIGMAS = 9.0  # beyond, a normal tail is below 1e-18 and a double adds nothing
@@ -58,7 +58,7 @@ class Between:
         return self.local.y_um + self.middle_um[1]
 
 
-def between_jaws(task: Task, state: State, step: Step) -> Between:
+def between_jaws(task: Task, state: State, step: TaskStep) -> Between:
     """Return how the part of a grasp stands between the jaws before they close."""
     name, tool = owner_of(step.target or ""), step.tool or ""
     outline = task.parts[name].outline
@@ -82,7 +82,7 @@ def _middle_um(outline: Outline, turn_rad: float) -> tuple[float, float]:
     return ((x0 + x1) / 2, (y0 + y1) / 2)
 
 
-def grasp(task: Task, state: State, step: Step, report: Report) -> State:
+def grasp(task: Task, state: State, step: TaskStep, report: Report) -> State:
     """Return the state with the part between the jaws, centred and turned flat."""
     name = owner_of(step.target or "")
     stands = between_jaws(task, state, step)
@@ -172,7 +172,7 @@ def _below(offset_rad: float, sigma_rad: float) -> float:
 
 
 def _check_grasp(
-    task: Task, state: State, step: Step, report: Report, stands: Between
+    task: Task, state: State, step: TaskStep, report: Report, stands: Between
 ) -> None:
     """Report jaws that cannot close on the part."""
     name = owner_of(step.target or "")
@@ -201,7 +201,7 @@ def _check_grasp(
 
 
 def _check_reach(
-    task: Task, state: State, step: Step, report: Report, stands: Between
+    task: Task, state: State, step: TaskStep, report: Report, stands: Between
 ) -> None:
     """Report fingers that close before, behind or above the part's middle.
 
@@ -230,7 +230,7 @@ def _check_reach(
         )
 
 
-def release(task: Task, state: State, step: Step, report: Report) -> State:
+def release(task: Task, state: State, step: TaskStep, report: Report) -> State:
     """Return the state with the part left where it is, on the stage."""
     name = owner_of(step.target or "")
     part = state.parts[name]

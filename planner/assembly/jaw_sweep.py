@@ -7,7 +7,7 @@ from dataclasses import replace
 from microplan.planner.assembly.assembly import State, owner_of
 from microplan.planner.assembly.swept_volume import SURFACE, Hit, sweep_hits
 from microplan.planner.source.diagnostics import Report
-from microplan.planner.task.task import Step, Task
+from microplan.planner.task.task import Task, TaskStep
 
 
 def jaw_hits(
@@ -30,7 +30,7 @@ def jaw_hits(
 
 
 def report_jaws(
-    task: Task, state: State, step: Step, opening_um: float, report: Report
+    task: Task, state: State, step: TaskStep, opening_um: float, report: Report
 ) -> None:
     """Report what the fingers would touch while they close or open."""
     between = owner_of(step.target or "")

@@ -11,7 +11,7 @@ import math
 from dataclasses import dataclass
 
 from microplan.planner.assembly.assembly import State, part_z_um
-from microplan.planner.task.task import Step, Task
+from microplan.planner.task.task import Task, TaskStep
 from microplan.schemas.plan.verdicts import FitClass, FitVerdict
 
 # Tilts of the axes are taken at this many sigmas where a limit must hold.
@@ -97,7 +97,7 @@ class Mating:
         return self.friction * self.hole_um
 
 
-def mating_of(task: Task, step: Step, after: State) -> Mating | None:
+def mating_of(task: Task, step: TaskStep, after: State) -> Mating | None:
     """Return how the parts of an insertion mate, None if they are not round."""
     hole_part, _, hole = (step.target or "").partition(".")
     shaft_part, _, shaft = (step.onto or "").partition(".")

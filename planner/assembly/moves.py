@@ -7,7 +7,7 @@ from dataclasses import replace
 from microplan.planner.assembly.assembly import Carrier, State, turned_tip_um
 from microplan.planner.assembly.swept_volume import sweep_hits
 from microplan.planner.source.diagnostics import Report
-from microplan.planner.task.task import Move, Reading, Step, Task
+from microplan.planner.task.task import Move, Reading, Task, TaskStep
 
 
 def apply_reading(task: Task, state: State, axes: Carrier, to: Reading) -> State:
@@ -27,7 +27,7 @@ def apply_move(
     task: Task,
     state: State,
     move: Move,
-    step: Step,
+    step: TaskStep,
     report: Report,
     exempt: frozenset[frozenset[str]] = frozenset(),
 ) -> State:

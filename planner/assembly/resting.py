@@ -13,7 +13,7 @@ from microplan.planner.assembly.assembly import Body, State, bodies, part_sigma_
 from microplan.planner.assembly.shapes import hull, polygon
 from microplan.planner.assembly.swept_volume import ROUNDING_UM, SIGMAS
 from microplan.planner.source.diagnostics import Report
-from microplan.planner.task.task import Step, Task
+from microplan.planner.task.task import Task, TaskStep
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,7 +59,7 @@ def resting(task: Task, state: State, name: str) -> Resting:
 
 
 def report_resting(
-    task: Task, state: State, step: Step, name: str, report: Report
+    task: Task, state: State, step: TaskStep, name: str, report: Report
 ) -> None:
     """Report a part that is let go where it hangs over, or falls off."""
     found = resting(task, state, name)

@@ -17,14 +17,14 @@ from microplan.planner.assembly.holding import grasp, release
 from microplan.planner.assembly.moves import apply_move
 from microplan.planner.assembly.unused import report_faces, report_unused
 from microplan.planner.source.diagnostics import Report
-from microplan.planner.task.task import Move, Reading, Step, Task
+from microplan.planner.task.task import Move, Reading, Task, TaskStep
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StepState:
     """One step with the world before it, while it looks, and after it."""
 
-    step: Step
+    step: TaskStep
     moves: tuple[Move, ...]  # the view's stage move first, then the step's own
     before: State
     at_look: State  # after the moves; for an alignment, after its approach
@@ -55,7 +55,7 @@ def unfold(task: Task, report: Report) -> tuple[StepState, ...]:
     return tuple(found)
 
 
-def _unfold_step(task: Task, state: State, step: Step, report: Report) -> StepState:
+def _unfold_step(task: Task, state: State, step: TaskStep, report: Report) -> StepState:
     """Return the states of one possible step."""
     moves = (
         step.move if step.verb == "insert" else (*_view(task, state, step), *step.move)
@@ -79,7 +79,7 @@ def _unfold_step(task: Task, state: State, step: Step, report: Report) -> StepSt
     )
 
 
-def _possible(task: Task, state: State, step: Step, report: Report) -> bool:
+def _possible(task: Task, state: State, step: TaskStep, report: Report) -> bool:
     """Report and return False if the step's order makes no sense."""
     owner = owner_of(step.target or "")
     needs: Mapping[str, tuple[bool, str]] = {
@@ -101,7 +101,7 @@ def _possible(task: Task, state: State, step: Step, report: Report) -> bool:
     return True
 
 
-def _possible_align(task: Task, state: State, step: Step, report: Report) -> bool:
+def _possible_align(task: Task, state: State, step: TaskStep, report: Report) -> bool:
     """Report an alignment of things nobody has measured, or that move together."""
     target, to = step.target or "", step.to or ""
     for name in (target, to):
@@ -136,7 +136,7 @@ def _located(state: State, name: str) -> bool:
     return any(owner_of(seen) == owner for seen in state.located)
 
 
-def _view(task: Task, state: State, step: Step) -> tuple[Move, ...]:
+def _view(task: Task, state: State, step: TaskStep) -> tuple[Move, ...]:
     """Return the stage move that brings the target's nominal place to `view_um`."""
     if step.view_um is None or step.target is None:
         return ()
@@ -152,7 +152,7 @@ def _view(task: Task, state: State, step: Step) -> tuple[Move, ...]:
     return (Move(axes="stage", to=to, where=step.spans.get("view_um", step.where)),)
 
 
-def _locate(task: Task, state: State, step: Step, report: Report) -> State:  # noqa: ARG001
+def _locate(task: Task, state: State, step: TaskStep, report: Report) -> State:  # noqa: ARG001
     """Return the state with the target known.
 
     A look at the tool, or at what it holds, sees how its angle swung the grip.
@@ -164,12 +164,12 @@ def _locate(task: Task, state: State, step: Step, report: Report) -> State:  # n
     return replace(state, located=located, tip_sigma_um=tip_um)
 
 
-def _keep(task: Task, state: State, step: Step, report: Report) -> State:  # noqa: ARG001
+def _keep(task: Task, state: State, step: TaskStep, report: Report) -> State:  # noqa: ARG001
     """Return the state unchanged."""
     return state
 
 
-def _insert(task: Task, state: State, step: Step, report: Report) -> State:
+def _insert(task: Task, state: State, step: TaskStep, report: Report) -> State:
     """Return the state after the insertion's own moves."""
     exempt = frozenset(
         {frozenset((owner_of(step.target or ""), owner_of(step.onto or "")))}
@@ -179,7 +179,7 @@ def _insert(task: Task, state: State, step: Step, report: Report) -> State:
     return state
 
 
-Act = Callable[[Task, State, Step, Report], State]
+Act = Callable[[Task, State, TaskStep, Report], State]
 
 _ACTIONS: Mapping[str, Act] = {
     "locate": _locate,

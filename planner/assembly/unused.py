@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from microplan.planner.assembly.assembly import State, locate_place
 from microplan.planner.source.diagnostics import Report
-from microplan.planner.task.task import Step, Task
+from microplan.planner.task.task import Task, TaskStep
 
 
 def report_faces(task: Task, report: Report) -> None:
@@ -20,7 +20,7 @@ def report_faces(task: Task, report: Report) -> None:
             )
 
 
-def report_unused(task: Task, state: State, step: Step, report: Report) -> None:
+def report_unused(task: Task, state: State, step: TaskStep, report: Report) -> None:
     """Report keys of a step that change nothing in the `state` before it."""
     why = _idle_view(task, state, step)
     if why:
@@ -40,7 +40,7 @@ def report_unused(task: Task, state: State, step: Step, report: Report) -> None:
         )
 
 
-def _idle_view(task: Task, state: State, step: Step) -> tuple[str, str] | None:
+def _idle_view(task: Task, state: State, step: TaskStep) -> tuple[str, str] | None:
     """Return why `view_um` moves nothing and what to do; None if it moves."""
     if step.view_um is None:
         return None

@@ -7,7 +7,7 @@ from microplan.optics.outline.outline import Outline, Segment
 from microplan.planner.assembly.assembly import Axis4, Carrier, State
 from microplan.planner.assembly.shapes import squeeze_minima_rad
 from microplan.planner.task.task import Part, Task
-from microplan.planner.task.workcell import Axes, Interval, Tool
+from microplan.planner.task.workcell import AxesSpec, Interval, Tool
 from microplan.schemas.files.world import (
     World,
     WorldAxes,
@@ -121,7 +121,7 @@ def _tool(tool: Tool, opening_um: float) -> WorldTool:
     )
 
 
-def _axes(name: Carrier, axes: Axes, start: Axis4) -> WorldAxes:
+def _axes(name: Carrier, axes: AxesSpec, start: Axis4) -> WorldAxes:
     """Return one axis group with its start readings."""
     limits: dict[str, Interval] = {key: axes.limits[key] for key in sorted(axes.limits)}
     return WorldAxes(

@@ -14,21 +14,21 @@ from microplan.planner.assembly.assembly import (
     part_sigma_um,
 )
 from microplan.planner.assembly.step_states import StepState
-from microplan.planner.budget.budget import Sighted
-from microplan.planner.budget.insert_budget import Left
+from microplan.planner.budget.budget import PastMeasurement
+from microplan.planner.budget.insert_budget import LateralResidual
 from microplan.planner.budget.probability.fit_probability import Residual, gain_limit
 from microplan.planner.task.task import Task
 from microplan.schemas.plan.verdicts import MethodName
 
 
-def left_by(
+def residual_after(
     task: Task,
     align: StepState,
     method: MethodName,
     within_um: float,
-    before: Sighted | None,
+    before: PastMeasurement | None,
     turned: float = 1.0,
-) -> Left:
+) -> LateralResidual:
     """Return what an alignment leaves.
 
     A servo may end at its first look: then the error is that of the approach, by the
@@ -50,7 +50,7 @@ def left_by(
     """
     carrier = moved_by(task, align)
     if method == "look_then_move":
-        return Left(
+        return LateralResidual(
             residual=single_residual(task, carrier),
             term=f"{carrier} repeatability left by two moves",
             source="workcell repeatability_xy_um, nothing cut off",
@@ -60,7 +60,7 @@ def left_by(
     settled = residual_of(task, within_um, carrier)
     later_um = math.hypot(settled.sigma_um, (1 - gain_of(task)) * start_um)
     share = first.inside * turned
-    return Left(
+    return LateralResidual(
         residual=Residual(sigma_um=later_um, within_um=within_um),
         early=(share, first),
         term=f"{carrier} place left by the servo",
@@ -70,7 +70,7 @@ def left_by(
 
 
 def approach_um(
-    task: Task, align: StepState, before: Sighted | None
+    task: Task, align: StepState, before: PastMeasurement | None
 ) -> tuple[float, float]:
     """Return how well an approach's goal is known, and where it ends: one sigma, um.
 
@@ -86,7 +86,7 @@ def approach_um(
     return known_um, math.hypot(landed_um, known_um, _swing_um(task, align))
 
 
-def _seen_um(task: Task, before: Sighted) -> float:
+def _seen_um(task: Task, before: PastMeasurement) -> float:
     """Return the spread of a look, the zoom's scale as the workcell has it."""
     if before.steady_um is None:
         return before.sigma_um
@@ -95,10 +95,10 @@ def _seen_um(task: Task, before: Sighted) -> float:
     return min(before.sigma_um, math.hypot(before.steady_um, away_um))
 
 
-def unaligned(state: State, parts: Iterable[str], since: str) -> Left:
+def unaligned(state: State, parts: Iterable[str], since: str) -> LateralResidual:
     """Return what is left without an alignment: all that is known of the places."""
     spread = [part_sigma_um(state, name) for name in parts]
-    return Left(
+    return LateralResidual(
         residual=Residual(sigma_um=math.hypot(*spread), within_um=math.inf),
         term="places of both parts",
         source=f"no alignment {since}",

@@ -5,13 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from functools import partial
 
-from microplan.featuresel.trials.tolerance_search import Direction, Search, Setting
+from microplan.featuresel.trials.tolerance_search import (
+    Direction,
+    Setting,
+    ToleranceSearch,
+)
 from microplan.featuresel.trials.usable_range import alone
 from microplan.planner.budget.insertion import Insertion
 from microplan.planner.budget.probability_under_drift import Borne, is_placed
-from microplan.planner.looks.look_problem import Effects
+from microplan.planner.looks.look_problem import CompileContext
 from microplan.planner.looks.look_record import CompiledLook
-from microplan.planner.looks.measures import Measured
+from microplan.planner.looks.measures import MeasuredFeature
 from microplan.planner.task.task import Task
 from microplan.schemas.plan.verdicts import Allowed
 
@@ -31,12 +35,12 @@ UNITS = {"focus": "um", "pose": "um"}
 ORDER: tuple[Setting, ...] = ("focus", "zoom", "light", "gradient", "pose")
 
 
-def allowed(
+def allowable_errors(
     task: Task,
     job: Insertion,
     goal: float,
     looks: Iterable[tuple[str, CompiledLook]],
-    effects: Effects,
+    effects: CompileContext,
 ) -> tuple[Allowed, ...]:
     """Return how far each setting of each look may be off, one at a time.
 
@@ -75,7 +79,7 @@ def _of_look(
     goal: float,
     term: str,
     look: CompiledLook,
-    effects: Effects,
+    effects: CompileContext,
 ) -> Iterator[Allowed]:
     """Yield a row for each setting of one look."""
     draws = max(effects.effort.range_draws, LEAST_DRAWS)
@@ -103,12 +107,12 @@ def _drifts(
     job: Insertion,
     goal: float,
     term: str,
-    found: Measured,
-    effects: Effects,
+    found: MeasuredFeature,
+    effects: CompileContext,
     draws: int,
 ) -> dict[Direction, float]:
     """Return the last drift borne in every direction by one feature of a look."""
-    search = Search(
+    search = ToleranceSearch(
         case=found.tried.case,
         prepared=alone(found.tried.prepared, found.chosen.chain),
         root_seed=task.seed,
@@ -127,6 +131,6 @@ def _drifts(
     return dict(zip(DIRECTIONS, reached, strict=True))
 
 
-def _reach(search: Search, asked: tuple[Direction, Borne]) -> float:
+def _reach(search: ToleranceSearch, asked: tuple[Direction, Borne]) -> float:
     direction, borne = asked
     return search.reach(direction, is_placed, borne)

@@ -10,8 +10,8 @@ from microplan.planner.assembly.assembly import Carrier, State, locate_place
 from microplan.planner.assembly.holding import between_jaws
 from microplan.planner.assembly.mating import mating_of
 from microplan.planner.assembly.step_states import StepState
-from microplan.planner.budget.probability.fit_probability import Fit
-from microplan.planner.task.task import Step, Task
+from microplan.planner.budget.probability.fit_probability import RoundFit
+from microplan.planner.task.task import Task, TaskStep
 from microplan.planner.task.workcell import Workcell
 from microplan.schemas.plan import Budget, BudgetRow
 
@@ -23,7 +23,7 @@ NOT_MODELLED = (
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Sighted:
+class PastMeasurement:
     """What a look promised of its target: the compile-time memory of a measurement."""
 
     name: str
@@ -44,14 +44,14 @@ class Sighted:
         return f"measurement of {self.name}"
 
 
-def fit_of(task: Task, insert: StepState) -> Fit | None:
+def fit_of(task: Task, insert: StepState) -> RoundFit | None:
     """Return the fit of an insertion, None if its hole or shaft is not round."""
     mating = mating_of(task, insert.step, insert.after)
     if mating is None:
         return None
     hole, _, _ = (insert.step.target or "").partition(".")
     part, _, shaft = (insert.step.onto or "").partition(".")
-    return Fit(
+    return RoundFit(
         hole_um=mating.hole_um / 2,
         shaft_um=mating.shaft_um / 2,
         hole_tolerance_um=task.parts[hole].profile_tolerance_um,
@@ -63,8 +63,8 @@ def fit_of(task: Task, insert: StepState) -> Fit | None:
 def blind_rows(
     cell: Workcell,
     travel_um: Mapping[Carrier, float],
-    hole: Sighted | None,
-    shaft: Sighted | None,
+    hole: PastMeasurement | None,
+    shaft: PastMeasurement | None,
     takes_s: float = 0.0,
     *,
     doing: str = "inserting",
@@ -106,7 +106,9 @@ def blind_rows(
     return tuple(rows)
 
 
-def looking_rows(cell: Workcell, hole: Sighted, shaft: Sighted) -> list[BudgetRow]:
+def looking_rows(
+    cell: Workcell, hole: PastMeasurement, shaft: PastMeasurement
+) -> list[BudgetRow]:
     """Return what two looks at different heights and zooms differ by."""
     apart_um = abs(hole.focus_um - shaft.focus_um)
     rows = [_measured_row(seen) for seen in (hole, shaft)]
@@ -145,7 +147,7 @@ def looking_rows(cell: Workcell, hole: Sighted, shaft: Sighted) -> list[BudgetRo
     return rows
 
 
-def _measured_row(seen: Sighted) -> BudgetRow:
+def _measured_row(seen: PastMeasurement) -> BudgetRow:
     """Return what a look errs by; the scale is common to both and has its own row."""
     steady_um, source = seen.steady_um, "trials"
     if steady_um is None or steady_um >= seen.sigma_um:
@@ -155,7 +157,7 @@ def _measured_row(seen: Sighted) -> BudgetRow:
 
 
 def _scale_row(
-    cell: Workcell, hole: Sighted, shaft: Sighted, *, zoomed: bool
+    cell: Workcell, hole: PastMeasurement, shaft: PastMeasurement, *, zoomed: bool
 ) -> BudgetRow:
     """Return what an unknown magnification moves, along the line from the axis."""
     far_um = [math.hypot(*seen.place_um) for seen in (hole, shaft)]
@@ -174,7 +176,7 @@ def _scale_row(
     )
 
 
-def grasp_budget(task: Task, state: State, step: Step) -> Budget:
+def grasp_budget(task: Task, state: State, step: TaskStep) -> Budget:
     """Return the budget of a grasp: does the part stand free between the jaws."""
     stands = between_jaws(task, state, step)
     grip = locate_place(task, state, f"{step.tool}.grip")
@@ -215,7 +217,10 @@ def release_budget(task: Task, tool: str) -> Budget:
 
 
 def verify_budget(
-    cell: Workcell, step: Step, target: Sighted | None, seat: Sighted | None
+    cell: Workcell,
+    step: TaskStep,
+    target: PastMeasurement | None,
+    seat: PastMeasurement | None,
 ) -> Budget:
     """Return what blurs a verification; it can refuse, but it moves nothing.
 

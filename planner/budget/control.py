@@ -12,11 +12,11 @@ from microplan.planner.assembly.step_states import StepState
 from microplan.planner.budget.alignment_residual import (
     approach_um,
     gain_of,
-    left_by,
     moved_by,
+    residual_after,
     residual_of,
 )
-from microplan.planner.budget.budget import Sighted, blind_rows, fit_of
+from microplan.planner.budget.budget import PastMeasurement, blind_rows, fit_of
 from microplan.planner.budget.insert_budget import share_of_goal
 from microplan.planner.budget.insertion_problem import insert_s, insertion_of, travel_of
 from microplan.planner.budget.methods import choose
@@ -88,7 +88,7 @@ def tolerance_um(
     task: Task,
     states: tuple[StepState, ...],
     align: StepState,
-    seen: Sighted | None,
+    seen: PastMeasurement | None,
     report: Report,
 ) -> float:
     """Return how closely to align: as stated, from the fit, or what the axes can do.
@@ -189,9 +189,9 @@ def method_of(
     states: tuple[StepState, ...],
     align: StepState,
     within_um: float,
-    seen: Mapping[str, Sighted],
+    seen: Mapping[str, PastMeasurement],
     report: Report,
-    before: Sighted | None = None,
+    before: PastMeasurement | None = None,
 ) -> MethodChoice:
     """Return how to run an alignment: as the task asks, else by what each way gives.
 
@@ -228,8 +228,8 @@ def _with_chance(
     insert: StepState | None,
     within_um: float,
     method: MethodName,
-    seen: Mapping[str, Sighted],
-    before: Sighted | None,
+    seen: Mapping[str, PastMeasurement],
+    before: PastMeasurement | None,
 ) -> MethodOption:
     """Return one way to align, with the chance of the insertion if one follows."""
     here = seen.get(owner_of(align.step.target or ""))
@@ -237,7 +237,7 @@ def _with_chance(
     option = _option(task, align, within_um, method, before, look_um)
     if insert is None:
         return option
-    left = left_by(task, align, method, within_um, before)
+    left = residual_after(task, align, method, within_um, before)
     job = insertion_of(task, states, insert, left, seen)
     return option if job is None else replace(option, success_probability=1 - job.miss)
 
@@ -247,7 +247,7 @@ def _option(
     align: StepState,
     within_um: float,
     method: MethodName,
-    before: Sighted | None,
+    before: PastMeasurement | None,
     look_um: float,
 ) -> MethodOption:
     """Return how many looks a way takes on average, and how long.
@@ -339,7 +339,10 @@ def _most_looks(residual: Residual, turn: Turn | None) -> int:
 
 
 def _from_fit(
-    task: Task, states: tuple[StepState, ...], align: StepState, seen: Sighted | None
+    task: Task,
+    states: tuple[StepState, ...],
+    align: StepState,
+    seen: PastMeasurement | None,
 ) -> float | None:
     """Return the tolerance that the insertion after the alignment asks for."""
     step = insertion_after(states, align)

@@ -15,7 +15,7 @@ from microplan.planner.assembly.assembly import (
     robot_pose,
 )
 from microplan.planner.assembly.step_states import StepState
-from microplan.planner.budget.budget import Sighted
+from microplan.planner.budget.budget import PastMeasurement
 from microplan.planner.task.task import Task
 from microplan.schemas.plan import BudgetRow
 
@@ -28,7 +28,7 @@ def since_rows(
     task: Task,
     states: tuple[StepState, ...],
     insert: StepState,
-    seen: Sequence[Sighted | None],
+    seen: Sequence[PastMeasurement | None],
     names: Sequence[str] | None = None,
 ) -> tuple[BudgetRow, ...]:
     """Return the terms of what changed since hole and shaft were looked at.
@@ -67,7 +67,7 @@ def _rows(
     states: tuple[StepState, ...],
     insert: StepState,
     name: str,
-    look: Sighted,
+    look: PastMeasurement,
 ) -> Iterator[BudgetRow]:
     """Yield the terms of one of the two parts."""
     first = next(i for i, s in enumerate(states) if s.step.id == look.step)

@@ -21,7 +21,7 @@ from microplan.schemas.plan.verdicts import (
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Verdicts:
+class MechanicsVerdicts:
     """What is known of a step's mechanics; None where it has none of the kind."""
 
     fit: FitVerdict | None = None
@@ -29,17 +29,21 @@ class Verdicts:
     release: ReleaseVerdict | None = None
 
 
-def verdicts_of(task: Task, states: tuple[StepState, ...], here: StepState) -> Verdicts:
+def verdicts_of(
+    task: Task, states: tuple[StepState, ...], here: StepState
+) -> MechanicsVerdicts:
     """Return the verdicts of a step; only steps that need one have it worked out."""
     if here.step.verb == "insert":
         mating = mating_of(task, here.step, here.after)
         tilt_rad = task.workcell.stage.axis_tilt_sigma_rad
-        return Verdicts(fit=None if mating is None else fit_verdict(mating, tilt_rad))
+        return MechanicsVerdicts(
+            fit=None if mating is None else fit_verdict(mating, tilt_rad)
+        )
     if here.step.verb == "grasp":
-        return Verdicts(grasp=grasp_verdict(task, here))
+        return MechanicsVerdicts(grasp=grasp_verdict(task, here))
     if here.step.verb == "release":
-        return Verdicts(release=release_verdict(task, states, here))
-    return Verdicts()
+        return MechanicsVerdicts(release=release_verdict(task, states, here))
+    return MechanicsVerdicts()
 
 
 def report_handling(

@@ -25,7 +25,7 @@ OFFSET_TERM = "offset that the moves leave"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Left:
+class LateralResidual:
     """What is left sideways before an insertion, with its name in the budget."""
 
     residual: Residual
@@ -36,7 +36,7 @@ class Left:
 
 def insert_budget(
     job: Insertion,
-    left: Left,
+    left: LateralResidual,
     *,
     goal: float = 0.0,
     methods: Sequence[tuple[str, float]] = (),

@@ -9,12 +9,12 @@ import numpy as np
 
 from microplan.arrays import FloatArray
 from microplan.planner.budget.probability.ellipse_probability import (
-    Spread,
+    PlaneNormal,
     beyond_radii,
 )
 from microplan.planner.budget.probability.fit_probability import (
-    Fit,
     Residual,
+    RoundFit,
     miss_probability,
 )
 from microplan.planner.budget.probability.quadrature import cuts_between, nodes_between
@@ -36,7 +36,7 @@ CLOSE = 1e-5
 class Insertion:
     """A fit and everything that keeps the parts apart sideways."""
 
-    fit: Fit
+    fit: RoundFit
     residual: Residual  # what the servo leaves
     blind: tuple[BudgetRow, ...]  # what it cannot see
     offset_um: float = 0.0  # that nobody corrects
@@ -58,13 +58,13 @@ class Insertion:
         return math.sqrt(square)
 
     @property
-    def rest(self) -> Spread:
+    def rest(self) -> PlaneNormal:
         """Return the law of what the servo cannot see, offset included."""
         off, way = self.offset_um, self.offset_rad
         middle_um = (off * math.cos(way), off * math.sin(way))
-        law = Spread(middle_um=middle_um, xx_um2=0.0, yy_um2=0.0)
+        law = PlaneNormal(middle_um=middle_um, xx_um2=0.0, yy_um2=0.0)
         for row in self.blind:
-            law = law.plus(Spread.along(row.sigma_um or 0.0, row.along_rad))
+            law = law.plus(PlaneNormal.along(row.sigma_um or 0.0, row.along_rad))
         return law
 
     @property
@@ -84,7 +84,7 @@ class Insertion:
         if not self._leans:
             return miss_probability(self.fit, self.residual, wide, abs(self.offset_um))
         if math.isinf(self.residual.within_um) or self.residual.sigma_um <= 0:
-            left = Spread.along(self.residual.sigma_um, None)
+            left = PlaneNormal.along(self.residual.sigma_um, None)
             return beyond_radii(
                 room.radius_um, room.flat_um, room.reach_um, rest.plus(left)
             )
@@ -221,7 +221,7 @@ def _times(within_um: float, factor: float) -> float:
     return within_um if math.isinf(within_um) else within_um * factor
 
 
-def _resized(fit: Fit, factor: float) -> Fit:
+def _resized(fit: RoundFit, factor: float) -> RoundFit:
     """Return a fit with other tolerances."""
     return replace(
         fit,

@@ -14,9 +14,9 @@ from microplan.planner.assembly.assembly import (
 )
 from microplan.planner.assembly.step_states import StepState
 from microplan.planner.assembly.swept_volume import ROUNDING_UM
-from microplan.planner.budget.budget import Sighted, blind_rows, fit_of
+from microplan.planner.budget.budget import PastMeasurement, blind_rows, fit_of
 from microplan.planner.budget.drift_since_look import since_rows
-from microplan.planner.budget.insert_budget import Left
+from microplan.planner.budget.insert_budget import LateralResidual
 from microplan.planner.budget.insertion import Insertion
 from microplan.planner.task.task import Task
 
@@ -25,8 +25,8 @@ def insertion_of(
     task: Task,
     states: tuple[StepState, ...],
     insert: StepState,
-    left: Left,
-    seen: Mapping[str, Sighted],
+    left: LateralResidual,
+    seen: Mapping[str, PastMeasurement],
 ) -> Insertion | None:
     """Return the insertion that starts from what is `left` sideways.
 

@@ -8,37 +8,39 @@ from dataclasses import dataclass, field, replace
 
 from microplan.planner.assembly.assembly import owner_of
 from microplan.planner.assembly.step_states import StepState
-from microplan.planner.budget.budget import Sighted
+from microplan.planner.budget.budget import PastMeasurement
 from microplan.planner.looks.look_record import CompiledLook
-from microplan.planner.views.view_times import Setting
+from microplan.planner.views.view_times import MicroscopeSetting
 from microplan.schemas.plan.verdicts import MethodChoice, MethodName
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Memory:
+class MeasurementHistory:
     """What earlier steps leave for later ones."""
 
     magnification: float  # the microscope is at
-    seen: Mapping[str, Sighted]  # owner -> what its last look promised
+    seen: Mapping[str, PastMeasurement]  # owner -> what its last look promised
     looks: Mapping[str, CompiledLook] = field(default_factory=dict)  # the looks
     within_um: float  # of the last alignment
     key: str  # journal key of the step before
     choice: MethodChoice | None = None  # of the last alignment
-    setting: Setting | None = None  # of the microscope; None: nothing was looked at
-    before: Sighted | None = None  # the look that its first approach went by
+    setting: MicroscopeSetting | None = (
+        None  # of the microscope; None: nothing was looked at
+    )
+    before: PastMeasurement | None = None  # the look that its first approach went by
     # owner -> the last look that told its angle
-    angles: Mapping[str, Sighted] = field(default_factory=dict)
+    angles: Mapping[str, PastMeasurement] = field(default_factory=dict)
 
 
 def remember(
-    memory: Memory, step: str, look: CompiledLook, moved_um: float = 0.0
-) -> Memory:
+    memory: MeasurementHistory, step: str, look: CompiledLook, moved_um: float = 0.0
+) -> MeasurementHistory:
     """Return the memory after a look of a step.
 
     `moved_um` is what moves since its frame add to the place of its target, one sigma.
     """
     view, measure = look.look.view, look.look.measure
-    seen = Sighted(
+    seen = PastMeasurement(
         name=look.look.target,
         step=step,
         sigma_um=math.hypot(look.look.sigma_xy_um, moved_um),
@@ -55,14 +57,14 @@ def remember(
     return replace(
         memory,
         magnification=view.magnification,
-        setting=Setting(look=look.look.id, view=view),
+        setting=MicroscopeSetting(look=look.look.id, view=view),
         seen={**memory.seen, owner: seen},
         looks={**memory.looks, owner: look},
         angles={**memory.angles, **told},
     )
 
 
-def method_taken(align: StepState, memory: Memory) -> MethodName:
+def method_taken(align: StepState, memory: MeasurementHistory) -> MethodName:
     """Return how an alignment is run: as was chosen, else as the task says."""
     if memory.choice is not None:
         return memory.choice.method

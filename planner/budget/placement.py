@@ -19,25 +19,25 @@ from microplan.planner.assembly.assembly import (
 from microplan.planner.assembly.moves import apply_reading
 from microplan.planner.assembly.shapes import hull
 from microplan.planner.assembly.step_states import StepState
-from microplan.planner.budget.budget import Sighted
-from microplan.planner.budget.measurement_history import Memory
-from microplan.planner.task.task import Move, Part, Step, Task
+from microplan.planner.budget.budget import PastMeasurement
+from microplan.planner.budget.measurement_history import MeasurementHistory
+from microplan.planner.task.task import Move, Part, Task, TaskStep
 from microplan.planner.views.targets import middle_um
 from microplan.planner.views.view_times import move_times
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Putting:
+class PlacementContext:
     """A release, the step that checks it, and what brought the part there."""
 
     task: Task
     states: tuple[StepState, ...]
     release: StepState
-    verify: Step
+    verify: TaskStep
     align: StepState | None  # None: nothing did, or it was undone
     since_align: tuple[StepState, ...]  # up to the release
     since_seen: tuple[StepState, ...]  # the last look at the part, up to the release
-    memory: Memory
+    memory: MeasurementHistory
     held: tuple[StepState, ...] = ()  # from the grasp up to the release
     turned: StepState | None = None  # the last alignment that corrected the angle
     since_turned: tuple[StepState, ...] = ()  # up to the release
@@ -53,16 +53,16 @@ class Putting:
         return owner_of(self.verify.on or "")
 
     @property
-    def seen(self) -> tuple[Sighted | None, Sighted | None]:
+    def seen(self) -> tuple[PastMeasurement | None, PastMeasurement | None]:
         """Return the last looks at part and seat."""
         return (self.memory.seen.get(self.part), self.memory.seen.get(self.seat))
 
     @property
-    def told(self) -> tuple[Sighted | None, Sighted | None]:
+    def told(self) -> tuple[PastMeasurement | None, PastMeasurement | None]:
         """Return the last looks that told the angles of part and seat as they are."""
         return (self._told(self.part), self._told(self.seat))
 
-    def _told(self, name: str) -> Sighted | None:
+    def _told(self, name: str) -> PastMeasurement | None:
         """Return the last look since the grasp that told the angle of a part."""
         last = self.memory.seen.get(name)
         if last is None or last.sigma_theta_rad is None:
@@ -72,8 +72,11 @@ class Putting:
 
 
 def putting_of(
-    task: Task, states: tuple[StepState, ...], here: StepState, memory: Memory
-) -> Putting | None:
+    task: Task,
+    states: tuple[StepState, ...],
+    here: StepState,
+    memory: MeasurementHistory,
+) -> PlacementContext | None:
     """Return what is put down by a release, None if no later step states where."""
     index, part = states.index(here), owner_of(here.step.target or "")
     verify = _verify_after(task, here.step)
@@ -97,7 +100,7 @@ def putting_of(
         and owner_of(state.step.target or "") == part
     ]
     path = (*held, here)
-    return Putting(
+    return PlacementContext(
         task=task,
         states=states,
         release=here,
@@ -112,7 +115,7 @@ def putting_of(
     )
 
 
-def _verify_after(task: Task, release: Step) -> Step | None:
+def _verify_after(task: Task, release: TaskStep) -> TaskStep | None:
     """Return the step that checks where the part lies, before it is taken again."""
     part = owner_of(release.target or "")
     for step in task.steps[task.steps.index(release) + 1 :]:
@@ -128,7 +131,7 @@ def _is(state: StepState, verb: str, part: str) -> bool:
     return state.step.verb == verb and owner_of(state.step.target or "") == part
 
 
-def _owners(align: Step) -> set[str]:
+def _owners(align: TaskStep) -> set[str]:
     return {owner_of(name or "") for name in (align.target, align.to)}
 
 
@@ -152,7 +155,7 @@ def moves_of(steps: Sequence[StepState], carrier: Carrier) -> list[Move]:
     return [move for here in steps for move in here.moves if move.axes == carrier]
 
 
-def way_um(put: Putting, name: str, start: str, end: str) -> Point:
+def way_um(put: PlacementContext, name: str, start: str, end: str) -> Point:
     """Return the way between two points of a part, in the world's axes."""
     part, pose = put.task.parts[name], part_pose(put.task, put.release.before, name)
     (x0, y0), (x1, y1) = (pose.apply(*_point_um(part, n)) for n in (start, end))

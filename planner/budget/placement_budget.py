@@ -16,19 +16,22 @@ from microplan.planner.assembly.step_states import StepState
 from microplan.planner.assembly.swept_volume import ROUNDING_UM
 from microplan.planner.budget.alignment_residual import (
     gain_of,
-    left_by,
     moved_by,
+    residual_after,
     unaligned,
 )
-from microplan.planner.budget.allowable_errors import allowed
-from microplan.planner.budget.budget import Sighted, blind_rows
+from microplan.planner.budget.allowable_errors import allowable_errors
+from microplan.planner.budget.budget import PastMeasurement, blind_rows
 from microplan.planner.budget.drift_since_look import since_rows
-from microplan.planner.budget.insert_budget import Left, share_of_goal
+from microplan.planner.budget.insert_budget import LateralResidual, share_of_goal
 from microplan.planner.budget.insertion import Insertion
 from microplan.planner.budget.insertion_problem import apart
-from microplan.planner.budget.measurement_history import Memory, method_taken
+from microplan.planner.budget.measurement_history import (
+    MeasurementHistory,
+    method_taken,
+)
 from microplan.planner.budget.placement import (
-    Putting,
+    PlacementContext,
     far_um,
     moves_of,
     moves_s,
@@ -41,8 +44,8 @@ from microplan.planner.budget.placing import (
     placing_budget,
     within,
 )
-from microplan.planner.budget.probability.angle_budget import Turning
-from microplan.planner.looks.look_problem import Effects
+from microplan.planner.budget.probability.angle_budget import AngleError
+from microplan.planner.looks.look_problem import CompileContext
 from microplan.planner.task.task import Task
 from microplan.schemas.plan import Budget, BudgetRow
 from microplan.schemas.plan.verdicts import PlacingVerdict, TurnRow
@@ -55,8 +58,8 @@ def place_budget(
     task: Task,
     states: tuple[StepState, ...],
     here: StepState,
-    memory: Memory,
-    effects: Effects,
+    memory: MeasurementHistory,
+    effects: CompileContext,
 ) -> tuple[Budget, PlacingVerdict] | None:
     """Return what a release leaves of a placement, None if nobody states a tolerance.
 
@@ -77,20 +80,20 @@ def place_budget(
         if name in memory.looks and put.align is not None
     ]
     needed = goal / others if others > 0 else 1.0
-    borne = allowed(task, job, needed, looks, effects)
+    borne = allowable_errors(task, job, needed, looks, effects)
     if budget.analysis is None:
         raise ValueError("the budget of a placement has an analysis")
     analysis = replace(budget.analysis, allowed=borne)
     return replace(budget, analysis=analysis), verdict
 
 
-def left_of(put: Putting) -> Left:
+def left_of(put: PlacementContext) -> LateralResidual:
     """Return what the alignment leaves sideways."""
     if put.align is None:
         parts = (put.part, put.seat)
         since = "of them since the part was taken"
         return unaligned(put.release.before, parts, since)
-    return left_by(
+    return residual_after(
         put.task,
         put.align,
         method_taken(put.align, put.memory),
@@ -100,7 +103,7 @@ def left_of(put: Putting) -> Left:
     )
 
 
-def job_of(put: Putting, left: Left) -> Insertion:
+def job_of(put: PlacementContext, left: LateralResidual) -> Insertion:
     """Return the errors of the place, against the tolerance that is stated."""
     names = (put.verify.target or "", put.verify.on or "")
     offset_um, offset_rad = apart(put.task, put.release.after, *names)
@@ -114,7 +117,7 @@ def job_of(put: Putting, left: Left) -> Insertion:
     )
 
 
-def _placement(put: Putting) -> Placement:
+def _placement(put: PlacementContext) -> Placement:
     """Return what is put where, and what is asked of it."""
     target, tool = put.verify.target or "", put.release.before.tool
     tools = put.task.workcell.tools
@@ -129,14 +132,14 @@ def _placement(put: Putting) -> Placement:
     )
 
 
-def turning_of(put: Putting) -> Turning:
+def turning_of(put: PlacementContext) -> AngleError:
     """Return the error of the part's angle against its seat's."""
     task, turned, state = put.task, put.turned, put.release.before
     spread = [state.parts[name].sigma_theta_rad for name in (put.part, put.seat)]
     since = list(_since_turns(put))
     if turned is None:
         left = math.hypot(*spread, task.workcell.stage.axes.repeatability_theta_rad)
-        return Turning(left_rad=left, cut_rad=math.inf, rows=tuple(since))
+        return AngleError(left_rad=left, cut_rad=math.inf, rows=tuple(since))
     repeats = axes_of(task, moved_by(task, turned)).repeatability_theta_rad
     rows = [
         TurnRow(
@@ -159,17 +162,17 @@ def turning_of(put: Putting) -> Turning:
         first = math.hypot(_angle_rad(before, known), math.sqrt(2) * repeats)
         left = max(repeats * math.sqrt(2 / (2 - gain_of(task))), first)
         cut = turned.step.tolerance_theta_rad or math.inf
-    return Turning(left_rad=left, cut_rad=cut, rows=(*rows, *since))
+    return AngleError(left_rad=left, cut_rad=cut, rows=(*rows, *since))
 
 
-def _angle_rad(seen: Sighted | None, spread_rad: float) -> float:
+def _angle_rad(seen: PastMeasurement | None, spread_rad: float) -> float:
     """Return how well an angle is known: by the look, else as the task has it."""
     if seen is None or seen.sigma_theta_rad is None:
         return spread_rad
     return seen.sigma_theta_rad
 
 
-def _blind(put: Putting) -> Iterator[BudgetRow]:
+def _blind(put: PlacementContext) -> Iterator[BudgetRow]:
     """Yield the terms of the place that the alignment cannot see."""
     task, release = put.task, put.release.before
     start = release if put.align is None else put.align.after
@@ -185,7 +188,7 @@ def _blind(put: Putting) -> Iterator[BudgetRow]:
     yield from since_rows(task, put.states, put.release, seen, names)
 
 
-def _since_turns(put: Putting) -> Iterator[TurnRow]:
+def _since_turns(put: PlacementContext) -> Iterator[TurnRow]:
     """Yield what turns of the axes add after the looks."""
     for carrier, steps in _since(put):
         moves = moves_of(steps, carrier)
@@ -198,13 +201,13 @@ def _since_turns(put: Putting) -> Iterator[TurnRow]:
             )
 
 
-def _since(put: Putting) -> tuple[tuple[Carrier, Sequence[StepState]], ...]:
+def _since(put: PlacementContext) -> tuple[tuple[Carrier, Sequence[StepState]], ...]:
     """Return the steps in which each carrier must not turn."""
     stage = put.since_align if put.turned is None else put.since_turned
     return (("stage", stage), ("robot", put.since_seen))
 
 
-def _levers(put: Putting) -> Iterator[BudgetRow]:
+def _levers(put: PlacementContext) -> Iterator[BudgetRow]:
     """Yield what errors of angles move what is placed."""
     if put.align is None:
         return

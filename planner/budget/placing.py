@@ -7,7 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from microplan.planner.budget.insert_budget import OFFSET_TERM, Left, advice_of
+from microplan.planner.budget.insert_budget import (
+    OFFSET_TERM,
+    LateralResidual,
+    advice_of,
+)
 from microplan.planner.budget.insertion import SIZE, Insertion
 from microplan.planner.budget.offenders import (
     YIELD_POINTS,
@@ -15,8 +19,8 @@ from microplan.planner.budget.offenders import (
     offenders,
     sizes_of,
 )
-from microplan.planner.budget.probability.angle_budget import Turning
-from microplan.planner.budget.probability.fit_probability import Fit
+from microplan.planner.budget.probability.angle_budget import AngleError
+from microplan.planner.budget.probability.fit_probability import RoundFit
 from microplan.schemas.page.figures import chance
 from microplan.schemas.plan import Budget, BudgetRow
 from microplan.schemas.plan.verdicts import (
@@ -49,14 +53,14 @@ class Placement:
     stick_probability: float
 
 
-def within(radius_um: float) -> Fit:
+def within(radius_um: float) -> RoundFit:
     """Return a tolerance as a hole over a shaft of no width."""
-    return Fit(
+    return RoundFit(
         hole_um=radius_um, shaft_um=0.0, hole_tolerance_um=0.0, shaft_tolerance_um=0.0
     )
 
 
-def chance_beside(placed: Placement, turning: Turning) -> float:
+def chance_beside(placed: Placement, turning: AngleError) -> float:
     """Return the chance that the angle is within its limit and nothing sticks."""
     limit = placed.within_rad
     turned = 0.0 if limit is None else turning.beyond(limit)
@@ -66,8 +70,8 @@ def chance_beside(placed: Placement, turning: Turning) -> float:
 def placing_budget(
     placed: Placement,
     job: Insertion,
-    left: Left,
-    turning: Turning,
+    left: LateralResidual,
+    turning: AngleError,
     *,
     goal: float = 0.0,
 ) -> tuple[Budget, PlacingVerdict]:
@@ -117,7 +121,7 @@ def placing_budget(
     return budget, _verdict(placed, job, turning)
 
 
-def _verdict(placed: Placement, job: Insertion, turning: Turning) -> PlacingVerdict:
+def _verdict(placed: Placement, job: Insertion, turning: AngleError) -> PlacingVerdict:
     """Return the numbers of a placement."""
     half_um, most_um = (_quantile_um(job, share) for share in QUANTILES)
     limit = placed.within_rad
@@ -156,7 +160,9 @@ def placing_words(step: str, found: PlacingVerdict) -> str:
     return f"{words}; {found.verified_by!r} looks"
 
 
-def _rows(job: Insertion, left: Left, placed: Placement) -> tuple[BudgetRow, ...]:
+def _rows(
+    job: Insertion, left: LateralResidual, placed: Placement
+) -> tuple[BudgetRow, ...]:
     """Return every term of the place, what is left out last."""
     stick = (
         f"counts in P: stick_probability {placed.stick_probability:g} of the workcell "

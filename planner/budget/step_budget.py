@@ -6,19 +6,26 @@ from dataclasses import replace
 
 from microplan.planner.assembly.assembly import owner_of
 from microplan.planner.assembly.step_states import StepState
-from microplan.planner.budget.alignment_residual import left_by, unaligned
-from microplan.planner.budget.allowable_errors import allowed
+from microplan.planner.budget.alignment_residual import residual_after, unaligned
+from microplan.planner.budget.allowable_errors import allowable_errors
 from microplan.planner.budget.budget import (
     empty_budget,
     grasp_budget,
     release_budget,
     verify_budget,
 )
-from microplan.planner.budget.insert_budget import Left, insert_budget, share_of_goal
+from microplan.planner.budget.insert_budget import (
+    LateralResidual,
+    insert_budget,
+    share_of_goal,
+)
 from microplan.planner.budget.insertion_problem import insertion_of
-from microplan.planner.budget.measurement_history import Memory, method_taken
+from microplan.planner.budget.measurement_history import (
+    MeasurementHistory,
+    method_taken,
+)
 from microplan.planner.budget.probability.collision_probability import passed
-from microplan.planner.looks.look_problem import Effects
+from microplan.planner.looks.look_problem import CompileContext
 from microplan.planner.task.task import Task
 from microplan.planner.views.requests import insertion_after
 from microplan.schemas import plan as p
@@ -28,8 +35,8 @@ def budget_of(
     task: Task,
     states: tuple[StepState, ...],
     here: StepState,
-    memory: Memory,
-    effects: Effects,
+    memory: MeasurementHistory,
+    effects: CompileContext,
 ) -> p.Budget:
     """Return the error budget of the step's mechanical action and of its moves."""
     return passed(task, here, _of_action(task, states, here, memory, effects))
@@ -39,8 +46,8 @@ def _of_action(
     task: Task,
     states: tuple[StepState, ...],
     here: StepState,
-    memory: Memory,
-    effects: Effects,
+    memory: MeasurementHistory,
+    effects: CompileContext,
 ) -> p.Budget:
     """Return the error budget of the step's mechanical action alone."""
     step = here.step
@@ -60,8 +67,8 @@ def _of_insertion(
     task: Task,
     states: tuple[StepState, ...],
     insert: StepState,
-    memory: Memory,
-    effects: Effects,
+    memory: MeasurementHistory,
+    effects: CompileContext,
 ) -> p.Budget:
     """Return the budget of an insertion, with what its looks' settings bear."""
     left, goal = left_of(task, states, insert, memory), share_of_goal(task)
@@ -76,13 +83,13 @@ def _of_insertion(
         for mate in mates
         if mate in memory.looks
     ]
-    borne = allowed(task, job, goal, looks, effects)
+    borne = allowable_errors(task, job, goal, looks, effects)
     if budget.analysis is None:
         raise ValueError("the budget of an insertion has an analysis")
     return replace(budget, analysis=replace(budget.analysis, allowed=borne))
 
 
-def _other_methods(memory: Memory) -> list[tuple[str, float]]:
+def _other_methods(memory: MeasurementHistory) -> list[tuple[str, float]]:
     """Return the ways to align that were not taken, with their chances."""
     if memory.choice is None:
         return []
@@ -95,8 +102,11 @@ def _other_methods(memory: Memory) -> list[tuple[str, float]]:
 
 
 def left_of(
-    task: Task, states: tuple[StepState, ...], insert: StepState, memory: Memory
-) -> Left:
+    task: Task,
+    states: tuple[StepState, ...],
+    insert: StepState,
+    memory: MeasurementHistory,
+) -> LateralResidual:
     """Return what the alignment before an insertion leaves.
 
     Without one nothing is cut off: all that is known of both parts' places is left.
@@ -108,4 +118,4 @@ def left_of(
         since = "since something last moved sideways"
         return unaligned(insert.before, parts, since)
     method = method_taken(align, memory)
-    return left_by(task, align, method, memory.within_um, memory.before)
+    return residual_after(task, align, method, memory.within_um, memory.before)

@@ -6,7 +6,7 @@ import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
-from microplan.planner.diff.changes import KINDS, Change, Name, causes_first
+from microplan.planner.diff.changes import KINDS, PathName, PlanChange, causes_first
 from microplan.planner.source.diagnostics import Diagnostic, Severity, Span
 from microplan.planner.store.summary import success
 from microplan.schemas.page.console import one_line
@@ -29,7 +29,7 @@ _ELSEWHERE = "worked out for other sizes, so that its points do not compare"
 
 
 def changes_text(
-    changes: Sequence[Change],
+    changes: Sequence[PlanChange],
     old: Plan,
     new: Plan,
     *,
@@ -63,7 +63,7 @@ def changes_text(
     return "\n".join([*lines, verdicts_text(old, new)])
 
 
-def headline(changes: Sequence[Change]) -> str:
+def headline(changes: Sequence[PlanChange]) -> str:
     """Return how many changes of each kind there are."""
     if not changes:
         return "the plans mean the same"
@@ -80,7 +80,7 @@ def verdicts_text(old: Plan, new: Plan) -> str:
 
 
 def changes_json(
-    changes: Sequence[Change], old: tuple[str, Plan], new: tuple[str, Plan]
+    changes: Sequence[PlanChange], old: tuple[str, Plan], new: tuple[str, Plan]
 ) -> str:
     """Return the changes as one JSON document, causes first; plans by their names."""
     said: dict[str, Any] = {
@@ -111,7 +111,7 @@ def changes_json(
 
 
 def findings_of(
-    changes: Sequence[Change], failing: Sequence[Change], file: str
+    changes: Sequence[PlanChange], failing: Sequence[PlanChange], file: str
 ) -> list[Diagnostic]:
     """Return one finding a change, causes first; what fails is different."""
     fails = {change.path for change in failing}
@@ -127,7 +127,7 @@ def findings_of(
     ]
 
 
-def _severity(change: Change, *, failing: bool) -> Severity:
+def _severity(change: PlanChange, *, failing: bool) -> Severity:
     if failing:
         return "different"
     return "warning" if change.trend == "worse" else "note"
@@ -137,18 +137,18 @@ def _both(old: str, new: str) -> str:
     return f"{old} in both" if old == new else f"{old} before, {new} now"
 
 
-def _groups(changes: Iterable[Change]) -> list[list[Change]]:
+def _groups(changes: Iterable[PlanChange]) -> list[list[PlanChange]]:
     """Return the changes of a kind, those together that changed by the same."""
-    found: dict[tuple[str, ...], list[Change]] = {}
+    found: dict[tuple[str, ...], list[PlanChange]] = {}
     for change in causes_first(changes):
         alike = (change.trend, _key(change), change.share or change.says)
         found.setdefault(alike, []).append(change)
     return list(found.values())
 
 
-def _sampled(changes: Sequence[Change]) -> dict[str, list[Change]]:
+def _sampled(changes: Sequence[PlanChange]) -> dict[str, list[PlanChange]]:
     """Return changes of curves whose points lie elsewhere: they compare nothing."""
-    found: dict[tuple[str, ...], list[Change]] = {}
+    found: dict[tuple[str, ...], list[PlanChange]] = {}
     for change in changes:
         if "yields" in change.path and change.path[-3:-2] == ("points",):
             found.setdefault(change.path[:-3], []).append(change)
@@ -159,13 +159,13 @@ def _sampled(changes: Sequence[Change]) -> dict[str, list[Change]]:
     }
 
 
-def _key(change: Change) -> str:
+def _key(change: PlanChange) -> str:
     """Return what a value is called, without where it stands in a list."""
-    keys = [p for p in change.path if not (p.isdigit() or isinstance(p, Name))]
+    keys = [p for p in change.path if not (p.isdigit() or isinstance(p, PathName))]
     return keys[-1] if keys else ""
 
 
-def _lines(group: Sequence[Change], shown: Sequence[Change]) -> Iterator[str]:
+def _lines(group: Sequence[PlanChange], shown: Sequence[PlanChange]) -> Iterator[str]:
     """Yield the lines of changes that are alike: what they share, then where."""
     first = group[0]
     trend = f", {first.trend}" if first.trend else ""
@@ -180,12 +180,12 @@ def _lines(group: Sequence[Change], shown: Sequence[Change]) -> Iterator[str]:
         yield "    " + one_line(told)
 
 
-def _told(change: Change) -> str:
+def _told(change: PlanChange) -> str:
     """Return what became what, and whether that is better or worse."""
     return f"{change.says}, {change.trend}" if change.trend else change.says
 
 
-def _where(change: Change) -> str:
+def _where(change: PlanChange) -> str:
     return _counted(change.path).removeprefix("steps/")
 
 
@@ -196,6 +196,6 @@ def _counted(path: Sequence[str]) -> str:
     """
     where, key, last = "/".join(path), "/".join(path[-2:-1]), path[-1]
     names = _ENTRIES.get(key, ())
-    if not last.isdigit() or isinstance(last, Name) or int(last) >= len(names):
+    if not last.isdigit() or isinstance(last, PathName) or int(last) >= len(names):
         return where
     return f"{where} ({names[int(last)]})"

@@ -31,7 +31,7 @@ ABOUT: Mapping[Kind, str] = {
 }
 
 
-class Name(str):
+class PathName(str):
     """A part of a path that somebody chose, as the id of a step; the rest are keys."""
 
     __slots__ = ()
@@ -39,11 +39,11 @@ class Name(str):
 
 def keys_of(path: Sequence[str]) -> str:
     """Return a path with its names masked: a step called "reason" is no reason."""
-    return "/".join(":" if isinstance(part, Name) else part for part in path)
+    return "/".join(":" if isinstance(part, PathName) else part for part in path)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Change:
+class PlanChange:
     """One difference that is beyond its tolerance."""
 
     path: tuple[str, ...]  # ("steps", "over_shaft", "control", "gain")
@@ -68,12 +68,12 @@ class Change:
         return f"{100 * (new - old) / abs(old):+.3g} %"
 
 
-def causes_first(changes: Iterable[Change]) -> list[Change]:
+def causes_first(changes: Iterable[PlanChange]) -> list[PlanChange]:
     """Return changes by kind: causes as the plan has them, of the rest worse first."""
     rank = {kind: index for index, kind in enumerate(KINDS)}
     follows = rank["feasibility"]
 
-    def place(change: Change) -> tuple[int, bool]:
+    def place(change: PlanChange) -> tuple[int, bool]:
         at = rank[change.kind]
         return at, at >= follows and change.trend != "worse"
 

@@ -7,7 +7,13 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from microplan.planner.diff.changes import Change, Kind, Name, is_number, keys_of
+from microplan.planner.diff.changes import (
+    Kind,
+    PathName,
+    PlanChange,
+    is_number,
+    keys_of,
+)
 from microplan.planner.diff.identity import ORDERED, WHOLE, named
 from microplan.planner.diff.kinds import kind_of, trend_of
 from microplan.planner.diff.tolerances import Rule, rule_for
@@ -30,7 +36,7 @@ _ANOTHER: Mapping[str, str] = {
 
 def compare_plans(
     old: Plan, new: Plan, rules: Sequence[Rule] = ()
-) -> tuple[Change, ...]:
+) -> tuple[PlanChange, ...]:
     """Return the differences in meaning, in the order of the plans.
 
     Steps, looks, features, effects and the like are matched by what they are called. A
@@ -58,7 +64,7 @@ def _differences(
     path: Path,
     rules: Sequence[Rule],
     units: tuple[str, str] = ("", ""),
-) -> Iterator[Change]:
+) -> Iterator[PlanChange]:
     """Yield the differences below `path`; `units` of numbers whose keys tell none."""
     if rule_for(path, rules).ignored:
         return
@@ -72,7 +78,7 @@ def _differences(
 
 def _mappings(
     old: Mapping[str, Any], new: Mapping[str, Any], path: Path, rules: Sequence[Rule]
-) -> Iterator[Change]:
+) -> Iterator[PlanChange]:
     """Yield the differences of two mappings, key by key."""
     if keys_of(path[-1:]) in _BY_NAME:
         old, new = _by_name(old), _by_name(new)
@@ -86,12 +92,12 @@ def _mappings(
 
 def _by_name(entries: Mapping[str, Any]) -> dict[str, Any]:
     """Return entries whose keys are names."""
-    return {Name(name): entry for name, entry in entries.items()}
+    return {PathName(name): entry for name, entry in entries.items()}
 
 
 def _lists(
     old: list[Any], new: list[Any], path: Path, rules: Sequence[Rule]
-) -> Iterator[Change]:
+) -> Iterator[PlanChange]:
     """Yield the differences of two lists, by names where their entries have them."""
     key = path[-1] if path else ""
     before, after = named(key, old), named(key, new)
@@ -107,7 +113,7 @@ def _lists(
         order = [name for name in after if name in before]
         if common != order:
             words = f"order {_chain(common)} became {_chain(order)}"
-            yield Change(
+            yield PlanChange(
                 path=path, kind=kind_of(path), old=common, new=order, says=words
             )
     yield from _mappings(_by_name(before), _by_name(after), path, rules)
@@ -120,7 +126,7 @@ def _chain(names: Iterable[str]) -> str | None:
 
 def _positions(
     old: list[Any], new: list[Any], path: Path, rules: Sequence[Rule]
-) -> Iterator[Change]:
+) -> Iterator[PlanChange]:
     """Yield the differences of two lists of numbers or words, by position."""
     if len(old) != len(new):
         yield _changed(path, old, new)
@@ -131,10 +137,10 @@ def _positions(
 
 def _changed(
     path: Path, old: Any, new: Any, units: tuple[str, str] = ("", "")
-) -> Change:
+) -> PlanChange:
     """Return the change of one value."""
     before, after = (unit_of(path) or unit for unit in units)
-    found = Change(
+    found = PlanChange(
         path=path, kind=kind_of(path), old=old, new=new,
         says=f"{_measured(old, before)} became {_measured(new, after)}",
         trend=trend_of(path, old, new), unit=after if _has_unit(old, new) else "",
@@ -147,14 +153,16 @@ def _changed(
     return replace(found, says=found.says + share)
 
 
-def _one_sided(path: Path, old: Any, new: Any, *, added: bool) -> Change:
+def _one_sided(path: Path, old: Any, new: Any, *, added: bool) -> PlanChange:
     """Return something that only one plan has."""
     what = new if added else old
     says = "added" if added else "removed"
     if not isinstance(what, (Mapping, list)):
         says += f": {_measured(what, unit_of(path))}"
     unit = unit_of(path) if is_number(what) else ""
-    return Change(path=path, kind=_kind(path), old=old, new=new, says=says, unit=unit)
+    return PlanChange(
+        path=path, kind=_kind(path), old=old, new=new, says=says, unit=unit
+    )
 
 
 def _kind(path: Path) -> Kind:
@@ -166,7 +174,7 @@ def _kind(path: Path) -> Kind:
 
 def _moved(
     old: Mapping[str, Any], new: Mapping[str, Any], rules: Sequence[Rule]
-) -> Iterator[Change]:
+) -> Iterator[PlanChange]:
     """Yield features that lie elsewhere in their part, in um and a look's sigmas."""
     before, after = (
         named("features", old["features"]),
@@ -177,7 +185,7 @@ def _moved(
         there = (after or {}).get(name)
         if there is None:
             continue
-        path: Path = ("features", Name(name), "place_um")
+        path: Path = ("features", PathName(name), "place_um")
         ends = [[at["x_um"], at["y_um"]] for at in (place, there)]
         far_um, rule = math.dist(*ends), rule_for(path, rules)
         if rule.ignored or far_um <= max(
@@ -187,7 +195,7 @@ def _moved(
         says = f"moved {far_um:.4g} um, from {_shown(ends[0])} to {_shown(ends[1])} um"
         if sigmas.get(name):
             says += f": {far_um / sigmas[name]:.3g} sigma of the look at it"
-        yield Change(
+        yield PlanChange(
             path=path, kind="feature", old=ends[0], new=ends[1], says=says, unit="um"
         )
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from microplan.planner.diff.changes import Change, Kind
+from microplan.planner.diff.changes import Kind, PlanChange
 from microplan.planner.diff.compare import compare_plans
 from microplan.planner.diff.errors import DiffError
 from microplan.planner.diff.pictures import compare_pictures
@@ -39,8 +39,8 @@ class DiffCall:
 class Difference:
     """What changed, and what of it fails the comparison."""
 
-    changes: tuple[Change, ...]
-    failing: tuple[Change, ...]
+    changes: tuple[PlanChange, ...]
+    failing: tuple[PlanChange, ...]
     notes: tuple[str, ...] = ()  # on what could not be compared
     old: Plan
     new: Plan
@@ -144,6 +144,6 @@ def read_plan(path: Path) -> Plan:
         raise DiffError("MP704", f"{file} is no plan: {error}", str(file)) from error
 
 
-def _fails(change: Change, fail_on: Sequence[str]) -> bool:
+def _fails(change: PlanChange, fail_on: Sequence[str]) -> bool:
     """Return whether a change is one that the comparison is to fail on."""
     return not fail_on or change.kind in fail_on or change.trend in fail_on

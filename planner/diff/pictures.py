@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from microplan.planner.diff.changes import Change
+from microplan.planner.diff.changes import PlanChange
 from microplan.schemas.folders import contents_within
 from microplan.schemas.page.page import png_size
 from microplan.schemas.plan import Plan
@@ -23,7 +23,7 @@ _MOST_PX = 1 << 26  # of a picture: an 8192 x 8192 sensor
 
 def compare_pictures(
     old: Plan, old_folder: Path, new: Plan, new_folder: Path, levels: int = LEVELS
-) -> Iterator[Change]:
+) -> Iterator[PlanChange]:
     """Yield the looks whose images differ by more than `levels` of 255 anywhere.
 
     Looks that only one plan has, and images that neither folder has, are passed over.
@@ -37,7 +37,7 @@ def compare_pictures(
         if says:
             step, name = look
             path = ("steps", step, "looks", name, "scene", "image")
-            yield Change(
+            yield PlanChange(
                 path=path, kind="picture", old=before[look], new=after[look], says=says
             )
 

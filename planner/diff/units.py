@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from microplan.planner.diff.changes import Name
+from microplan.planner.diff.changes import PathName
 
 # ends of keys, the longer ones before those that they end in
 _ENDS: tuple[tuple[str, str], ...] = (
@@ -30,7 +30,7 @@ def unit_of(path: Sequence[str]) -> str:
                 return unit
         if part in _KEYS:
             return _KEYS[part]
-        if not (part.isdigit() or isinstance(part, Name)):
+        if not (part.isdigit() or isinstance(part, PathName)):
             return ""
     return ""
 

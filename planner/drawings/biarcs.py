@@ -21,7 +21,7 @@ class TooManyError(ValueError):
     """Curves need more edges than allowed."""
 
 
-class Span(Protocol):
+class CurveSpan(Protocol):
     """A smooth stretch of a curve."""
 
     def ends(self) -> tuple[complex, complex]:
@@ -33,11 +33,11 @@ class Span(Protocol):
     def at(self, fraction: float) -> complex:
         """Return a point of it, 0 being its start and 1 its end."""
 
-    def halves(self) -> tuple[Span, Span]:
+    def halves(self) -> tuple[CurveSpan, CurveSpan]:
         """Return both halves of it."""
 
 
-def biarcs(whole: Span, size_um: float, most: int) -> Iterator[Edge]:
+def biarcs(whole: CurveSpan, size_um: float, most: int) -> Iterator[Edge]:
     """Yield tangent arcs within the tolerance of a curve of that size."""
     within = min(CURVE_UM, CURVE_PART * size_um)
     waiting = [(whole, 0)]
@@ -55,7 +55,7 @@ def biarcs(whole: Span, size_um: float, most: int) -> Iterator[Edge]:
         yield from pair if pair is not None else [segment(*span.ends())]
 
 
-def _pair(span: Span, within: float) -> list[Edge] | None:
+def _pair(span: CurveSpan, within: float) -> list[Edge] | None:
     """Return the biarc of a span, None if it is not near enough.
 
     Both tangents are as long as each other: Bolton (1975), "Biarc curves".

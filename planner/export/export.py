@@ -9,7 +9,7 @@ from typing import Literal
 
 from microplan.planner.diff.diffing import plan_file
 from microplan.planner.export.dxf import dxf
-from microplan.planner.export.folder import PlanFolder, read_folder
+from microplan.planner.export.folder import ExportedPlan, read_folder
 from microplan.planner.export.ome import ome_tiff
 from microplan.planner.export.pieces import look_outlines
 from microplan.planner.export.sequence import sequence, sequence_json, sequence_yaml
@@ -82,7 +82,7 @@ def _check_place(call: ExportCall) -> None:
     check_free(call.out, folder=call.to in _FOLDERS, overwrite=call.overwrite)
 
 
-def _whole(call: ExportCall, folder: PlanFolder) -> bytes:
+def _whole(call: ExportCall, folder: ExportedPlan) -> bytes:
     """Return the one file that holds all looks."""
     if call.to == "json":
         text = json.dumps(to_data(outlines(folder), DIGITS), indent=2)
@@ -93,7 +93,7 @@ def _whole(call: ExportCall, folder: PlanFolder) -> bytes:
     return sequence_yaml(data)
 
 
-def _write_each(call: ExportCall, folder: PlanFolder) -> str:
+def _write_each(call: ExportCall, folder: ExportedPlan) -> str:
     """Write a folder with a file a look."""
     ids = [viewed.look.id for viewed in folder.looks]
     names = file_names(ids, _FOLDERS[call.to])
@@ -124,7 +124,7 @@ def _write_each(call: ExportCall, folder: PlanFolder) -> str:
     return f"{_looks(len(ids))} as {call.to}: {call.out}"
 
 
-def outlines(folder: PlanFolder) -> Outlines:
+def outlines(folder: ExportedPlan) -> Outlines:
     """Return the outlines of all looks of a folder."""
     return Outlines(
         plan=folder.plan.name,

@@ -45,7 +45,7 @@ class Viewed:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PlanFolder:
+class ExportedPlan:
     """A plan, and what else its folder tells of the looks that are exported."""
 
     path: Path
@@ -91,7 +91,7 @@ class PlanFolder:
         return grey
 
 
-def read_folder(path: Path, wanted: Sequence[str]) -> PlanFolder:
+def read_folder(path: Path, wanted: Sequence[str]) -> ExportedPlan:
     """Return a plan folder with the looks that are wanted, all if none is named.
 
     Parameters
@@ -115,7 +115,7 @@ def read_folder(path: Path, wanted: Sequence[str]) -> PlanFolder:
     looks = _chosen(plan, wanted, file)
     world = _json(file.with_name("world.json"), World)
     scenes = _json(file.with_name("scenes.json"), Scenes)
-    return PlanFolder(
+    return ExportedPlan(
         path=file.parent,
         plan=plan,
         world=world,

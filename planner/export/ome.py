@@ -6,7 +6,7 @@ import re
 import struct
 from xml.etree import ElementTree as ET
 
-from microplan.planner.export.folder import PlanFolder, Viewed
+from microplan.planner.export.folder import ExportedPlan, Viewed
 from microplan.planner.export.sight import microscope
 from microplan.planner.store.pictures import Picture
 
@@ -20,7 +20,7 @@ _NEAR = 0.01
 _ILLEGAL = re.compile("[^\t\n\r -\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
-def ome_tiff(folder: PlanFolder, viewed: Viewed) -> bytes:
+def ome_tiff(folder: ExportedPlan, viewed: Viewed) -> bytes:
     """Return a look's reference image as an OME-TIFF file.
 
     One plane of 8 bit, uncompressed, little-endian. The same plan gives the same
@@ -36,7 +36,7 @@ def ome_tiff(folder: PlanFolder, viewed: Viewed) -> bytes:
     return tiff(image, text, viewed.look.view.um_per_px)
 
 
-def ome_xml(folder: PlanFolder, viewed: Viewed) -> str:
+def ome_xml(folder: ExportedPlan, viewed: Viewed) -> str:
     """Return the description of a look's image in ASCII."""
     root = ET.Element(
         "OME",
@@ -108,7 +108,7 @@ def _ratio(value: float) -> tuple[int, int]:
     return max(1, round(value * below)), below
 
 
-def _instrument(root: ET.Element, folder: PlanFolder, viewed: Viewed) -> None:
+def _instrument(root: ET.Element, folder: ExportedPlan, viewed: Viewed) -> None:
     """Add the microscope: its objective is what the zoom makes of it."""
     instrument = ET.SubElement(root, "Instrument", ID="Instrument:0")
     ET.SubElement(
@@ -121,7 +121,7 @@ def _instrument(root: ET.Element, folder: PlanFolder, viewed: Viewed) -> None:
     )
 
 
-def _image(root: ET.Element, folder: PlanFolder, viewed: Viewed) -> None:
+def _image(root: ET.Element, folder: ExportedPlan, viewed: Viewed) -> None:
     """Add the image, its pixels' size, its light and where it was taken."""
     look, optics = viewed.look, folder.world.optics
     image = ET.SubElement(root, "Image", ID="Image:0", Name=look.id)
@@ -188,7 +188,7 @@ def _image(root: ET.Element, folder: PlanFolder, viewed: Viewed) -> None:
     ET.SubElement(image, "AnnotationRef", ID="Annotation:0")
 
 
-def _notes(root: ET.Element, folder: PlanFolder, viewed: Viewed) -> None:
+def _notes(root: ET.Element, folder: ExportedPlan, viewed: Viewed) -> None:
     """Add what OME has no place for as names and values."""
     look = viewed.look
     notes = {

@@ -17,10 +17,10 @@ from microplan.featuresel.routines.contour.polarity import (
 )
 from microplan.featuresel.routines.sampling import STEP_PX, WIDTHS_PX, edge_kernel
 from microplan.optics.outline.outline import Edge, Ring, Segment
-from microplan.planner.export.folder import PlanFolder, Viewed
-from microplan.planner.export.runs import Run, border, runs
-from microplan.planner.export.sight import Sight, sight_of, target_rings
-from microplan.planner.export.tracks import Track
+from microplan.planner.export.folder import ExportedPlan, Viewed
+from microplan.planner.export.runs import SampleRun, border, runs
+from microplan.planner.export.sight import LookProjection, sight_of, target_rings
+from microplan.planner.export.tracks import RingTrack
 from microplan.planner.store.pictures import Picture
 from microplan.schemas.files.outlines import (
     ArcEdge,
@@ -47,7 +47,7 @@ class _Sampled:
     """One ring sampled: where, seen or not, and how the image steps there."""
 
     body: str
-    line: Track  # in the world
+    line: RingTrack  # in the world
     way_um: FloatArray  # (N,) middles of equal lengths
     points: FloatArray  # (N, 4) world
     covered: BoolArray
@@ -59,7 +59,7 @@ class _Sampled:
         return self.line.length_um / len(self.way_um)
 
 
-def look_outlines(folder: PlanFolder, viewed: Viewed) -> LookOutlines:
+def look_outlines(folder: ExportedPlan, viewed: Viewed) -> LookOutlines:
     """Return what of a look's target is seen, and how.
 
     Raises
@@ -108,9 +108,9 @@ def look_outlines(folder: PlanFolder, viewed: Viewed) -> LookOutlines:
     )
 
 
-def _tracks(rings: Sequence[tuple[str, Ring]], sight: Sight) -> list[_Sampled]:
+def _tracks(rings: Sequence[tuple[str, Ring]], sight: LookProjection) -> list[_Sampled]:
     """Return the rings of a target, sampled evenly."""
-    lines = [(body, Track(ring)) for body, ring in rings]
+    lines = [(body, RingTrack(ring)) for body, ring in rings]
     total_um = sum(line.length_um for _, line in lines)
     spacing_um = max(SPACING_PX * sight.microscope.um_per_px, total_um / MOST)
     found = []
@@ -133,7 +133,7 @@ def _tracks(rings: Sequence[tuple[str, Ring]], sight: Sight) -> list[_Sampled]:
 
 
 def _steps(
-    image: Picture, sight: Sight, tracks: Sequence[_Sampled]
+    image: Picture, sight: LookProjection, tracks: Sequence[_Sampled]
 ) -> tuple[float, list[FloatArray]]:
     """Return the filter's width, and every sample's step; 0 where none is seen."""
     light = image.astype(np.float64) / 255
@@ -184,7 +184,11 @@ def _faintest(steps: Sequence[FloatArray], tracks: Sequence[_Sampled]) -> float:
 
 
 def _pieces(
-    track: _Sampled, sight: Sight, step: FloatArray, faintest: float, pose: Pose
+    track: _Sampled,
+    sight: LookProjection,
+    step: FloatArray,
+    faintest: float,
+    pose: Pose,
 ) -> list[EdgePiece]:
     """Return the pieces of one ring in the target's frame."""
     kinds = np.where(np.abs(step) < faintest, 0, np.where(step > 0, 1, 2))
@@ -201,7 +205,7 @@ def _pieces(
 
 
 def _ways(
-    track: _Sampled, sight: Sight, found: Sequence[Run]
+    track: _Sampled, sight: LookProjection, found: Sequence[SampleRun]
 ) -> list[tuple[float, float]]:
     """Return where each run begins and ends along the ring, um.
 
@@ -229,7 +233,11 @@ def _ways(
 
 
 def _piece(
-    track: _Sampled, run: Run, ends: tuple[float, float], step: FloatArray, pose: Pose
+    track: _Sampled,
+    run: SampleRun,
+    ends: tuple[float, float],
+    step: FloatArray,
+    pose: Pose,
 ) -> EdgePiece:
     """Return one piece in the target's frame."""
     own = step[np.arange(run.first, run.last + 1) % len(step)]

@@ -16,7 +16,7 @@ _HALVINGS = 24  # of the way between two samples: 1e-7 of it is left
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Run:
+class SampleRun:
     """Samples first .. last of a closed line of `count`, which may go on at its start.
 
     `last` is at least `first`, and below `first + count`.
@@ -32,7 +32,7 @@ class Run:
         return self.last - self.first + 1
 
 
-def runs(kinds: IntArray, least: int) -> list[Run]:
+def runs(kinds: IntArray, least: int) -> list[SampleRun]:
     """Return the runs of equal kinds along a closed line.
 
     Parameters
@@ -73,20 +73,20 @@ def border(
     return low
 
 
-def _split(kinds: IntArray) -> list[Run]:
+def _split(kinds: IntArray) -> list[SampleRun]:
     """Return the runs of equal kinds along a closed line."""
     count = len(kinds)
     begins = np.flatnonzero(kinds != np.roll(kinds, 1))
     if len(begins) == 0:
-        return [Run(kind=int(kinds[0]), first=0, last=count - 1)]
+        return [SampleRun(kind=int(kinds[0]), first=0, last=count - 1)]
     ends = np.append(begins[1:], begins[0] + count) - 1
     return [
-        Run(kind=int(kinds[first]), first=int(first), last=int(last))
+        SampleRun(kind=int(kinds[first]), first=int(first), last=int(last))
         for first, last in zip(begins, ends, strict=True)
     ]
 
 
-def _lost(found: list[Run], least: int) -> list[int]:
+def _lost(found: list[SampleRun], least: int) -> list[int]:
     """Return the shortest runs that stand between two alike, no two of them adjacent.
 
     Those of `least` samples and more are never among them.

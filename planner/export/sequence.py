@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from microplan.planner.export.folder import PlanFolder, Viewed
+from microplan.planner.export.folder import ExportedPlan, Viewed
 from microplan.planner.export.sight import microscope
 from microplan.schemas.codec import to_data
 from microplan.schemas.files.scenes import LookScene
@@ -20,7 +20,7 @@ LEAST_PLANES = 3
 _SHARE = 0.5
 
 
-def sequence(folder: PlanFolder, *, channel: str | None = None) -> dict[str, Any]:
+def sequence(folder: ExportedPlan, *, channel: str | None = None) -> dict[str, Any]:
     """Return the looks as an MDASequence, as plain data.
 
     Each look is a position: x and y are the stage's readings, z is the focus, as the
@@ -89,7 +89,7 @@ def planes_um(low_um: float, high_um: float, depth_um: float) -> list[float]:
     return [round(z, 6) + 0.0 for z in found]
 
 
-def _position(folder: PlanFolder, viewed: Viewed) -> dict[str, Any]:
+def _position(folder: ExportedPlan, viewed: Viewed) -> dict[str, Any]:
     """Return one look as a position with its own focus stack."""
     look, stage = viewed.look, viewed.scene.stage
     depth_um = microscope(folder, viewed).wave_depth_um

@@ -17,7 +17,7 @@ from microplan.optics.lens.lens import LensErrors
 from microplan.optics.outline.outline import Outline, Ring, place
 from microplan.optics.transfer.microscope import Microscope
 from microplan.planner.assembly.shapes import polygon
-from microplan.planner.export.folder import ExportError, PlanFolder, Viewed
+from microplan.planner.export.folder import ExportedPlan, ExportError, Viewed
 from microplan.schemas.files.scenes import PlacedBody
 from microplan.schemas.files.world import World
 from microplan.schemas.plan import Look
@@ -29,7 +29,7 @@ MARGIN_PX = 3 * WIDTHS_PX[3]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Sight:
+class LookProjection:
     """How one look sees a target: lens, frame, and what lies above it."""
 
     microscope: Microscope
@@ -74,7 +74,7 @@ class Sight:
         return found
 
 
-def sight_of(folder: PlanFolder, viewed: Viewed) -> Sight:
+def sight_of(folder: ExportedPlan, viewed: Viewed) -> LookProjection:
     """Return how a look sees its target.
 
     Raises
@@ -85,7 +85,7 @@ def sight_of(folder: PlanFolder, viewed: Viewed) -> Sight:
     lens, names = folder.world.optics.lens, viewed.scene.target.bodies
     top_um = max((body_of(folder, viewed, name).z_um for name in names), default=0.0)
     try:
-        return Sight(
+        return LookProjection(
             microscope=microscope(folder, viewed),
             lens=LensErrors(
                 distortion=lens.distortion,
@@ -102,7 +102,7 @@ def sight_of(folder: PlanFolder, viewed: Viewed) -> Sight:
 
 
 def _covers(
-    folder: PlanFolder, viewed: Viewed, top_um: float
+    folder: ExportedPlan, viewed: Viewed, top_um: float
 ) -> Iterator[BaseGeometry]:
     """Yield what lies above the target."""
     for body in viewed.scene.bodies:
@@ -116,7 +116,7 @@ def _covers(
             yield cover
 
 
-def target_rings(folder: PlanFolder, viewed: Viewed) -> list[tuple[str, Ring]]:
+def target_rings(folder: ExportedPlan, viewed: Viewed) -> list[tuple[str, Ring]]:
     """Return the rings of a look's target in the world, with the bodies' names."""
     target = viewed.scene.target
     found = []
@@ -135,7 +135,7 @@ def target_rings(folder: PlanFolder, viewed: Viewed) -> list[tuple[str, Ring]]:
     return found
 
 
-def microscope(folder: PlanFolder, viewed: Viewed) -> Microscope:
+def microscope(folder: ExportedPlan, viewed: Viewed) -> Microscope:
     """Return the microscope as a look sets it.
 
     Raises
@@ -179,7 +179,7 @@ def _aperture(world: World, look: Look) -> float:
     return math.exp(float(np.interp(at, zooms, apertures)))
 
 
-def body_of(folder: PlanFolder, viewed: Viewed, name: str) -> PlacedBody:
+def body_of(folder: ExportedPlan, viewed: Viewed, name: str) -> PlacedBody:
     """Return a body of a look's scene by its name; MP721 if there is none."""
     for body in viewed.scene.bodies:
         if body.name == name:
@@ -188,7 +188,7 @@ def body_of(folder: PlanFolder, viewed: Viewed, name: str) -> PlacedBody:
     raise ExportError("MP721", f"{file}: look {viewed.look.id!r} has no {name!r}", file)
 
 
-def _outline(folder: PlanFolder, name: str) -> Outline:
+def _outline(folder: ExportedPlan, name: str) -> Outline:
     """Return a body's outline in its own frame; MP721 if the world has none."""
     if name not in folder.outlines:
         file = folder.path / "world.json"

@@ -13,7 +13,7 @@ from microplan.optics.outline.outline import Arc, Edge, Ring, Segment
 LEAST_UM = 1e-6  # of an edge that is left of a cut: below it is rounding
 
 
-class Track:
+class RingTrack:
     """A ring with the length of the way to each of its edges' ends."""
 
     def __init__(self, ring: Ring) -> None:

@@ -6,18 +6,18 @@ import math
 from dataclasses import dataclass
 
 from microplan.featuresel.sets.feature_set import FeatureSet
-from microplan.featuresel.sets.pose_covariance import Sight
-from microplan.featuresel.trials.score import Score
-from microplan.planner.looks.evaluated_feature import Raced
+from microplan.featuresel.sets.pose_covariance import FeatureMeasurement
+from microplan.featuresel.trials.score import ChainScore
+from microplan.planner.looks.evaluated_feature import TestedFeature
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChosenSet:
     """The features that a look measures, the look's own target first if among them."""
 
-    raced: tuple[Raced, ...]
-    sights: tuple[Sight, ...]
-    score: Score  # of fresh trials of all of them
+    raced: tuple[TestedFeature, ...]
+    sights: tuple[FeatureMeasurement, ...]
+    score: ChainScore  # of fresh trials of all of them
     found: FeatureSet
     least: int  # that must answer
     shared_um: float  # one sigma of the target's place on the part, as made

@@ -6,13 +6,13 @@ import math
 from dataclasses import replace
 
 from microplan.planner.looks.compile_look import compile_look
-from microplan.planner.looks.look_problem import Begun, Effects
+from microplan.planner.looks.look_problem import Begun, CompileContext
 from microplan.planner.looks.look_record import CompiledLook
 from microplan.planner.source.diagnostics import Report
 from microplan.planner.task.task import Task
 from microplan.planner.views.coarse import (
     MAY_HELP,
-    Sighting,
+    CoarseLook,
     assumed,
     centring,
     coarse_requests,
@@ -21,7 +21,7 @@ from microplan.planner.views.coarse import (
     report_coarse,
 )
 from microplan.planner.views.requests import Request
-from microplan.planner.views.target_views import needed_shape, spot_of, views
+from microplan.planner.views.target_views import needed_shape, target_pose, views
 from microplan.planner.views.view_times import centre_times
 from microplan.schemas.plan.views import TimeRow
 
@@ -29,7 +29,7 @@ from microplan.schemas.plan.views import TimeRow
 def compile_looks(
     task: Task,
     request: Request,
-    effects: Effects,
+    effects: CompileContext,
     current: float,
     report: Report,
     *,
@@ -54,7 +54,7 @@ def compile_looks(
 
 def waits_between(task: Task, request: Request) -> tuple[TimeRow, ...]:
     """Return how long a target takes to centre before its fine look."""
-    spot = spot_of(task, request, needed_shape(task, request))
+    spot = target_pose(task, request, needed_shape(task, request))
     return centre_times(task, spot.carrier, spot.sigma_xy_um)
 
 
@@ -64,7 +64,7 @@ def _may(codes: set[str]) -> bool:
 
 
 def _pair(
-    task: Task, request: Request, effects: Effects, plain: Report, report: Report
+    task: Task, request: Request, effects: CompileContext, plain: Report, report: Report
 ) -> tuple[CompiledLook, ...]:
     """Return a coarse look and the fine one that it makes possible, () if none does."""
     low, _ = task.workcell.optics.magnification
@@ -94,10 +94,10 @@ def _pair(
     return ()
 
 
-def _seen(look: CompiledLook) -> Sighting:
+def _seen(look: CompiledLook) -> CoarseLook:
     """Return what a coarse look tells: at an unknown angle its bias stays."""
     bias_um = math.hypot(*look.look.measure.bias_um)
-    return Sighting(
+    return CoarseLook(
         sigma_um=math.hypot(
             look.look.sigma_xy_um, bias_um, look.distortion_sigma_um, look.coherence_um
         ),

@@ -7,13 +7,22 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from microplan.featuresel.selection.evaluate import is_fit
-from microplan.planner.looks.evaluation import Tried
+from microplan.planner.looks.evaluation import Evaluation
 from microplan.planner.looks.feature_evaluation import Races
-from microplan.planner.looks.feature_sets import Search, Sets, wanted
-from microplan.planner.looks.look_problem import Alone, Begun, Effects, Job
+from microplan.planner.looks.feature_sets import (
+    FeatureSetResult,
+    FeatureSetSearch,
+    wanted,
+)
+from microplan.planner.looks.look_problem import (
+    Begun,
+    CompileContext,
+    LookProblem,
+    TargetResult,
+)
 from microplan.planner.looks.look_record import (
     CompiledLook,
-    Decided,
+    LookDecision,
     compiled,
     measured,
 )
@@ -35,7 +44,7 @@ class _Refused:
     """A magnification at which nothing found was good enough."""
 
     view: ViewPlan
-    tried: Tried
+    tried: Evaluation
     advice: str
     fit: bool  # the target is seen, and its angle can be told
 
@@ -43,7 +52,7 @@ class _Refused:
 def compile_look(
     task: Task,
     request: Request,
-    effects: Effects,
+    effects: CompileContext,
     current: float,
     report: Report,
     *,
@@ -63,7 +72,7 @@ def compile_look(
     if not settings:
         return None
     settings = settings[:1] if once else settings
-    job = Job.of(task, request, effects, known or Begun())
+    job = LookProblem.of(task, request, effects, known or Begun())
     refused: list[_Refused] = []
     look = _by_target(job, settings, refused)
     if look is None and not once:
@@ -74,13 +83,13 @@ def compile_look(
 
 
 def look_at_first(
-    task: Task, request: Request, effects: Effects, view: ViewPlan, known: Begun
+    task: Task, request: Request, effects: CompileContext, view: ViewPlan, known: Begun
 ) -> None:
     """Hold the first contest over a look; `known` takes what it shows.
 
     And races of the part's other features, should the first contest want them.
     """
-    job = Job.of(task, request, effects, known)
+    job = LookProblem.of(task, request, effects, known)
     alone = job.contest(view)
     fit = is_fit(alone.tried.case, alone.visible)
     if fit and wanted(alone.tried, effects.effort):
@@ -88,7 +97,7 @@ def look_at_first(
 
 
 def _by_target(
-    job: Job, settings: Sequence[ViewPlan], refused: list[_Refused]
+    job: LookProblem, settings: Sequence[ViewPlan], refused: list[_Refused]
 ) -> CompiledLook | None:
     """Return the look at the first magnification where the target alone does."""
     for view in settings:
@@ -104,7 +113,7 @@ def _by_target(
     return None
 
 
-def _refusal(view: ViewPlan, alone: Alone, advice: str) -> _Refused:
+def _refusal(view: ViewPlan, alone: TargetResult, advice: str) -> _Refused:
     """Return a magnification that was refused, with what would mend it."""
     tried = alone.tried
     fit = is_fit(tried.case, alone.visible)
@@ -112,7 +121,7 @@ def _refusal(view: ViewPlan, alone: Alone, advice: str) -> _Refused:
 
 
 def _by_several(
-    job: Job, settings: Sequence[ViewPlan], refused: list[_Refused]
+    job: LookProblem, settings: Sequence[ViewPlan], refused: list[_Refused]
 ) -> CompiledLook | None:
     """Return the look at the first magnification where more of the part does."""
     wider = [(view, wide) for view in settings for wide in _wider(job, view)]
@@ -120,14 +129,14 @@ def _by_several(
         alone = job.contest(whole)
         if alone.tried.selection.chosen is not None:
             return _finish(job, alone, _zooms(refused))
-        sets = Search(job=job, alone=alone).run()
+        sets = FeatureSetSearch(job=job, alone=alone).run()
         if sets.chosen is not None:
             return _finish_set(job, alone.tried, sets, _zooms(refused))
         refused.append(_refusal(view, alone, sets.advice))
     return None
 
 
-def _wider(job: Job, view: ViewPlan) -> list[ViewPlan]:
+def _wider(job: LookProblem, view: ViewPlan) -> list[ViewPlan]:
     """Return views that show more of the target's part, the smaller first."""
     found = [whole_view(job.task, job.request, view)]
     if job.is_round:  # the task's own marks tell the angle, if any do
@@ -135,7 +144,7 @@ def _wider(job: Job, view: ViewPlan) -> list[ViewPlan]:
     return [v for k, v in enumerate(found) if v not in (view, *found[:k])]
 
 
-def _kept(job: Job, view: ViewPlan) -> CompiledLook | None:
+def _kept(job: LookProblem, view: ViewPlan) -> CompiledLook | None:
     """Return a look that fails its share, where another zoom would cost more.
 
     The insertion after it bears it, or would be less likely with a faultless look at
@@ -144,29 +153,31 @@ def _kept(job: Job, view: ViewPlan) -> CompiledLook | None:
     asked_um, bears = job.request.tolerance_um, job.request
     if asked_um is None:
         return None
-    if bears.borne_um is not None and bears.borne_um > asked_um:
-        look = _at(job.asked(bears.borne_um, BORNE), view)
+    if bears.admissible_um is not None and bears.admissible_um > asked_um:
+        look = _at(job.asked(bears.admissible_um, BORNE), view)
         if look is not None:
             return look
-    if bears.worth_um is None or bears.worth_um <= asked_um:
+    if bears.break_even_um is None or bears.break_even_um <= asked_um:
         return None
-    alone = job.asked(bears.worth_um, WORTH).contest(view, to_the_end=True)
+    alone = job.asked(bears.break_even_um, WORTH).contest(view, to_the_end=True)
     # not the cheapest that is worth it, but the best
     reliable = alone.tried.selection.pareto
     best_um = NEAR * min((s.need_um for s in reliable), default=math.inf)
-    return _at(job.asked(min(best_um, bears.worth_um), WORTH), view)
+    return _at(job.asked(min(best_um, bears.break_even_um), WORTH), view)
 
 
-def _at(job: Job, view: ViewPlan) -> CompiledLook | None:
+def _at(job: LookProblem, view: ViewPlan) -> CompiledLook | None:
     """Return the look at a magnification, None if no chain is good enough."""
     alone = job.contest(view)
     return None if alone.tried.selection.chosen is None else _finish(job, alone, ())
 
 
-def _finish(job: Job, alone: Alone, refused: tuple[ZoomTried, ...]) -> CompiledLook:
+def _finish(
+    job: LookProblem, alone: TargetResult, refused: tuple[ZoomTried, ...]
+) -> CompiledLook:
     """Return a look whose target alone does, or several features where those are
     wanted and do better, or have one to spare."""
-    search, tried = Search(job=job, alone=alone), alone.tried
+    search, tried = FeatureSetSearch(job=job, alone=alone), alone.tried
     if wanted(tried, job.effects.effort):
         sets = search.run()
         if sets.chosen is not None:
@@ -175,14 +186,17 @@ def _finish(job: Job, alone: Alone, refused: tuple[ZoomTried, ...]) -> CompiledL
     else:
         rows = search.left_out()
     found = (measured(job, tried),)
-    decided = Decided(
+    decided = LookDecision(
         tried=tried, found=found, rows=rows, together=None, refused=refused
     )
     return compiled(job, decided)
 
 
 def _finish_set(
-    job: Job, tried: Tried, sets: Sets, refused: tuple[ZoomTried, ...]
+    job: LookProblem,
+    tried: Evaluation,
+    sets: FeatureSetResult,
+    refused: tuple[ZoomTried, ...],
 ) -> CompiledLook:
     """Return a look that measures the features of a set."""
     chosen = sets.chosen
@@ -192,7 +206,7 @@ def _finish_set(
         measured(job, raced.tried, raced.shape, sight.sigma_um)
         for raced, sight in zip(chosen.raced, chosen.sights, strict=True)
     )
-    decided = Decided(
+    decided = LookDecision(
         tried=tried, found=found, rows=sets.rows, together=chosen, refused=refused
     )
     return compiled(job, decided)

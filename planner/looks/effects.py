@@ -11,21 +11,21 @@ from microplan.optics.layers.layer_error import (
 )
 from microplan.optics.ledger import Imaged, ledger
 from microplan.optics.lens.distorted_scene import lens_scene
-from microplan.planner.looks.evaluation import Tried
+from microplan.planner.looks.evaluation import Evaluation
 from microplan.planner.store.memo import EVERY_TIME, Memo
 from microplan.planner.task.task import Task
 from microplan.planner.views.lens_errors import NM_PER_UM, lamp_aperture, lens_rows
 from microplan.planner.views.requests import Request
-from microplan.planner.views.target_views import needed_shape, spot_of
+from microplan.planner.views.target_views import needed_shape, target_pose
 from microplan.schemas import plan as p
 
 
 def effect_rows(
-    task: Task, request: Request, tried: Tried, memo: Memo = EVERY_TIME
+    task: Task, request: Request, tried: Evaluation, memo: Memo = EVERY_TIME
 ) -> tuple[p.EffectRow, ...]:
     """Return the effects ledger of a look."""
     case, shape = tried.case, needed_shape(task, request)
-    spot = spot_of(task, request, shape)
+    spot = target_pose(task, request, shape)
     rows = memo.call(
         ledger,
         _imaged(task, tried, memo),
@@ -45,7 +45,7 @@ def effect_rows(
     )
 
 
-def _imaged(task: Task, tried: Tried, memo: Memo) -> Imaged:
+def _imaged(task: Task, tried: Evaluation, memo: Memo) -> Imaged:
     """Return the nominal image of a look, and how it is computed."""
     case, limit = tried.case, tried.fidelity.limit
     shown = lens_scene(

@@ -15,24 +15,24 @@ from microplan.featuresel.sets.criteria import (
     criteria,
     set_criteria,
 )
-from microplan.featuresel.sets.pose_covariance import Sight
-from microplan.featuresel.trials.score import Score
-from microplan.planner.looks.evaluation import Tried
-from microplan.planner.views.targets import Shape
+from microplan.featuresel.sets.pose_covariance import FeatureMeasurement
+from microplan.featuresel.trials.score import ChainScore
+from microplan.planner.looks.evaluation import Evaluation
+from microplan.planner.views.targets import TargetShape
 from microplan.schemas import plan as p
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Raced:
+class TestedFeature:
     """A feature that was raced; its selection is that of one of several features."""
 
     feature: Feature
-    shape: Shape
-    tried: Tried
+    shape: TargetShape
+    tried: Evaluation
     visible: float | None  # share of its edges
 
     @property
-    def chosen(self) -> Score:
+    def chosen(self) -> ChainScore:
         """Return the score of the chain that is best in a set.
 
         Raises
@@ -51,7 +51,7 @@ class Raced:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Judged:
+class FeatureRanking:
     """How the features of one look are compared."""
 
     case: LookCase  # of the look's own target
@@ -61,7 +61,9 @@ class Judged:
     def _angle(self) -> bool:
         return self.case.tolerance_theta_rad is not None
 
-    def row(self, raced: Raced, sight: Sight | None, reason: str) -> p.FeatureRow:
+    def row(
+        self, raced: TestedFeature, sight: FeatureMeasurement | None, reason: str
+    ) -> p.FeatureRow:
         """Return one feature by Feddema's criteria, as far as it passed."""
         if sight is None:
             return p.FeatureRow(
@@ -79,7 +81,10 @@ class Judged:
         return _row(found, raced.shape.name, raced.shape.kind, reason)
 
     def set_row(
-        self, raced: Sequence[Raced], sights: Sequence[Sight], sigma_um: float
+        self,
+        raced: Sequence[TestedFeature],
+        sights: Sequence[FeatureMeasurement],
+        sigma_um: float,
     ) -> p.FeatureRow:
         """Return a set that is used by Feddema's criteria."""
         found = set_criteria(
@@ -105,7 +110,7 @@ def unseen(case: LookCase) -> str:
     return "not tried: it may lie outside the region of the look"
 
 
-def _candidate(raced: Raced, sight: Sight) -> Candidate:
+def _candidate(raced: TestedFeature, sight: FeatureMeasurement) -> Candidate:
     """Return a raced feature as criteria want it."""
     return Candidate(
         feature=raced.feature, score=raced.chosen, sight=sight, seen=raced.visible

@@ -11,11 +11,11 @@ import numpy.typing as npt
 from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.routines.contract import Artifact, Failure
 from microplan.featuresel.routines.registry import load
-from microplan.featuresel.selection.evaluate import Contest
+from microplan.featuresel.selection.evaluate import RoutineComparison
 from microplan.featuresel.selection.select import Selection
 from microplan.featuresel.trials.outcomes import Outcomes
-from microplan.featuresel.trials.score import Score
-from microplan.featuresel.trials.trials import Prepared
+from microplan.featuresel.trials.score import ChainScore
+from microplan.featuresel.trials.trials import PreparedRoutines
 from microplan.optics.render.fidelity import Fidelity
 from microplan.schemas import plan as p
 
@@ -23,18 +23,20 @@ Arrays = Mapping[str, Mapping[str, npt.NDArray[np.float32]]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Tried:
+class Evaluation:
     """A case, what was tried on it, and what came of it."""
 
     case: LookCase
     fidelity: Fidelity
-    prepared: Prepared
+    prepared: PreparedRoutines
     outcomes: Outcomes
-    scores: tuple[Score, ...]
+    scores: tuple[ChainScore, ...]
     selection: Selection
 
     @classmethod
-    def of(cls, case: LookCase, fidelity: Fidelity, found: Contest) -> Tried:
+    def of(
+        cls, case: LookCase, fidelity: Fidelity, found: RoutineComparison
+    ) -> Evaluation:
         """Return what a contest over a case showed."""
         return cls(
             case=case,
@@ -46,7 +48,7 @@ class Tried:
         )
 
 
-def used(tried: Tried) -> tuple[str, ...]:
+def used(tried: Evaluation) -> tuple[str, ...]:
     """Return the routines of chain and fallback, each once."""
     selection = tried.selection
     spare = selection.fallback.chain if selection.fallback else ()
@@ -54,7 +56,7 @@ def used(tried: Tried) -> tuple[str, ...]:
     return tuple(dict.fromkeys(chosen + spare))
 
 
-def _artifact(tried: Tried, name: str) -> Artifact:
+def _artifact(tried: Evaluation, name: str) -> Artifact:
     """Return what a routine prepared; one that failed to is never selected."""
     found = tried.prepared.artifacts[name]
     if isinstance(found, Failure):
@@ -62,7 +64,7 @@ def _artifact(tried: Tried, name: str) -> Artifact:
     return found
 
 
-def arrays_of(look: str, tried: Tried) -> Arrays:
+def arrays_of(look: str, tried: Evaluation) -> Arrays:
     """Return the arrays of the routines used, by their path in the plan folder."""
     return {
         _array_path(look, name): _artifact(tried, name).arrays
@@ -75,7 +77,7 @@ def _array_path(look: str, name: str) -> str:
     return f"artifacts/{look}.{name}.npz"
 
 
-def use_of(look: str, tried: Tried, name: str) -> p.RoutineUse:
+def use_of(look: str, tried: Evaluation, name: str) -> p.RoutineUse:
     """Return one routine of a chain as the plan has it."""
     artifact = _artifact(tried, name)
     return p.RoutineUse(

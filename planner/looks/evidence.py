@@ -7,12 +7,12 @@ from collections.abc import Iterator, Sequence
 from microplan.featuresel.look.design import design, rebuild
 from microplan.featuresel.look.perturb import image
 from microplan.featuresel.trials.outcomes import Outcome
-from microplan.featuresel.trials.score import Score
+from microplan.featuresel.trials.score import ChainScore
 from microplan.featuresel.trials.trials import is_wrong
 from microplan.planner.assembly.assembly import State, part_pose, robot_pose
-from microplan.planner.looks.evaluation import Tried
-from microplan.planner.looks.measures import Measured
-from microplan.planner.looks.shot import Shot
+from microplan.planner.looks.evaluation import Evaluation
+from microplan.planner.looks.measures import MeasuredFeature
+from microplan.planner.looks.shot import LookFigures
 from microplan.planner.store.memo import Memo
 from microplan.planner.store.pictures import Picture, picture
 from microplan.planner.task.task import Task
@@ -30,8 +30,8 @@ _ENDS = ("focus", "focus", "magnification", "magnification")
 
 
 def evidence_of(
-    task: Task, request: Request, found: Sequence[Measured], memo: Memo
-) -> Shot:
+    task: Task, request: Request, found: Sequence[MeasuredFeature], memo: Memo
+) -> LookFigures:
     """Return what a report shows of a look that measures these features.
 
     Nothing is rendered but the worst trial, once more: which it is was not known when
@@ -47,7 +47,7 @@ def evidence_of(
         trials=_trials(first.tried, first.chosen, task.seed),
         shown=tuple(pictures),
     )
-    return Shot(
+    return LookFigures(
         evidence=evidence,
         pictures={shown.image: each for shown, each in pictures.items()},
     )
@@ -61,7 +61,7 @@ def _places(task: Task, state: State) -> dict[str, Pose]:
     return found
 
 
-def _mark(found: Measured) -> FeatureMark:
+def _mark(found: MeasuredFeature) -> FeatureMark:
     """Return where a feature should be."""
     case = found.tried.case
     return FeatureMark(
@@ -73,7 +73,9 @@ def _mark(found: Measured) -> FeatureMark:
     )
 
 
-def _trials(tried: Tried, chosen: Score, seed: int) -> tuple[TrialRecord, ...]:
+def _trials(
+    tried: Evaluation, chosen: ChainScore, seed: int
+) -> tuple[TrialRecord, ...]:
     """Return what the chosen chain said of every trial that it had."""
     mine = tried.outcomes.by(chosen.chain)
     made = design(tried.case, 1 + max(o.trial for o in mine), seed)
@@ -95,7 +97,7 @@ def _distance_um(outcome: Outcome) -> float | None:
 
 
 def _pictures(
-    task: Task, look: str, found: Measured, memo: Memo
+    task: Task, look: str, found: MeasuredFeature, memo: Memo
 ) -> Iterator[tuple[Shown, Picture]]:
     """Yield the pictures at the ends of the usable range, and that of the worst trial.
 

@@ -7,23 +7,24 @@ from dataclasses import dataclass, replace
 
 from microplan.featuresel.features.feature import Feature
 from microplan.featuresel.look.scenario import LookCase
-from microplan.featuresel.selection.evaluate import Contest, compete
+from microplan.featuresel.selection.evaluate import RoutineComparison, compare_routines
 from microplan.featuresel.selection.select import select
 from microplan.featuresel.trials.trial_cache import Looks
 from microplan.featuresel.trials.trials import Map
-from microplan.planner.looks.evaluated_feature import Raced, unseen
-from microplan.planner.looks.evaluation import Tried
-from microplan.planner.looks.look_problem import Alone, Job
+from microplan.planner.looks.evaluated_feature import TestedFeature, unseen
+from microplan.planner.looks.evaluation import Evaluation
+from microplan.planner.looks.look_problem import LookProblem, TargetResult
 from microplan.planner.looks.scenario import SHARE_TOGETHER, feature_case
 from microplan.planner.task.presets import Effort
 from microplan.planner.views.features import Proposals, drawn, proposals
-from microplan.planner.views.targets import Shape
+from microplan.planner.views.targets import TargetShape
 from microplan.schemas import plan as p
 
 _Spread = Callable[
-    [Callable[[LookCase], Contest], Sequence[LookCase]], Iterable[Contest]
+    [Callable[[LookCase], RoutineComparison], Sequence[LookCase]],
+    Iterable[RoutineComparison],
 ]
-Candidate = tuple[Feature, Shape, LookCase]  # a feature that is to be raced
+Candidate = tuple[Feature, TargetShape, LookCase]  # a feature that is to be raced
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,10 +41,10 @@ def _contest(
     *,
     map: Map = map,  # noqa: A002 - it is the builtin, or a pool's
     looks: Looks | None = None,
-) -> Contest:
+) -> RoutineComparison:
     """Return the race over one of several features."""
     effort = stakes.effort
-    return compete(
+    return compare_routines(
         case,
         root_seed=stakes.seed,
         most=effort.trials,
@@ -59,10 +60,10 @@ def _contest(
 class Races:
     """The features of a look's part, raced beside the target's own contest."""
 
-    job: Job
-    alone: Alone
+    job: LookProblem
+    alone: TargetResult
 
-    def run(self) -> tuple[list[Raced], list[p.FeatureRow]]:
+    def run(self) -> tuple[list[TestedFeature], list[p.FeatureRow]]:
         """Return the features that were raced, and a row for each that was not."""
         known = self._known
         others, skipped = self._worth_racing(known)
@@ -76,7 +77,7 @@ class Races:
         others, _ = self._worth_racing(self._known)
         self._contests([case for *_, case in others], self._begin)
 
-    def unraced(self) -> tuple[Raced, list[p.FeatureRow]]:
+    def unraced(self) -> tuple[TestedFeature, list[p.FeatureRow]]:
         """Return the target as it is alone, and a row for every other feature."""
         known = self._known
         reason = f"not tried: {self.job.shape.name} alone does"
@@ -106,12 +107,12 @@ class Races:
                 others.append((feature, shape, case))
         return others, skipped
 
-    def _case(self, shape: Shape) -> LookCase:
+    def _case(self, shape: TargetShape) -> LookCase:
         """Return the case of one of several features."""
         job, alone = self.job, self.alone
         return feature_case(job.task, job.request, alone.view, alone.tried.case, shape)
 
-    def _others(self, features: Sequence[Candidate]) -> list[Raced]:
+    def _others(self, features: Sequence[Candidate]) -> list[TestedFeature]:
         """Return other features after their races."""
         found = self._contests([case for *_, case in features], self._spread)
         return [
@@ -119,7 +120,9 @@ class Races:
             for candidate, contest in zip(features, found, strict=True)
         ]
 
-    def _contests(self, cases: Sequence[LookCase], spread: _Spread) -> list[Contest]:
+    def _contests(
+        self, cases: Sequence[LookCase], spread: _Spread
+    ) -> list[RoutineComparison]:
         return self.job.effects.memo.each(_contest, self._stakes, cases, spread)
 
     @property
@@ -127,33 +130,39 @@ class Races:
         return _Stakes(seed=self.job.task.seed, effort=self.job.effects.effort)
 
     def _begin(
-        self, _contest: Callable[[LookCase], Contest], cases: Sequence[LookCase]
-    ) -> Iterator[Contest]:
+        self,
+        _contest: Callable[[LookCase], RoutineComparison],
+        cases: Sequence[LookCase],
+    ) -> Iterator[RoutineComparison]:
         """Hold contests one by one, and keep what they show."""
         for case in cases:
             self.job.begun.others[case.key] = Looks()
             yield self._go_on(case)
 
     def _spread(
-        self, contest: Callable[[LookCase], Contest], cases: Sequence[LookCase]
-    ) -> Iterable[Contest]:
+        self,
+        contest: Callable[[LookCase], RoutineComparison],
+        cases: Sequence[LookCase],
+    ) -> Iterable[RoutineComparison]:
         """Hold contests side by side; where they have begun, here and one by one."""
         if any(case.key in self.job.begun.others for case in cases):
             return map(self._go_on, cases)
         return self.job.effects.map(contest, cases)
 
-    def _go_on(self, case: LookCase) -> Contest:
+    def _go_on(self, case: LookCase) -> RoutineComparison:
         """Return a contest from what is known of it on."""
         looks, spread = self.job.begun.others.get(case.key), self.job.effects.map
         return _contest(self._stakes, case, map=spread, looks=looks)
 
-    def _after(self, candidate: Candidate, found: Contest) -> Raced:
+    def _after(self, candidate: Candidate, found: RoutineComparison) -> TestedFeature:
         """Return another feature after its race."""
         feature, shape, case = candidate
-        tried = Tried.of(case, self.alone.tried.fidelity, found)
-        return Raced(feature=feature, shape=shape, tried=tried, visible=found.visible)
+        tried = Evaluation.of(case, self.alone.tried.fidelity, found)
+        return TestedFeature(
+            feature=feature, shape=shape, tried=tried, visible=found.visible
+        )
 
-    def _target(self, known: Feature | None) -> Raced:
+    def _target(self, known: Feature | None) -> TestedFeature:
         """Return the target itself, its chains judged as those of one of several."""
         own, shape = self.alone.tried.case, self.job.shape
         turn = own.tolerance_theta_rad
@@ -168,7 +177,7 @@ class Races:
         )
         return self._raced_target(known, self._judged_again(case))
 
-    def _judged_again(self, case: LookCase) -> Tried:
+    def _judged_again(self, case: LookCase) -> Evaluation:
         """Return the target's own trials, judged by other tolerances."""
         selection = select(
             self.alone.tried.scores,
@@ -180,18 +189,18 @@ class Races:
         )
         return replace(self.alone.tried, case=case, selection=selection)
 
-    def _raced_target(self, known: Feature | None, tried: Tried) -> Raced:
+    def _raced_target(self, known: Feature | None, tried: Evaluation) -> TestedFeature:
         """Return the target as a feature; where it is measured, not where proposed."""
         shape = self.job.shape
         feature = replace(
             known or drawn(shape), center_um=shape.center_um, angle_rad=shape.angle_rad
         )
-        return Raced(
+        return TestedFeature(
             feature=feature, shape=shape, tried=tried, visible=self.alone.visible
         )
 
 
-def _not_tried(shape: Shape, reason: str) -> p.FeatureRow:
+def _not_tried(shape: TargetShape, reason: str) -> p.FeatureRow:
     """Return the row of a feature that was not raced."""
     return p.FeatureRow(name=shape.name, kind=shape.kind, reason=reason)
 

@@ -8,19 +8,19 @@ from dataclasses import dataclass, replace
 
 from microplan.featuresel.look.design import design
 from microplan.featuresel.selection.constraints import Constraints, Limits
-from microplan.featuresel.selection.evaluate import is_roomy
+from microplan.featuresel.selection.evaluate import has_margin
 from microplan.featuresel.sets.feature_set import FeatureSet, choose_set
-from microplan.featuresel.sets.pose_covariance import Sight, sight_of
-from microplan.featuresel.sets.pose_requirement import Need
+from microplan.featuresel.sets.pose_covariance import FeatureMeasurement, sight_of
+from microplan.featuresel.sets.pose_requirement import PoseRequirement
 from microplan.featuresel.sets.set_trials import Member, score_set
-from microplan.featuresel.trials.score import Score
-from microplan.featuresel.trials.trials import Prepared
+from microplan.featuresel.trials.score import ChainScore
+from microplan.featuresel.trials.trials import PreparedRoutines
 from microplan.optics.outline.tolerant_order import at_most
 from microplan.planner.looks.chosen_sets import ChosenSet
-from microplan.planner.looks.evaluated_feature import Judged, Raced
-from microplan.planner.looks.evaluation import Tried
+from microplan.planner.looks.evaluated_feature import FeatureRanking, TestedFeature
+from microplan.planner.looks.evaluation import Evaluation
 from microplan.planner.looks.feature_evaluation import Races
-from microplan.planner.looks.look_problem import Alone, Job
+from microplan.planner.looks.look_problem import LookProblem, TargetResult
 from microplan.planner.looks.scenario import MOST_TOGETHER
 from microplan.planner.task.presets import Effort
 from microplan.planner.views.features import offset_um
@@ -28,7 +28,7 @@ from microplan.schemas import plan as p
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Sets:
+class FeatureSetResult:
     """What the search for a set came to."""
 
     chosen: ChosenSet | None
@@ -37,16 +37,16 @@ class Sets:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Search:
+class FeatureSetSearch:
     """A look whose features are raced where its target alone does not do.
 
     `alone` is the target's own contest.
     """
 
-    job: Job
-    alone: Alone
+    job: LookProblem
+    alone: TargetResult
 
-    def run(self) -> Sets:
+    def run(self) -> FeatureSetResult:
         """Return the set to use, or why there is none."""
         raced, skipped = Races(job=self.job, alone=self.alone).run()
         sights = {r.shape.name: self._sight(r) for r in raced if r.passes}
@@ -57,7 +57,7 @@ class Search:
         if chosen is not None:
             sigma_um = chosen.found.known.sigma_um
             rows.append(self._judged.set_row(chosen.raced, chosen.sights, sigma_um))
-        return Sets(chosen=chosen, rows=(*rows, *skipped), advice=advice)
+        return FeatureSetResult(chosen=chosen, rows=(*rows, *skipped), advice=advice)
 
     def left_out(self) -> tuple[p.FeatureRow, ...]:
         """Return the rows of a look whose target alone does."""
@@ -75,7 +75,11 @@ class Search:
         return {} if found is None or chosen is None else dict(found.reasons)
 
     def _row(
-        self, raced: Raced, sight: Sight | None, said: Mapping[str, str], advice: str
+        self,
+        raced: TestedFeature,
+        sight: FeatureMeasurement | None,
+        said: Mapping[str, str],
+        advice: str,
     ) -> p.FeatureRow:
         """Return what the plan says of a feature that was raced."""
         if sight is None:
@@ -85,8 +89,8 @@ class Search:
 
     def _settled(
         self,
-        raced: Sequence[Raced],
-        sights: Mapping[str, Sight],
+        raced: Sequence[TestedFeature],
+        sights: Mapping[str, FeatureMeasurement],
         found: FeatureSet | None,
     ) -> tuple[ChosenSet | None, str]:
         """Return the set after its own trials, or what to relax."""
@@ -131,11 +135,11 @@ class Search:
         return self.job.effects.effort
 
     @property
-    def _chosen_alone(self) -> Score | None:
+    def _chosen_alone(self) -> ChainScore | None:
         """Return the chain that the target alone would be measured with."""
         return self.alone.tried.selection.chosen
 
-    def _found(self, sights: Sequence[Sight]) -> FeatureSet:
+    def _found(self, sights: Sequence[FeatureMeasurement]) -> FeatureSet:
         """Return the smallest set that does, with a feature to spare where wanted."""
         need = self._need
         if self._effort.thorough:
@@ -145,17 +149,17 @@ class Search:
         return choose_set(sights, need)
 
     @property
-    def _need(self) -> Need:
+    def _need(self) -> PoseRequirement:
         """Return what a set has to tell: two sigma within each tolerance.
 
         Where the target alone does, a set has to leave the room that it does not.
         """
         case = self.alone.tried.case
-        share = 1.0 if self._chosen_alone is None else Limits().roomy
+        share = 1.0 if self._chosen_alone is None else Limits().margin_share
         if self._effort.thorough:
             share = 1.0
         turn = case.tolerance_theta_rad
-        return Need(
+        return PoseRequirement(
             sigma_um=share * case.tolerance_um / 2,
             sigma_theta_rad=None if turn is None else share * turn / 2,
             radius_um=self._judged.radius_um,
@@ -164,13 +168,13 @@ class Search:
         )
 
     @property
-    def _judged(self) -> Judged:
+    def _judged(self) -> FeatureRanking:
         """Return how features are compared: a turn counts as its corners' way."""
         x0, y0, x1, y1 = self.job.shape.box_um
         radius_um = math.hypot(x1 - x0, y1 - y0) / 2
-        return Judged(case=self.alone.tried.case, radius_um=radius_um)
+        return FeatureRanking(case=self.alone.tried.case, radius_um=radius_um)
 
-    def _sight(self, raced: Raced) -> Sight:
+    def _sight(self, raced: TestedFeature) -> FeatureMeasurement:
         """Return a feature as the search for a set has it.
 
         The target is where the look is to find it; on a part as made its edges and
@@ -191,7 +195,7 @@ class Search:
         part = self.job.task.parts.get(self.job.shape.owner)
         return 0.0 if part is None else part.profile_tolerance_um / math.sqrt(3)
 
-    def _shared_um(self, raced: Sequence[Raced], found: FeatureSet) -> float:
+    def _shared_um(self, raced: Sequence[TestedFeature], found: FeatureSet) -> float:
         """Return what the target's own making adds to a set: others do not see it.
 
         In so far as the target itself is measured its weight takes that off.
@@ -204,7 +208,10 @@ class Search:
         return (1 - weight) * self._made_um
 
     def _tested(
-        self, raced: Sequence[Raced], sights: Sequence[Sight], found: FeatureSet
+        self,
+        raced: Sequence[TestedFeature],
+        sights: Sequence[FeatureMeasurement],
+        found: FeatureSet,
     ) -> ChosenSet:
         """Return the set with the score of fresh trials."""
         case, effects = self.alone.tried.case, self.job.effects
@@ -232,13 +239,13 @@ class Search:
             or found.dropped_theta_rad <= need.sigma_theta_rad
         )
 
-    def _member(self, raced: Raced, sight: Sight) -> Member:
+    def _member(self, raced: TestedFeature, sight: FeatureMeasurement) -> Member:
         """Return a feature as trials of the set measure it."""
         chain = raced.chosen.chain
         artifacts = raced.tried.prepared.artifacts
         return Member(
             case=raced.tried.case,
-            prepared=Prepared(
+            prepared=PreparedRoutines(
                 chains=(chain,), artifacts={name: artifacts[name] for name in chain}
             ),
             score=raced.chosen,
@@ -247,13 +254,13 @@ class Search:
         )
 
 
-def wanted(tried: Tried, effort: Effort) -> bool:
+def wanted(tried: Evaluation, effort: Effort) -> bool:
     """Return whether more features are raced though the target alone does."""
     if effort.thorough:
         return True
-    return effort.limited and not is_roomy(tried.case, tried.selection)
+    return effort.limited and not has_margin(tried.case, tried.selection)
 
 
-def _fault(raced: Raced) -> str:
+def _fault(raced: TestedFeature) -> str:
     """Return why no chain of a feature passes."""
     return f"rejected: {raced.tried.selection.advice}"

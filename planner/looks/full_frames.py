@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from microplan.arrays import FloatArray
-from microplan.optics.layers.shading import shaded
+from microplan.optics.layers.shading import render_coaxial
 from microplan.optics.lens.distorted_scene import lens_scene
 from microplan.optics.render.sampling import Sampling
 from microplan.optics.render.scene import Illumination, Scene
@@ -43,7 +43,7 @@ def frame(
     Coaxial light is shaded by higher bodies.
     """
     return memo.call(
-        shaded,
+        render_coaxial,
         scene,
         scope,
         focus_um=focus_um,

@@ -5,23 +5,23 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 from microplan.featuresel.look.scenario import LookCase
-from microplan.featuresel.selection.evaluate import compete
+from microplan.featuresel.selection.evaluate import compare_routines
 from microplan.featuresel.trials.trial_cache import Looks
 from microplan.featuresel.trials.trials import Map
 from microplan.optics.render.fidelity import Fidelity
-from microplan.planner.looks.evaluation import Tried
+from microplan.planner.looks.evaluation import Evaluation
 from microplan.planner.looks.scenario import build_case
 from microplan.planner.store.memo import EVERY_TIME, Memo
 from microplan.planner.task.presets import Effort
 from microplan.planner.task.task import Task
 from microplan.planner.views.requests import Request
 from microplan.planner.views.target_views import needed_shape
-from microplan.planner.views.targets import Shape
+from microplan.planner.views.targets import TargetShape
 from microplan.planner.views.views import ViewPlan
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Effects:
+class CompileContext:
     """What the whole compile shares: how much to spend, what spends it, what keeps."""
 
     effort: Effort
@@ -48,7 +48,11 @@ class Begun:
     ) -> tuple[LookCase, Fidelity]:
         """Return what `microplan.planner.looks.scenario.build_case` does."""
         bare = replace(
-            request, tolerance_um=None, asked_by="", borne_um=None, worth_um=None
+            request,
+            tolerance_um=None,
+            asked_by="",
+            admissible_um=None,
+            break_even_um=None,
         )
         for asked, seen, case, fidelity in self.cases:
             if (asked, seen) == (bare, view):
@@ -60,26 +64,28 @@ class Begun:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Alone:
+class TargetResult:
     """What the contest over a look's target showed at one magnification."""
 
     view: ViewPlan
-    tried: Tried
+    tried: Evaluation
     visible: float | None  # share of the target's edges; None: not known
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Job:
+class LookProblem:
     """One look to be compiled, with what is shared and known by then."""
 
     task: Task
     request: Request
-    shape: Shape  # of the target
-    effects: Effects
+    shape: TargetShape  # of the target
+    effects: CompileContext
     begun: Begun
 
     @classmethod
-    def of(cls, task: Task, request: Request, effects: Effects, begun: Begun) -> Job:
+    def of(
+        cls, task: Task, request: Request, effects: CompileContext, begun: Begun
+    ) -> LookProblem:
         """Return the job of a request."""
         return cls(
             task=task,
@@ -94,18 +100,18 @@ class Job:
         """Return whether an angle is needed that the target itself does not have."""
         return self.request.needs_angle_rad is not None and self.shape.symmetry == 0
 
-    def asked(self, tolerance_um: float, asked_by: str) -> Job:
+    def asked(self, tolerance_um: float, asked_by: str) -> LookProblem:
         """Return the same look at another tolerance, as the only one there is."""
         request = replace(
             self.request,
             tolerance_um=tolerance_um,
-            borne_um=None,
-            worth_um=None,
+            admissible_um=None,
+            break_even_um=None,
             asked_by=asked_by,
         )
         return replace(self, request=request)
 
-    def contest(self, view: ViewPlan, *, to_the_end: bool = False) -> Alone:
+    def contest(self, view: ViewPlan, *, to_the_end: bool = False) -> TargetResult:
         """Return the choice among all chains for the target, with the trials.
 
         `to_the_end` is for who wants more of the chains than which one is chosen.
@@ -115,7 +121,7 @@ class Job:
             self.task, self.request, view, effects.max_image_error, effects.memo
         )
         found = effects.memo.call(
-            compete,
+            compare_routines,
             case,
             root_seed=self.task.seed,
             most=effort.trials,
@@ -125,5 +131,5 @@ class Job:
             map=effects.map,
             looks=self.begun.looks,
         )
-        tried = Tried.of(case, fidelity, found)
-        return Alone(view=view, tried=tried, visible=found.visible)
+        tried = Evaluation.of(case, fidelity, found)
+        return TargetResult(view=view, tried=tried, visible=found.visible)

@@ -11,12 +11,12 @@ from microplan.featuresel.trials.bias_prediction import predict_bias
 from microplan.featuresel.trials.usable_range import usable_range
 from microplan.planner.looks.chosen_sets import ChosenSet
 from microplan.planner.looks.effects import effect_rows
-from microplan.planner.looks.evaluation import Arrays, Tried, arrays_of
+from microplan.planner.looks.evaluation import Arrays, Evaluation, arrays_of
 from microplan.planner.looks.evidence import evidence_of
 from microplan.planner.looks.full_frames import frame, seen_scene
-from microplan.planner.looks.look_problem import Job
+from microplan.planner.looks.look_problem import LookProblem
 from microplan.planner.looks.measures import (
-    Measured,
+    MeasuredFeature,
     depth_record,
     look_key,
     measure_record,
@@ -27,8 +27,8 @@ from microplan.planner.looks.records import (
     together_record,
     view_record,
 )
-from microplan.planner.looks.scale_free_sigma import steady_sigma_um
-from microplan.planner.looks.shot import Shot
+from microplan.planner.looks.scale_free_sigma import sigma_without_scale_um
+from microplan.planner.looks.shot import LookFigures
 from microplan.planner.store.memo import EVERY_TIME, Memo
 from microplan.planner.store.pictures import Picture, picture
 from microplan.planner.task.task import Task
@@ -36,8 +36,8 @@ from microplan.planner.views.lens_errors import middle_offset_um, middle_sigma_u
 from microplan.planner.views.look_scenes import look_scene
 from microplan.planner.views.requests import Request
 from microplan.planner.views.scenes import world_scene
-from microplan.planner.views.target_views import spot_of
-from microplan.planner.views.targets import Shape
+from microplan.planner.views.target_views import target_pose
+from microplan.planner.views.targets import TargetShape
 from microplan.planner.views.view_verdict import view_verdict
 from microplan.schemas import plan as p
 from microplan.schemas.files.scenes import LookScene
@@ -55,25 +55,28 @@ class CompiledLook:
     distortion_sigma_um: float  # of the middle of the target, by the lens
     coherence_um: float  # how far partly coherent light moves it
     placed: LookScene
-    found: tuple[Measured, ...] = ()  # the features measured, the target first
+    found: tuple[MeasuredFeature, ...] = ()  # the features measured, the target first
     steady_um: float = math.inf  # `Sighted.steady_um`
-    shot: Shot | None = None  # what reports show of it
+    shot: LookFigures | None = None  # what reports show of it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Decided:
+class LookDecision:
     """What a look measures, and what was tried before that was settled."""
 
-    tried: Tried  # of its target
-    found: tuple[Measured, ...]  # the features measured, the target first
+    tried: Evaluation  # of its target
+    found: tuple[MeasuredFeature, ...]  # the features measured, the target first
     rows: tuple[p.FeatureRow, ...]  # of all features
     together: ChosenSet | None  # None: the target alone
     refused: tuple[ZoomTried, ...]  # magnifications, before the one that does
 
 
 def measured(
-    job: Job, tried: Tried, shape: Shape | None = None, sigma_um: float | None = None
-) -> Measured:
+    job: LookProblem,
+    tried: Evaluation,
+    shape: TargetShape | None = None,
+    sigma_um: float | None = None,
+) -> MeasuredFeature:
     """Return a feature with the range and the bias of its chain.
 
     Raises
@@ -98,7 +101,7 @@ def measured(
     curves = effects.memo.call(
         predict_bias, case, only, root_seed=seed, map=effects.map
     )
-    return Measured(
+    return MeasuredFeature(
         shape=shape or job.shape,
         tried=tried,
         chosen=chosen,
@@ -111,12 +114,12 @@ def measured(
     )
 
 
-def compiled(job: Job, decided: Decided) -> CompiledLook:
+def compiled(job: LookProblem, decided: LookDecision) -> CompiledLook:
     """Return what the plan says of a look, with its files."""
     task, request, shape = job.task, job.request, job.shape
     case, memo, found = decided.tried.case, job.effects.memo, decided.found
     image = reference_image(task, request, case, memo)
-    spot = spot_of(task, request, shape)
+    spot = target_pose(task, request, shape)
     return CompiledLook(
         look=_look(job, decided, image),
         case=case,
@@ -131,7 +134,7 @@ def compiled(job: Job, decided: Decided) -> CompiledLook:
     )
 
 
-def _look(job: Job, decided: Decided, image: Picture) -> p.Look:
+def _look(job: LookProblem, decided: LookDecision, image: Picture) -> p.Look:
     """Return the look as `plan.json` has it."""
     task, request, shape, found = job.task, job.request, job.shape, decided.found
     tried, case = decided.tried, decided.tried.case
@@ -155,7 +158,7 @@ def _look(job: Job, decided: Decided, image: Picture) -> p.Look:
     )
 
 
-def _arrays(job: Job, found: Iterable[Measured]) -> Arrays:
+def _arrays(job: LookProblem, found: Iterable[MeasuredFeature]) -> Arrays:
     """Return the arrays of all features' routines, by their path."""
     return {
         path: arrays
@@ -166,12 +169,12 @@ def _arrays(job: Job, found: Iterable[Measured]) -> Arrays:
     }
 
 
-def _steady_um(job: Job, decided: Decided) -> float:
+def _steady_um(job: LookProblem, decided: LookDecision) -> float:
     """Return `CompiledLook.steady_um`; it is not known of several features."""
     if decided.together is not None:
         return math.inf
     first = decided.found[0]
-    return steady_sigma_um(first.tried, first.chosen, job.task.seed)
+    return sigma_without_scale_um(first.tried, first.chosen, job.task.seed)
 
 
 def reference_image(

@@ -12,14 +12,14 @@ from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.selection.constraints import Limits
 from microplan.featuresel.trials.bias import BiasCurve
 from microplan.featuresel.trials.gates import choose_gate
-from microplan.featuresel.trials.score import Score
+from microplan.featuresel.trials.score import ChainScore
 from microplan.featuresel.trials.trials import is_wrong
 from microplan.featuresel.trials.usable_range import UsableRange
 from microplan.optics.lens.jacobian import point_jacobian, to_px
-from microplan.planner.looks.evaluation import Tried, use_of
+from microplan.planner.looks.evaluation import Evaluation, use_of
 from microplan.planner.views.features import offset_um
 from microplan.planner.views.requests import Request
-from microplan.planner.views.targets import Shape
+from microplan.planner.views.targets import TargetShape
 from microplan.schemas import plan as p
 from microplan.schemas.pose import Pose
 
@@ -30,19 +30,21 @@ SPREAD_MARGIN = 2.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Measured:
+class MeasuredFeature:
     """A feature that a look measures, and how well."""
 
-    shape: Shape
-    tried: Tried
-    chosen: Score
+    shape: TargetShape
+    tried: Evaluation
+    chosen: ChainScore
     usable: UsableRange
     curve: BiasCurve | None  # of the bias through focus
     depth: p.Depth | None
     sigma_um: float | None  # that its place counts with; None: what trials showed
 
 
-def measure_record(request: Request, target: Shape, found: Measured) -> p.Measure:
+def measure_record(
+    request: Request, target: TargetShape, found: MeasuredFeature
+) -> p.Measure:
     """Return how the look measures a feature, with what the trials promise."""
     tried, shape, chosen = found.tried, found.shape, found.chosen
     case, spare = tried.case, tried.selection.fallback
@@ -79,14 +81,14 @@ def measure_record(request: Request, target: Shape, found: Measured) -> p.Measur
     )
 
 
-def _spare_sigma_um(found: Measured, spare: Score) -> float:
+def _spare_sigma_um(found: MeasuredFeature, spare: ChainScore) -> float:
     """Return the spread of a fallback, with what the chain's own has beside trials."""
     own, counts = found.chosen.sigma_um or 0.0, found.sigma_um or 0.0
     beside = math.sqrt(max(counts**2 - own**2, 0.0))
     return math.hypot(spare.sigma_um or 0.0, beside)
 
 
-def _sigma_theta_rad(found: Measured) -> float | None:
+def _sigma_theta_rad(found: MeasuredFeature) -> float | None:
     """Return the spread of the angle; of one of several features, its bias in it."""
     sigma = found.chosen.sigma_theta_rad
     if sigma is None or found.sigma_um is None:
@@ -105,7 +107,7 @@ def depth_record(case: LookCase, usable: UsableRange) -> p.Depth:
     )
 
 
-def look_key(request: Request, target: Shape, shape: Shape) -> str:
+def look_key(request: Request, target: TargetShape, shape: TargetShape) -> str:
     """Return what the files of a look's feature are called after."""
     return request.id if shape.name == target.name else f"{request.id}.{shape.name}"
 
@@ -136,7 +138,7 @@ def _reference(case: LookCase) -> p.Reference:
     )
 
 
-def _gates(tried: Tried, chosen: Score) -> p.Gates:
+def _gates(tried: Evaluation, chosen: ChainScore) -> p.Gates:
     """Return what a measurement must meet: what every good trial met, and a margin."""
     mine = tried.outcomes.by(chosen.chain)
     spreads = [
@@ -153,7 +155,7 @@ def _gates(tried: Tried, chosen: Score) -> p.Gates:
     )
 
 
-def _min_score(tried: Tried, chain: Score) -> float:
+def _min_score(tried: Evaluation, chain: ChainScore) -> float:
     """Return the least score a chain may have: its gate, or what good trials showed.
 
     A gate that lets all pass is lowered by a margin below the good trials instead.

@@ -6,17 +6,17 @@ import math
 from collections.abc import Sequence
 
 from microplan.featuresel.look.scenario import LookCase
-from microplan.featuresel.trials.score import Score
+from microplan.featuresel.trials.score import ChainScore
 from microplan.planner.assembly.assembly import height_sigma_um
 from microplan.planner.looks.chosen_sets import ChosenSet
-from microplan.planner.looks.evaluation import Tried
+from microplan.planner.looks.evaluation import Evaluation
 from microplan.planner.store.pictures import Picture, picture_sha256
 from microplan.planner.task.task import Task
 from microplan.planner.views.focus import focus_stops, reach_margin_um
 from microplan.planner.views.requests import Request
 from microplan.planner.views.scenes import shade_of
-from microplan.planner.views.target_views import needed_shape, spot_of
-from microplan.planner.views.targets import Shape
+from microplan.planner.views.target_views import needed_shape, target_pose
+from microplan.planner.views.targets import TargetShape
 from microplan.schemas import plan as p
 
 
@@ -45,8 +45,8 @@ def view_record(
 
 
 def evidence(
-    tried: Tried,
-    chosen: Score,
+    tried: Evaluation,
+    chosen: ChainScore,
     features: Sequence[p.FeatureRow],
     tolerance_um: float,
 ) -> p.Evidence:
@@ -71,12 +71,12 @@ def scene_record(
     task: Task,
     request: Request,
     case: LookCase,
-    shape: Shape,
+    shape: TargetShape,
     name: str,
     image: Picture,
 ) -> p.SceneRecord:
     """Return what is in view, and what is hidden or shaded."""
-    spot = spot_of(task, request, shape)
+    spot = target_pose(task, request, shape)
     scope = case.microscope
     layers = sorted(case.static + case.moving, key=lambda la: (la.z_um, la.name))
     return p.SceneRecord(
@@ -114,7 +114,7 @@ def together_record(found: ChosenSet) -> p.Together:
     )
 
 
-def _score(found: Score, reason: str) -> p.Score:
+def _score(found: ChainScore, reason: str) -> p.Score:
     """Return a chain's score as the plan has it."""
     return p.Score(
         chain=found.chain,
@@ -137,7 +137,7 @@ def _score(found: Score, reason: str) -> p.Score:
     )
 
 
-def _sigma_upper(found: Score) -> float | None:
+def _sigma_upper(found: ChainScore) -> float | None:
     """Return the bound of the larger axis' sigma, None where nothing is known."""
     axes = [axis for axis in (found.x, found.y, found.along) if axis is not None]
     upper = max((axis.sigma_upper for axis in axes), default=math.inf)

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Sequence
 
 from microplan.featuresel.trials.chains import Chain
-from microplan.featuresel.trials.score import Score
+from microplan.featuresel.trials.score import ChainScore
 
 _NUMBER = re.compile(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?")
 _UNSEEN = frozenset({
@@ -50,7 +50,7 @@ def rejections(reasons: Sequence[tuple[Chain, str]]) -> str:
     return "; ".join(map(_told, ordered))
 
 
-def commonest_hint(scores: Sequence[Score], advice: str) -> str:
+def commonest_hint(scores: Sequence[ChainScore], advice: str) -> str:
     """Return how to mend what most trials of all chains failed by, and `advice`.
 
     `advice` alone where trials fail by nothing that can be told.

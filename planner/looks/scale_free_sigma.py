@@ -7,9 +7,9 @@ import math
 import numpy as np
 
 from microplan.featuresel.look.design import design
-from microplan.featuresel.trials.score import Score
+from microplan.featuresel.trials.score import ChainScore
 from microplan.featuresel.trials.trials import is_wrong
-from microplan.planner.looks.evaluation import Tried
+from microplan.planner.looks.evaluation import Evaluation
 
 # Beyond this the target's frame is not the world's, in which a scale acts.
 SMALL_RAD = 0.2
@@ -17,7 +17,9 @@ NOTHING = 0.1  # of sigma: half a percent of its square
 LEAST = 3  # answers from which a spread is worth having
 
 
-def steady_sigma_um(tried: Tried, chosen: Score, root_seed: int) -> float:
+def sigma_without_scale_um(
+    tried: Evaluation, chosen: ChainScore, root_seed: int
+) -> float:
     """Return one sigma of a chain's place, the larger axis, less the trials' scale.
 
     A trial at the zoom ratio r shows a target at p from the axis at r p. Two looks at

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from microplan.featuresel.features.contour import with_contour
-from microplan.featuresel.look.scenario import LookCase, Spread, Turning
+from microplan.featuresel.look.scenario import LookCase, TrialSpread, UnknownRotation
 from microplan.featuresel.routines.contract import Target
 from microplan.optics.layers.layer_error import choose_layers
 from microplan.optics.layers.shading import shade_error
@@ -25,8 +25,8 @@ from microplan.planner.task.workcell import Workcell
 from microplan.planner.views.lens_errors import known_errors, lamp_aperture
 from microplan.planner.views.requests import ANGLE_RAD, PERIOD_SHARE, Request
 from microplan.planner.views.scenes import relevant, world_scene
-from microplan.planner.views.target_views import needed_shape, search_um, spot_of
-from microplan.planner.views.targets import Shape, outline_of, target_layers
+from microplan.planner.views.target_views import needed_shape, search_um, target_pose
+from microplan.planner.views.targets import TargetShape, outline_of, target_layers
 from microplan.planner.views.views import SEARCH_SIGMAS, ViewPlan
 
 MOST_TOGETHER = 4  # features that one look measures
@@ -44,7 +44,7 @@ def build_case(
 ) -> tuple[LookCase, Fidelity]:
     """Return the case that routines are tried on, and why it is rendered as it is."""
     shape = needed_shape(task, request)
-    spot = spot_of(task, request, shape)
+    spot = target_pose(task, request, shape)
     static, moving = _layers(task, request, shape, view)
     scope, camera = view.microscope, task.workcell.camera
     spread = _spread(task, request, spot, static)
@@ -101,7 +101,7 @@ def build_case(
 
 
 def feature_case(
-    task: Task, request: Request, view: ViewPlan, case: LookCase, shape: Shape
+    task: Task, request: Request, view: ViewPlan, case: LookCase, shape: TargetShape
 ) -> LookCase:
     """Return a look at another feature of the target's body, through the same region.
 
@@ -113,8 +113,8 @@ def feature_case(
     arm_um = math.dist(shape.center_um, target.center_um)
     swing_um = min(case.spread.pose_sigma_theta_rad, 1.0) * arm_um
     # the sum, not the root of squares: extreme trials have both at once
-    sigma_um = spot_of(task, request, target).sigma_xy_um + swing_um
-    spot = replace(spot_of(task, request, shape), sigma_xy_um=sigma_um)
+    sigma_um = target_pose(task, request, target).sigma_xy_um + swing_um
+    spot = replace(target_pose(task, request, shape), sigma_xy_um=sigma_um)
     # a round one tells no angle: others do
     angle = None if shape.symmetry == 0 else _angle_tolerance(request, shape)
     c, s = math.cos(case.theta_rad), math.sin(case.theta_rad)
@@ -164,7 +164,7 @@ def _lamp(
 
 
 def _treatment(
-    imaged: Scene, view: ViewPlan, spread: Spread, max_image_error: float
+    imaged: Scene, view: ViewPlan, spread: TrialSpread, max_image_error: float
 ) -> str:
     """Return how layers are laid over each other; the dearer way must keep the limit.
 
@@ -180,7 +180,7 @@ def _treatment(
     return found.treatment if found.keeps_limit else "blend"
 
 
-def _focus_range(view: ViewPlan, spread: Spread) -> tuple[float, ...]:
+def _focus_range(view: ViewPlan, spread: TrialSpread) -> tuple[float, ...]:
     """Return the focus heights that a fidelity must hold for."""
     off = _FOCUS_SIGMAS * spread.focus_sigma_um
     heights = (view.focus_um, view.focus_um - off, view.focus_um + off)
@@ -199,7 +199,7 @@ def _placed(layer: Layer, spot: Place) -> Layer:
 
 
 def _layers(
-    task: Task, request: Request, shape: Shape, view: ViewPlan
+    task: Task, request: Request, shape: TargetShape, view: ViewPlan
 ) -> tuple[tuple[Layer, ...], tuple[Layer, ...]]:
     """Return what stands still in the trials, and what moves with the target."""
     scene = world_scene(task, request.state)
@@ -220,14 +220,14 @@ def _layers(
     return static, moving
 
 
-def _carrying(task: Task, request: Request, shape: Shape) -> list[Outline]:
+def _carrying(task: Task, request: Request, shape: TargetShape) -> list[Outline]:
     """Return the outlines that hold the target's edges, in the target's frame."""
     if shape.owner in task.workcell.tools:
         return [layer.outline for layer in target_layers(task, request.state, shape)]
     return [outline_of(task, shape)]
 
 
-def _target(task: Task, shape: Shape, spot: Place, view: ViewPlan) -> Target:
+def _target(task: Task, shape: TargetShape, spot: Place, view: ViewPlan) -> Target:
     """Return the target in pixels of the region."""
     scope, region = view.microscope, view.region
     k = scope.px_per_um
@@ -253,14 +253,14 @@ def _sigma_theta(task: Task, spot: Place) -> float:
 
 def _spread(
     task: Task, request: Request, spot: Place, static: Sequence[Layer]
-) -> Spread:
+) -> TrialSpread:
     """Return what the trials perturb: the task's benchmark and the spreads of places.
 
     Of the lens only what changes how the target looks: what moves the whole image is a
     term of the error budget.
     """
     b, lens = task.benchmark, task.workcell.optics.lens
-    return Spread(
+    return TrialSpread(
         focus_sigma_um=b.focus_sigma_um,
         magnification_sigma=b.magnification_sigma,
         light_gain=b.light_gain,
@@ -292,7 +292,7 @@ def _occluder_sigma_um(
 
 def _turning(
     task: Task, request: Request, spot: Place, static: Sequence[Layer]
-) -> tuple[Turning, ...]:
+) -> tuple[UnknownRotation, ...]:
     """Return the parts that stand higher than the target at an angle nobody knows.
 
     A tool's angle is in the spread of its tips.
@@ -303,7 +303,7 @@ def _turning(
         if name in task.parts
     ]
     return tuple(
-        Turning(
+        UnknownRotation(
             owner=place.owner,
             x_um=place.pose.x_um,
             y_um=place.pose.y_um,
@@ -319,7 +319,7 @@ def _higher(spot: Place, static: Sequence[Layer]) -> list[str]:
     return sorted({la.name.partition(".")[0] for la in static if la.z_um > spot.z_um})
 
 
-def _angle_tolerance(request: Request, shape: Shape) -> float | None:
+def _angle_tolerance(request: Request, shape: TargetShape) -> float | None:
     """Return how well the angle must be known, None if it need not be."""
     if request.needs_angle_rad is not None:
         return request.needs_angle_rad  # of a round target by features beside it

@@ -10,7 +10,7 @@ from microplan.schemas.files import evidence as shown
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Shot:
+class LookFigures:
     """What reports show of a look, with its pictures by their path in the folder."""
 
     evidence: shown.LookEvidence

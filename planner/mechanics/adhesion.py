@@ -59,7 +59,7 @@ Sticks = Literal["stays", "may stick", "will stick"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Face:
+class ContactFace:
     """Where two bodies touch."""
 
     area_um2: float
@@ -72,7 +72,7 @@ class Face:
         return math.sqrt(self.area_um2 / math.pi)
 
 
-def forces(face: Face, environment: Environment) -> tuple[Force, ...]:
+def forces(face: ContactFace, environment: Environment) -> tuple[Force, ...]:
     """Return the four forces that pull on a face, each with its validity.
 
     Parameters
@@ -149,7 +149,7 @@ def _gap_um(rough_um: float) -> float:
     return max(rough_um, CONTACT_UM)
 
 
-def _waals(face: Face, rough_um: float) -> Bounds:
+def _waals(face: ContactFace, rough_um: float) -> Bounds:
     """Return steep asperities alone, and blunt ones with the whole face behind them.
 
     A pair potential -C / r**6 over two half spaces gives A / (6 pi D**3) per area, A =
@@ -168,7 +168,7 @@ def _at_contact(hamaker_un_um: float, radius_um: float) -> float:
     return ASPERITIES * hamaker_un_um * radius_um / (6 * CONTACT_UM**2)
 
 
-def _capillary(face: Face, environment: Environment) -> Bounds:
+def _capillary(face: ContactFace, environment: Environment) -> Bounds:
     """Return no meniscus, and the strongest there may be.
 
     Round bodies: a meniscus of radius r wets 4 pi R r of a sphere at gamma / r, which
@@ -186,7 +186,7 @@ def _capillary(face: Face, environment: Environment) -> Bounds:
     return 0.0, most
 
 
-def _breakdown_v_per_um(face: Face) -> float:
+def _breakdown_v_per_um(face: ContactFace) -> float:
     """Return the largest field that a charged face keeps while it comes near.
 
     The gap it crosses breaks down at 327 V at least, the width of the face is the
@@ -197,13 +197,13 @@ def _breakdown_v_per_um(face: Face) -> float:
     return min(EMISSION_V_PER_UM, PASCHEN_V / across) if across else EMISSION_V_PER_UM
 
 
-def _charged(face: Face) -> float:
+def _charged(face: ContactFace) -> float:
     """Return the pull of that field: sigma**2 / (2 eps0) with sigma = eps0 E."""
     field = _breakdown_v_per_um(face)
     return PERMITTIVITY_UN_PER_V2 * field**2 / 2 * face.area_um2
 
 
-def _potential(face: Face, rough_um: float) -> float:
+def _potential(face: ContactFace, rough_um: float) -> float:
     """Return the pull of a plate capacitor one roughness wide, V**2 dC/dd / 2."""
     field = POTENTIAL_V / _gap_um(rough_um)
     return PERMITTIVITY_UN_PER_V2 * field**2 / 2 * face.area_um2

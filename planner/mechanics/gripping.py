@@ -13,7 +13,7 @@ from microplan.planner.assembly.assembly import locate_place, owner_of
 from microplan.planner.assembly.holding import between_jaws
 from microplan.planner.assembly.shapes import hull, squeeze_minima_rad, squeeze_width_um
 from microplan.planner.assembly.step_states import StepState
-from microplan.planner.mechanics.adhesion import Face, forces, total
+from microplan.planner.mechanics.adhesion import ContactFace, forces, total
 from microplan.planner.mechanics.materials import (
     Bounds,
     conducts,
@@ -21,7 +21,7 @@ from microplan.planner.mechanics.materials import (
     volume_um3,
     weight_un,
 )
-from microplan.planner.task.task import Step, Task
+from microplan.planner.task.task import Task, TaskStep
 from microplan.planner.task.workcell import Tool
 from microplan.schemas.plan.verdicts import GraspVerdict
 
@@ -93,7 +93,7 @@ def widest_gap_rad(minima: tuple[float, ...]) -> float:
     return max(after - before for before, after in itertools.pairwise(ring))
 
 
-def _width_range(task: Task, step: Step, minima: tuple[float, ...]) -> Bounds:
+def _width_range(task: Task, step: TaskStep, minima: tuple[float, ...]) -> Bounds:
     """Return the least and greatest width of a part between flat jaws."""
     outline = task.parts[owner_of(step.target or "")].outline
     corners = shapely.get_coordinates(hull(outline))
@@ -105,7 +105,7 @@ def _width_range(task: Task, step: Step, minima: tuple[float, ...]) -> Bounds:
 def _lift(task: Task, name: str) -> Bounds:
     """Return what lifting a part off its face takes, uN."""
     part, index = task.parts[name], task.workcell.optics.medium_index
-    face = Face(
+    face = ContactFace(
         area_um2=part.outline.area_um2,
         conducts=conducts(part.material),
         liquid=in_liquid(index),

@@ -17,7 +17,13 @@ from microplan.planner.assembly.mating import mating_of
 from microplan.planner.assembly.shapes import polygon, squeeze_width_um
 from microplan.planner.assembly.step_states import StepState
 from microplan.planner.assembly.swept_volume import ROUNDING_UM, SIGMAS
-from microplan.planner.mechanics.adhesion import Face, Sticks, forces, total, verdict
+from microplan.planner.mechanics.adhesion import (
+    ContactFace,
+    Sticks,
+    forces,
+    total,
+    verdict,
+)
 from microplan.planner.mechanics.gripping import stiffness_un_per_um
 from microplan.planner.mechanics.materials import (
     Bounds,
@@ -26,7 +32,7 @@ from microplan.planner.mechanics.materials import (
     volume_um3,
     weight_un,
 )
-from microplan.planner.task.task import Part, Step, Task
+from microplan.planner.task.task import Part, Task, TaskStep
 from microplan.schemas.plan.verdicts import Force, ReleaseVerdict, Rung
 
 
@@ -102,7 +108,7 @@ def _grip(
 
     def pulls(area_um2: float, parts: frozenset[str]) -> tuple[Force, ...]:
         flows = all(conducts(task.parts[name].material) for name in parts)
-        face = Face(area_um2=area_um2, conducts=flows, liquid=in_liquid(index))
+        face = ContactFace(area_um2=area_um2, conducts=flows, liquid=in_liquid(index))
         return forces(face, task.environment)
 
     below: tuple[Force, ...] = ()
@@ -240,7 +246,7 @@ def _ladder(task: Task, here: StepState, *, on_shaft: bool) -> tuple[Rung, ...]:
     return tuple(rungs)
 
 
-def _verified_by(task: Task, release: Step) -> str | None:
+def _verified_by(task: Task, release: TaskStep) -> str | None:
     """Return the first later step that looks whether the part stayed."""
     index = task.steps.index(release)
     owner = owner_of(release.target or "")

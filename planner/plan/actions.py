@@ -10,7 +10,7 @@ import numpy as np
 from microplan.planner.assembly.assembly import locate_place, owner_of
 from microplan.planner.assembly.step_states import StepState
 from microplan.planner.looks.look_record import CompiledLook
-from microplan.planner.task.task import Move, Step, Task
+from microplan.planner.task.task import Move, Task, TaskStep
 from microplan.schemas import plan as p
 
 # A height sweep reaches this many limits to either side of the expected height.
@@ -57,7 +57,7 @@ def action_of(task: Task, here: StepState, looks: Sequence[CompiledLook]) -> p.A
     return p.MoveAction()
 
 
-def _mating(task: Task, verify: Step) -> str:
+def _mating(task: Task, verify: TaskStep) -> str:
     """Return what must sit on the seat: the hole that was put onto it, if one was."""
     holes = [
         step.target
@@ -69,7 +69,9 @@ def _mating(task: Task, verify: Step) -> str:
     return (holes[-1] if holes else verify.target) or ""
 
 
-def _verify(step: Step, looks: Sequence[CompiledLook], mating: str) -> p.VerifyAction:
+def _verify(
+    step: TaskStep, looks: Sequence[CompiledLook], mating: str
+) -> p.VerifyAction:
     """Return the verification: offset, height and an empty tool."""
     target, seat = looks[0], looks[1]
     return p.VerifyAction(

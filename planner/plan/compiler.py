@@ -17,8 +17,8 @@ from microplan.planner.assembly.solids import finger_solids, part_solids
 from microplan.planner.assembly.step_states import StepState, unfold
 from microplan.planner.assembly.world import build_world
 from microplan.planner.budget.insert_budget import share_of_goal
-from microplan.planner.budget.measurement_history import Memory
-from microplan.planner.looks.look_problem import Effects
+from microplan.planner.budget.measurement_history import MeasurementHistory
+from microplan.planner.looks.look_problem import CompileContext
 from microplan.planner.plan.emit import PlanFiles
 from microplan.planner.plan.options import Options as Options
 from microplan.planner.plan.requirements import requirements
@@ -54,7 +54,7 @@ def compile_task(task: Task, report: Report, options: Options) -> PlanFiles | No
     preset = options.preset or task.optimise.prefer
     limit = options.max_image_error or task.optimise.image_error(preset)
     with workers(options.jobs) as pool:
-        effects = Effects(
+        effects = CompileContext(
             effort=options.effort or PRESETS[preset],
             max_image_error=limit,
             map=map,
@@ -140,7 +140,7 @@ def workers(jobs: int) -> Iterator[ProcessPoolExecutor | None]:
 def _steps(
     task: Task,
     states: tuple[StepState, ...],
-    effects: Effects,
+    effects: CompileContext,
     report: Report,
     tell: Callable[[int, int, str], None],
     pool: ProcessPoolExecutor | None,
@@ -155,7 +155,7 @@ def _steps(
     if pool is not None:
         ahead = begin(pool, task, states, effects, low)
         effects = replace(effects, map=pool.map)
-    memory = Memory(magnification=low, seen={}, within_um=0.0, key="")
+    memory = MeasurementHistory(magnification=low, seen={}, within_um=0.0, key="")
     found: list[CompiledStep] = []
     timings: dict[str, float] = {}
     for index, here in enumerate(states):

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from microplan.planner.looks.shot import Shot
+from microplan.planner.looks.shot import LookFigures
 from microplan.planner.store.folder import PLAN, PlanBytes, json_bytes
 from microplan.planner.store.pictures import Picture
 from microplan.planner.store.summary import plan_summary
@@ -35,7 +35,7 @@ class PlanFiles:
     arrays: Mapping[str, Mapping[str, npt.NDArray[np.float32]]]  # npz path -> arrays
     timings: Mapping[str, float]  # stage -> seconds; never compared
     inputs: Mapping[str, object]  # raw-file hashes and versions; never compared
-    shots: tuple[Shot, ...] = ()  # what reports show of each look
+    shots: tuple[LookFigures, ...] = ()  # what reports show of each look
 
 
 def plan_bytes(made: PlanFiles) -> PlanBytes:

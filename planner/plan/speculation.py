@@ -13,7 +13,7 @@ from microplan.planner.assembly.step_states import StepState
 from microplan.planner.budget.control import tolerance_um
 from microplan.planner.looks.coarse_to_fine import compile_looks
 from microplan.planner.looks.compile_look import look_at_first
-from microplan.planner.looks.look_problem import Begun, Effects
+from microplan.planner.looks.look_problem import Begun, CompileContext
 from microplan.planner.looks.look_record import CompiledLook
 from microplan.planner.source.diagnostics import Diagnostic, Report
 from microplan.planner.task.task import Task
@@ -30,7 +30,7 @@ class StoppedError(Exception):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Asked:
+class _LookRequest:
     """What a look is compiled from, and whether it is only begun."""
 
     request: Request
@@ -57,14 +57,16 @@ class Ahead:
     request, or from other views, is not used.
     """
 
-    under_way: dict[str, tuple[_Asked, Future[_Made]]] = field(default_factory=dict)
+    under_way: dict[str, tuple[_LookRequest, Future[_Made]]] = field(
+        default_factory=dict
+    )
     elsewhere_s: float = 0.0  # what others worked while this process waited, and more
 
     def looks(
         self,
         task: Task,
         request: Request,
-        effects: Effects,
+        effects: CompileContext,
         current: float,
         report: Report,
     ) -> tuple[CompiledLook, ...]:
@@ -90,7 +92,7 @@ def begin(
     pool: Executor,
     task: Task,
     states: tuple[StepState, ...],
-    effects: Effects,
+    effects: CompileContext,
     current: float,
 ) -> Ahead:
     """Start on all looks that steps will probably ask for, the largest first.
@@ -132,7 +134,7 @@ _unwanted: Event | None = None
 
 def _probable(
     task: Task, states: tuple[StepState, ...], index: int, current: float
-) -> Iterator[_Asked]:
+) -> Iterator[_LookRequest]:
     """Yield what a step asks for if looks before it change nothing."""
     here, within_um = states[index], None
     begun = False
@@ -142,7 +144,7 @@ def _probable(
     for request in requests(task, states, index, within_um):
         settings = views(task, request, current, Report())
         if settings:
-            yield _Asked(
+            yield _LookRequest(
                 request=request,
                 settings=tuple(settings),
                 current=current,
@@ -150,22 +152,22 @@ def _probable(
             )
 
 
-def _area(asked: _Asked) -> int:
+def _area(asked: _LookRequest) -> int:
     """Return the pixels of a look's region."""
     region = asked.settings[0].region
     return region.rows * region.columns
 
 
-def _serves(asked: _Asked, task: Task, request: Request, current: float) -> bool:
+def _serves(asked: _LookRequest, task: Task, request: Request, current: float) -> bool:
     """Return whether what was asked for is what is wanted, or begins like it."""
     bare = request
     if asked.begun:
-        bare = replace(request, borne_um=None, worth_um=None)
+        bare = replace(request, admissible_um=None, break_even_um=None)
     settings: Sequence[ViewPlan] = views(task, request, current, Report())
     return asked.request == bare and asked.settings == tuple(settings)
 
 
-def _make(task: Task, asked: _Asked, effects: Effects) -> _Made:
+def _make(task: Task, asked: _LookRequest, effects: CompileContext) -> _Made:
     """Compile a look, or begin to."""
     started, report, known = time.perf_counter(), Report(), Begun()
     looks: tuple[CompiledLook, ...] = ()

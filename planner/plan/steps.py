@@ -13,11 +13,11 @@ from microplan.planner.assembly.step_states import StepState
 from microplan.planner.budget.admissible_look_error import bearable
 from microplan.planner.budget.control import control_of, method_of, tolerance_um
 from microplan.planner.budget.handling import report_handling, verdicts_of
-from microplan.planner.budget.measurement_history import Memory, remember
+from microplan.planner.budget.measurement_history import MeasurementHistory, remember
 from microplan.planner.budget.placement_budget import place_budget
 from microplan.planner.budget.step_budget import budget_of
 from microplan.planner.looks.coarse_to_fine import waits_between
-from microplan.planner.looks.look_problem import Effects
+from microplan.planner.looks.look_problem import CompileContext
 from microplan.planner.looks.look_record import CompiledLook
 from microplan.planner.mechanics.mechanics import mechanical_rows
 from microplan.planner.plan.actions import action_of, axis_move
@@ -27,7 +27,7 @@ from microplan.planner.source.diagnostics import Report
 from microplan.planner.task.task import Task
 from microplan.planner.views.requests import Request, requests
 from microplan.planner.views.view_times import (
-    Setting,
+    MicroscopeSetting,
     approach_times,
     setting_time_s,
     view_change,
@@ -46,15 +46,15 @@ class CompiledStep:
 
     step: p.Step
     looks: tuple[CompiledLook, ...]
-    memory: Memory
+    memory: MeasurementHistory
 
 
 def compile_step(
     task: Task,
     states: tuple[StepState, ...],
     index: int,
-    memory: Memory,
-    effects: Effects,
+    memory: MeasurementHistory,
+    effects: CompileContext,
     report: Report,
     ahead: Ahead | None = None,
 ) -> CompiledStep | None:
@@ -74,7 +74,11 @@ def compile_step(
     if within is not None:
         bears = bearable(task, states, here, within, memory.seen, effects.memo)
         asked = tuple(
-            replace(request, borne_um=bears.borne_um, worth_um=bears.worth_um)
+            replace(
+                request,
+                admissible_um=bears.admissible_um,
+                break_even_um=bears.break_even_um,
+            )
             for request in asked
         )
     for request in asked:
@@ -109,7 +113,7 @@ def _waits(
 
 
 def _timed(
-    task: Task, look: CompiledLook, memory: Memory, waits: Sequence[TimeRow]
+    task: Task, look: CompiledLook, memory: MeasurementHistory, waits: Sequence[TimeRow]
 ) -> CompiledLook:
     """Return a look with what it takes after the look before."""
     if look.look.verdict is None:
@@ -127,7 +131,7 @@ def _moved_um(task: Task, here: StepState, look: CompiledLook) -> float:
     return math.sqrt(2) * axes_of(task, carrier).repeatability_xy_um
 
 
-def _after_sweep(memory: Memory, step: p.Step) -> Memory:
+def _after_sweep(memory: MeasurementHistory, step: p.Step) -> MeasurementHistory:
     """Return the memory after an action: a height sweep leaves the focus at its end."""
     action = step.action
     if not isinstance(action, p.VerifyAction) or action.height is None:
@@ -135,7 +139,7 @@ def _after_sweep(memory: Memory, step: p.Step) -> Memory:
     height = action.height
     view = next(look.view for look in step.looks if look.id == height.look)
     view = replace(view, focus_um=height.focus_um[-1])
-    setting = Setting(look=height.look, view=view)
+    setting = MicroscopeSetting(look=height.look, view=view)
     return replace(memory, setting=setting, magnification=view.magnification)
 
 
@@ -150,8 +154,8 @@ def _step(
     states: tuple[StepState, ...],
     here: StepState,
     looks: Sequence[CompiledLook],
-    memory: Memory,
-    effects: Effects,
+    memory: MeasurementHistory,
+    effects: CompileContext,
 ) -> p.Step:
     """Return the plan's step, without its key."""
     step = here.step

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 
 from microplan.planner.report.margins import needed_probability
-from microplan.schemas.page.axes import Axes, Scale, around
+from microplan.schemas.page.axes import AxisScale, ChartField, around
 from microplan.schemas.page.charts import Bar, bars, curve
 from microplan.schemas.page.elements import Element, el
 from microplan.schemas.page.figures import chance, number, um
@@ -89,9 +89,9 @@ def yield_figure(
         known = chance(points[0][1] if points else None)
         said = f"P(success) is {known} for any {name}."
         return el("p", said)
-    axes = Axes(
+    axes = ChartField(
         across=around([x for x, _ in points]),
-        up=Scale(low=0.0, high=1.04),
+        up=AxisScale(low=0.0, high=1.04),
         across_label=f"{name}, \u00b5m",
         up_label="P(success)",
         height=196 if short else 224,

@@ -7,9 +7,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from microplan.planner.report.budgets import LEFT_BY_SERVO
-from microplan.planner.report.folder import PlanFolder
+from microplan.planner.report.folder import ReportedPlan
 from microplan.planner.report.margins import margins
-from microplan.planner.report.outlines import Frame, feature
+from microplan.planner.report.outlines import CameraFrame, feature
 from microplan.planner.report.pictures import image_id
 from microplan.schemas.page.elements import Element, el
 from microplan.schemas.page.figures import number, um
@@ -34,7 +34,7 @@ class _Spread:
     advice: str
 
 
-def error_picture(folder: PlanFolder) -> Element | None:
+def error_picture(folder: ReportedPlan) -> Element | None:
     """Return a look's image and the ellipse of what is left; None without looks."""
     spread = _of_budget(folder) or _of_look(folder)
     if spread is None:
@@ -79,7 +79,7 @@ def sigmas(share: float) -> float:
     return math.sqrt(-2 * math.log(1 - share))
 
 
-def _of_budget(folder: PlanFolder) -> _Spread | None:
+def _of_budget(folder: ReportedPlan) -> _Spread | None:
     """Return the error of the least likely step with a budget, None if none has one."""
     steps = folder.plan.steps
     found = [s for s in steps if _covariance(s) is not None]
@@ -111,7 +111,7 @@ def _covariance(step: Step) -> Covariance | None:
     return None if analysis is None else analysis.covariance_um2
 
 
-def _before(folder: PlanFolder, step: Step) -> Look | None:
+def _before(folder: ReportedPlan, step: Step) -> Look | None:
     """Return the look of the last alignment before a step, else the last look."""
     steps = folder.plan.steps
     before = steps[: steps.index(step) + 1]
@@ -120,7 +120,7 @@ def _before(folder: PlanFolder, step: Step) -> Look | None:
     return looked[-1].looks[-1] if looked else None
 
 
-def _of_look(folder: PlanFolder) -> _Spread | None:
+def _of_look(folder: ReportedPlan) -> _Spread | None:
     """Return the error of the look with the least room, None if there is none."""
     tight = next((m.look for m in margins(folder.plan) if m.look), None)
     look = next((la for la in folder.looks if la.id == tight), None)
@@ -136,11 +136,11 @@ def _of_look(folder: PlanFolder) -> _Spread | None:
     )  # fmt: skip
 
 
-def _image(folder: PlanFolder, look: Look) -> Element | None:
+def _image(folder: ReportedPlan, look: Look) -> Element | None:
     """Return the region of the look's image, with its target marked."""
     if look.scene.image not in folder.pictures:
         return el("text", "no image in the folder", x=8, y=_SIDE / 2)
-    region, frame = look.measure.region, Frame.of(folder.plan, look)
+    region, frame = look.measure.region, CameraFrame.of(folder.plan, look)
     side = 1.3 * max(region.rows, region.columns)
     x = region.column + region.columns / 2 - side / 2
     y = region.row + region.rows / 2 - side / 2

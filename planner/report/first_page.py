@@ -6,14 +6,14 @@ from collections.abc import Iterator, Sequence
 
 from microplan.planner.report.budgets import fix, yield_figure
 from microplan.planner.report.errors import error_picture
-from microplan.planner.report.folder import PlanFolder
+from microplan.planner.report.folder import ReportedPlan
 from microplan.planner.report.margins import Margin, margins, needed_probability
 from microplan.planner.report.methods import methods
 from microplan.planner.report.steps import step_id
 from microplan.planner.report.timeline import left_out
 from microplan.schemas.files.evidence import LookEvidence
 from microplan.schemas.files.times import spans
-from microplan.schemas.page.axes import Axes, Scale, around
+from microplan.schemas.page.axes import AxisScale, ChartField, around
 from microplan.schemas.page.charts import Bar, bars, curve
 from microplan.schemas.page.elements import Element, Node, el
 from microplan.schemas.page.figures import (
@@ -31,7 +31,7 @@ from microplan.schemas.plan import Look, Plan, Step
 _MOST_LOOKS = 5  # on the first page, the narrowest
 
 
-def first_page(folder: PlanFolder) -> Element:
+def first_page(folder: ReportedPlan) -> Element:
     """Return the page that stands for the whole plan."""
     plan = folder.plan
     found = margins(plan)
@@ -99,7 +99,7 @@ def _tightest(found: list[Margin], *, whole: bool) -> Element | None:
     )  # fmt: skip
 
 
-def _facts(folder: PlanFolder) -> list[tuple[str, Node]]:
+def _facts(folder: ReportedPlan) -> list[tuple[str, Node]]:
     """Return the plan's figures."""
     plan, looks = folder.plan, folder.looks
     times = spans(plan, folder.world)
@@ -181,7 +181,7 @@ def _tight_looks(found: list[Margin], *, has_budget: bool) -> list[Node]:
     ]  # fmt: skip
 
 
-def _yield(folder: PlanFolder) -> Element | None:
+def _yield(folder: ReportedPlan) -> Element | None:
     """Return the yield over a size, or over the error that trials had."""
     step = worst_step(folder.plan)
     analysis = None if step is None else step.budget.analysis
@@ -202,9 +202,9 @@ def _share_figure(look: Look, evidence: LookEvidence) -> Element:
     count, tolerance = len(evidence.trials), look.evidence.tolerance_um
     points = [(0.0, 0.0)]
     points += [(e, (k + 1) / count) for k, e in enumerate(errors)]
-    axes = Axes(
+    axes = ChartField(
         across=around([0.0, tolerance, *errors], zero=True),
-        up=Scale(low=0.0, high=1.04),
+        up=AxisScale(low=0.0, high=1.04),
         across_label="error, \u00b5m",
         up_label="share of trials",
         height=196,
@@ -230,7 +230,7 @@ def _share_figure(look: Look, evidence: LookEvidence) -> Element:
     )
 
 
-def _depth(folder: PlanFolder) -> Element | None:
+def _depth(folder: ReportedPlan) -> Element | None:
     """Return the depth of field beside the focus range that routines stand."""
     looks = sorted(
         folder.looks,
@@ -289,7 +289,7 @@ def depth_um(look: Look) -> float | None:
     return chosen[0] if chosen else None
 
 
-def contents(folder: PlanFolder) -> Iterator[tuple[str, str]]:
+def contents(folder: ReportedPlan) -> Iterator[tuple[str, str]]:
     """Yield name and id of the page's sections."""
     yield "Verdict", "verdict"
     yield "Timeline", "timeline"

@@ -25,7 +25,7 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PlanFolder:
+class ReportedPlan:
     """A plan with the files beside it."""
 
     plan: Plan
@@ -42,7 +42,7 @@ class PlanFolder:
         return tuple(look for step in self.plan.steps for look in step.looks)
 
 
-def read_folder(path: Path) -> PlanFolder:
+def read_folder(path: Path) -> ReportedPlan:
     """Return what a plan folder, or the folder of a plan.json, holds.
 
     Raises
@@ -62,7 +62,7 @@ def read_folder(path: Path) -> PlanFolder:
     names += [shown.image for each in evidence.values() for shown in each.shown]
     pictures = dict(_pictures(folder, names))
     foreign = frozenset(_foreign(looks, pictures))
-    return PlanFolder(
+    return ReportedPlan(
         plan=plan,
         sha256=hashlib.sha256(file.read_bytes()).hexdigest(),
         world=_typed(World, folder, "world.json"),

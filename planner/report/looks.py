@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from microplan.planner.report.folder import PlanFolder
+from microplan.planner.report.folder import ReportedPlan
 from microplan.planner.report.ledger import ledger
 from microplan.planner.report.margins import need_um
 from microplan.planner.report.pictures import (
@@ -26,7 +26,7 @@ def look_id(look: Look) -> str:
     return slug("look", look.id)
 
 
-def look_section(folder: PlanFolder, look: Look) -> Element:
+def look_section(folder: ReportedPlan, look: Look) -> Element:
     """Return everything about one look."""
     evidence = folder.evidence.get(look.id)
     placed = marked(folder, look)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from microplan.planner.report.folder import PlanFolder
+from microplan.planner.report.folder import ReportedPlan
 from microplan.planner.store.summary import CONTRAST
 from microplan.schemas.page.elements import Element, Node, el
 from microplan.schemas.page.figures import number
 from microplan.schemas.page.page import Column, table
 
 
-def methods(folder: PlanFolder) -> Element:
+def methods(folder: ReportedPlan) -> Element:
     """Return a paragraph that says how the numbers were made, to be pasted."""
     plan, p = folder.plan, folder.plan.provenance
     trials = max(
@@ -43,7 +43,7 @@ def methods(folder: PlanFolder) -> Element:
     return el("p", text, el("span", hashes, class_="hash"), class_="methods")
 
 
-def _errors(folder: PlanFolder) -> str:
+def _errors(folder: ReportedPlan) -> str:
     """Return what images may err by: what was aimed at, and what the ledgers leave."""
     aim = folder.plan.provenance.max_image_error
     rows = [row for look in folder.looks for row in look.effects]
@@ -56,7 +56,7 @@ def _errors(folder: PlanFolder) -> str:
     return f"{text}; by the effects ledgers up to {number(worst, 2)} is left."
 
 
-def provenance(folder: PlanFolder) -> Element:
+def provenance(folder: ReportedPlan) -> Element:
     """Return every version and hash as a table."""
     p = folder.plan.provenance
     rows: list[list[Node]] = [

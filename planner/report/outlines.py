@@ -17,7 +17,7 @@ _LEAST = 1e-9  # um per px: no lens magnifies more
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Frame:
+class CameraFrame:
     """From the world to the pixels of a camera frame."""
 
     width_px: int
@@ -25,7 +25,7 @@ class Frame:
     px_per_um: float
 
     @classmethod
-    def of(cls, plan: Plan, look: Look) -> Frame:
+    def of(cls, plan: Plan, look: Look) -> CameraFrame:
         """Return the frame of a look; a plan that is edited by hand may hold zeros."""
         needs, um_per_px = plan.requirements, look.view.um_per_px
         return cls(

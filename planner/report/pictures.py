@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from microplan.planner.report.folder import PlanFolder
-from microplan.planner.report.outlines import Frame, body, feature
+from microplan.planner.report.folder import ReportedPlan
+from microplan.planner.report.outlines import CameraFrame, body, feature
 from microplan.schemas.files.evidence import LookEvidence, Shown
 from microplan.schemas.files.world import World
 from microplan.schemas.page.elements import Element, Node, el, slug
@@ -32,7 +32,7 @@ def image_id(look: Look) -> str:
     return slug("image", look.id)
 
 
-def marked(folder: PlanFolder, look: Look) -> set[str]:
+def marked(folder: ReportedPlan, look: Look) -> set[str]:
     """Return the names of what has a place in a look's picture."""
     evidence, world = folder.evidence.get(look.id), folder.world
     if look.scene.image not in folder.pictures or evidence is None:
@@ -44,7 +44,7 @@ def marked(folder: PlanFolder, look: Look) -> set[str]:
     return found
 
 
-def look_picture(folder: PlanFolder, look: Look) -> Element:
+def look_picture(folder: ReportedPlan, look: Look) -> Element:
     """Return the figure of a look: image, drawing, and a flicker between them."""
     data = folder.pictures.get(look.scene.image)
     caption = Caption(
@@ -91,10 +91,10 @@ def look_picture(folder: PlanFolder, look: Look) -> Element:
 
 
 def _whole(
-    folder: PlanFolder, look: Look, data: bytes, size: tuple[int, int]
+    folder: ReportedPlan, look: Look, data: bytes, size: tuple[int, int]
 ) -> Element:
     """Return the whole frame with drawing and marks."""
-    frame = Frame.of(folder.plan, look)
+    frame = CameraFrame.of(folder.plan, look)
     picture = el("image", id=image_id(look), href=png_uri(data), x=-0.5, y=-0.5,
                  width=size[0], height=size[1])  # fmt: skip
     words = (
@@ -107,9 +107,9 @@ def _whole(
     )  # fmt: skip
 
 
-def _enlarged(folder: PlanFolder, look: Look) -> Element:
+def _enlarged(folder: ReportedPlan, look: Look) -> Element:
     """Return the region of the look, enlarged."""
-    region, frame = look.measure.region, Frame.of(folder.plan, look)
+    region, frame = look.measure.region, CameraFrame.of(folder.plan, look)
     shape = frame.width_px / frame.height_px  # both pictures are equally high
     tall = (1 + 2 * _ROOM) * max(region.rows, region.columns / shape)
     wide = tall * shape
@@ -125,7 +125,7 @@ def _enlarged(folder: PlanFolder, look: Look) -> Element:
     )  # fmt: skip
 
 
-def _layers(folder: PlanFolder, look: Look, frame: Frame, *, ids: bool) -> Node:
+def _layers(folder: ReportedPlan, look: Look, frame: CameraFrame, *, ids: bool) -> Node:
     """Return drawing and marks over an image; one of both panes has the ids."""
     evidence, world = folder.evidence.get(look.id), folder.world
     drawn = None
@@ -135,7 +135,9 @@ def _layers(folder: PlanFolder, look: Look, frame: Frame, *, ids: bool) -> Node:
     return [drawn, marks]
 
 
-def _drawing(look: Look, world: World, evidence: LookEvidence, frame: Frame) -> Element:
+def _drawing(
+    look: Look, world: World, evidence: LookEvidence, frame: CameraFrame
+) -> Element:
     """Return the scene as drawn: flat faces, as bright as they should be."""
     bodies = [
         body(
@@ -157,7 +159,7 @@ def _marks(
     look: Look,
     world: World | None,
     evidence: LookEvidence | None,
-    frame: Frame,
+    frame: CameraFrame,
     *,
     ids: bool,
 ) -> Iterator[Element]:
@@ -185,7 +187,9 @@ def _named(ids: bool, look: Look, name: str) -> str | None:  # noqa: FBT001 - a 
     return place_id(look, name) if ids else None
 
 
-def _lined(frame: Frame, shapes: list[Element], kind: str, name: str | None) -> Element:
+def _lined(
+    frame: CameraFrame, shapes: list[Element], kind: str, name: str | None
+) -> Element:
     """Return shapes of the world as lines that show on any image."""
     return _both([el("g", shapes, transform=frame.from_world)], kind, name)
 
@@ -211,7 +215,7 @@ def _swatch(kind: str) -> Element:
               aria_hidden="true")  # fmt: skip
 
 
-def trial_pictures(folder: PlanFolder, look: Look) -> Iterator[Element]:
+def trial_pictures(folder: ReportedPlan, look: Look) -> Iterator[Element]:
     """Yield the figures of the ends of the usable range and of the worst trial."""
     evidence = folder.evidence.get(look.id)
     if evidence is None:
@@ -278,7 +282,7 @@ def _range_advice(look: Look) -> str:
     )
 
 
-def _end(folder: PlanFolder, look: Look, shown: Shown) -> Element:
+def _end(folder: ReportedPlan, look: Look, shown: Shown) -> Element:
     """Return the picture at one end with its name."""
     if shown.what == "focus":
         words = f"focus {signed(shown.value)} \u00b5m"
@@ -287,7 +291,7 @@ def _end(folder: PlanFolder, look: Look, shown: Shown) -> Element:
     return el("div", _tile(folder, look, shown, words), el("p", words))
 
 
-def _tile(folder: PlanFolder, look: Look, shown: Shown, words: str) -> Element:
+def _tile(folder: ReportedPlan, look: Look, shown: Shown, words: str) -> Element:
     """Return one small picture."""
     data = folder.pictures[shown.image]
     width, height = png_size(data)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from microplan.planner.diff.diffing import plan_file
 from microplan.planner.report.first_page import contents, first_page
-from microplan.planner.report.folder import PlanFolder, read_folder
+from microplan.planner.report.folder import ReportedPlan, read_folder
 from microplan.planner.report.methods import provenance
 from microplan.planner.report.outlines import definitions
 from microplan.planner.report.steps import step_section
@@ -21,7 +21,7 @@ _FOOT = (
 )
 
 
-def plan_report(folder: PlanFolder) -> str:
+def plan_report(folder: ReportedPlan) -> str:
     """Return the report; the same plan folder gives the same bytes."""
     plan = folder.plan
     toc = [el("li", link(name, place)) for name, place in contents(folder)]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from microplan.planner.report.budgets import budget_figures
-from microplan.planner.report.folder import PlanFolder
+from microplan.planner.report.folder import ReportedPlan
 from microplan.planner.report.ledger import ledger
 from microplan.planner.report.looks import look_section
 from microplan.schemas.page.elements import Element, Node, el, slug
@@ -46,7 +46,7 @@ def step_title(step: Step) -> str:
     )
 
 
-def step_section(folder: PlanFolder, number_: int, step: Step) -> Element:
+def step_section(folder: ReportedPlan, number_: int, step: Step) -> Element:
     """Return everything about one step."""
     return el(
         "section",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from microplan.schemas.files.times import Span, spans
+from microplan.schemas.files.times import StepTimes, spans
 from microplan.schemas.files.world import World
 from microplan.schemas.page.charts import Bar, bars
 from microplan.schemas.page.elements import Element, el
@@ -50,7 +50,7 @@ def _swatch(kind: str) -> Element:
     return el("svg", box, viewBox="0 0 28 14", aria_hidden="true")
 
 
-def left_out(found: Sequence[Span]) -> str:
+def left_out(found: Sequence[StepTimes]) -> str:
     """Return what the times of steps leave out, and of which steps; "" if nothing."""
     things = dict.fromkeys(thing for span in found for thing in span.lacks)
     return "; ".join(
@@ -59,12 +59,12 @@ def left_out(found: Sequence[Span]) -> str:
     )
 
 
-def _lacking(found: Sequence[Span]) -> str:
+def _lacking(found: Sequence[StepTimes]) -> str:
     words = left_out(found)
     return f", nor is the time known of {words}" if words else ""
 
 
-def _said(span: Span) -> str:
+def _said(span: StepTimes) -> str:
     """Return how long a step takes, as far as it is known."""
     if not span.lacks:
         return seconds(span.total_s)

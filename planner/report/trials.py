@@ -9,8 +9,8 @@ from itertools import pairwise
 
 from microplan.planner.report.margins import need_um
 from microplan.schemas.files.evidence import LookEvidence, TrialRecord
-from microplan.schemas.page.axes import Axes, around_log
-from microplan.schemas.page.charts import Point, scatter
+from microplan.schemas.page.axes import ChartField, around_log
+from microplan.schemas.page.charts import ChartPoint, scatter
 from microplan.schemas.page.elements import Element, el
 from microplan.schemas.page.figures import number, signed, um
 from microplan.schemas.page.page import Caption, Column, figure, more, table
@@ -84,7 +84,7 @@ def accuracy(look: Look) -> Iterator[Element]:
     if not known:
         return
     tolerance = look.evidence.tolerance_um
-    axes = Axes(
+    axes = ChartField(
         across=around_log([s.cost for s, _ in known]),
         up=around_log([*(need for _, need in known), tolerance], room=_ROOM),
         across_label="time, box filters of a 640 \u00d7 480 frame",
@@ -172,12 +172,12 @@ def _named(score: Score) -> str:
 
 def _point(
     score: Score, need: float, chosen: Score, front: Sequence[tuple[float, float]]
-) -> Point:
+) -> ChartPoint:
     """Return a chain as a point; the choice and the front are named."""
     sure = score.success == score.trials
     on_front = sure and (score.cost, need) in front
     words = f"{_named(score)}: {um(need)}, cost {number(score.cost)}; {score.reason}"
-    return Point(
+    return ChartPoint(
         x=score.cost,
         y=need,
         label=words,

@@ -20,7 +20,7 @@ _END = "<stream end>"
 
 
 @dataclass(frozen=True, slots=True)
-class Fault:
+class YamlFault:
     """What is wrong, where it shows, and how to mend it."""
 
     mark: yaml.Mark | None  # None: of the whole file
@@ -29,7 +29,7 @@ class Fault:
 
 
 @dataclass(frozen=True, slots=True)
-class _Place:
+class _ParserPlace:
     """Where the parser found an error, and the file's lines."""
 
     here: yaml.Mark  # where it shows
@@ -46,81 +46,81 @@ class _Place:
         return text if len(text) <= _SHOWN else text[: _SHOWN - 3] + "..."
 
 
-def fault_of(error: yaml.MarkedYAMLError, lines: Sequence[str]) -> Fault:
+def fault_of(error: yaml.MarkedYAMLError, lines: Sequence[str]) -> YamlFault:
     """Return an error of the parser's in our words; in its own where we have none."""
     words = " ".join(filter(None, (error.context, error.problem)))
     here = error.problem_mark
     if here is not None:
-        place = _Place(here, error.context_mark or here, lines)
+        place = _ParserPlace(here, error.context_mark or here, lines)
         for pattern, told in _RULES:
             found = re.search(pattern, words)
             if found:
                 return told(place, found)
-    return Fault(here or error.context_mark, words)
+    return YamlFault(here or error.context_mark, words)
 
 
-def _no_colon(place: _Place, _found: re.Match[str]) -> Fault:
+def _no_colon(place: _ParserPlace, _found: re.Match[str]) -> YamlFault:
     """Return the fault of a line that is neither a key nor a value."""
     text = place.rest(place.began)
     key, colon, value = text.partition(":")
     if colon:
         message = f"'{text}' has no space after its colon"
-        return Fault(place.began, message, f"write '{key}: {value}'")
+        return YamlFault(place.began, message, f"write '{key}: {value}'")
     message = f"'{text}' has no colon: a line here is 'key: value'"
     hint = f"write '{text}: ...', or quote a text that takes several lines"
-    return Fault(place.began, message, hint)
+    return YamlFault(place.began, message, hint)
 
 
-def _colon(place: _Place, _found: re.Match[str]) -> Fault:
+def _colon(place: _ParserPlace, _found: re.Match[str]) -> YamlFault:
     """Return the fault of a colon where none may stand."""
     before = place.line(place.here)[: place.here.column]
     if re.search(r":\s", before):
         message = "a second ': ' in one line"
-        return Fault(place.here, message, "quote text that holds ': '")
+        return YamlFault(place.here, message, "quote text that holds ': '")
     above = (line.strip() for line in reversed(place.lines[: place.here.line]))
     last = next((line for line in above if line and line[0] != "#"), "")
     if re.search(r":\S", last) and not re.search(r":(\s|$)", last):
         message = f"no space after the colon in the line above, '{last[:_SHOWN]}'"
-        return Fault(place.here, message, "write 'key: value'")
+        return YamlFault(place.here, message, "write 'key: value'")
     message = "a key under something that has a value already"
-    return Fault(place.here, message, _INDENT)
+    return YamlFault(place.here, message, _INDENT)
 
 
-def _odd_start(place: _Place, found: re.Match[str]) -> Fault:
+def _odd_start(place: _ParserPlace, found: re.Match[str]) -> YamlFault:
     """Return the fault of a character that begins no value."""
     if found[1] == r"\t":
-        return Fault(place.here, "a tab, where only spaces may stand", "use spaces")
-    return Fault(place.here, f"text cannot begin with '{found[1]}'", _QUOTES)
+        return YamlFault(place.here, "a tab, where only spaces may stand", "use spaces")
+    return YamlFault(place.here, f"text cannot begin with '{found[1]}'", _QUOTES)
 
 
-def _open_quote(place: _Place, _found: re.Match[str]) -> Fault:
+def _open_quote(place: _ParserPlace, _found: re.Match[str]) -> YamlFault:
     quote = place.rest(place.began)[:1]
     message = f"the quote {quote} that begins here is never closed"
-    return Fault(place.began, message, f"close it with {quote}")
+    return YamlFault(place.began, message, f"close it with {quote}")
 
 
-def _escape(place: _Place, found: re.Match[str]) -> Fault:
+def _escape(place: _ParserPlace, found: re.Match[str]) -> YamlFault:
     what = f"'\\{found[1]}' means nothing" if found[1] else "a broken \\ sequence"
     message = f"{what} in double quotes"
-    return Fault(place.here, message, "use single quotes, and / in paths")
+    return YamlFault(place.here, message, "use single quotes, and / in paths")
 
 
-def _reference(place: _Place, found: re.Match[str]) -> Fault:
+def _reference(place: _ParserPlace, found: re.Match[str]) -> YamlFault:
     sign = {"alias": "*", "anchor": "&", "directive": "%", "tag": "!"}[found[1]]
-    return Fault(place.began, f"text cannot begin with '{sign}'", _QUOTES)
+    return YamlFault(place.began, f"text cannot begin with '{sign}'", _QUOTES)
 
 
-def _entry(place: _Place, _found: re.Match[str]) -> Fault:
+def _entry(place: _ParserPlace, _found: re.Match[str]) -> YamlFault:
     hint = "begin the list on a line of its own, or write [a, b]"
-    return Fault(place.here, "a list entry '- ' behind something else", hint)
+    return YamlFault(place.here, "a list entry '- ' behind something else", hint)
 
 
-def _in_brackets(place: _Place, found: re.Match[str]) -> Fault:
+def _in_brackets(place: _ParserPlace, found: re.Match[str]) -> YamlFault:
     """Return the fault of a list or mapping in brackets that goes on as it may not."""
     opened, closed = _BRACKETS[found[1]]
     if found[2] == _END:
         message = f"the bracket {opened} that opens here is never closed"
-        return Fault(place.began, message, f"close it with {closed}")
+        return YamlFault(place.began, message, f"close it with {closed}")
     behind = _behind_quote(place)
     if behind is not None:
         return behind
@@ -129,10 +129,10 @@ def _in_brackets(place: _Place, found: re.Match[str]) -> Fault:
     message = f"',' or '{closed}' must come before {what}, in the {opened} of line "
     hint = f"add the comma, or close it with {closed}"
     hint += ", or quote text that holds ': '" if colon else ""
-    return Fault(place.here, f"{message}{place.began.line + 1}", hint)
+    return YamlFault(place.here, f"{message}{place.began.line + 1}", hint)
 
 
-def _in_block(place: _Place, found: re.Match[str]) -> Fault:
+def _in_block(place: _ParserPlace, found: re.Match[str]) -> YamlFault:
     """Return the fault of a line that does not go on with what stands above it."""
     behind = _behind_quote(place)
     if behind is not None:
@@ -140,18 +140,20 @@ def _in_block(place: _Place, found: re.Match[str]) -> Fault:
     text = place.rest(place.here)
     if found[2] in "}]:":
         what = "has no key before it" if found[2] == ":" else "closes nothing"
-        return Fault(place.here, f"'{found[2]}' {what}", "remove it")
+        return YamlFault(place.here, f"'{found[2]}' {what}", "remove it")
     kind = _KINDS.get(found[2])
     if kind is None:
-        return Fault(place.here, f"'{text}' stands behind a value", "remove it")
+        return YamlFault(place.here, f"'{text}' stands behind a value", "remove it")
     if place.here.column != place.began.column:
         message = f"{kind} indented by {place.here.column}, as nothing above it is"
-        return Fault(place.here, message, "indent what belongs together alike")
+        return YamlFault(place.here, message, "indent what belongs together alike")
     among = "keys" if found[1] == "mapping" else "list entries"
-    return Fault(place.here, f"{kind} among {among}", "put it under a key of its own")
+    return YamlFault(
+        place.here, f"{kind} among {among}", "put it under a key of its own"
+    )
 
 
-def _behind_quote(place: _Place) -> Fault | None:
+def _behind_quote(place: _ParserPlace) -> YamlFault | None:
     """Return the fault of text right behind a closing quote, as in "a".b."""
     column = place.here.column
     if place.line(place.here)[max(column - 1, 0) : column] not in ("'", '"'):
@@ -159,30 +161,30 @@ def _behind_quote(place: _Place) -> Fault | None:
     text = re.match(r"[^\s,\]}]*", place.rest(place.here))
     message = f"'{text[0] if text else ''}' goes on behind the closing quote"
     hint = "quote all of it or nothing: a part.feature needs no quotes"
-    return Fault(place.here, message, hint)
+    return YamlFault(place.here, message, hint)
 
 
-def _outside(place: _Place, _found: re.Match[str]) -> Fault:
+def _outside(place: _ParserPlace, _found: re.Match[str]) -> YamlFault:
     message = f"'{place.rest(place.here)}' does not go on with what stands above it"
-    return Fault(place.here, message, "begin all keys of a file in the same column")
+    return YamlFault(place.here, message, "begin all keys of a file in the same column")
 
 
-def _no_value(place: _Place, found: re.Match[str]) -> Fault:
+def _no_value(place: _ParserPlace, found: re.Match[str]) -> YamlFault:
     message = f"'{found[1]}' where a value must stand"
-    return Fault(place.here, message, "write the value, or remove the sign")
+    return YamlFault(place.here, message, "write the value, or remove the sign")
 
 
-def _open_end(place: _Place, _found: re.Match[str]) -> Fault:
-    return Fault(place.here, "the file ends inside brackets", "close them")
+def _open_end(place: _ParserPlace, _found: re.Match[str]) -> YamlFault:
+    return YamlFault(place.here, "the file ends inside brackets", "close them")
 
 
-def _folded(place: _Place, _found: re.Match[str]) -> Fault:
+def _folded(place: _ParserPlace, _found: re.Match[str]) -> YamlFault:
     sign = place.rest(place.began)[:1]
     message = f"'{sign}' begins a text of several lines, and stands alone"
-    return Fault(place.began, message, f"{_QUOTES} if it begins with '{sign}'")
+    return YamlFault(place.began, message, f"{_QUOTES} if it begins with '{sign}'")
 
 
-_Told = Callable[[_Place, re.Match[str]], Fault]
+_Told = Callable[[_ParserPlace, re.Match[str]], YamlFault]
 # the parser's words, context before problem, and what we say of it
 _RULES: tuple[tuple[str, _Told], ...] = (
     (r"could not find expected ':'", _no_colon),

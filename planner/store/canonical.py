@@ -56,7 +56,7 @@ def decode(data: bytes) -> Any:
     CanonicalError
         If the bytes are cut short, longer than the value, or of another kind.
     """
-    reader = _Reader(data)
+    reader = _ByteReader(data)
     try:
         value = reader.value(0)
     except CanonicalError:
@@ -177,7 +177,7 @@ def _class(name: str) -> type:
     return found
 
 
-class _Reader:
+class _ByteReader:
     """Reads values from bytes, one after the other."""
 
     def __init__(self, data: bytes) -> None:

@@ -36,7 +36,7 @@ RELEASES = {
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Sheet:
+class DrawingSheet:
     """A drawing and everything that was taken from it for one part or tool."""
 
     drawing: AnyDrawing
@@ -93,7 +93,7 @@ def form(drawing: AnyDrawing) -> str:
     return f"GDSII, cell '{drawing.cell}'{placed}{ignored}"
 
 
-def rows(sheet: Sheet) -> tuple[tuple[LayerRow, ...], bool]:
+def rows(sheet: DrawingSheet) -> tuple[tuple[LayerRow, ...], bool]:
     """Return what became of each layer, and whether all of them were counted."""
     if isinstance(sheet.drawing, GdsDrawing):
         return layer_rows(held_gds(sheet.drawing), sheet.takes), True

@@ -23,7 +23,7 @@ class NotFoundError(ValueError):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Circle:
+class DominantCircle:
     """The circle that most of a ring lies on."""
 
     center_um: Point
@@ -46,7 +46,7 @@ class Teeth:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Notch:
+class RingNotch:
     """Where a round ring departs from its circle."""
 
     center_um: Point  # of the circle
@@ -61,7 +61,7 @@ def on_layer(outline: Outline, layer: str) -> tuple[Ring, ...]:
     return tuple(r for r in outline.rings if r.layer.lower() == layer.lower())
 
 
-def circle(rings: Sequence[Ring]) -> Circle:
+def circle(rings: Sequence[Ring]) -> DominantCircle:
     """Return the dominant circle of the only ring that has one.
 
     A ring is round if more than half its length lies on one circle: a notch or a flat
@@ -91,7 +91,7 @@ def teeth(rings: Sequence[Ring]) -> Teeth:
     return found[0]
 
 
-def notch(rings: Sequence[Ring]) -> Notch:
+def notch(rings: Sequence[Ring]) -> RingNotch:
     """Return the only departure of a round ring from its circle."""
     round_ring = circle(rings)
     runs = _runs([not on for on in round_ring.on])
@@ -102,7 +102,7 @@ def notch(rings: Sequence[Ring]) -> Notch:
     start, end = edges[0].start, edges[-1].end
     middle = ((start[0] + end[0]) / 2 - cx, (start[1] + end[1]) / 2 - cy)
     reach = _along(edges, (cx, cy), middle)
-    return Notch(
+    return RingNotch(
         center_um=(cx, cy),
         radius_um=(radius + reach) / 2,
         angle_rad=math.atan2(middle[1], middle[0]) % math.tau,
@@ -123,7 +123,7 @@ def extent(outline: Outline, center: Point | None = None) -> tuple[Point, float]
     return center, max(_reach(edge, center) for edge in edges)
 
 
-def dominant_circle(ring: Ring) -> Circle | None:
+def dominant_circle(ring: Ring) -> DominantCircle | None:
     """Return the circle that holds more than half of the ring's length."""
     arcs = [edge for edge in ring.edges if isinstance(edge, Arc)]
     if not arcs:
@@ -137,7 +137,7 @@ def dominant_circle(ring: Ring) -> Circle | None:
             e.length_um for e, is_on in zip(ring.edges, on, strict=True) if is_on
         )
         if length > half:
-            return Circle(
+            return DominantCircle(
                 center_um=arc.center, radius_um=arc.radius_um,
                 hole=ring.signed_area_um2 < 0, ring=ring, on=on,
             )  # fmt: skip
@@ -162,7 +162,7 @@ def _frequent(arcs: Sequence[Arc], least_um: float) -> Iterator[Arc]:
             yield arc
 
 
-def _around(ring: Ring) -> Circle | None:
+def _around(ring: Ring) -> DominantCircle | None:
     """Return the circle that a polygon's corners lie on, in least squares."""
     if len(ring.edges) < LEAST_CORNERS:
         return None
@@ -179,7 +179,7 @@ def _around(ring: Ring) -> Circle | None:
     off_um = np.abs(np.hypot(*rays.T) - radius_um).max()
     if not off_um <= chord_um:
         return None
-    return Circle(
+    return DominantCircle(
         center_um=center, radius_um=radius_um, hole=ring.signed_area_um2 < 0,
         ring=ring, on=(True,) * len(ring.edges), chord_um=chord_um,
     )  # fmt: skip

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from microplan.optics.outline.outline import Outline
 from microplan.planner.task.drawings import form, rows
-from microplan.planner.task.features import Circle, dominant_circle
+from microplan.planner.task.features import DominantCircle, dominant_circle
 from microplan.planner.task.task import Part
 
 MOST_CIRCLES = 12  # diameters that are listed for one part
@@ -87,7 +87,7 @@ def _shape(outline: Outline) -> str:
     return f"{x1 - x0:.6g} x {y1 - y0:.6g} um, {outline.area_um2:.6g} um2{with_holes}"
 
 
-def _circles(part: Part, circles: Iterable[Circle]) -> Iterator[str]:
+def _circles(part: Part, circles: Iterable[DominantCircle]) -> Iterator[str]:
     """Yield circles with the features that they are, alike ones together."""
     alike: dict[tuple[str, str, str], list[str]] = {}
     for circle in circles:
@@ -107,7 +107,7 @@ def _circles(part: Part, circles: Iterable[Circle]) -> Iterator[str]:
         yield f"{count} {width}{at}{ends}"
 
 
-def _names(part: Part, circle: Circle) -> list[str]:
+def _names(part: Part, circle: DominantCircle) -> list[str]:
     """Return the features that a circle is."""
     return [
         name

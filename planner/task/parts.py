@@ -11,9 +11,9 @@ from microplan.planner.drawings.census import Taken
 from microplan.planner.source.diagnostics import Report, Span
 from microplan.planner.source.schema import Checked, with_defaults
 from microplan.planner.task import features
-from microplan.planner.task.drawings import AnyDrawing, Sheet, open_named, take
+from microplan.planner.task.drawings import AnyDrawing, DrawingSheet, open_named, take
 from microplan.planner.task.features import NotFoundError
-from microplan.planner.task.task import Feature, Part, Post
+from microplan.planner.task.task import Part, PartFeature, Post
 
 
 def read_parts(task: Checked, report: Report) -> dict[str, Part]:
@@ -67,13 +67,13 @@ def _part(
         chord_um=max(
             [taken.chord_um, *(feature.chord_um for feature in found.values())]
         ),
-        sheet=Sheet(drawing=drawing, takes=(taken, *standing)),
+        sheet=DrawingSheet(drawing=drawing, takes=(taken, *standing)),
         where=task.source.key("parts", name),
     )
 
 
 def _origin(
-    task: Checked, name: str, outline: Outline, found: Mapping[str, Feature]
+    task: Checked, name: str, outline: Outline, found: Mapping[str, PartFeature]
 ) -> Point:
     """Return the drawing's point that is the part's origin."""
     if not task.good("parts", name, "origin"):
@@ -87,9 +87,9 @@ def _origin(
 
 def _features(
     task: Checked, name: str, outline: Outline, report: Report
-) -> dict[str, Feature]:
+) -> dict[str, PartFeature]:
     """Return the declared features that the outline has, by name."""
-    found: dict[str, Feature] = {}
+    found: dict[str, PartFeature] = {}
     for key, raw in sorted(task.source.mapping("parts", name, "features").items()):
         where = ("parts", name, "features", key)
         if task.good(*where):
@@ -120,7 +120,7 @@ def _posts(
 
 def _feature(
     name: str, raw: Mapping[str, Any], outline: Outline, at: Span, report: Report
-) -> Feature | None:
+) -> PartFeature | None:
     """Return a declared feature as the drawing has it."""
     layer = raw.get("layer")
     rings = outline.rings if layer is None else features.on_layer(outline, layer)
@@ -146,7 +146,7 @@ class _CountError(ValueError):
     """The drawing has another number of teeth than the task."""
 
 
-def _circle(name: str, raw: Mapping[str, Any], shape: Outline, at: Span) -> Feature:
+def _circle(name: str, raw: Mapping[str, Any], shape: Outline, at: Span) -> PartFeature:
     found = features.circle(shape.rings)
     return _make(
         name, raw, at, found.center_um, radius_um=found.radius_um, hole=found.hole,
@@ -154,7 +154,7 @@ def _circle(name: str, raw: Mapping[str, Any], shape: Outline, at: Span) -> Feat
     )  # fmt: skip
 
 
-def _teeth(name: str, raw: Mapping[str, Any], shape: Outline, at: Span) -> Feature:
+def _teeth(name: str, raw: Mapping[str, Any], shape: Outline, at: Span) -> PartFeature:
     found = features.teeth(shape.rings)
     if found.count != raw["count"]:
         raise _CountError(f"{raw['count']} teeth stated, {found.count} drawn")
@@ -164,7 +164,7 @@ def _teeth(name: str, raw: Mapping[str, Any], shape: Outline, at: Span) -> Featu
     )  # fmt: skip
 
 
-def _notch(name: str, raw: Mapping[str, Any], shape: Outline, at: Span) -> Feature:
+def _notch(name: str, raw: Mapping[str, Any], shape: Outline, at: Span) -> PartFeature:
     found = features.notch(shape.rings)
     return _make(
         name, raw, at, found.center_um, radius_um=found.radius_um,
@@ -172,7 +172,7 @@ def _notch(name: str, raw: Mapping[str, Any], shape: Outline, at: Span) -> Featu
     )  # fmt: skip
 
 
-def _whole(name: str, raw: Mapping[str, Any], shape: Outline, at: Span) -> Feature:
+def _whole(name: str, raw: Mapping[str, Any], shape: Outline, at: Span) -> PartFeature:
     return _outline_feature(name, raw, shape, None, at)
 
 
@@ -181,7 +181,7 @@ _READERS = {"circle": _circle, "teeth": _teeth, "notch": _notch, "outline": _who
 
 def _outline_feature(
     name: str, raw: Mapping[str, Any], shape: Outline, center: Point | None, at: Span
-) -> Feature:
+) -> PartFeature:
     """Return the outline itself as a feature."""
     about, radius_um = features.extent(shape, center)
     raw = {"kind": "outline", **raw}
@@ -193,9 +193,9 @@ def _make(
     radius_um: float, count: int = 1, root_um: float = 0.0, phase_rad: float = 0.0,
     width_um: float = 0.0, depth_um: float = 0.0, hole: bool = False,
     chord_um: float = 0.0,
-) -> Feature:  # fmt: skip
+) -> PartFeature:  # fmt: skip
     """Return the feature with the values its kind does not have at their neutral."""
-    return Feature(
+    return PartFeature(
         name=name, kind=raw["kind"], layer=raw.get("layer", ""), center_um=center_um,
         radius_um=radius_um, count=count, root_um=root_um, phase_rad=phase_rad,
         width_um=width_um, depth_um=depth_um, hole=hole, chord_um=chord_um,

@@ -28,8 +28,8 @@ from microplan.planner.task.task import (
     Part,
     Reading,
     StartPose,
-    Step,
     Task,
+    TaskStep,
     ToolStart,
 )
 from microplan.planner.task.workcell import Workcell
@@ -179,9 +179,9 @@ def _tool_start(name: str, raw: Mapping[str, Any], at: Span) -> ToolStart:
     )
 
 
-def _step(source: Source, index: int, raw: Mapping[str, Any]) -> Step:
+def _step(source: Source, index: int, raw: Mapping[str, Any]) -> TaskStep:
     view = raw.get("view_um")
-    return Step(
+    return TaskStep(
         id=raw["id"],
         verb=raw["do"],
         target=raw.get("target"),

@@ -12,13 +12,13 @@ from microplan.planner.source.normalise import plain, plain_outline
 from microplan.planner.source.schema import Checked, with_defaults
 from microplan.planner.source.source import Source
 from microplan.planner.task.check_workcell import check_fingers
-from microplan.planner.task.drawings import Sheet, open_named, take
+from microplan.planner.task.drawings import DrawingSheet, open_named, take
 from microplan.planner.task.workcell import (
-    Axes,
-    Camera,
+    AxesSpec,
+    CameraSpec,
     Focus,
     Interval,
-    Light,
+    LightSpec,
     Optics,
     Robot,
     Servo,
@@ -34,14 +34,14 @@ COVERAGE = {"1sigma": 1.0, "3sigma": 3.0, "range": math.sqrt(3.0)}
 
 RAD_PER_ARCSEC = math.pi / 180 / 3600
 UM_PER_MM = 1000.0
-Fingers = Mapping[str, Sheet]  # by tool; of a left and a right one
+Fingers = Mapping[str, DrawingSheet]  # by tool; of a left and a right one
 Rows = tuple[tuple[float, float], ...]
 
 
-def read_fingers(cell: Checked, report: Report) -> dict[str, Sheet]:
+def read_fingers(cell: Checked, report: Report) -> dict[str, DrawingSheet]:
     """Return the fingers, left and right, of every tool that can be read."""
     tools = cell.source.mapping("tools")
-    found: dict[str, Sheet] = {}
+    found: dict[str, DrawingSheet] = {}
     for name in sorted(tools):
         if not cell.good("tools", name, "drawing"):
             continue
@@ -59,7 +59,7 @@ def read_fingers(cell: Checked, report: Report) -> dict[str, Sheet]:
         left, right = (take(drawing, [layer], report) for layer in layers)
         if left is None or right is None:
             continue
-        found[name] = Sheet(drawing=drawing, takes=(left, right))
+        found[name] = DrawingSheet(drawing=drawing, takes=(left, right))
         if cell.good("tools", name):
             outlines = left.outline, right.outline
             check_fingers(name, tools[name], *outlines, at, report)
@@ -83,7 +83,7 @@ def build_workcell(cell: Checked, fingers: Fingers) -> Workcell:
         name=data["name"],
         optics=_optics(data["optics"]),
         camera=_camera(data["camera"]),
-        light=Light(
+        light=LightSpec(
             kind=data["light"]["kind"],
             level=_pair(data["light"]["level"]),
             gradient=float(data["light"]["gradient"]),
@@ -168,8 +168,8 @@ def _lens(raw: Mapping[str, Any], apertures: Rows) -> LensErrors:
     )
 
 
-def _camera(raw: Mapping[str, Any]) -> Camera:
-    return Camera(
+def _camera(raw: Mapping[str, Any]) -> CameraSpec:
+    return CameraSpec(
         pitch_um=raw["sensor_um"][0] / raw["pixels"][0],
         width_px=int(raw["pixels"][0]),
         height_px=int(raw["pixels"][1]),
@@ -194,12 +194,12 @@ def _stage(raw: Mapping[str, Any]) -> Stage:
     )
 
 
-def _axes(raw: Mapping[str, Any]) -> Axes:
+def _axes(raw: Mapping[str, Any]) -> AxesSpec:
     """Return the axes with spreads brought to one standard deviation."""
     over = COVERAGE[raw["coverage"]]
     speed, limits = raw["speed"], raw["limits"]
     low, high = limits["theta_deg"]
-    return Axes(
+    return AxesSpec(
         repeatability_xy_um=raw["repeatability_xy_um"] / over,
         repeatability_z_um=raw["repeatability_z_um"] / over,
         repeatability_theta_rad=(
@@ -217,7 +217,7 @@ def _axes(raw: Mapping[str, Any]) -> Axes:
     )
 
 
-def _tool(name: str, raw: Mapping[str, Any], fingers: Sheet, at: Span) -> Tool:
+def _tool(name: str, raw: Mapping[str, Any], fingers: DrawingSheet, at: Span) -> Tool:
     left, right = (taken.outline for taken in fingers.takes)
     return Tool(
         name=name,

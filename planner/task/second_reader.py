@@ -19,11 +19,11 @@ from microplan.planner.drawings.dxf.entities import READERS
 from microplan.planner.drawings.rings import GAP_UM
 from microplan.planner.source.diagnostics import Report
 from microplan.planner.store.memo import EVERY_TIME, Memo
-from microplan.planner.task.drawings import Sheet
+from microplan.planner.task.drawings import DrawingSheet
 from microplan.planner.task.task import Task
 
 if TYPE_CHECKING:  # it loads ezdxf, which has a process of its own
-    from microplan.planner.drawings.dxf.ezdxf_reading import Answer, Question, Row
+    from microplan.planner.drawings.dxf.ezdxf_reading import EzdxfAnswer, Question, Row
 
 MAX_BYTES = 4 << 20
 MAX_ITEMS = 50_000  # a few seconds; planner.second_reader_most_s measures them
@@ -63,7 +63,7 @@ def compare(
     try:
         _check_size(drawing)
         asked = json.dumps(question(drawing, takes))
-        answer: Answer = json.loads(memo.call(ask, asked, drawing.data))
+        answer: EzdxfAnswer = json.loads(memo.call(ask, asked, drawing.data))
     except NoAnswerError as error:
         message = f"{drawing.file} was not read a second time: {error}"
         hint = "what it holds rests on one reader"
@@ -73,7 +73,7 @@ def compare(
 
 
 def compare_with(
-    answer: Answer, drawing: Drawing, takes: Sequence[Taken], report: Report
+    answer: EzdxfAnswer, drawing: Drawing, takes: Sequence[Taken], report: Report
 ) -> None:
     """Report what ezdxf's reading differs in."""
     layers = frozenset(name.lower() for taken in takes for name in taken.layers)
@@ -107,7 +107,7 @@ def question(drawing: Drawing, takes: Sequence[Taken]) -> Question:
 
 
 def _compare_extents(
-    drawing: Drawing, takes: Sequence[Taken], answer: Answer, report: Report
+    drawing: Drawing, takes: Sequence[Taken], answer: EzdxfAnswer, report: Report
 ) -> None:
     """Report outlines that ezdxf draws elsewhere, or of another size."""
     um = UM_PER_UNIT[drawing.units]
@@ -128,7 +128,7 @@ def _compare_extents(
         report.error("MP226", taken.at, message, hint)
 
 
-def _by_file(sheets: Sequence[Sheet]) -> Iterator[tuple[Drawing, list[Taken]]]:
+def _by_file(sheets: Sequence[DrawingSheet]) -> Iterator[tuple[Drawing, list[Taken]]]:
     """Yield every DXF file once for a unit, with all that was taken from it."""
     found: dict[tuple[bytes, str], tuple[Drawing, list[Taken]]] = {}
     for sheet in sheets:

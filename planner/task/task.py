@@ -12,7 +12,7 @@ from typing import Literal
 
 from microplan.optics.outline.outline import Outline
 from microplan.planner.source.diagnostics import Span
-from microplan.planner.task.drawings import Sheet
+from microplan.planner.task.drawings import DrawingSheet
 from microplan.planner.task.presets import PRESETS, Preset
 from microplan.planner.task.workcell import Interval, Workcell
 
@@ -21,7 +21,7 @@ Verb = Literal["locate", "align", "grasp", "move", "insert", "release", "verify"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Feature:
+class PartFeature:
     """A named feature of a part; lengths in um in the part's frame."""
 
     name: str
@@ -67,10 +67,10 @@ class Part:
     material: str
     profile_tolerance_um: float  # hard limit of the drawn-to-made edge offset
     taper_um_per_100um: float
-    features: Mapping[str, Feature]
+    features: Mapping[str, PartFeature]
     posts: Mapping[str, Post]
     chord_um: float  # farthest that chords in its drawing miss a curve, 0 if none
-    sheet: Sheet
+    sheet: DrawingSheet
     where: Span
 
 
@@ -132,7 +132,7 @@ class Blocked:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Step:
+class TaskStep:
     """One step of the task; keys that a verb does not read are None."""
 
     id: str
@@ -217,7 +217,7 @@ class Task:
     tool_starts: Mapping[str, ToolStart]
     mate: Mate | None
     success_goal: float | None
-    steps: tuple[Step, ...]
+    steps: tuple[TaskStep, ...]
     optimise: Optimise
     benchmark: Benchmark
     environment: Environment

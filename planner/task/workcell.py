@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from microplan.optics.lens.lens import LensErrors
 from microplan.optics.outline.outline import Outline
 from microplan.planner.source.diagnostics import Span
-from microplan.planner.task.drawings import Sheet
+from microplan.planner.task.drawings import DrawingSheet
 
 Interval = tuple[float, float]
 
@@ -62,7 +62,7 @@ class Optics:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Camera:
+class CameraSpec:
     """The sensor and its timing."""
 
     pitch_um: float
@@ -78,7 +78,7 @@ class Camera:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Light:
+class LightSpec:
     """The illumination."""
 
     kind: str
@@ -87,7 +87,7 @@ class Light:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Axes:
+class AxesSpec:
     """A stage or robot: x, y, z and theta with their repeatability, one sigma."""
 
     repeatability_xy_um: float
@@ -105,7 +105,7 @@ class Axes:
 class Stage:
     """The stage: its axes, and the world it carries."""
 
-    axes: Axes
+    axes: AxesSpec
     datum_z_um: float
     reflectance: float
     theta_axis_um: tuple[float, float]
@@ -117,7 +117,7 @@ class Stage:
 class Robot:
     """The robot that carries the tool."""
 
-    axes: Axes
+    axes: AxesSpec
     theta_axis_to_tip_um: float
 
 
@@ -141,7 +141,7 @@ class Tool:
     stick_probability: float  # that a released part follows a finger
     free_length_um: float | None  # of a finger, from where it bends; None: not stated
     youngs_modulus_gpa: float | None
-    sheet: Sheet
+    sheet: DrawingSheet
     where: Span
 
 
@@ -159,8 +159,8 @@ class Workcell:
 
     name: str
     optics: Optics
-    camera: Camera
-    light: Light
+    camera: CameraSpec
+    light: LightSpec
     stage: Stage
     robot: Robot
     tools: Mapping[str, Tool]

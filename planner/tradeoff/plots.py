@@ -15,7 +15,7 @@ from matplotlib.patheffects import withStroke
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from microplan.arrays import FloatArray, Point
-from microplan.planner.tradeoff.tradeoff_record import Measured, StepTradeoff
+from microplan.planner.tradeoff.tradeoff_record import MeasuredMethod, StepTradeoff
 
 DPI = 110
 # Okabe and Ito's colours, told apart by eyes that see fewer; and shapes, for print.
@@ -127,7 +127,7 @@ def _layers_panel(axes: Axes, step: StepTradeoff) -> None:
 
 
 def _scatter(
-    axes: Axes, ways: Sequence[Measured], points: Sequence[Point], oracle: float
+    axes: Axes, ways: Sequence[MeasuredMethod], points: Sequence[Point], oracle: float
 ) -> None:
     """Draw all ways on logarithmic axes, and shade what the oracle cannot tell."""
     axes.set_xscale("log")

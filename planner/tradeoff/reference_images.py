@@ -8,7 +8,7 @@ import numpy as np
 
 from microplan.arrays import FloatArray
 from microplan.optics.layers.occlusion import Tracing, cell_um, meeting
-from microplan.optics.layers.rays import Sheet, sheets, slopes
+from microplan.optics.layers.rays import LayerSheet, sheets, slopes
 from microplan.optics.oracle import Oracle
 from microplan.optics.render.fidelity import Pilot
 from microplan.optics.render.render import Covered, cover, render_stack
@@ -26,7 +26,7 @@ _TRACED_BAND = 1e-5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Sight:
+class ReferenceView:
     """What one look sees, and the focus heights an image of it must be right at."""
 
     scene: Scene
@@ -41,7 +41,7 @@ class Sight:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Truth:
+class ReferenceImages:
     """Reference images of a look."""
 
     images: FloatArray  # (focus heights, rows, columns), share of full scale
@@ -49,7 +49,7 @@ class Truth:
     error: float  # how far they may be off, of unit contrast
 
 
-def law_truth(sight: Sight, margin: float) -> Truth:
+def law_truth(sight: ReferenceView, margin: float) -> ReferenceImages:
     """Return the exact law at all focus heights, layers blended.
 
     Parameters
@@ -77,7 +77,7 @@ def law_truth(sight: Sight, margin: float) -> Truth:
         if _work(oracle) <= _SLOWEST:
             step = layer.reflectance - sight.scene.background
             covers = oracle.images([("exact", depth) for depth in depths])
-            return Truth(
+            return ReferenceImages(
                 images=sight.scene.background + step * covers,
                 name="closed form, every wave of the band",
                 error=abs(step) * oracle.wrap_error,
@@ -97,14 +97,16 @@ def law_truth(sight: Sight, margin: float) -> Truth:
         window=sight.window,
         focus_um=sight.focus_um,
     )
-    return Truth(
+    return ReferenceImages(
         images=images,
         name="the exact law with all of the band and twice the margin",
         error=pilot.rest(wide.margin),
     )
 
 
-def layer_truth(sight: Sight, law: Truth, margin: float) -> Truth:
+def layer_truth(
+    sight: ReferenceView, law: ReferenceImages, margin: float
+) -> ReferenceImages:
     """Return the image at the nominal focus with layers that hide one another.
 
     As `microplan.optics.layers.occlusion.occluded`, with more rays, and a wide band and
@@ -113,28 +115,28 @@ def layer_truth(sight: Sight, law: Truth, margin: float) -> Truth:
     """
     part = meeting(_sheets(sight, margin))
     if part is None:
-        return Truth(images=law.images[:1], name=law.name, error=law.error)
+        return ReferenceImages(images=law.images[:1], name=law.name, error=law.error)
     side = cell_um(sight.scene.layers, sight.microscope)
     crop = _piece(sight.window, part)
     fine = _traced(sight, crop, margin, rays=_TRACED, step_um=side)
     coarse = _traced(sight, crop, margin, rays=_TRACED // 4, step_um=2 * side)
     images = law.images[:1].copy()
     images[0][part] = fine
-    return Truth(
+    return ReferenceImages(
         images=images,
         name=f"layers traced by {_TRACED} rays a cell",
         error=max(float(np.abs(fine - coarse).max()), law.error),
     )
 
 
-def _sheets(sight: Sight, margin: float) -> list[Sheet]:
+def _sheets(sight: ReferenceView, margin: float) -> list[LayerSheet]:
     """Return what covers the pixels at each height, in the nominal focus."""
     covered = _covered(sight, sight.microscope, sight.window, margin)
     return sheets([c.layer for c in covered], [c.coverage for c in covered])
 
 
 def _covered(
-    sight: Sight, setting: Microscope, cut: Window, margin: float
+    sight: ReferenceView, setting: Microscope, cut: Window, margin: float
 ) -> tuple[Covered, ...]:
     """Return the layers blurred by the exact law in the nominal focus."""
     return cover(
@@ -157,7 +159,7 @@ def _piece(frame: Window, part: tuple[slice, slice]) -> Window:
 
 
 def _traced(
-    sight: Sight, crop: Window, margin: float, *, rays: int, step_um: float
+    sight: ReferenceView, crop: Window, margin: float, *, rays: int, step_um: float
 ) -> FloatArray:
     """Return the image of a crop with every ray traced."""
 

@@ -17,8 +17,8 @@ from microplan.optics.render.render import render
 from microplan.optics.render.sampling import BAND_ERROR, MARGIN, Sampling
 from microplan.optics.render.scene import Window
 from microplan.optics.transfer.models import MODELS
-from microplan.planner.tradeoff.reference_images import Sight, Truth
-from microplan.planner.tradeoff.tradeoff_record import Measured
+from microplan.planner.tradeoff.reference_images import ReferenceImages, ReferenceView
+from microplan.planner.tradeoff.tradeoff_record import MeasuredMethod
 from microplan.schemas.codec import quantise
 
 BANDS = (5e-3, 5e-4, 5e-5)  # from what nobody sees to what tables err
@@ -30,14 +30,14 @@ _USUAL = Sampling(band_error=BAND_ERROR, margin=MARGIN)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Way:
+class RenderMethod:
     """One way of computing an image."""
 
     model: str
     sampling: Sampling
     rays: int = 0  # 0: layers are blended
 
-    def image(self, sight: Sight, focus_um: float) -> FloatArray:
+    def image(self, sight: ReferenceView, focus_um: float) -> FloatArray:
         """Return the image, (rows, columns)."""
         if self.rays:
             return occluded(
@@ -58,7 +58,9 @@ class Way:
         )
 
 
-def ways(sight: Sight, fidelity: Fidelity) -> tuple[Way, ...]:
+def render_methods(
+    sight: ReferenceView, fidelity: Fidelity
+) -> tuple[RenderMethod, ...]:
     """Return what is measured: all laws by samplings, and hidden layers by rays.
 
     Samplings are BANDS by MARGINS, the usual one once more in single precision, and
@@ -67,16 +69,22 @@ def ways(sight: Sight, fidelity: Fidelity) -> tuple[Way, ...]:
     grid = [Sampling(band_error=b, margin=m) for b in BANDS for m in MARGINS]
     grid += [_USUAL, replace(_USUAL, single=True), fidelity.sampling]
     grid = list(dict.fromkeys(grid))
-    found = [Way(model=model, sampling=s) for model in MODELS for s in grid]
+    found = [RenderMethod(model=model, sampling=s) for model in MODELS for s in grid]
     if sight.is_layered:
-        found += [Way(model=m, sampling=_USUAL, rays=r) for m in MODELS for r in RAYS]
+        found += [
+            RenderMethod(model=m, sampling=_USUAL, rays=r) for m in MODELS for r in RAYS
+        ]
     return tuple(found)
 
 
 def measure(
-    sight: Sight, fidelity: Fidelity, treatment: str, law: Truth, layered: Truth
-) -> tuple[Measured, ...]:
-    """Return time and errors of every way, in the order of `ways`.
+    sight: ReferenceView,
+    fidelity: Fidelity,
+    treatment: str,
+    law: ReferenceImages,
+    layered: ReferenceImages,
+) -> tuple[MeasuredMethod, ...]:
+    """Return time and errors of every way, in the order of `render_methods`.
 
     Parameters
     ----------
@@ -91,13 +99,15 @@ def measure(
     layered : Truth
         Layers traced at the nominal focus.
     """
-    found = [_measured(sight, way, law, layered) for way in ways(sight, fidelity)]
-    chosen = Way(model=fidelity.model, sampling=fidelity.sampling)
+    found = [
+        _measured(sight, way, law, layered) for way in render_methods(sight, fidelity)
+    ]
+    chosen = RenderMethod(model=fidelity.model, sampling=fidelity.sampling)
     if treatment == "occluded" and sight.is_layered:
-        chosen = Way(model=fidelity.model, sampling=_USUAL, rays=SAMPLES)
+        chosen = RenderMethod(model=fidelity.model, sampling=_USUAL, rays=SAMPLES)
     marked = [
         replace(each, is_choice=way == chosen)
-        for way, each in zip(ways(sight, fidelity), found, strict=True)
+        for way, each in zip(render_methods(sight, fidelity), found, strict=True)
     ]
     # as they are written: what differs less is rounding
     on_law = front([_written(w.time_ms, w.law_max_error) for w in found])
@@ -138,13 +148,18 @@ def floor_ms(window: Window) -> float:
     return _least_ms(pairs) / 10
 
 
-def _measured(sight: Sight, way: Way, law: Truth, layered: Truth) -> Measured:
+def _measured(
+    sight: ReferenceView,
+    way: RenderMethod,
+    law: ReferenceImages,
+    layered: ReferenceImages,
+) -> MeasuredMethod:
     """Return a way's time and errors; images in advance make its tables."""
     heights = sight.focus_um[:1] if way.rays else sight.focus_um
     images = np.array([way.image(sight, z) for z in heights])
     off = None if way.rays else np.abs(images - law.images)
     away = np.abs(images[0] - layered.images[0])
-    return Measured(
+    return MeasuredMethod(
         model=way.model,
         layers="occluded" if way.rays else "blend",
         band_error=way.sampling.band_error,

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 from microplan.planner.task.presets import PRESETS, Effort, Preset
 from microplan.planner.task.task import Task
-from microplan.planner.task.workcell import Camera
+from microplan.planner.task.workcell import CameraSpec
 from microplan.planner.tradeoff.vary import Axis, Vary
 from microplan.planner.views.zooms import ladder
 
@@ -24,7 +24,7 @@ _ZOOMS = 3  # rungs of the ladder from the lowest that are usual
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Way:
+class CompileMethod:
     """One way to compile a task."""
 
     varied: str
@@ -43,7 +43,7 @@ class Way:
         return replace(task, workcell=replace(cell, optics=optics, camera=camera))
 
 
-def averaged(camera: Camera, frames: int) -> Camera:
+def averaged(camera: CameraSpec, frames: int) -> CameraSpec:
     """Return a camera whose one frame is the sum of several, a power of two.
 
     Electrons and levels add up; read noise, and all but one of the roundings, by their
@@ -63,7 +63,7 @@ def averaged(camera: Camera, frames: int) -> Camera:
     )
 
 
-def ways(task: Task, vary: Vary) -> tuple[Way, ...]:
+def compile_methods(task: Task, vary: Vary) -> tuple[CompileMethod, ...]:
     """Return the task's own way first, then those that differ from it in one thing.
 
     Raises
@@ -72,7 +72,9 @@ def ways(task: Task, vary: Vary) -> tuple[Way, ...]:
         If a value cannot be, or there are more than MOST_POINTS.
     """
     preset = task.optimise.prefer
-    own = Way(varied="as the task says", preset=preset, effort=PRESETS[preset])
+    own = CompileMethod(
+        varied="as the task says", preset=preset, effort=PRESETS[preset]
+    )
     found = [own]
     for axis, values in vary:
         for value in values or usual(task, axis):
@@ -91,7 +93,7 @@ def usual(task: Task, axis: Axis) -> tuple[str, ...]:
     return tuple(f"{zoom:.4g}" for zoom in ladder(task.workcell)[:_ZOOMS])
 
 
-def changed(own: Way, axis: Axis, value: str, task: Task) -> Way:
+def changed(own: CompileMethod, axis: Axis, value: str, task: Task) -> CompileMethod:
     """Return a way with one thing changed; ValueError for a value that cannot be."""
     if axis == "preset":
         found = next((name for name in PRESETS if name == value), None)

@@ -20,7 +20,7 @@ from microplan.planner.tradeoff.plots import (
     png,
 )
 from microplan.planner.tradeoff.task_tradeoff_record import Spent, TaskTradeoff
-from microplan.schemas.page.labels import Box, Name, placed
+from microplan.schemas.page.labels import Box, PointLabel, placed
 
 _AXIS_MARKS = {
     "as": ("#000000", "o"),
@@ -110,7 +110,7 @@ def _names(
     spots = [at(point) for point in points]
     found = placed(
         [
-            Name(at=spot, width=size.width, mark=mark)
+            PointLabel(at=spot, width=size.width, mark=mark)
             for spot, size in zip(spots, sizes, strict=True)
         ],
         height=max((size.height for size in sizes), default=0.0),

@@ -19,12 +19,12 @@ from microplan.planner.source.diagnostics import Report
 from microplan.planner.store.folder import write_files
 from microplan.planner.store.memo import EVERY_TIME
 from microplan.planner.task.task import Task
-from microplan.planner.tradeoff.task_axes import Way, ways
+from microplan.planner.tradeoff.task_axes import CompileMethod, compile_methods
 from microplan.planner.tradeoff.task_plots import task_png
 from microplan.planner.tradeoff.task_tradeoff_record import (
-    Point,
     Spent,
     TaskTradeoff,
+    TradeoffPoint,
     points_csv,
     points_json,
     points_table,
@@ -81,11 +81,11 @@ def write_task_tradeoff(task: Task, call: TaskCall, tell: Callable[[str], None])
         MP702 if the folder cannot be written.
     """
     try:
-        wanted = ways(task, call.vary)
+        wanted = compile_methods(task, call.vary)
     except ValueError as error:
         raise VaryError(str(error)) from error
     write_files(call.out, {})  # before minutes are spent
-    points: list[Point] = []
+    points: list[TradeoffPoint] = []
     spent: list[Spent] = []
     first, said = None, ""
     for k, way in enumerate(wanted):
@@ -99,7 +99,7 @@ def write_task_tradeoff(task: Task, call: TaskCall, tell: Callable[[str], None])
 
 
 def _told(
-    task: Task, folder: Path, points: Sequence[Point], spent: Sequence[Spent]
+    task: Task, folder: Path, points: Sequence[TradeoffPoint], spent: Sequence[Spent]
 ) -> str:
     """Write the points so far, and return their table."""
     found, times = with_fronts(points, spent)
@@ -118,7 +118,9 @@ def _told(
     return points_table(record, times)
 
 
-def compiled(task: Task, way: Way, call: TaskCall) -> tuple[Plan | None, Report, Spent]:
+def compiled(
+    task: Task, way: CompileMethod, call: TaskCall
+) -> tuple[Plan | None, Report, Spent]:
     """Return the plan of a point, None with findings if there is none, and its time."""
     report, cpu_s, wall_s = Report(), _cpu_s(), time.perf_counter()
     files = compile_task(
@@ -141,11 +143,13 @@ def compiled(task: Task, way: Way, call: TaskCall) -> tuple[Plan | None, Report,
     return None if files is None else files.plan, report, took
 
 
-def point_of(way: Way, plan: Plan | None, report: Report, first: Plan | None) -> Point:
+def point_of(
+    way: CompileMethod, plan: Plan | None, report: Report, first: Plan | None
+) -> TradeoffPoint:
     """Return what a plan promises, or why there is none."""
     faults = [d for d in report.in_order if d.severity in ("error", "infeasible")]
     complete = plan is not None and plan.success_probability > 0
-    return Point(
+    return TradeoffPoint(
         varied=way.varied,
         preset=way.preset,
         trials=way.effort.trials,
@@ -216,8 +220,8 @@ def choices(first: Plan, plan: Plan) -> tuple[str, ...]:
 
 
 def with_fronts(
-    points: Sequence[Point], spent: Sequence[Spent]
-) -> tuple[tuple[Point, ...], tuple[Spent, ...]]:
+    points: Sequence[TradeoffPoint], spent: Sequence[Spent]
+) -> tuple[tuple[TradeoffPoint, ...], tuple[Spent, ...]]:
     """Return both with what is on the fronts of run time and of compile time."""
     running = _front([(p.run_s, p.error_um) for p in points])
     making = _front([(s.cpu_s, p.error_um) for s, p in zip(spent, points, strict=True)])

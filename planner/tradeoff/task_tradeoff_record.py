@@ -13,7 +13,7 @@ from microplan.schemas.page.figures import chance
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Point:
+class TradeoffPoint:
     """One way to compile the task, and what the plan then promises."""
 
     varied: str  # "preset fast", "zoom 13.8"; "as the task says" is compared with
@@ -48,12 +48,12 @@ class TaskTradeoff:
     format_version: str
     task: str
     note: str
-    points: tuple[Point, ...]
+    points: tuple[TradeoffPoint, ...]
 
 
 def points_csv(found: TaskTradeoff) -> str:
     """Return one row for every point; no value where there is none."""
-    names = [f.name for f in fields(Point)]
+    names = [f.name for f in fields(TradeoffPoint)]
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(names)
@@ -104,7 +104,7 @@ def points_table(found: TaskTradeoff, spent: Sequence[Spent]) -> str:
     return "\n".join([f"{found.task}: error and chance over what it takes", *lines])
 
 
-def _choices(point: Point) -> str:
+def _choices(point: TradeoffPoint) -> str:
     """Return what changed, or why there is nothing to compare."""
     if point.reason:
         first = point.reason.partition(";")[0]

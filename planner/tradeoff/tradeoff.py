@@ -23,7 +23,11 @@ from microplan.planner.store.folder import write_files
 from microplan.planner.task.task import Task
 from microplan.planner.tradeoff.plots import Strip, round_down, strip_png, tradeoff_png
 from microplan.planner.tradeoff.preview import RenderError
-from microplan.planner.tradeoff.reference_images import Sight, law_truth, layer_truth
+from microplan.planner.tradeoff.reference_images import (
+    ReferenceView,
+    law_truth,
+    layer_truth,
+)
 from microplan.planner.tradeoff.render_methods import (
     MARGINS,
     REPEATS,
@@ -41,7 +45,7 @@ from microplan.planner.views.coarse import first_views
 from microplan.planner.views.lens_errors import known_errors
 from microplan.planner.views.requests import Request, requests
 from microplan.planner.views.scenes import relevant, world_scene
-from microplan.planner.views.target_views import needed_shape, spot_of
+from microplan.planner.views.target_views import needed_shape, target_pose
 from microplan.planner.views.views import ViewPlan
 from microplan.planner.views.zooms import microscope_at
 
@@ -140,7 +144,7 @@ def _frame(
 ) -> np.ndarray:
     """Return one frame with the target in the middle, clipped to 0..1."""
     scope = microscope_at(task.workcell, zoom)
-    pose = spot_of(task, request, needed_shape(task, request)).pose
+    pose = target_pose(task, request, needed_shape(task, request)).pose
     frame = Window(
         row=-round(pose.y_um * scope.px_per_um),
         column=round(pose.x_um * scope.px_per_um),
@@ -219,12 +223,12 @@ def _measured(
     )
 
 
-def _sight(case: LookCase) -> Sight:
+def _sight(case: LookCase) -> ReferenceView:
     """Return what the case's images show, with the target where it should be."""
     off = FOCUS_SIGMAS * case.spread.focus_sigma_um
     heights = (case.focus_um, case.focus_um - off, case.focus_um + off)
     shown = scene(case, 0.0, 0.0, 0.0)
-    return Sight(
+    return ReferenceView(
         scene=lens_scene(shown, case.microscope, case.lens, case.focus_um),
         microscope=case.microscope,
         window=case.window,

@@ -14,7 +14,7 @@ _NOT_OF_A_ROW = ("ways", "focus_heights_um", "layers_in_view")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Measured:
+class MeasuredMethod:
     """One way of computing a look's image: what it takes and what it errs.
 
     Errors are of unit contrast, over all pixels of the region. The law's errors are
@@ -63,10 +63,10 @@ class StepTradeoff:
     oracle: str  # what all errors together are measured against
     oracle_error: float  # its own: how far coarser cells and fewer rays are off
     floor_ms: float  # CPU time of one real transform of the region, there and back
-    ways: tuple[Measured, ...]
+    ways: tuple[MeasuredMethod, ...]
 
     @property
-    def choice(self) -> Measured:
+    def choice(self) -> MeasuredMethod:
         """Return what the compiler takes."""
         return next(way for way in self.ways if way.is_choice)
 
@@ -100,7 +100,7 @@ def json_text(found: Tradeoff) -> str:
 def csv_text(found: Tradeoff) -> str:
     """Return one row for every way of every step; no value where there is none."""
     of_step = [f.name for f in fields(StepTradeoff) if f.name not in _NOT_OF_A_ROW]
-    of_way = [f.name for f in fields(Measured)]
+    of_way = [f.name for f in fields(MeasuredMethod)]
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(of_step + of_way)
@@ -147,7 +147,7 @@ def _said(step: StepTradeoff) -> str:
     return "; ".join(parts)
 
 
-def _aligned(ways: Iterable[Measured]) -> list[str]:
+def _aligned(ways: Iterable[MeasuredMethod]) -> list[str]:
     """Return rows of text in columns."""
     rows = [("", "law", "layers", "band", "margin", "bits", "ms", "law err", "total")]
     for way in ways:

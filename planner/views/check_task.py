@@ -5,7 +5,7 @@ from __future__ import annotations
 from microplan.planner.assembly.mating import fit_verdict, fit_words, mating_of
 from microplan.planner.assembly.step_states import StepState, unfold
 from microplan.planner.source.diagnostics import Report
-from microplan.planner.task.task import Step, Task
+from microplan.planner.task.task import Task, TaskStep
 from microplan.planner.views.coarse import first_views
 from microplan.planner.views.requests import requests
 from microplan.schemas.plan.verdicts import FitVerdict
@@ -55,7 +55,7 @@ def check_fits(task: Task, states: tuple[StepState, ...], report: Report) -> Non
             _report_fit(step, found, report)
 
 
-def _report_fit(step: Step, found: FitVerdict, report: Report) -> None:
+def _report_fit(step: TaskStep, found: FitVerdict, report: Report) -> None:
     """Report a fit with its numbers, louder where some parts will not go."""
     words = fit_words(step.id, found)
     if found.engaged_um <= 0:

@@ -10,9 +10,19 @@ from microplan.planner.assembly.assembly import axes_of, bodies, owner_of
 from microplan.planner.assembly.swept_volume import SIGMAS, sweep_hits
 from microplan.planner.source.diagnostics import Report
 from microplan.planner.task.task import Task
-from microplan.planner.views.requests import ANGLE_RAD, PERIOD_SHARE, Known, Request
-from microplan.planner.views.target_views import needed_shape, search_um, spot_of, views
-from microplan.planner.views.targets import Shape, shape_of
+from microplan.planner.views.requests import (
+    ANGLE_RAD,
+    PERIOD_SHARE,
+    PriorKnowledge,
+    Request,
+)
+from microplan.planner.views.target_views import (
+    needed_shape,
+    search_um,
+    target_pose,
+    views,
+)
+from microplan.planner.views.targets import TargetShape, shape_of
 from microplan.planner.views.views import ViewPlan
 from microplan.schemas.plan.views import CoarseFirst
 
@@ -26,7 +36,7 @@ MAY_HELP = ("MP401", "MP403", "MP501")  # codes that a better known place may cu
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Sighting:
+class CoarseLook:
     """What a coarse look is to tell, or has told, of its target."""
 
     sigma_um: float  # per axis, bias included
@@ -49,7 +59,7 @@ def coarse_requests(task: Task, request: Request) -> tuple[Request, ...]:
     names = dict.fromkeys((request.target, *own))
     if shape_of(task, request.state, request.target) is None:
         return ()
-    shapes: dict[str, tuple[str, Shape]] = {}  # a part and its teeth are one
+    shapes: dict[str, tuple[str, TargetShape]] = {}  # a part and its teeth are one
     for name in names:
         shape = shape_of(task, request.state, name)
         if shape is not None:
@@ -62,14 +72,14 @@ def coarse_requests(task: Task, request: Request) -> tuple[Request, ...]:
     return tuple(shown[:MOST_COARSE])
 
 
-def _coarse(task: Task, request: Request, name: str, shape: Shape) -> Request:
+def _coarse(task: Task, request: Request, name: str, shape: TargetShape) -> Request:
     """Return a look at a part's feature, as fine as a pixel.
 
     Its angle is measured, if it has one, where the fine look's target would else swing
     about it by more than its own finest detail.
     """
     target = needed_shape(task, request)
-    spot = spot_of(task, request, target)
+    spot = target_pose(task, request, target)
     arm_um = math.dist(shape.center_um, target.center_um)
     swing_um = min(spot.sigma_theta_rad, 1.0) * arm_um
     return replace(
@@ -83,7 +93,7 @@ def _coarse(task: Task, request: Request, name: str, shape: Shape) -> Request:
     )
 
 
-def assumed(task: Task, coarse: Request) -> Sighting:
+def assumed(task: Task, coarse: Request) -> CoarseLook:
     """Return what a coarse look must tell at its lowest zoom: half its tolerances."""
     shape = needed_shape(task, coarse)
     turn_rad = ANGLE_RAD
@@ -93,7 +103,7 @@ def assumed(task: Task, coarse: Request) -> Sighting:
     view = min(
         views(task, coarse, low, Report()), key=lambda v: v.microscope.magnification
     )
-    return Sighting(
+    return CoarseLook(
         sigma_um=view.microscope.um_per_px / SIGMAS,
         sigma_theta_rad=turn_rad / SIGMAS if coarse.wants_angle else None,
         magnification=view.microscope.magnification,
@@ -102,7 +112,7 @@ def assumed(task: Task, coarse: Request) -> Sighting:
 
 
 def fine_request(
-    task: Task, request: Request, coarse: Request, seen: Sighting
+    task: Task, request: Request, coarse: Request, seen: CoarseLook
 ) -> Request | None:
     """Return the look that follows a coarse one, None if it cannot.
 
@@ -111,7 +121,7 @@ def fine_request(
     of it, if the place is hardly better known than before, or if on the way something
     may be touched or an axis end.
     """
-    spot = spot_of(task, request, needed_shape(task, request))
+    spot = target_pose(task, request, needed_shape(task, request))
     moved_um = math.sqrt(2) * axes_of(task, spot.carrier).repeatability_xy_um
     tolerance_um = request.tolerance_um
     if tolerance_um is not None:
@@ -124,7 +134,7 @@ def fine_request(
     told_um = math.hypot(moved_um, _told_um(task, request, seen))
     if told_um > GAIN * spot.sigma_xy_um:
         return None
-    known = Known(
+    known = PriorKnowledge(
         about_um=needed_shape(task, coarse).center_um,
         sigma_um=told_um,
         sigma_theta_rad=seen.sigma_theta_rad,
@@ -145,7 +155,7 @@ def may_gain(task: Task, request: Request, fine: Request) -> bool:
     ]
     if zooms[1] > zooms[0]:
         return True
-    spot = spot_of(task, request, needed_shape(task, request))
+    spot = target_pose(task, request, needed_shape(task, request))
     pixel_um = task.workcell.camera.pitch_um / zooms[0]
     error_um = SIGMAS * task.benchmark.magnification_sigma * search_um(task, spot)
     return error_um > (request.tolerance_um or pixel_um)
@@ -153,7 +163,7 @@ def may_gain(task: Task, request: Request, fine: Request) -> bool:
 
 def centring(task: Task, request: Request, coarse_id: str) -> CoarseFirst:
     """Return how the target of a look is centred after a coarse one."""
-    spot = spot_of(task, request, needed_shape(task, request))
+    spot = target_pose(task, request, needed_shape(task, request))
     return CoarseFirst(
         look=coarse_id,
         axes=spot.carrier,
@@ -162,13 +172,13 @@ def centring(task: Task, request: Request, coarse_id: str) -> CoarseFirst:
     )
 
 
-def _told_um(task: Task, request: Request, seen: Sighting) -> float:
+def _told_um(task: Task, request: Request, seen: CoarseLook) -> float:
     """Return how well a coarse look tells a place, seen through another zoom.
 
     Beside its own spread: the jump of the image with the zoom, its shift with the
     focus, and what an unknown scale makes of the way from the axis.
     """
-    spot = spot_of(task, request, needed_shape(task, request))
+    spot = target_pose(task, request, needed_shape(task, request))
     optics = task.workcell.optics
     far_um = math.hypot(spot.pose.x_um, spot.pose.y_um) + SIGMAS * spot.sigma_xy_um
     way_um = abs(spot.z_um - seen.focus_um)
@@ -182,13 +192,13 @@ def _told_um(task: Task, request: Request, seen: Sighting) -> float:
 
 def _most_um(task: Task, request: Request) -> float:
     """Return how far a target may have to be moved."""
-    spot = spot_of(task, request, needed_shape(task, request))
+    spot = target_pose(task, request, needed_shape(task, request))
     return FAR * search_um(task, spot)
 
 
 def _is_clear(task: Task, request: Request) -> bool:
     """Return whether the target may be moved as far as needed, in any direction."""
-    spot = spot_of(task, request, needed_shape(task, request))
+    spot = target_pose(task, request, needed_shape(task, request))
     state, axes = request.state, axes_of(task, spot.carrier)
     most = _most_um(task, request)
     at = state.stage if spot.carrier == "stage" else state.robot

@@ -11,10 +11,9 @@ from microplan.featuresel.features.feature import Feature, coincide, renamed
 from microplan.featuresel.features.features import merge, propose
 from microplan.optics.outline.outline import Outline
 from microplan.optics.outline.tolerant_order import ordered
-from microplan.planner.task.task import Feature as Declared
-from microplan.planner.task.task import Part, Task
+from microplan.planner.task.task import Part, PartFeature, Task
 from microplan.planner.views.requests import Request
-from microplan.planner.views.targets import Shape, declared_shape
+from microplan.planner.views.targets import TargetShape, declared_shape
 
 SAME_UM = 1e-3  # a drawing says a place in several ways, this near to each other
 # what reaches farthest from a feature's reference point, first found first used
@@ -26,11 +25,11 @@ class Proposals:
     """What may stand in for a look's target, or join it."""
 
     target: Feature | None  # what the outline says of the target itself; None: nothing
-    others: tuple[tuple[Feature, Shape], ...]  # those to try first in front
+    others: tuple[tuple[Feature, TargetShape], ...]  # those to try first in front
     avoided: tuple[tuple[str, str], ...] = ()  # name and kind of what the task forbids
 
 
-def proposals(task: Task, request: Request, shape: Shape) -> Proposals:
+def proposals(task: Task, request: Request, shape: TargetShape) -> Proposals:
     """Return the features of the body whose face holds the target.
 
     A part's own outline, or a post's: all of them lie at the target's height. Jaws have
@@ -97,13 +96,13 @@ def _by_kinds(features: Sequence[Feature]) -> list[Feature]:
     return [feature for _, feature in sorted(ranked, key=lambda row: row[0])]
 
 
-def _drawn(part: Part, declared: Declared) -> Feature:
+def _drawn(part: Part, declared: PartFeature) -> Feature:
     """Return a declared feature as proposals have it."""
     shape = declared_shape(part, declared, f"{part.name}.{declared.name}")
     return renamed(drawn(shape), declared.name)
 
 
-def drawn(shape: Shape) -> Feature:
+def drawn(shape: TargetShape) -> Feature:
     """Return a shape as a feature; it says nothing of the length of its edges."""
     return Feature(
         name=shape.name,
@@ -119,7 +118,7 @@ def drawn(shape: Shape) -> Feature:
     )
 
 
-def offset_um(shape: Shape, about: Shape) -> tuple[float, float]:
+def offset_um(shape: TargetShape, about: TargetShape) -> tuple[float, float]:
     """Return a shape's place seen from another of its owner, in the owner's axes."""
     (x, y), (x0, y0) = shape.center_um, about.center_um
     return (x - x0, y - y0)
@@ -143,9 +142,9 @@ def _without_notch(feature: Feature) -> Feature:
 
 def _shape(
     owner: str, name: str, feature: Feature, outline: Outline, *, bright: bool
-) -> Shape:
+) -> TargetShape:
     """Return a feature as a target; `bright` tells whether its body is."""
-    return Shape(
+    return TargetShape(
         name=name,
         owner=owner,
         kind=feature.kind,

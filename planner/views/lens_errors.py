@@ -14,7 +14,7 @@ from microplan.optics.transfer.microscope import Microscope
 from microplan.planner.assembly.assembly import Place, State
 from microplan.planner.task.task import Task
 from microplan.planner.task.workcell import Workcell
-from microplan.planner.views.targets import Shape, target_layers
+from microplan.planner.views.targets import TargetShape, target_layers
 
 NM_PER_UM = 1000.0
 _MOST_APERTURE = 0.99  # of the index: light from the side has no shade to compute
@@ -49,7 +49,7 @@ def lamp_aperture(cell: Workcell, microscope: Microscope) -> float | None:
 
 
 def lens_rows(
-    task: Task, state: State, shape: Shape, spot: Place, scope: Microscope
+    task: Task, state: State, shape: TargetShape, spot: Place, scope: Microscope
 ) -> tuple[LensRow, ...]:
     """Return what the lens does to the target of a look, effect by effect.
 
@@ -73,7 +73,7 @@ def lens_rows(
     )
 
 
-def _body(task: Task, state: State, shape: Shape) -> Outline | None:
+def _body(task: Task, state: State, shape: TargetShape) -> Outline | None:
     """Return what has a centroid of light in the target's frame; a hole has none."""
     if shape.kind == "jaws" or not shape.bright:
         return None
@@ -81,7 +81,7 @@ def _body(task: Task, state: State, shape: Shape) -> Outline | None:
     return faces.get(shape.name) or faces.get(shape.owner)
 
 
-def _levels(task: Task, shape: Shape) -> tuple[float, float]:
+def _levels(task: Task, shape: TargetShape) -> tuple[float, float]:
     """Return the reflectances on both sides of the target's edges, the darker first."""
     part, cell = task.parts.get(shape.owner), task.workcell
     if part is None:
@@ -106,7 +106,7 @@ def middle_sigma_um(cell: Workcell, microscope: Microscope, spot: Place) -> floa
 
 
 def middle_offset_um(
-    task: Task, state: State, shape: Shape, microscope: Microscope
+    task: Task, state: State, shape: TargetShape, microscope: Microscope
 ) -> float:
     """Return how far partly coherent light moves the middle of a target in focus.
 
@@ -122,7 +122,7 @@ def middle_offset_um(
     return max(math.hypot(*ring.center_um) for ring in rings)
 
 
-def _all_errors(task: Task, shape: Shape) -> LensErrors:
+def _all_errors(task: Task, shape: TargetShape) -> LensErrors:
     """Return the lens' errors with the light's gradient and the part's edges as made.
 
     A gradient of any direction counts half along each axis; a profile tolerance is

@@ -13,14 +13,14 @@ from microplan.planner.assembly.assembly import (
 )
 from microplan.planner.task.task import Task
 from microplan.planner.views.scenes import target_ring
-from microplan.planner.views.targets import Shape, outline_of
+from microplan.planner.views.targets import TargetShape, outline_of
 from microplan.schemas.files.scenes import LookScene, PlacedBody, SeenTarget
 from microplan.schemas.plan import AxisMove
 from microplan.schemas.pose import Pose
 
 
 def look_scene(
-    task: Task, state: State, look: str, shape: Shape, spot: Place
+    task: Task, state: State, look: str, shape: TargetShape, spot: Place
 ) -> LookScene:
     """Return the assembly at a look, and which edges the look is at."""
     return LookScene(
@@ -40,7 +40,7 @@ def look_scene(
     )
 
 
-def _target(task: Task, shape: Shape, spot: Place) -> SeenTarget:
+def _target(task: Task, shape: TargetShape, spot: Place) -> SeenTarget:
     """Return whose edges a look is at; of a circle, those of the one ring."""
     if shape.owner in task.workcell.tools:
         names, ring = tuple(f"{shape.owner}.{side}" for side in ("left", "right")), None

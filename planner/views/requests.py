@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from microplan.planner.assembly.assembly import State, owner_of
 from microplan.planner.assembly.step_states import StepState
 from microplan.planner.source.diagnostics import Span
-from microplan.planner.task.task import Move, Step, Task
+from microplan.planner.task.task import Move, Task, TaskStep
 from microplan.planner.views.views import SEARCH_SIGMAS
 
 # A look may use up this share of the tolerance it serves, per axis, at two sigma.
@@ -21,7 +21,7 @@ ANGLE_RAD = math.radians(1.0)  # for outlines without a period
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Known:
+class PriorKnowledge:
     """What a look just before tells of the part that a target is on."""
 
     about_um: tuple[float, float]  # what it measured, in the part's frame
@@ -42,14 +42,14 @@ class Request:
     where: Span
     view_where: Span | None  # of the `view_um` that brought the target there
     divisible: bool = False  # nothing but this look happens: another may come before
-    known: Known | None = None  # None: what the state knows
+    known: PriorKnowledge | None = None  # None: what the state knows
     asked_by: str = ""  # where the tolerance comes from, in words
     # 2 sigma + |bias| with which the insertion after it would still have its share of
     # the goal, at the present zoom; None: no insertion follows, or none would do
-    borne_um: float | None = None
+    admissible_um: float | None = None
     # the same with which it would be as likely as with a faultless look at another
     # zoom, where that one's jump leaves less than the share; None: it does not
-    worth_um: float | None = None
+    break_even_um: float | None = None
 
 
 def requests(
@@ -153,7 +153,7 @@ def next_tolerance_um(
     return None
 
 
-def insertion_after(states: tuple[StepState, ...], align: StepState) -> Step | None:
+def insertion_after(states: tuple[StepState, ...], align: StepState) -> TaskStep | None:
     """Return the insertion that an alignment prepares, None if there is none.
 
     What moves sideways or turns after the alignment undoes it, even on its way back.

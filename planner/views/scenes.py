@@ -15,7 +15,7 @@ from microplan.optics.transfer.microscope import Microscope
 from microplan.planner.assembly.assembly import Body, Place, State, bodies
 from microplan.planner.assembly.shapes import polygon
 from microplan.planner.task.task import Task
-from microplan.planner.views.targets import Shape, outline_of
+from microplan.planner.views.targets import TargetShape, outline_of
 from microplan.schemas.plan import Shade
 
 # Points along all edges whose shade is counted. A stretch of edge that is hidden is
@@ -42,7 +42,12 @@ def relevant(
 
 
 def shade_of(
-    task: Task, state: State, shape: Shape, spot: Place, aperture: float, index: float
+    task: Task,
+    state: State,
+    shape: TargetShape,
+    spot: Place,
+    aperture: float,
+    index: float,
 ) -> tuple[Shade, ...]:
     """Return how much of the target's edges each higher body hides or shades.
 
@@ -70,7 +75,7 @@ def shade_of(
     return tuple(found)
 
 
-def _is_own_face(body: Body, shape: Shape) -> bool:
+def _is_own_face(body: Body, shape: TargetShape) -> bool:
     """Return whether the body is the very face that is looked at."""
     return body.name in (shape.name, shape.owner)
 
@@ -108,7 +113,7 @@ def _reaches(
     )
 
 
-def _edge_points(task: Task, shape: Shape, spot: Place) -> FloatArray:
+def _edge_points(task: Task, shape: TargetShape, spot: Place) -> FloatArray:
     """Return EDGE_POINTS points on the target's edges in the world, (N, 2) um.
 
     They stand evenly along all edges, in the middle of as many equal lengths.
@@ -143,7 +148,7 @@ def _points_on(edge: Edge, share: FloatArray) -> FloatArray:
     return np.array(edge.center) + edge.radius_um * unit
 
 
-def target_ring(outline: Outline, shape: Shape) -> int | None:
+def target_ring(outline: Outline, shape: TargetShape) -> int | None:
     """Return which ring of `outline_of` is the target; None: all, it is no circle."""
     if shape.kind != "circle":
         return None

@@ -11,11 +11,11 @@ from microplan.optics.render.scene import Scene, Window
 from microplan.optics.transfer.microscope import Microscope
 from microplan.planner.assembly.assembly import Place, locate_place
 from microplan.planner.source.diagnostics import Report
-from microplan.planner.task.task import Feature, Task
+from microplan.planner.task.task import PartFeature, Task
 from microplan.planner.views.focus import focus_for
 from microplan.planner.views.requests import Request
 from microplan.planner.views.scenes import relevant, shade_of, world_scene
-from microplan.planner.views.targets import Shape, outline_of, shape_of
+from microplan.planner.views.targets import TargetShape, outline_of, shape_of
 from microplan.planner.views.views import (
     SEARCH_SIGMAS,
     ViewPlan,
@@ -69,7 +69,7 @@ def views(
             "target something with an angle, or ask for none",
         )
         return ()
-    spot = spot_of(task, request, shape)
+    spot = target_pose(task, request, shape)
     focus = focus_for(cell, spot, report, request.where)
     origin = _origin(task, request, spot)
     zooms = magnifications(cell, shape, spot, current, report, origin)
@@ -91,11 +91,11 @@ def views(
 def zooms_of(task: Task, request: Request) -> ZoomRange:
     """Return the magnifications that a look with views allows."""
     shape = needed_shape(task, request)
-    return zoom_range(task.workcell, shape, spot_of(task, request, shape))
+    return zoom_range(task.workcell, shape, target_pose(task, request, shape))
 
 
 def _report_tight(
-    task: Task, request: Request, shape: Shape, spot: Place, report: Report
+    task: Task, request: Request, shape: TargetShape, spot: Place, report: Report
 ) -> None:
     """Report a look that a slightly larger spread or finer detail would forbid."""
     found = zoom_range(task.workcell, shape, spot)
@@ -118,7 +118,7 @@ def _report_tight(
     )
 
 
-def _tells_angle(task: Task, shape: Shape) -> bool:
+def _tells_angle(task: Task, shape: TargetShape) -> bool:
     """Return whether the target, or features beside it on its part, have an angle.
 
     A post stands alone at its height.
@@ -162,7 +162,7 @@ def _shade_advice(task: Task) -> str:
 def _report_shade(
     task: Task,
     request: Request,
-    shape: Shape,
+    shape: TargetShape,
     spot: Place,
     scope: Microscope,
     report: Report,
@@ -205,7 +205,7 @@ def whole_view(task: Task, request: Request, view: ViewPlan) -> ViewPlan:
         return view
     x0, y0, x1, y1 = outline_of(task, shape).bounds_um
     reach = math.hypot(max(-x0, x1), max(-y0, y1))
-    spot = spot_of(task, request, shape)
+    spot = target_pose(task, request, shape)
     box = (-reach, -reach, reach, reach)
     region = region_for(view.microscope, box, spot, search_um(task, spot))
     scene = world_scene(task, request.state)
@@ -219,7 +219,7 @@ def marks_view(task: Task, request: Request, view: ViewPlan) -> ViewPlan:
     part = task.parts.get(shape.owner)
     if part is None or shape.name.partition(".")[2] in part.posts:
         return view
-    spot = spot_of(task, request, shape)
+    spot = target_pose(task, request, shape)
     boxes = [shape.box_um] + [
         _box_about(feature, spot.pose.theta_rad, shape.center_um)
         for feature in part.features.values()
@@ -235,7 +235,7 @@ def marks_view(task: Task, request: Request, view: ViewPlan) -> ViewPlan:
 
 
 def _box_about(
-    feature: Feature, theta_rad: float, about_um: tuple[float, float]
+    feature: PartFeature, theta_rad: float, about_um: tuple[float, float]
 ) -> Box:
     """Return a feature's box about a point of its part, in the world's axes."""
     x, y = (c - a for c, a in zip(feature.center_um, about_um, strict=True))
@@ -254,7 +254,7 @@ def _lit(
     return ViewPlan(microscope=scope, focus_um=focus_um, light=level, region=region)
 
 
-def spot_of(task: Task, request: Request, shape: Shape) -> Place:
+def target_pose(task: Task, request: Request, shape: TargetShape) -> Place:
     """Return where the target's reference point nominally is.
 
     Its spread takes in how far it swings about the owner's own origin, or about what a
@@ -289,7 +289,7 @@ def search_um(task: Task, spot: Place) -> float:
     return SEARCH_SIGMAS * sigma
 
 
-def needed_shape(task: Task, request: Request) -> Shape:
+def needed_shape(task: Task, request: Request) -> TargetShape:
     """Return the shape of a target that `views` has accepted.
 
     Raises

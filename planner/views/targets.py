@@ -11,7 +11,7 @@ from microplan.featuresel.routines.contract import TargetKind
 from microplan.optics.outline.outline import Outline, place
 from microplan.optics.render.scene import Layer
 from microplan.planner.assembly.assembly import State, face_um, owner_of, part_pose
-from microplan.planner.task.task import Feature, Part, Post, Task
+from microplan.planner.task.task import Part, PartFeature, Post, Task
 from microplan.planner.task.workcell import Tool
 from microplan.schemas.pose import Pose
 
@@ -20,7 +20,7 @@ JAWS_SEEN_UM = 60.0  # of the fingers behind the grip that a look takes in
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Shape:
+class TargetShape:
     """A target about its reference point, in the owner's axes but for `angle_rad`."""
 
     name: str  # as measured: the task's name, or "part.outline" for a whole part
@@ -41,7 +41,7 @@ class Shape:
         return self.symmetry == 1 or bool(self.symmetry_broken_by)
 
 
-def shape_of(task: Task, state: State, name: str) -> Shape | None:
+def shape_of(task: Task, state: State, name: str) -> TargetShape | None:
     """Return the shape of a named target, None if no routine knows its kind."""
     owner, _, inner = name.partition(".")
     if owner in task.workcell.tools:
@@ -62,7 +62,7 @@ def shape_of(task: Task, state: State, name: str) -> Shape | None:
     return _as_turned(task, state, _whole(part))
 
 
-def target_layers(task: Task, state: State, shape: Shape) -> tuple[Layer, ...]:
+def target_layers(task: Task, state: State, shape: TargetShape) -> tuple[Layer, ...]:
     """Return the owner's faces in the target's frame; heights are world heights at 0.
 
     Heights are relative to the owner's underside.
@@ -107,7 +107,7 @@ def _disc(radius_um: float) -> Box:
     return (-radius_um, -radius_um, radius_um, radius_um)
 
 
-def _jaws(tool: Tool, opening_um: float, turn_rad: float) -> Shape:
+def _jaws(tool: Tool, opening_um: float, turn_rad: float) -> TargetShape:
     """Return the jaws seen from the grip: both fingers from the tips on.
 
     The box is that of the fingers as the robot has turned them.
@@ -120,7 +120,7 @@ def _jaws(tool: Tool, opening_um: float, turn_rad: float) -> Shape:
         for y in (-tool.grip_from_tip_um, JAWS_SEEN_UM)
     ]
     xs, ys = zip(*corners, strict=True)
-    return Shape(
+    return TargetShape(
         name=f"{tool.name}.grip",
         owner=tool.name,
         kind="jaws",
@@ -138,9 +138,9 @@ def _jaws(tool: Tool, opening_um: float, turn_rad: float) -> Shape:
     )
 
 
-def _post(part: Part, post: Post, name: str) -> Shape:
+def _post(part: Part, post: Post, name: str) -> TargetShape:
     """Return a post's top face."""
-    return Shape(
+    return TargetShape(
         name=name,
         owner=part.name,
         kind="circle",
@@ -154,13 +154,13 @@ def _post(part: Part, post: Post, name: str) -> Shape:
     )
 
 
-def declared_shape(part: Part, feature: Feature, name: str) -> Shape:
+def declared_shape(part: Part, feature: PartFeature, name: str) -> TargetShape:
     """Return a declared feature; a notch, no target of its own, as a circle."""
     if feature.kind == "teeth":
         return _teeth(part, feature, name)
     if feature.kind == "outline":
         return _whole(part)
-    return Shape(
+    return TargetShape(
         name=name,
         owner=part.name,
         kind="circle",
@@ -174,7 +174,7 @@ def declared_shape(part: Part, feature: Feature, name: str) -> Shape:
     )
 
 
-def _teeth(part: Part, teeth: Feature, name: str) -> Shape:
+def _teeth(part: Part, teeth: PartFeature, name: str) -> TargetShape:
     """Return a toothed rim, with the notch that breaks its symmetry if there is one."""
     parameters = {
         "count": float(teeth.count),
@@ -201,7 +201,7 @@ def _teeth(part: Part, teeth: Feature, name: str) -> Shape:
         finest = min(finest, notch.width_um)
     if bore is not None and math.dist(bore.center_um, teeth.center_um) < 1e-3:
         parameters["bore_um"] = bore.radius_um
-    return Shape(
+    return TargetShape(
         name=name,
         owner=part.name,
         kind="teeth",
@@ -215,11 +215,11 @@ def _teeth(part: Part, teeth: Feature, name: str) -> Shape:
     )
 
 
-def _whole(part: Part) -> Shape:
+def _whole(part: Part) -> TargetShape:
     """Return the whole outline, about the middle of its bounds."""
     x0, y0, x1, y1 = part.outline.bounds_um
     extent = math.hypot(x1 - x0, y1 - y0) / 2
-    return Shape(
+    return TargetShape(
         name=f"{part.name}.outline",
         owner=part.name,
         kind="outline",
@@ -233,7 +233,7 @@ def _whole(part: Part) -> Shape:
     )
 
 
-def _as_turned(task: Task, state: State, shape: Shape) -> Shape:
+def _as_turned(task: Task, state: State, shape: TargetShape) -> TargetShape:
     """Return a whole outline with the box of all angles that it may have.
 
     Over an interval of 2 delta a corner's place is at most 1 - cos(delta / 2) of its
@@ -262,7 +262,7 @@ def middle_um(part: Part) -> tuple[float, float]:
     return ((x0 + x1) / 2, (y0 + y1) / 2)
 
 
-def outline_of(task: Task, shape: Shape) -> Outline:
+def outline_of(task: Task, shape: TargetShape) -> Outline:
     """Return the outline that holds the target's edges, in the target's frame."""
     part = task.parts[owner_of(shape.name)]
     inner = shape.name.partition(".")[2].partition(".")[0]

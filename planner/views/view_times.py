@@ -9,13 +9,13 @@ from dataclasses import dataclass
 from microplan.planner.assembly.assembly import Axis4, Carrier, axes_of, locate_place
 from microplan.planner.assembly.step_states import StepState
 from microplan.planner.task.task import Task
-from microplan.planner.task.workcell import Axes, Workcell
+from microplan.planner.task.workcell import AxesSpec, Workcell
 from microplan.schemas.plan import Look, View
 from microplan.schemas.plan.views import TimeRow, ViewChange
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Setting:
+class MicroscopeSetting:
     """What the microscope is set to, and the look that set it."""
 
     look: str
@@ -23,7 +23,7 @@ class Setting:
 
 
 def view_change(
-    task: Task, look: Look, before: Setting | None, waits: Sequence[TimeRow]
+    task: Task, look: Look, before: MicroscopeSetting | None, waits: Sequence[TimeRow]
 ) -> ViewChange:
     """Return what it takes to look, all going as planned and seen at the first try.
 
@@ -101,7 +101,7 @@ def centre_times(task: Task, carrier: Carrier, sigma_um: float) -> tuple[TimeRow
 
 
 def move_times(
-    axes: Axes, carrier: Carrier, start: Axis4, end: Axis4
+    axes: AxesSpec, carrier: Carrier, start: Axis4, end: Axis4
 ) -> Iterator[TimeRow]:
     """Yield how long axes travel, all at once, and settle; nothing if they stay."""
     across_um = math.hypot(end.x_um - start.x_um, end.y_um - start.y_um)
@@ -122,7 +122,7 @@ def move_times(
 
 
 def _legs(
-    axes: Axes, carrier: Carrier, start: Axis4, end: Axis4, path: Sequence[str]
+    axes: AxesSpec, carrier: Carrier, start: Axis4, end: Axis4, path: Sequence[str]
 ) -> Iterator[TimeRow]:
     """Yield the times of an approach, one entry of its path after the other."""
     here = start

@@ -13,7 +13,7 @@ from microplan.planner.assembly.assembly import Place
 from microplan.planner.assembly.swept_volume import SIGMAS
 from microplan.planner.source.diagnostics import Report, Span
 from microplan.planner.task.workcell import Workcell
-from microplan.planner.views.targets import Shape
+from microplan.planner.views.targets import TargetShape
 from microplan.schemas.plan.views import ZoomBound
 
 LADDER = math.sqrt(2.0)  # ratio of neighbouring magnifications that are tried
@@ -59,7 +59,7 @@ def microscope_at(cell: Workcell, magnification: float) -> Microscope:
     )
 
 
-def zoom_range(cell: Workcell, shape: Shape, place: Place) -> ZoomRange:
+def zoom_range(cell: Workcell, shape: TargetShape, place: Place) -> ZoomRange:
     """Return the magnifications that show a target, in closed form.
 
     At least those that give the finest detail FINEST_PX pixels of the camera's pitch p,
@@ -142,7 +142,7 @@ def useful_ceiling(cell: Workcell) -> float | None:
 
 def magnifications(
     cell: Workcell,
-    shape: Shape,
+    shape: TargetShape,
     place: Place,
     current: float,
     report: Report,
@@ -210,7 +210,7 @@ def ladder(cell: Workcell) -> list[float]:
 
 def _report_field(
     cell: Workcell,
-    shape: Shape,
+    shape: TargetShape,
     place: Place,
     report: Report,
     origin: Origin,

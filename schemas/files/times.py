@@ -28,7 +28,7 @@ Readings = Mapping[str, Mapping[str, float | None]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Span:
+class StepTimes:
     """What one step takes, by what it waits for."""
 
     step: str
@@ -44,7 +44,7 @@ class Span:
         return self.axes_s + self.lens_s + self.frames_s + self.servo_s
 
 
-def spans(plan: Plan, world: World | None) -> list[Span]:
+def spans(plan: Plan, world: World | None) -> list[StepTimes]:
     """Return what each step takes: its looks by the plan, other moves by the axes.
 
     An alignment takes what its control says, approach and looks, the first among them;
@@ -106,9 +106,9 @@ def probes(plan: Plan, step: Step) -> bool:
     return False
 
 
-def _looks(step: Step) -> Span:
+def _looks(step: Step) -> StepTimes:
     """Return what a step's looks wait for, each seen at the first try."""
-    span = Span(step=step.id)
+    span = StepTimes(step=step.id)
     for look in step.looks:
         change = None if look.verdict is None else look.verdict.change
         if change is None:
@@ -132,7 +132,7 @@ def _servo_s(control: Control, own: Sequence[float | None], first_s: float) -> f
     return max(whole_s - first_s, 0.0)
 
 
-def _with_sweep(span: Span, step: Step, world: World | None) -> Span:
+def _with_sweep(span: StepTimes, step: Step, world: World | None) -> StepTimes:
     """Return a span with a verification's focus sweep, if it has one.
 
     It comes after the step's looks. Both of its ends are taken twice.
@@ -152,7 +152,7 @@ def _with_sweep(span: Span, step: Step, world: World | None) -> Span:
     )
 
 
-def _added(span: Span, what: str, time_s: float) -> Span:
+def _added(span: StepTimes, what: str, time_s: float) -> StepTimes:
     """Return a span with one thing more that is waited for."""
     if what.startswith(("zoom", "focus", "light")):
         return replace(span, lens_s=span.lens_s + time_s)

@@ -15,7 +15,7 @@ _FAR = 1e30  # beyond, differences and ratios might be no numbers any more
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Scale:
+class AxisScale:
     """Values from `low` to `high`, evenly or by their logarithms."""
 
     low: float
@@ -47,27 +47,27 @@ def bounded(value: float) -> float:
     return min(max(value, -_FAR), _FAR)
 
 
-def around(values: list[float], *, zero: bool = False) -> Scale:
+def around(values: list[float], *, zero: bool = False) -> AxisScale:
     """Return an even scale that holds all values, with a little room."""
     low, high = bounded(min(values)), bounded(max(values))
     if zero:
         low, high = min(low, 0.0), max(high, 0.0)
     room = 0.05 * (high - low) or abs(high) * 0.1 or 1.0
-    return Scale(low=low if zero and low == 0 else low - room, high=high + room)
+    return AxisScale(low=low if zero and low == 0 else low - room, high=high + room)
 
 
-def around_log(values: list[float], *, room: float = 1.5) -> Scale:
+def around_log(values: list[float], *, room: float = 1.5) -> AxisScale:
     """Return a logarithmic scale that holds all values above 0, `room` times more."""
     known = [min(max(value, 1 / _FAR), _FAR) for value in values if value > 0] or [1.0]
-    return Scale(low=min(known) / room, high=max(known) * room, log=True)
+    return AxisScale(low=min(known) / room, high=max(known) * room, log=True)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Axes:
+class ChartField:
     """The field of a chart between its two scales."""
 
-    across: Scale
-    up: Scale
+    across: AxisScale
+    up: AxisScale
     across_label: str
     up_label: str
     height: float = HEIGHT
@@ -100,7 +100,7 @@ class Axes:
         yield el("text", self.up_label, transform=turned, class_="mid")
 
 
-def _even(scale: Scale) -> list[float]:
+def _even(scale: AxisScale) -> list[float]:
     """Return multiples of 1, 2 or 5 times a power of ten."""
     rough = (scale.high - scale.low) / 5
     power = 10.0 ** math.floor(math.log10(rough))
@@ -109,7 +109,7 @@ def _even(scale: Scale) -> list[float]:
     return [k * step for k in range(first, last + 1)]
 
 
-def _decades(scale: Scale) -> list[float]:
+def _decades(scale: AxisScale) -> list[float]:
     """Return powers of ten, with 2 and 5 between them where there are few."""
     first, last = math.floor(math.log10(scale.low)), math.ceil(math.log10(scale.high))
     steps = (1, 2, 5) if last - first <= 3 else (1,)

@@ -6,10 +6,17 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from microplan.schemas.page.axes import WIDTH, Axes, Scale, bounded
+from microplan.schemas.page.axes import WIDTH, AxisScale, ChartField, bounded
 from microplan.schemas.page.elements import Element, el, visible
 from microplan.schemas.page.figures import number
-from microplan.schemas.page.labels import Box, Name, Segment, placed, shortened, width
+from microplan.schemas.page.labels import (
+    Box,
+    PointLabel,
+    Segment,
+    placed,
+    shortened,
+    width,
+)
 from microplan.schemas.page.page import chart
 
 _ROW = 31.0  # height of a bar with its label
@@ -24,7 +31,7 @@ _GAP = 3.0  # between words and a line that is broken at them
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Point:
+class ChartPoint:
     """One point of a chart."""
 
     x: float
@@ -47,7 +54,7 @@ class Bar:
 def curve(
     title: str,
     description: str,
-    axes: Axes,
+    axes: ChartField,
     points: Sequence[tuple[float, float]],
     *,
     here: float | None = None,
@@ -78,8 +85,8 @@ def curve(
 def scatter(
     title: str,
     description: str,
-    axes: Axes,
-    points: Sequence[Point],
+    axes: ChartField,
+    points: Sequence[ChartPoint],
     *,
     front: Sequence[tuple[float, float]] = (),
     chosen: tuple[float, float] | None = None,
@@ -130,7 +137,7 @@ def bars(
         else max([*ends, 1.22 * bounded(limit or 0.0), 1e-12]) * 1.02
     )
     low = bounded(least)
-    scale = Scale(low=low, high=max(high, low + max(1e-9, 1e-9 * abs(low))))
+    scale = AxisScale(low=low, high=max(high, low + max(1e-9, 1e-9 * abs(low))))
     bottom = len(rows) * _ROW + 4
     labels = [_label(row) for row in rows]
     words = [b for k in range(len(rows)) for b in _words(labels[k], rows[k], k * _ROW)]
@@ -207,20 +214,20 @@ def _bar(
     return drawn
 
 
-def _limit_ends(axes: Axes, limit: float) -> Segment:
+def _limit_ends(axes: ChartField, limit: float) -> Segment:
     """Return where the line of a limit upwards begins and ends."""
     y = axes.y(limit)
     return (axes.x(axes.across.low), y), (axes.x(axes.across.high), y)
 
 
-def _limit_line(axes: Axes, limit: float) -> Element:
+def _limit_line(axes: ChartField, limit: float) -> Element:
     """Return the line of a limit upwards."""
     (x0, y), (x1, _) = _limit_ends(axes, limit)
     return el("line", x1=x0, x2=x1, y1=y, y2=y, class_="limit")
 
 
 def _limit_name(
-    axes: Axes,
+    axes: ChartField,
     limit: float,
     name: str,
     paths: Sequence[Segment],
@@ -258,7 +265,7 @@ def _about(x: float, y: float, radius: float) -> Box:
     return Box(left=x, top=y, right=x, bottom=y).grown(radius)
 
 
-def _point(axes: Axes, point: Point) -> Element:
+def _point(axes: ChartField, point: ChartPoint) -> Element:
     """Return a point that tells its name when pointed at."""
     x, y = axes.x(point.x), axes.y(point.y)
     if point.kind == "cross":
@@ -268,7 +275,7 @@ def _point(axes: Axes, point: Point) -> Element:
 
 
 def _stairs(
-    axes: Axes, front: Sequence[tuple[float, float]]
+    axes: ChartField, front: Sequence[tuple[float, float]]
 ) -> list[tuple[float, float]]:
     """Return the front as stairs: what nothing cheaper is as accurate as."""
     ordered = sorted(front)
@@ -279,8 +286,8 @@ def _stairs(
 
 
 def _names(
-    axes: Axes,
-    points: Sequence[Point],
+    axes: ChartField,
+    points: Sequence[ChartPoint],
     chosen: tuple[float, float] | None,
     taken: Sequence[Box],
     lines: Sequence[Segment],
@@ -295,7 +302,7 @@ def _names(
     named = [point for point in points if point.named]
     found = placed(
         [
-            Name(
+            PointLabel(
                 at=(axes.x(p.x), axes.y(p.y)),
                 width=width(visible(p.named), _SIZE),
                 mark=_PICK if (p.x, p.y) == chosen else _MARK,

@@ -103,7 +103,7 @@ class Box:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Name:
+class PointLabel:
     """The name of a point, which has a mark about it."""
 
     at: Spot
@@ -112,7 +112,7 @@ class Name:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Placed:
+class PlacedLabel:
     """Where a name stands; `leader` runs from its mark to it where that is far."""
 
     box: Box
@@ -136,13 +136,13 @@ def shortened(text: str, size: float, room: float) -> str:
 
 
 def placed(
-    names: Sequence[Name],
+    names: Sequence[PointLabel],
     *,
     height: float,
     field: Box,
     taken: Sequence[Box] = (),
     lines: Sequence[Segment] = (),
-) -> list[Placed | None]:
+) -> list[PlacedLabel | None]:
     """Return where names stand: in the field, on no mark and on no other name.
 
     Parameters
@@ -167,7 +167,7 @@ def placed(
         _options(name, height, field, taken, lines, [n for n in names if n is not name])
         for name in names
     ]
-    best: list[Placed | None] = []
+    best: list[PlacedLabel | None] = []
     least, hopeless = math.inf, sum(not own for own in options)
     for k, order in enumerate(_orders(len(names))):
         if k >= min(len(names), _MOST_FIRST) and least < (hopeless + 1) * _NONE:
@@ -190,15 +190,15 @@ def _orders(count: int) -> Iterator[tuple[int, ...]]:
         yield from islice(permutations(plain), _MOST_ORDERS)
 
 
-_Option = tuple[float, Placed]  # how bad a place is
+_Option = tuple[float, PlacedLabel]  # how bad a place is
 
 
 def _in_order(
     options: Sequence[Sequence[_Option]],
-) -> tuple[list[Placed | None], float]:
+) -> tuple[list[PlacedLabel | None], float]:
     """Return the best place of each name that those before it leave, and the sum."""
     words, leaders, total = list[Box](), list[Segment](), 0.0
-    found = list[Placed | None]()
+    found = list[PlacedLabel | None]()
     for own in options:
         cost, place = next(
             (option for option in own if _free(option[1], words, leaders)),
@@ -212,7 +212,7 @@ def _in_order(
     return found, total
 
 
-def _free(place: Placed, words: Sequence[Box], leaders: Sequence[Segment]) -> bool:
+def _free(place: PlacedLabel, words: Sequence[Box], leaders: Sequence[Segment]) -> bool:
     """Return whether neither a name nor its leader meets those that stand there."""
     leader = place.leader
     return not (
@@ -223,12 +223,12 @@ def _free(place: Placed, words: Sequence[Box], leaders: Sequence[Segment]) -> bo
 
 
 def _options(
-    name: Name,
+    name: PointLabel,
     height: float,
     field: Box,
     marks: Sequence[Box],
     lines: Sequence[Segment],
-    others: Sequence[Name],
+    others: Sequence[PointLabel],
 ) -> list[_Option]:
     """Return the places of a name that cover no mark, the best first."""
     (x, y), at = name.at, name.mark + 1e-9
@@ -245,11 +245,11 @@ def _options(
             continue
         cost = gap + _CROSSED * sum(map(box.crossed, lines))
         cost += _UNCLEAR if unclear else 0.0
-        found.append((cost, Placed(box=box, leader=leader)))
+        found.append((cost, PlacedLabel(box=box, leader=leader)))
     return sorted(found, key=lambda option: option[0])
 
 
-def _tried(name: Name, height: float, field: Box) -> Iterator[tuple[float, Box]]:
+def _tried(name: PointLabel, height: float, field: Box) -> Iterator[tuple[float, Box]]:
     """Yield gaps and boxes in the field about a mark, from near to far."""
     (x, y), wide, tall = name.at, name.width, height
     if wide > field.right - field.left or tall > field.bottom - field.top:
@@ -277,13 +277,13 @@ def _side(share: float) -> int:
     return 0 if abs(share) < _SLANT else int(math.copysign(1, share))
 
 
-def _gap(name: Name, box: Box) -> float:
+def _gap(name: PointLabel, box: Box) -> float:
     """Return how far a mark's rim is from a box."""
     (x, y), (u, v) = name.at, box.nearest(name.at)
     return math.hypot(u - x, v - y) - name.mark
 
 
-def _leader(name: Name, box: Box) -> Segment:
+def _leader(name: PointLabel, box: Box) -> Segment:
     """Return the line from a mark's rim to the nearest point of a name's box."""
     (x, y), (u, v) = name.at, box.nearest(name.at)
     far = math.hypot(u - x, v - y) or 1.0

@@ -8,7 +8,7 @@ from typing import Any, NoReturn
 from microplan.schemas.page.console import say
 
 
-class Version(argparse.Action):
+class VersionOption(argparse.Action):
     """Prints the version and ends the call, as --help does.
 
     It is looked up where it is asked for: that takes a while.
@@ -31,7 +31,7 @@ def add_version(parser: argparse.ArgumentParser) -> None:
     """Add --version."""
     parser.add_argument(
         "--version",
-        action=Version,
+        action=VersionOption,
         dest=argparse.SUPPRESS,
         default=argparse.SUPPRESS,
         help="print the version, and do nothing else",

@@ -14,7 +14,7 @@ import pytest
 from microplan.arrays import FloatArray
 from microplan.featuresel.features.contour import with_contour
 from microplan.featuresel.look.nominal import nominal_render
-from microplan.featuresel.look.scenario import LookCase, Spread
+from microplan.featuresel.look.scenario import LookCase, TrialSpread
 from microplan.featuresel.routines.contract import (
     Artifact,
     Failure,
@@ -41,7 +41,7 @@ MICROSCOPE = Microscope(
     height_px=480,
 )
 SENSOR = Sensor(full_well_e=10_000, read_noise_e=10, bits=8)
-SPREAD = Spread(
+SPREAD = TrialSpread(
     focus_sigma_um=4,
     magnification_sigma=0.005,
     light_gain=(0.7, 1.3),
@@ -303,7 +303,7 @@ def guess(case: LookCase, routine: Routine, dx: float, dy: float) -> Guess:
     """Return the nominal place, or for what needs a seed one .1 px off the true."""
     column, row = case.target.column, case.target.row
     theta = None if case.theta_any else case.theta_rad
-    if "xy" in routine.NEEDS:
+    if "xy" in routine.REQUIRES:
         k = case.target.px_per_um
         column, row = column + dx * k + 0.1, row - dy * k - 0.1
     return Guess(column=column, row=row, theta_rad=theta)

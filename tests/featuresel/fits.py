@@ -14,8 +14,11 @@ from microplan.featuresel.look.nominal import NominalRender, nominal_render
 from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.routines.contract import Artifact, Guess
 from microplan.featuresel.routines.likelihood import defocus_pair, likelihood
-from microplan.featuresel.routines.likelihood.appearance import Pose
-from microplan.featuresel.routines.likelihood.comparison import Job, View
+from microplan.featuresel.routines.likelihood.appearance import ImagePose
+from microplan.featuresel.routines.likelihood.comparison import (
+    DefocusedImage,
+    ImageComparison,
+)
 from microplan.featuresel.routines.likelihood.fit_problem import read_job
 from tests.featuresel.conftest import CASES, noisy
 
@@ -47,13 +50,13 @@ class Drawn:
             zoom=self.zoom,
         )
 
-    def pose(self, case: LookCase) -> Pose:
+    def pose(self, case: LookCase) -> ImagePose:
         """Return where that is in the region."""
         column, row = case.frame.to_pixel(
             case.x_um + self.dx_um, case.y_um + self.dy_um
         )
         middle = case.frame.to_pixel(0.0, 0.0)
-        return Pose(
+        return ImagePose(
             column=middle[0] + (column - middle[0]) * self.zoom,
             row=middle[1] + (row - middle[1]) * self.zoom,
             turn_rad=self.theta_rad,
@@ -91,8 +94,8 @@ def pair_artifact(name: str) -> Artifact:
     return made
 
 
-def job(name: str, image: FloatArray) -> Job:
-    return read_job((View(image=image),), artifact(name))
+def job(name: str, image: FloatArray) -> ImageComparison:
+    return read_job((DefocusedImage(image=image),), artifact(name))
 
 
 def draw(name: str, rng: np.random.Generator, *, z_um: float = 0.0) -> Drawn:
@@ -107,7 +110,7 @@ def photo(name: str, drawn: Drawn, rng: np.random.Generator) -> FloatArray:
     return noisy(case(name), drawn.render(render(name)), rng)
 
 
-def near(pose: Pose, *, column: float = 0.0, row: float = 0.0) -> Guess:
+def near(pose: ImagePose, *, column: float = 0.0, row: float = 0.0) -> Guess:
     """Return a guess off the true place, that knows nothing else."""
     return Guess(column=pose.column + column, row=pose.row + row)
 

@@ -6,21 +6,21 @@ from dataclasses import replace
 from pathlib import Path
 
 from microplan.planner.assembly.step_states import unfold
-from microplan.planner.budget.budget import Sighted
-from microplan.planner.budget.measurement_history import Memory
-from microplan.planner.budget.placement import Putting, putting_of
+from microplan.planner.budget.budget import PastMeasurement
+from microplan.planner.budget.measurement_history import MeasurementHistory
+from microplan.planner.budget.placement import PlacementContext, putting_of
 from microplan.planner.budget.placement_budget import place_budget
-from microplan.planner.looks.look_problem import Effects
+from microplan.planner.looks.look_problem import CompileContext
 from microplan.planner.source.diagnostics import Report
 from microplan.planner.task.presets import PRESETS
 from microplan.planner.task.read_task import load_task
-from microplan.planner.task.task import Step, Task
+from microplan.planner.task.task import Task, TaskStep
 from microplan.schemas.plan import Budget
 from microplan.schemas.plan.verdicts import PlacingVerdict
 from tests.planner.examples import ROOT
 
 EXAMPLE = ROOT / "examples" / "laser_die" / "task.yaml"
-EFFECTS = Effects(effort=PRESETS["fast"], max_image_error=0.005, map=map)
+EFFECTS = CompileContext(effort=PRESETS["fast"], max_image_error=0.005, map=map)
 
 
 def read(file: Path = EXAMPLE) -> Task:
@@ -40,17 +40,17 @@ def both(file: Path = EXAMPLE) -> Task:
 
 def look(
     name: str, step: str, sigma_um: float, sigma_theta_rad: float | None = None
-) -> Sighted:
+) -> PastMeasurement:
     """Return a look at 5 x, at the middle of the field."""
-    return Sighted(
+    return PastMeasurement(
         name=name, step=step, sigma_um=sigma_um, sigma_theta_rad=sigma_theta_rad,
         magnification=5.0, focus_um=0.0, distortion_sigma_um=0.0, coherence_um=0.0,
     )  # fmt: skip
 
 
-def memory(within_um: float = 0.4) -> Memory:
+def memory(within_um: float = 0.4) -> MeasurementHistory:
     """Return what the example's looks leave before the release, in round numbers."""
-    return Memory(
+    return MeasurementHistory(
         magnification=5.0,
         seen={
             "die": look("die.outline", "die_in_fingers", 0.02, sigma_theta_rad=2e-4),
@@ -62,14 +62,16 @@ def memory(within_um: float = 0.4) -> Memory:
     )
 
 
-def placed(task: Task, known: Memory) -> tuple[Budget, PlacingVerdict] | None:
+def placed(
+    task: Task, known: MeasurementHistory
+) -> tuple[Budget, PlacingVerdict] | None:
     """Return the budget and the verdict of the example's release: takes seconds."""
     states = unfold(task, Report())
     here = next(state for state in states if state.step.verb == "release")
     return place_budget(task, states, here, known, EFFECTS)
 
 
-def put(task: Task, known: Memory) -> Putting | None:
+def put(task: Task, known: MeasurementHistory) -> PlacementContext | None:
     """Return what the example's release puts where."""
     states = unfold(task, Report())
     here = next(state for state in states if state.step.verb == "release")
@@ -79,7 +81,7 @@ def put(task: Task, known: Memory) -> Putting | None:
 def with_step(task: Task, name: str, **changes: object) -> Task:
     """Return the task with keys of one step changed."""
 
-    def changed(step: Step) -> Step:
+    def changed(step: TaskStep) -> TaskStep:
         return replace(step, **changes) if step.id == name else step  # type: ignore[arg-type]  # keys of Step
 
     return replace(task, steps=tuple(map(changed, task.steps)))

@@ -10,7 +10,7 @@ import numpy as np
 from microplan.arrays import BoolArray, FloatArray
 from microplan.featuresel.routines import work
 from microplan.featuresel.routines.circle.circle_fit import (
-    Circle,
+    FittedCircle,
     fit_centre,
     fit_circle,
 )
@@ -19,8 +19,8 @@ from microplan.featuresel.routines.contract import (
     Artifact,
     Failure,
     Guess,
-    Known,
     Measurement,
+    PoseTerm,
     Render,
     Target,
     TargetKind,
@@ -28,7 +28,7 @@ from microplan.featuresel.routines.contract import (
 from microplan.featuresel.routines.picture import refused
 from microplan.featuresel.routines.sampling import (
     STEP_PX,
-    Edges,
+    LineEdges,
     best_width,
     cubic,
     edge_kernel,
@@ -39,11 +39,11 @@ from microplan.featuresel.routines.sampling import (
 NAME = "circle_caliper"
 VERSION = "3"
 KINDS: tuple[TargetKind, ...] = ("circle", "teeth")
-GIVES: tuple[Known, ...] = ("xy",)
-NEEDS: tuple[Known, ...] = ()
+PROVIDES: tuple[PoseTerm, ...] = ("xy",)
+REQUIRES: tuple[PoseTerm, ...] = ()
 CAPTURE_PX = math.inf
-CONTROL = False
-DEAR = False
+BASELINE = False
+EXPENSIVE = False
 
 _FAINT = 0.02  # step height below which an edge drowns in 8 bits and shot noise
 _WEAKEST = 0.3  # of the predicted step: light falls to .7, focus errors take the rest
@@ -196,7 +196,9 @@ def _search(image: FloatArray, artifact: Artifact, guess: Guess) -> Guess | Fail
     return Guess(column=column, row=row)
 
 
-def _refine(image: FloatArray, artifact: Artifact, seed: Guess) -> Circle | Failure:
+def _refine(
+    image: FloatArray, artifact: Artifact, seed: Guess
+) -> FittedCircle | Failure:
     """Return the circle through edges near it, sought again from the better centre."""
     p = artifact.parameters
     column, row, radius = seed.column, seed.row, p["seen_px"]
@@ -229,7 +231,7 @@ def _cast(
     radius_px: float,
     half_px: float,
     angles: FloatArray,
-) -> tuple[Edges, FloatArray, FloatArray]:
+) -> tuple[LineEdges, FloatArray, FloatArray]:
     """Return the edge on each ray about `at` and where it is."""
     p = artifact.parameters
     offsets = line_samples(half_px, p["width_px"])
@@ -246,12 +248,12 @@ def _cast(
     return edges, at.column + cos * distance, at.row - sin * distance
 
 
-def _strong(edges: Edges, step: float) -> BoolArray:
+def _strong(edges: LineEdges, step: float) -> BoolArray:
     """Return which rays carry an edge of about the predicted height."""
     return edges.found & (edges.strength > max(_WEAKEST * step, _FAINT / 2))
 
 
-def _few(good: BoolArray, edges: Edges) -> Failure:
+def _few(good: BoolArray, edges: LineEdges) -> Failure:
     """Return the failure of a circle with too few edges."""
     if not good.any():
         return Failure(

@@ -14,7 +14,7 @@ _SETTLED_PX = 1e-10  # a step after which the next changes nothing that is seen
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Circle:
+class FittedCircle:
     """A circle and the points that made it."""
 
     column: float
@@ -54,7 +54,7 @@ def fit_centre(
 
 def fit_circle(
     columns: FloatArray, rows: FloatArray, start: tuple[float, float, float]
-) -> Circle:
+) -> FittedCircle:
     """Return the circle through most of the points, geometric least squares.
 
     Parameters
@@ -92,7 +92,7 @@ def fit_circle(
     rms = float(np.sqrt(np.mean((residual[used] - residual[used].mean()) ** 2)))
     inverse = np.linalg.pinv(jacobian[used].T @ jacobian[used])
     spread = rms * float(np.sqrt((inverse[0, 0] + inverse[1, 1]) / 2))
-    return Circle(
+    return FittedCircle(
         column=float(pose[0]),
         row=float(pose[1]),
         radius_px=float(pose[2]),

@@ -13,8 +13,8 @@ from microplan.featuresel.routines.contract import (
     Artifact,
     Failure,
     Guess,
-    Known,
     Measurement,
+    PoseTerm,
     Render,
     Target,
     TargetKind,
@@ -24,11 +24,11 @@ from microplan.featuresel.routines.picture import refused
 NAME = "hough"
 VERSION = "1"
 KINDS: tuple[TargetKind, ...] = ("circle", "teeth")
-GIVES: tuple[Known, ...] = ("xy",)
-NEEDS: tuple[Known, ...] = ()
+PROVIDES: tuple[PoseTerm, ...] = ("xy",)
+REQUIRES: tuple[PoseTerm, ...] = ()
 CAPTURE_PX = math.inf
-CONTROL = True
-DEAR = False
+BASELINE = True
+EXPENSIVE = False
 
 _FAINT = 0.1  # span of values below which there is no edge to vote
 _RADIUS_OFF = 0.1  # of the radius, at least 1 px

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from microplan.arrays import FloatArray
-from microplan.featuresel.routines.circle.circle_fit import Circle
+from microplan.featuresel.routines.circle.circle_fit import FittedCircle
 from microplan.featuresel.routines.circle.rim import CAPTURE_PX as _AWAY_PX
 from microplan.featuresel.routines.circle.rim import approach, approach_work
 from microplan.featuresel.routines.circle.rim_plan import placed, prepare_rim
@@ -20,8 +20,8 @@ from microplan.featuresel.routines.contract import (
     Artifact,
     Failure,
     Guess,
-    Known,
     Measurement,
+    PoseTerm,
     Render,
     Target,
     TargetKind,
@@ -30,11 +30,11 @@ from microplan.featuresel.routines.contract import (
 NAME = "iso_circle"
 VERSION = "2"
 KINDS: tuple[TargetKind, ...] = ("circle", "teeth")
-GIVES: tuple[Known, ...] = ("xy",)
-NEEDS: tuple[Known, ...] = ("xy",)
+PROVIDES: tuple[PoseTerm, ...] = ("xy",)
+REQUIRES: tuple[PoseTerm, ...] = ("xy",)
 CAPTURE_PX = _AWAY_PX
-CONTROL = False
-DEAR = False
+BASELINE = False
+EXPENSIVE = False
 
 _RADIUS_OFF = 0.1  # of the radius, at least 1 px: as far as blur and zoom may move it
 _USED = 0.5  # of the points must fit the circle
@@ -93,7 +93,7 @@ def _centre(
 
 def _fit(
     image: FloatArray, p: Mapping[str, float], guess: Guess
-) -> tuple[Circle, float] | Failure:
+) -> tuple[FittedCircle, float] | Failure:
     """Return the circle and the spread of its centre."""
     found = approach(image, p, guess)
     if isinstance(found, Failure):

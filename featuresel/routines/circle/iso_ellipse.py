@@ -17,8 +17,8 @@ from microplan.featuresel.routines.contract import (
     Artifact,
     Failure,
     Guess,
-    Known,
     Measurement,
+    PoseTerm,
     Render,
     Target,
     TargetKind,
@@ -28,11 +28,11 @@ from microplan.featuresel.routines.sampling import median
 NAME = "iso_ellipse"
 VERSION = "2"
 KINDS: tuple[TargetKind, ...] = ("circle", "teeth")
-GIVES: tuple[Known, ...] = ("xy",)
-NEEDS: tuple[Known, ...] = ("xy",)
+PROVIDES: tuple[PoseTerm, ...] = ("xy",)
+REQUIRES: tuple[PoseTerm, ...] = ("xy",)
 CAPTURE_PX = _AWAY_PX
-CONTROL = False
-DEAR = False
+BASELINE = False
+EXPENSIVE = False
 
 _RADIUS_OFF = 0.1  # of the radius, at least 1 px: as far as blur and zoom may move it
 _FLAT = 1.1  # long axis over short one, at most: what leans so much is another thing

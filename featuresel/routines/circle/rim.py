@@ -11,7 +11,7 @@ import numpy as np
 
 from microplan.arrays import BoolArray, FloatArray
 from microplan.featuresel.routines import work
-from microplan.featuresel.routines.circle.circle_fit import Circle, fit_circle
+from microplan.featuresel.routines.circle.circle_fit import FittedCircle, fit_circle
 from microplan.featuresel.routines.circle.iso_lines import crossings
 from microplan.featuresel.routines.contract import Failure, Guess
 from microplan.featuresel.routines.picture import refused
@@ -107,7 +107,7 @@ def rim_points(
 
 def approach(
     image: FloatArray, p: Mapping[str, float], guess: Guess
-) -> tuple[RimPoints, Circle] | Failure:
+) -> tuple[RimPoints, FittedCircle] | Failure:
     """Return the points and the circle through them, sought until its centre stays.
 
     The level is that of two rings about the last centre. Where blur reaches them it

@@ -9,12 +9,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from microplan.arrays import FloatArray
-from microplan.featuresel.routines.contour.fit import Fit, Lines, cast, fit
-from microplan.featuresel.routines.contour.model import ROUND, Model, rim_px, turned
+from microplan.featuresel.routines.contour.fit import ContourFit, Lines, cast, fit
+from microplan.featuresel.routines.contour.model import (
+    ROUND,
+    ContourModel,
+    rim_px,
+    turned,
+)
 from microplan.featuresel.routines.contour.polarity import Prediction, place, worth
 from microplan.featuresel.routines.contour.search import (
     Field,
-    Pose,
+    ScoredPose,
     field,
     gradients,
     score,
@@ -40,7 +45,7 @@ _AWAY = 0.5  # of the search: so far what stands still is seen elsewhere by the 
 _WAYS = ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0))
 
 
-def floor(image: FloatArray, points: FloatArray, at: Pose, shrink: int) -> float:
+def floor(image: FloatArray, points: FloatArray, at: ScoredPose, shrink: int) -> float:
     """Return the size below which gradients count for their part: the middle one.
 
     Of the points on the nominal image. Lower, and directions alone would agree all over
@@ -54,7 +59,7 @@ def floor(image: FloatArray, points: FloatArray, at: Pose, shrink: int) -> float
 
 
 def coarsest(
-    image: FloatArray, points: FloatArray, at: Pose, floors: dict[int, float]
+    image: FloatArray, points: FloatArray, at: ScoredPose, floors: dict[int, float]
 ) -> int:
     """Return how far the image may be shrunk for most points to be seen."""
     extent = rim_px(points)
@@ -73,12 +78,12 @@ class Views:
 
     render: LookModel
     target: Target
-    model: Model
+    model: ContourModel
     tells_turn: bool
 
     def at(
         self, dx_px: float, dy_px: float, rolled_px: float, dz_um: float = 0.0
-    ) -> tuple[FloatArray, Pose]:
+    ) -> tuple[FloatArray, ScoredPose]:
         """Return the image and the pose; what cannot be told turns anyhow.
 
         `rolled_px` is that of the rim, or, of turns that cannot be told, the share of
@@ -93,7 +98,7 @@ class Views:
         image = self.render(
             dx_um=dx_px / k, dy_um=dy_px / k, theta_rad=turn, dz_um=dz_um
         )
-        pose = Pose(
+        pose = ScoredPose(
             column=target.column + dx_px,
             row=target.row - dy_px,
             theta_rad=target.theta_rad + seen_turn,
@@ -120,7 +125,7 @@ def calibrated(
 
 
 def _mean_lines(
-    views: Views, shown: Sequence[tuple[FloatArray, Pose]], width_px: float
+    views: Views, shown: Sequence[tuple[FloatArray, ScoredPose]], width_px: float
 ) -> Lines:
     """Return the edges as they are in the mean of the images."""
     points = views.model.points
@@ -147,7 +152,7 @@ def _mean_lines(
 
 
 def _bias(
-    views: Views, lines: Lines, shown: Sequence[tuple[FloatArray, Pose]]
+    views: Views, lines: Lines, shown: Sequence[tuple[FloatArray, ScoredPose]]
 ) -> tuple[float, float] | None:
     """Return the rms of a fit's bias, px per axis and rad, see `calibrated`."""
     off_px = _AWAY * views.target.search_px
@@ -166,11 +171,11 @@ def _bias(
 
 
 def _error(
-    lines: Lines, image: FloatArray, pose: Pose
+    lines: Lines, image: FloatArray, pose: ScoredPose
 ) -> tuple[float, float, float] | None:
     """Return how far a fit is off, px and rad; None if it fails."""
     found = fit(image, lines, pose)
-    if not isinstance(found, Fit):
+    if not isinstance(found, ContourFit):
         return None
     turn = found.theta_rad - pose.theta_rad
     return (found.column - pose.column, found.row - pose.row, turn)

@@ -10,10 +10,10 @@ import numpy as np
 from microplan.arrays import BoolArray, FloatArray
 from microplan.featuresel.routines import work
 from microplan.featuresel.routines.contour.model import turned
-from microplan.featuresel.routines.contour.search import Pose
+from microplan.featuresel.routines.contour.search import ScoredPose
 from microplan.featuresel.routines.contract import Failure
 from microplan.featuresel.routines.sampling import (
-    Edges,
+    LineEdges,
     edge_kernel,
     find_edges,
     line_samples,
@@ -31,7 +31,7 @@ _NOISE_PX = 0.05  # of one edge, which a known zoom is weighed against
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Fit:
+class ContourFit:
     """A pose by least squares, with its standard deviations."""
 
     column: float
@@ -55,7 +55,7 @@ class Lines:
     turns: bool  # whether the angle is fitted
 
 
-def fit(image: FloatArray, lines: Lines, start: Pose) -> Fit | Failure:
+def fit(image: FloatArray, lines: Lines, start: ScoredPose) -> ContourFit | Failure:
     """Return the pose that the edges near `start` ask for.
 
     Fails with "outside" if too little is in view, "few_edges" if too few edges agree.
@@ -81,7 +81,7 @@ def fit(image: FloatArray, lines: Lines, start: Pose) -> Fit | Failure:
         pose = pose + (change[0], -change[1], change[2], change[3])
     rms = math.sqrt(float(np.mean((moved - design @ change)[used] ** 2)))
     variance = rms**2 * np.diag(inverse)
-    return Fit(
+    return ContourFit(
         column=float(pose[0]),
         row=float(pose[1]),
         theta_rad=float(pose[2]),
@@ -105,7 +105,7 @@ def fit_work(lines: Lines) -> float:
 
 def cast(
     image: FloatArray, lines: Lines, pose: FloatArray, half_px: float
-) -> tuple[Edges, BoolArray]:
+) -> tuple[LineEdges, BoolArray]:
     """Return the edges from dark to bright through all points, and who is in view.
 
     `pose` is (column, row, angle, scale); offsets are from the edges drawn.

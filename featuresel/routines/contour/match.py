@@ -15,12 +15,17 @@ from microplan.featuresel.routines.contour.calibrate import (
     coarsest,
     floor,
 )
-from microplan.featuresel.routines.contour.fit import Fit, Lines, fit, fit_work
-from microplan.featuresel.routines.contour.model import ROUND, Model, build, rim_px
+from microplan.featuresel.routines.contour.fit import ContourFit, Lines, fit, fit_work
+from microplan.featuresel.routines.contour.model import (
+    ROUND,
+    ContourModel,
+    build,
+    rim_px,
+)
 from microplan.featuresel.routines.contour.polarity import predict
 from microplan.featuresel.routines.contour.search import (
     Field,
-    Pose,
+    ScoredPose,
     climb,
     climb_work,
     field,
@@ -35,9 +40,9 @@ from microplan.featuresel.routines.contract import (
     Artifact,
     Failure,
     Guess,
-    Known,
     LookModel,
     Measurement,
+    PoseTerm,
     Target,
     TargetKind,
 )
@@ -46,11 +51,11 @@ from microplan.featuresel.routines.picture import refused
 NAME = "contour_match"
 VERSION = "1"
 KINDS: tuple[TargetKind, ...] = ("circle", "teeth", "outline", "jaws")
-GIVES: tuple[Known, ...] = ("xy", "theta")
-NEEDS: tuple[Known, ...] = ()
+PROVIDES: tuple[PoseTerm, ...] = ("xy", "theta")
+REQUIRES: tuple[PoseTerm, ...] = ()
 CAPTURE_PX = math.inf
-CONTROL = False
-DEAR = False
+BASELINE = False
+EXPENSIVE = False
 
 _FAINT_SCORE = 0.1  # of gradients, where the search ends: light and blur take the rest
 _LEAST_SCORE = 0.5  # of their directions, at the end: noise and blur leave .7 and more
@@ -75,7 +80,7 @@ def prepare(render: LookModel, target: Target) -> Artifact | Failure:
             code="no_edge",
             message=f"{count} edge points can be relied on, at least {_FEWEST}",
         )
-    at = Pose(
+    at = ScoredPose(
         column=target.column, row=target.row, theta_rad=target.theta_rad, score=1.0
     )
     floors = {s: floor(image, model.points, at, s) for s in SHRINKS}
@@ -153,7 +158,7 @@ def cost(artifact: Artifact, pixels: int) -> float:
     return total + fit_work(_lines(artifact, points))
 
 
-def _turns(model: Model, target: Target) -> bool:
+def _turns(model: ContourModel, target: Target) -> bool:
     """Return whether the angle can be told."""
     if model.order == 1:
         return True
@@ -192,7 +197,7 @@ def _angles(p: Mapping[str, float], points: FloatArray) -> FloatArray:
 
 def _matched(
     image: FloatArray, artifact: Artifact, points: FloatArray, guess: Guess
-) -> Pose | Failure:
+) -> ScoredPose | Failure:
     """Return the best pose to about a pixel, at the turn that the edges confirm."""
     p = artifact.parameters
     shrink = int(p["shrink"])
@@ -223,7 +228,11 @@ def _matched(
 
 
 def _differs(
-    found: Field, points: FloatArray, best: Pose, other: Pose, p: Mapping[str, float]
+    found: Field,
+    points: FloatArray,
+    best: ScoredPose,
+    other: ScoredPose,
+    p: Mapping[str, float],
 ) -> bool:
     """Return whether there is a valley between two poses, but for whole periods."""
     period = 2 * math.pi / max(p["order"], 1.0)
@@ -246,7 +255,7 @@ def _differs(
 
 
 def _misplaced(
-    fitted: Fit, artifact: Artifact, guess: Guess, pose: Pose
+    fitted: ContourFit, artifact: Artifact, guess: Guess, pose: ScoredPose
 ) -> Failure | None:
     """Return why the fit cannot be the target, if it cannot."""
     p = artifact.parameters
@@ -265,7 +274,7 @@ def _misplaced(
 
 
 def _answer(
-    image: FloatArray, artifact: Artifact, points: FloatArray, fitted: Fit
+    image: FloatArray, artifact: Artifact, points: FloatArray, fitted: ContourFit
 ) -> Measurement | Failure:
     """Return the measurement; its score is how well directions agree at the end."""
     p = artifact.parameters

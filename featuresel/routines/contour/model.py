@@ -30,7 +30,7 @@ _ANY_RAD = tuple(0.11 + 2 * math.pi * k / 31 for k in range(31))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Model:
+class ContourModel:
     """What is matched, and what turns do to it."""
 
     points: FloatArray  # (N, 5), see the module
@@ -38,7 +38,7 @@ class Model:
     breaking: BoolArray  # (N,) points that tell one turn of the symmetry from another
 
 
-def build(target: Target, seen: Prediction) -> Model:
+def build(target: Target, seen: Prediction) -> ContourModel:
     """Return the model of the edges that can be relied on; it may have no points."""
     contour = np.array(target.contour, dtype=np.float64).reshape(-1, 4)
     k = target.px_per_um
@@ -60,7 +60,7 @@ def build(target: Target, seen: Prediction) -> Model:
     order, breaking = _symmetry(thinned, drawn[own], target.symmetry)
     if target.kind == "circle":  # and nothing else, however little of it is seen
         order, breaking = ROUND, np.zeros_like(breaking)
-    return Model(points=points, order=order, breaking=breaking)
+    return ContourModel(points=points, order=order, breaking=breaking)
 
 
 def turned(points: FloatArray, theta_rad: float) -> FloatArray:

@@ -35,7 +35,7 @@ _WORTH = 0.7  # of the best score there: what is less is not followed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Pose:
+class ScoredPose:
     """A pose and its score: column and row px of the image, -1..1."""
 
     column: float
@@ -140,7 +140,7 @@ def search(
     angles_rad: FloatArray,
     *,
     closed: bool,
-) -> tuple[Pose, ...]:
+) -> tuple[ScoredPose, ...]:
     """Return the best poses apart from each other, the best first.
 
     Parameters
@@ -163,14 +163,14 @@ def search(
         found=found, points=points, near=near, steps=steps, angles_rad=angles_rad
     )
     scores = _scores(tried)
-    poses: list[Pose] = []
+    poses: list[ScoredPose] = []
     for _ in range(_TRIED):
         a, j, i = np.unravel_index(int(scores.argmax()), scores.shape)
         best = float(scores[a, j, i])
         if poses and best < _WORTH * poses[0].score:
             break
         poses.append(
-            Pose(
+            ScoredPose(
                 column=near[0] + (int(i) - steps) * found.shrink,
                 row=near[1] + (int(j) - steps) * found.shrink,
                 theta_rad=float(angles_rad[a]),
@@ -182,8 +182,8 @@ def search(
 
 
 def climb(
-    found: Field, points: FloatArray, start: Pose, turn_rad: float, *, turns: bool
-) -> Pose:
+    found: Field, points: FloatArray, start: ScoredPose, turn_rad: float, *, turns: bool
+) -> ScoredPose:
     """Return the best pose near `start`, by steps of one sample and `turn_rad`."""
     angles = start.theta_rad + turn_rad * np.arange(-2.0, 3.0)
     if not turns:
@@ -192,7 +192,7 @@ def climb(
     tried = _Tried(found=found, points=points, near=near, steps=2, angles_rad=angles)
     scores = _scores(tried)
     a, j, i = np.unravel_index(int(scores.argmax()), scores.shape)
-    return Pose(
+    return ScoredPose(
         column=start.column + (int(i) - 2) * found.shrink,
         row=start.row + (int(j) - 2) * found.shrink,
         theta_rad=float(angles[a]),
@@ -216,7 +216,7 @@ def climb_work(points: float, *, turns: bool) -> float:
 
 
 def scan(
-    found: Field, points: FloatArray, at: Pose, angles_rad: Sequence[float]
+    found: Field, points: FloatArray, at: ScoredPose, angles_rad: Sequence[float]
 ) -> FloatArray:
     """Return the scores (A,) of the angles at one place."""
     return np.array([score(found, points, at.column, at.row, a) for a in angles_rad])

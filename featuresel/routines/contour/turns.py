@@ -9,7 +9,7 @@ import numpy as np
 
 from microplan.arrays import FloatArray
 from microplan.featuresel.routines.contour.model import ROUND, rim_px
-from microplan.featuresel.routines.contour.search import Field, Pose, scan, score
+from microplan.featuresel.routines.contour.search import Field, ScoredPose, scan, score
 from microplan.featuresel.routines.contract import Artifact, Failure
 
 _RUNNER_UP = 0.6  # of the best turn's score, the most the second may reach
@@ -18,8 +18,8 @@ _SAME_PX = 3.0  # of the farthest edge: turns by less are not rivals
 
 
 def choose_turn(
-    fine: Field, artifact: Artifact, points: FloatArray, pose: Pose
-) -> Pose | Failure:
+    fine: Field, artifact: Artifact, points: FloatArray, pose: ScoredPose
+) -> ScoredPose | Failure:
     """Return the pose at the one turn of the symmetry that its breach confirms."""
     p = artifact.parameters
     breaking = points[artifact.arrays["breaking"] > 0]
@@ -46,13 +46,13 @@ def choose_turn(
             message=f"two turns of the symmetry score {scores[best]:.3f} "
             f"and {second:.3f}",
         )
-    return Pose(
+    return ScoredPose(
         column=pose.column, row=pose.row, theta_rad=angles[best], score=pose.score
     )
 
 
 def _turned(
-    p: Mapping[str, float], pose: Pose, breaking: FloatArray
+    p: Mapping[str, float], pose: ScoredPose, breaking: FloatArray
 ) -> Iterator[float]:
     """Yield the angles, within the range, that look alike but for the breach."""
     order = int(p["order"])

@@ -9,13 +9,13 @@ from microplan.featuresel.routines.contract import (
     Artifact,
     Failure,
     Guess,
-    Known,
     LookModel,
     Measurement,
+    PoseTerm,
     Target,
     TargetKind,
 )
-from microplan.featuresel.routines.edge.faces import Face
+from microplan.featuresel.routines.edge.faces import JawFace
 from microplan.featuresel.routines.edge.straight import (
     faces_work,
     measure_faces,
@@ -25,11 +25,11 @@ from microplan.featuresel.routines.edge.straight import (
 NAME = "corner"
 VERSION = "1"
 KINDS: tuple[TargetKind, ...] = ("corner",)
-GIVES: tuple[Known, ...] = ("xy", "theta")
-NEEDS: tuple[Known, ...] = ()
+PROVIDES: tuple[PoseTerm, ...] = ("xy", "theta")
+REQUIRES: tuple[PoseTerm, ...] = ()
 CAPTURE_PX = math.inf
-CONTROL = False
-DEAR = False
+BASELINE = False
+EXPENSIVE = False
 
 _OFF_PX, _OFF = 3.0, 0.2  # from the corner: px at least, and of the reach
 _LEAST_RAD = 0.2  # inside angle from which, and up to pi less, two lines meet well
@@ -66,9 +66,9 @@ def cost(artifact: Artifact, _pixels: int) -> float:
     return faces_work(artifact)
 
 
-def _leg(along_rad: float, near_px: float, far_px: float) -> Face:
+def _leg(along_rad: float, near_px: float, far_px: float) -> JawFace:
     """Return the leg off the corner in a direction; its normal is to its right."""
-    return Face(
+    return JawFace(
         normal=(math.sin(along_rad), -math.cos(along_rad)),
         offset_px=0.0,
         low_px=near_px,

@@ -13,13 +13,17 @@ from microplan.featuresel.routines.contract import (
     Artifact,
     Failure,
     Guess,
-    Known,
     Measurement,
+    PoseTerm,
     Render,
     Target,
     TargetKind,
 )
-from microplan.featuresel.routines.edge.faces import LINES_PX, Found, measure_face
+from microplan.featuresel.routines.edge.faces import (
+    LINES_PX,
+    MeasuredFace,
+    measure_face,
+)
 from microplan.featuresel.routines.edge.jaw_faces import (
     SIDES,
     TIPS,
@@ -33,11 +37,11 @@ from microplan.featuresel.routines.sampling import edge_kernel, line_samples
 NAME = "edge_caliper"
 VERSION = "2"
 KINDS: tuple[TargetKind, ...] = ("jaws",)
-GIVES: tuple[Known, ...] = ("xy", "theta")
-NEEDS: tuple[Known, ...] = ()
+PROVIDES: tuple[PoseTerm, ...] = ("xy", "theta")
+REQUIRES: tuple[PoseTerm, ...] = ()
 CAPTURE_PX = math.inf
-CONTROL = False
-DEAR = False
+BASELINE = False
+EXPENSIVE = False
 
 _TURN_STEP_RAD = math.radians(3)  # half of it moves a face's far end by 3 to 4 px
 _SPARSE = 4  # lines are skipped for the rough turn
@@ -86,7 +90,7 @@ def measure(
     p = artifact.parameters
     column, row = guess.column, guess.row
     theta = p["theta_rad"] + _rough_turn(image, p, guess)
-    found: dict[str, Found] = {}
+    found: dict[str, MeasuredFace] = {}
     for half in (p["search_px"], _NEAR_PX, _NEAR_PX):
         faces = _find(image, p, (column, row, theta), half)
         if isinstance(faces, Failure):
@@ -170,7 +174,7 @@ def _find(
     p: Mapping[str, float],
     at: tuple[float, float, float],
     half_px: float,
-) -> dict[str, Found] | Failure:
+) -> dict[str, MeasuredFace] | Failure:
     """Return the faces that were found; the inner ones and a tip must be among them."""
     found = {}
     for name in (*SIDES, *TIPS):
@@ -203,7 +207,7 @@ def _numbers(p: Mapping[str, float], name: str) -> dict[str, float]:
 
 
 def _pose(
-    found: Mapping[str, Found], p: Mapping[str, float]
+    found: Mapping[str, MeasuredFace], p: Mapping[str, float]
 ) -> tuple[float, float, float]:
     """Return (x, y, turn) of the grip against where it was sought, its own frame.
 
@@ -230,7 +234,7 @@ def _pose(
     return float(np.mean(xs)), float(np.mean(ys)), -turn
 
 
-def _scale(found: Mapping[str, Found], p: Mapping[str, float]) -> float:
+def _scale(found: Mapping[str, MeasuredFace], p: Mapping[str, float]) -> float:
     """Return zoom over nominal by the widths of fingers seen whole, 1 if none is.
 
     The fingers' width is as made; the opening is the gripper's and proves nothing.
@@ -246,7 +250,7 @@ def _scale(found: Mapping[str, Found], p: Mapping[str, float]) -> float:
 
 
 def _misplaced(
-    found: Mapping[str, Found],
+    found: Mapping[str, MeasuredFace],
     p: Mapping[str, float],
     guess: Guess,
     pose: tuple[float, float, float],

@@ -12,13 +12,13 @@ from microplan.featuresel.routines.contract import (
     Artifact,
     Failure,
     Guess,
-    Known,
     LookModel,
     Measurement,
+    PoseTerm,
     Target,
     TargetKind,
 )
-from microplan.featuresel.routines.edge.faces import Face
+from microplan.featuresel.routines.edge.faces import JawFace
 from microplan.featuresel.routines.edge.straight import (
     faces_work,
     measure_faces,
@@ -28,11 +28,11 @@ from microplan.featuresel.routines.edge.straight import (
 NAME = "edge_pair"
 VERSION = "1"
 KINDS: tuple[TargetKind, ...] = ("pair",)
-GIVES: tuple[Known, ...] = ("xy", "theta")
-NEEDS: tuple[Known, ...] = ()
+PROVIDES: tuple[PoseTerm, ...] = ("xy", "theta")
+REQUIRES: tuple[PoseTerm, ...] = ()
 CAPTURE_PX = math.inf
-CONTROL = False
-DEAR = False
+BASELINE = False
+EXPENSIVE = False
 
 _OFF_ENDS_PX = 2.0  # of the search, at both ends: corners are rounded by blur
 _MOST_OFF = 0.25  # of the length
@@ -45,10 +45,10 @@ def prepare(render: LookModel, target: Target) -> Artifact | Failure:
     long, wide = p["length_um"] * k, p["width_um"] * k
     half = long / 2 - min(target.search_px + _OFF_ENDS_PX, _MOST_OFF * long)
     faces = {
-        "right": Face(
+        "right": JawFace(
             normal=(1.0, 0.0), offset_px=wide / 2, low_px=-half, high_px=half
         ),
-        "left": Face(
+        "left": JawFace(
             normal=(-1.0, 0.0), offset_px=wide / 2, low_px=-half, high_px=half
         ),
     }

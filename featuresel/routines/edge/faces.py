@@ -19,7 +19,7 @@ _FEWEST = 0.5  # of a face's lines must meet its edge, and of those half must fi
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Face:
+class JawFace:
     """A straight edge in the grip's frame, px with y up: a normal and a stretch."""
 
     normal: tuple[float, float]  # points out of the finger
@@ -29,7 +29,7 @@ class Face:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Found:
+class MeasuredFace:
     """A face as measured: where, against the one predicted."""
 
     offset_px: float  # at the middle of the stretch, along the normal
@@ -46,9 +46,9 @@ def measure_face(
     half_px: float,
     *,
     sparse: int = 1,
-) -> Found | None:
+) -> MeasuredFace | None:
     """Return the straight line through the edges on every `sparse`-th line, or None."""
-    face = Face(
+    face = JawFace(
         normal=(numbers["normal_x"], numbers["normal_y"]),
         offset_px=numbers["offset_px"],
         low_px=numbers["low_px"],
@@ -66,7 +66,7 @@ def measure_face(
     if fitted is None:
         return None
     intercept, slope, rms, used = fitted
-    return Found(
+    return MeasuredFace(
         offset_px=face.offset_px + intercept,
         slope=slope,
         middle_px=middle,
@@ -76,7 +76,7 @@ def measure_face(
 
 
 def points(
-    face: Face, at: tuple[float, float, float], along: FloatArray, out: FloatArray
+    face: JawFace, at: tuple[float, float, float], along: FloatArray, out: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return (columns, rows), (N, L), of lines across the face, outwards."""
     column, row, theta = at

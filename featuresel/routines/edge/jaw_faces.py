@@ -11,7 +11,7 @@ from microplan.featuresel.routines.contract import Target
 from microplan.featuresel.routines.edge.faces import (
     FAINT,
     LINES_PX,
-    Face,
+    JawFace,
     measure_face,
     points,
 )
@@ -22,7 +22,7 @@ SIDES = ("inner_left", "inner_right", "outer_left", "outer_right")
 TIPS = ("tip_left", "tip_right")
 
 
-def predicted(target: Target) -> dict[str, Face]:
+def predicted(target: Target) -> dict[str, JawFace]:
     """Return the predicted faces; fingers reach up without end."""
     k, p = target.px_per_um, target.parameters
     half, wide = p["opening_um"] / 2 * k, p["finger_width_um"] * k
@@ -33,25 +33,31 @@ def predicted(target: Target) -> dict[str, Face]:
     # for the normal n the stretch runs along n turned by +90 degrees: up for `right`,
     # down for `left`, right for `down`
     return {
-        "inner_left": Face(normal=right, offset_px=-half, low_px=low, high_px=high),
-        "inner_right": Face(normal=left, offset_px=-half, low_px=-high, high_px=-low),
-        "outer_left": Face(
+        "inner_left": JawFace(normal=right, offset_px=-half, low_px=low, high_px=high),
+        "inner_right": JawFace(
+            normal=left, offset_px=-half, low_px=-high, high_px=-low
+        ),
+        "outer_left": JawFace(
             normal=left, offset_px=half + wide, low_px=-high, high_px=-low
         ),
-        "outer_right": Face(
+        "outer_right": JawFace(
             normal=right, offset_px=half + wide, low_px=low, high_px=high
         ),
-        "tip_left": Face(normal=down, offset_px=-tip, low_px=-outside, high_px=-inside),
-        "tip_right": Face(normal=down, offset_px=-tip, low_px=inside, high_px=outside),
+        "tip_left": JawFace(
+            normal=down, offset_px=-tip, low_px=-outside, high_px=-inside
+        ),
+        "tip_right": JawFace(
+            normal=down, offset_px=-tip, low_px=inside, high_px=outside
+        ),
     }
 
 
 def in_view(
-    face: Face,
+    face: JawFace,
     shape: tuple[int, ...],
     at: tuple[float, float, float],
     search_px: float,
-) -> Face | None:
+) -> JawFace | None:
     """Return the face cut to what stays in the image anywhere in the search."""
     room = search_px + 3.0
     along = np.arange(face.low_px, face.high_px, LINES_PX)
@@ -61,7 +67,7 @@ def in_view(
     kept = along[inside[:, 0]]
     if len(kept) < 8:
         return None
-    return Face(
+    return JawFace(
         normal=face.normal,
         offset_px=face.offset_px,
         low_px=float(kept[0]),
@@ -70,7 +76,7 @@ def in_view(
 
 
 def calibrate(
-    image: FloatArray, face: Face, at: tuple[float, float, float]
+    image: FloatArray, face: JawFace, at: tuple[float, float, float]
 ) -> Mapping[str, float] | None:
     """Return the face's numbers, its place and slope as measured; None if too faint."""
     along = np.arange(face.low_px, face.high_px, LINES_PX)

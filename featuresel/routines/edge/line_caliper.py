@@ -9,13 +9,13 @@ from microplan.featuresel.routines.contract import (
     Artifact,
     Failure,
     Guess,
-    Known,
     LookModel,
     Measurement,
+    PoseTerm,
     Target,
     TargetKind,
 )
-from microplan.featuresel.routines.edge.faces import Face
+from microplan.featuresel.routines.edge.faces import JawFace
 from microplan.featuresel.routines.edge.straight import (
     faces_work,
     measure_faces,
@@ -25,11 +25,11 @@ from microplan.featuresel.routines.edge.straight import (
 NAME = "line_caliper"
 VERSION = "1"
 KINDS: tuple[TargetKind, ...] = ("edge",)
-GIVES: tuple[Known, ...] = ("xy", "theta")
-NEEDS: tuple[Known, ...] = ()
+PROVIDES: tuple[PoseTerm, ...] = ("xy", "theta")
+REQUIRES: tuple[PoseTerm, ...] = ()
 CAPTURE_PX = math.inf
-CONTROL = False
-DEAR = False
+BASELINE = False
+EXPENSIVE = False
 
 _OFF_ENDS_PX = 2.0  # of the search, at both ends: corners are rounded by blur
 _MOST_OFF = 0.25  # of the length
@@ -40,7 +40,7 @@ def prepare(render: LookModel, target: Target) -> Artifact | Failure:
     long = target.parameters["length_um"] * target.px_per_um
     # what is moved along the edge by the search must not lead over its end
     half = long / 2 - min(target.search_px + _OFF_ENDS_PX, _MOST_OFF * long)
-    face = Face(normal=(1.0, 0.0), offset_px=0.0, low_px=-half, high_px=half)
+    face = JawFace(normal=(1.0, 0.0), offset_px=0.0, low_px=-half, high_px=half)
     return prepare_faces(render, target, {"edge": face}, breathes=False)
 
 

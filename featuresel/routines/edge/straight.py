@@ -16,7 +16,12 @@ from microplan.featuresel.routines.contract import (
     LookModel,
     Target,
 )
-from microplan.featuresel.routines.edge.faces import LINES_PX, Face, Found, measure_face
+from microplan.featuresel.routines.edge.faces import (
+    LINES_PX,
+    JawFace,
+    MeasuredFace,
+    measure_face,
+)
 from microplan.featuresel.routines.edge.jaw_faces import calibrate, in_view
 from microplan.featuresel.routines.edge.straight_fit import (
     Fix,
@@ -41,7 +46,7 @@ _LINE = 2.0  # work of the line through an edge, in calls
 
 
 def prepare_faces(
-    render: LookModel, target: Target, faces: Mapping[str, Face], *, breathes: bool
+    render: LookModel, target: Target, faces: Mapping[str, JawFace], *, breathes: bool
 ) -> Artifact | Failure:
     """Return the edges' numbers as seen on the nominal image.
 
@@ -126,9 +131,9 @@ def faces_work(artifact: Artifact) -> float:
     return total
 
 
-def turned_round(face: Face) -> Face:
+def turned_round(face: JawFace) -> JawFace:
     """Return the same edge with its normal to the other side."""
-    return Face(
+    return JawFace(
         normal=(-face.normal[0], -face.normal[1]),
         offset_px=-face.offset_px,
         low_px=-face.high_px,
@@ -137,7 +142,7 @@ def turned_round(face: Face) -> Face:
 
 
 def _seen(
-    image: FloatArray, whole: Face, at: Place, search_px: float
+    image: FloatArray, whole: JawFace, at: Place, search_px: float
 ) -> Numbers | None:
     """Return an edge's numbers, its normal from bright to dark; None if too faint."""
     face = in_view(whole, image.shape, at, search_px)
@@ -216,7 +221,7 @@ def _sparse(numbers: Numbers) -> int:
 
 
 def _misplaced(
-    found: Mapping[str, Found],
+    found: Mapping[str, MeasuredFace],
     faces: Mapping[str, Numbers],
     p: Numbers,
     guess: Guess,

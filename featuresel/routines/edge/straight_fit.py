@@ -10,7 +10,7 @@ import numpy as np
 
 from microplan.arrays import FloatArray
 from microplan.featuresel.routines.contract import Measurement
-from microplan.featuresel.routines.edge.faces import LINES_PX, Found
+from microplan.featuresel.routines.edge.faces import LINES_PX, MeasuredFace
 
 Numbers = Mapping[str, float]
 Place = tuple[float, float, float]  # column, row, angle
@@ -47,7 +47,7 @@ class Fix:
 
 
 def solve(
-    found: Mapping[str, Found], faces: Mapping[str, Numbers], *, breathes: bool
+    found: Mapping[str, MeasuredFace], faces: Mapping[str, Numbers], *, breathes: bool
 ) -> tuple[FloatArray, FloatArray]:
     """Return (x, y, turn, grown) against where the edges were sought, and covariance.
 
@@ -84,7 +84,7 @@ def fix(
     at: Place,
     grown_px: float,
     covariance: FloatArray,
-    found: Mapping[str, Found],
+    found: Mapping[str, MeasuredFace],
     faces: Mapping[str, Numbers],
 ) -> Fix:
     """Return the answer."""

@@ -12,8 +12,8 @@ from microplan.featuresel.routines.contract import (
     Artifact,
     Failure,
     Guess,
-    Known,
     Measurement,
+    PoseTerm,
     Render,
     Target,
     TargetKind,
@@ -24,11 +24,11 @@ from microplan.featuresel.routines.sampling import cubic
 NAME = "tooth_notch"
 VERSION = "1"
 KINDS: tuple[TargetKind, ...] = ("teeth",)
-GIVES: tuple[Known, ...] = ("theta",)
-NEEDS: tuple[Known, ...] = ("xy",)
+PROVIDES: tuple[PoseTerm, ...] = ("theta",)
+REQUIRES: tuple[PoseTerm, ...] = ("xy",)
 CAPTURE_PX = 2.0
-CONTROL = False
-DEAR = False
+BASELINE = False
+EXPENSIVE = False
 
 _SAMPLES = 40  # per tooth pitch: the harmonic's aliases are far away
 _IN_VIEW = 0.6  # of the tooth ring must be inside the image

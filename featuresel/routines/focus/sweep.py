@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from microplan.arrays import BoolArray, FloatArray
-from microplan.featuresel.routines.contract import Camera, Failure
+from microplan.featuresel.routines.contract import CameraNoise, Failure
 from microplan.featuresel.routines.focus.measures import Measure
 from microplan.featuresel.routines.focus.mirror import mirror_error_um, mirror_peak
 
@@ -49,7 +49,7 @@ def focus_curve(
     z_um: Sequence[float],
     images: FloatArray,
     measure: Measure,
-    camera: Camera,
+    camera: CameraNoise,
     rng: np.random.Generator,
     *,
     mask: BoolArray | None = None,
@@ -181,7 +181,9 @@ def _frames(curve: FocusCurve, step_um: float, sigma_um: float) -> int | None:
     return frames if frames <= _FRAMES else None
 
 
-def _noisy(image: FloatArray, camera: Camera, rng: np.random.Generator) -> FloatArray:
+def _noisy(
+    image: FloatArray, camera: CameraNoise, rng: np.random.Generator
+) -> FloatArray:
     """Return one noisy image."""
     spread = np.sqrt(camera.variance(image))
     noisy: FloatArray = image + spread * rng.standard_normal(image.shape)

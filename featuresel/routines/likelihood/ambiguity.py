@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from microplan.arrays import FloatArray, IntArray
-from microplan.featuresel.routines.likelihood.comparison import Job, at
+from microplan.featuresel.routines.likelihood.comparison import ImageComparison, at
 from microplan.featuresel.routines.likelihood.pose_fit import PoseFit
 
 # A mark that is seen has a share of 1, one that is hidden of 0, each with a deviation
@@ -26,7 +26,9 @@ class Marks:
     told: FloatArray  # (T,) chi squared between the two
 
 
-def marks(job: Job, found: PoseFit, turns: FloatArray, cells: IntArray) -> Marks:
+def marks(
+    job: ImageComparison, found: PoseFit, turns: FloatArray, cells: IntArray
+) -> Marks:
     """Return how much of a pattern's mark an image shows at some turns.
 
     Parameters

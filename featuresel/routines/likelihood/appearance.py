@@ -26,11 +26,11 @@ class Veiling:
     focus_um: float  # off nominal
     core: float = 0.0  # share of its light that is blurred less
     # how far it lies elsewhere, in standard deviations of each of its sways; () is 0
-    sways: tuple[float, ...] = ()
+    occluder_modes: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Pose:
+class ImagePose:
     """Where the target is, px of the region, and how it is turned, focused, zoomed."""
 
     column: float
@@ -47,7 +47,7 @@ class Pose:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Light:
+class TargetLight:
     """The target's light at N pixels, and what it changes by with the pose."""
 
     value: FloatArray  # (N,)
@@ -103,7 +103,9 @@ class Appearance:
         """Return how far from nominal the planes go."""
         return self.first_um + (len(self.planes) - 1 - BEYOND) * self.step_um
 
-    def pixels(self, pose: Pose, shape: tuple[int, ...]) -> tuple[IntArray, IntArray]:
+    def pixels(
+        self, pose: ImagePose, shape: tuple[int, ...]
+    ) -> tuple[IntArray, IntArray]:
         """Return (columns, rows) of a region's pixels that are worth comparing."""
         half = math.hypot(*self.shape) / 2 / self.over * pose.zoom
         left = max(0, math.ceil(pose.column - half))
@@ -121,7 +123,7 @@ class Appearance:
         rows, columns = np.nonzero(uses.astype(np.int32) & self._bits(pose.z_um))
         return columns + left, rows + top
 
-    def _affine(self, pose: Pose, left: int, top: int) -> FloatArray:
+    def _affine(self, pose: ImagePose, left: int, top: int) -> FloatArray:
         """Return the (2, 3) map from pixels of a part of the region to samples."""
         c, s = math.cos(pose.turn_rad), math.sin(pose.turn_rad)
         k, u, v = self.over / pose.zoom, left - pose.column, top - pose.row
@@ -143,7 +145,7 @@ class Appearance:
 
     def turned(
         self,
-        pose: Pose,
+        pose: ImagePose,
         turns: FloatArray,
         cells: IntArray,
         shape: tuple[int, ...],
@@ -182,7 +184,7 @@ class Appearance:
 
     def values(
         self,
-        pose: Pose,
+        pose: ImagePose,
         turns: FloatArray,
         columns: IntArray,
         rows: IntArray,
@@ -212,7 +214,7 @@ class Appearance:
         lower = min(max(math.floor(share * (self.heights - 1)), 0), self.heights - 2)
         return 3 << lower
 
-    def light(self, pose: Pose, columns: IntArray, rows: IntArray) -> Light:
+    def light(self, pose: ImagePose, columns: IntArray, rows: IntArray) -> TargetLight:
         """Return the target's light at pixels (N,), and its slopes."""
         taps = self._taps(*self._place(pose, columns, rows))
         near = self._focused(pose).take(taps.cells, axis=1)
@@ -240,11 +242,11 @@ class Appearance:
 
     def _slopes(
         self,
-        pose: Pose,
+        pose: ImagePose,
         columns: IntArray,
         rows: IntArray,
         read: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
-    ) -> Light:
+    ) -> TargetLight:
         """Return slopes by the pose from those along the template's samples."""
         mean, by_x, by_y, by_z = read
         c, s = math.cos(pose.turn_rad), math.sin(pose.turn_rad)
@@ -252,7 +254,7 @@ class Appearance:
         # a move of the target is the opposite move of the pixels over the template
         across, down = -k * (c * by_x + s * by_y), -k * (c * by_y - s * by_x)
         u, v = columns - pose.column, rows - pose.row
-        return Light(
+        return TargetLight(
             value=mean,
             across=across,
             down=down,
@@ -263,7 +265,7 @@ class Appearance:
         )
 
     def _place(
-        self, pose: Pose, columns: IntArray, rows: IntArray
+        self, pose: ImagePose, columns: IntArray, rows: IntArray
     ) -> tuple[FloatArray, FloatArray]:
         """Return where pixels lie in the template, in samples."""
         c, s = math.cos(pose.turn_rad), math.sin(pose.turn_rad)
@@ -273,7 +275,7 @@ class Appearance:
             s * u + c * v
         )
 
-    def _focused(self, pose: Pose) -> Float32Array:
+    def _focused(self, pose: ImagePose) -> Float32Array:
         """Return coefficients of all cells at a focus and turn, and by focus."""
         z_um = abs(pose.z_um) if self.is_even else pose.z_um
         at = beside = self._basis(z_um)

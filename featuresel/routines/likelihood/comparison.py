@@ -10,10 +10,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from microplan.arrays import BoolArray, FloatArray, IntArray
-from microplan.featuresel.routines.contract import Camera
+from microplan.featuresel.routines.contract import CameraNoise
 from microplan.featuresel.routines.likelihood.appearance import (
     Appearance,
-    Pose,
+    ImagePose,
     Veiling,
 )
 from microplan.featuresel.routines.likelihood.foreground import Front
@@ -37,12 +37,12 @@ class Free:
     zoom_sigma: float  # 0: the zoom is nominal
     gradient: bool  # whether the light may have one
     front_sigmas: tuple[float, float] | None  # of `Veiling`; None: all is clear
-    sways: int = 0  # of what stands in front, S
+    occluder_modes: int = 0  # of what stands in front, S
 
     @property
     def numbers(self) -> int:
         """Return how many numbers a pose has, P: `POSE` and the sways."""
-        return POSE + self.sways
+        return POSE + self.occluder_modes
 
     @property
     def chosen(self) -> BoolArray:
@@ -50,7 +50,7 @@ class Free:
         z, zoom, front = self.z_sigma_um > 0, self.zoom_sigma > 0, self.front_sigmas
         pose = (True, True, self.turn, z, zoom, *2 * (front is not None,))
         light = (True, self.gradient, self.gradient)
-        return np.array([*pose, *self.sways * (True,), *light])
+        return np.array([*pose, *self.occluder_modes * (True,), *light])
 
     def precision(self, *, squared: bool) -> FloatArray:
         """Return the weights that draw all but place, turn and light to nominal.
@@ -69,7 +69,7 @@ class Free:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class View:
+class DefocusedImage:
     """One image, taken `dz_um` off the focus that is to be found."""
 
     image: FloatArray  # (rows, columns), 0..1 of full scale
@@ -77,13 +77,13 @@ class View:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Job:
+class ImageComparison:
     """Images of one target and everything they are compared with."""
 
-    views: tuple[View, ...]  # of one size
+    views: tuple[DefocusedImage, ...]  # of one size
     looks: Appearance
     front: Front | None
-    camera: Camera
+    camera: CameraNoise
     free: Free
     symmetry: int  # order of the pattern's
 
@@ -98,12 +98,12 @@ class Job:
         return self.looks.is_even and len(self.views) == 1
 
     @property
-    def held(self) -> Job:
+    def held(self) -> ImageComparison:
         """Return the job with what stands in front held at the target's focus.
 
         And where it is planned to be.
         """
-        free = replace(self.free, front_sigmas=None, sways=0)
+        free = replace(self.free, front_sigmas=None, occluder_modes=0)
         front = None if self.front is None else self.front.steady
         return replace(self, free=free, front=front)
 
@@ -114,7 +114,7 @@ class Job:
 
     def lit(
         self,
-        pose: Pose,
+        pose: ImagePose,
         light: FloatArray,
         columns: IntArray,
         rows: IntArray,
@@ -128,13 +128,13 @@ class Job:
         lit: FloatArray = light * (gains[0] + gains[1] * place[0] + gains[2] * place[1])
         return lit
 
-    def focus(self, pose: Pose) -> float:
+    def focus(self, pose: ImagePose) -> float:
         """Return what is fitted for the focus: its height or, see above, the square."""
         return pose.z_um**2 if self.squared else pose.z_um
 
 
 @dataclass(frozen=True, slots=True)
-class Seen:
+class PixelComparison:
     """What pixels show and what the model says they should."""
 
     value: FloatArray  # (N,) of the image
@@ -143,12 +143,14 @@ class Seen:
     place: FloatArray  # (2, N) across the region, -.5 to .5
 
 
-def pixels_of(job: Job, pose: Pose) -> tuple[tuple[IntArray, IntArray], ...]:
+def pixels_of(
+    job: ImageComparison, pose: ImagePose
+) -> tuple[tuple[IntArray, IntArray], ...]:
     """Return for each view (columns, rows) that tell the pose and can be seen."""
     return tuple(_pixels(job, at(pose, view)) for view in job.views)
 
 
-def at(pose: Pose, view: View) -> Pose:
+def at(pose: ImagePose, view: DefocusedImage) -> ImagePose:
     """Return the pose with the focus that a view has of it."""
     if view.dz_um == 0:
         return pose
@@ -158,7 +160,12 @@ def at(pose: Pose, view: View) -> Pose:
     return replace(pose, z_um=pose.z_um + view.dz_um, front=front)
 
 
-def see(job: Job, view: View, pose: Pose, pixels: tuple[IntArray, IntArray]) -> Seen:
+def see(
+    job: ImageComparison,
+    view: DefocusedImage,
+    pose: ImagePose,
+    pixels: tuple[IntArray, IntArray],
+) -> PixelComparison:
     """Return the pixels' values and the model's in one view."""
     here, (columns, rows) = at(pose, view), pixels
     looks = job.looks.light(here, columns, rows)
@@ -178,7 +185,7 @@ def see(job: Job, view: View, pose: Pose, pixels: tuple[IntArray, IntArray]) -> 
         mean = front.light + front.through * mean
     place = _place(job, columns, rows)
     value = view.image[rows, columns]
-    return Seen(value, _lit(mean, place), slopes, place)
+    return PixelComparison(value, _lit(mean, place), slopes, place)
 
 
 def fitted_light(value: FloatArray, target: FloatArray, free: Free) -> FloatArray:
@@ -193,8 +200,8 @@ def fitted_light(value: FloatArray, target: FloatArray, free: Free) -> FloatArra
 
 
 def misfits(
-    job: Job,
-    pose: Pose,
+    job: ImageComparison,
+    pose: ImagePose,
     turns: FloatArray,
     cells: IntArray,
     *,
@@ -239,13 +246,13 @@ def misfits(
 
 
 def try_each(
-    job: Job,
-    pose: Pose,
+    job: ImageComparison,
+    pose: ImagePose,
     *,
     turns: Sequence[float],
     depths: Sequence[float],
     zooms: Sequence[float],
-) -> Pose:
+) -> ImagePose:
     """Return the pose with the turn, focus and zoom that fit best, first of equals."""
     best, least = pose, math.inf
     for z_um in depths:
@@ -275,7 +282,7 @@ def _lights(
     return light
 
 
-def _pixels(job: Job, pose: Pose) -> tuple[IntArray, IntArray]:
+def _pixels(job: ImageComparison, pose: ImagePose) -> tuple[IntArray, IntArray]:
     """Return the pixels that tell the pose and can be seen."""
     columns, rows = job.looks.pixels(pose, job.shape)
     if job.front is None:
@@ -284,7 +291,7 @@ def _pixels(job: Job, pose: Pose) -> tuple[IntArray, IntArray]:
     return columns[clear], rows[clear]
 
 
-def _place(job: Job, columns: IntArray, rows: IntArray) -> FloatArray:
+def _place(job: ImageComparison, columns: IntArray, rows: IntArray) -> FloatArray:
     """Return where pixels lie in the region, (2, ...), -.5 to .5."""
     height, width = job.shape
     return np.stack((columns / width - 0.5, rows / height - 0.5))

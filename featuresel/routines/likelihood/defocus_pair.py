@@ -19,8 +19,11 @@ from microplan.featuresel.routines.contract import (
     Measurement,
     Target,
 )
-from microplan.featuresel.routines.likelihood.appearance import Pose
-from microplan.featuresel.routines.likelihood.comparison import Job, View
+from microplan.featuresel.routines.likelihood.appearance import ImagePose
+from microplan.featuresel.routines.likelihood.comparison import (
+    DefocusedImage,
+    ImageComparison,
+)
 from microplan.featuresel.routines.likelihood.fit_problem import prepare_job, read_job
 from microplan.featuresel.routines.likelihood.likelihood import answer
 from microplan.featuresel.routines.likelihood.pose_fit import PoseFit, fit_pose
@@ -70,7 +73,7 @@ def measure(
     if unfit is not None:
         return unfit
     views = tuple(
-        View(image=image, dz_um=offset)
+        DefocusedImage(image=image, dz_um=offset)
         for image, offset in zip(images, offsets_um, strict=True)
     )
     job, p = read_job(views, artifact), artifact.parameters
@@ -85,7 +88,7 @@ def measure(
     return found if isinstance(found, Failure) else answer(found, p, guess)
 
 
-def _at_focus(job: Job, start: Pose) -> Pose:
+def _at_focus(job: ImageComparison, start: ImagePose) -> ImagePose:
     """Return where a fit starts, once the place is right and tells the focus.
 
     A pair has minima far from its focus, where one image alone fits.

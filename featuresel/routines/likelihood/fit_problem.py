@@ -11,14 +11,18 @@ import numpy.typing as npt
 from microplan.arrays import FloatArray
 from microplan.featuresel.routines.contract import (
     Artifact,
-    Camera,
+    CameraNoise,
     Failure,
     LookModel,
     Target,
 )
 from microplan.featuresel.routines.likelihood.ambiguity import beside
 from microplan.featuresel.routines.likelihood.appearance import read_appearance
-from microplan.featuresel.routines.likelihood.comparison import Free, Job, View
+from microplan.featuresel.routines.likelihood.comparison import (
+    DefocusedImage,
+    Free,
+    ImageComparison,
+)
 from microplan.featuresel.routines.likelihood.foreground import Front
 from microplan.featuresel.routines.likelihood.foreground_model import front_maps
 from microplan.featuresel.routines.likelihood.occluder_modes import sway_maps
@@ -99,7 +103,7 @@ def prepare_job(
     )
 
 
-def read_job(views: tuple[View, ...], artifact: Artifact) -> Job:
+def read_job(views: tuple[DefocusedImage, ...], artifact: Artifact) -> ImageComparison:
     """Return images with all that they are compared with."""
     p, arrays = artifact.parameters, artifact.arrays
     front, sigmas = None, None
@@ -118,11 +122,11 @@ def read_job(views: tuple[View, ...], artifact: Artifact) -> Job:
             p["front_focus_sigma_um"],
             p["front_core_sigma"],
         )
-    return Job(
+    return ImageComparison(
         views=views,
         looks=read_appearance(artifact),
         front=front,
-        camera=Camera(
+        camera=CameraNoise(
             full_well_e=p["full_well_e"],
             read_noise_e=p["read_noise_e"],
             bits=int(p["bits"]),
@@ -134,7 +138,7 @@ def read_job(views: tuple[View, ...], artifact: Artifact) -> Job:
             zoom_sigma=p["zoom_sigma"],
             gradient=p["gradient"] > 0,
             front_sigmas=sigmas,
-            sways=0 if front is None else len(front.sway_light),
+            occluder_modes=0 if front is None else len(front.sway_light),
         ),
         symmetry=int(p["symmetry"]),
     )

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from microplan.arrays import Float32Array, FloatArray, IntArray
-from microplan.featuresel.routines.likelihood.appearance import Pose
+from microplan.featuresel.routines.likelihood.appearance import ImagePose
 from microplan.featuresel.routines.likelihood.spline import basis
 
 
@@ -37,7 +37,7 @@ class Front:
     sway_light: Float32Array
     sway_through: Float32Array
 
-    def at(self, pose: Pose, columns: IntArray, rows: IntArray) -> Veiled:
+    def at(self, pose: ImagePose, columns: IntArray, rows: IntArray) -> Veiled:
         """Return what pixels show, (N,), as the pose has it in front.
 
         A cubic spline through the heights, linear between pixels.
@@ -47,16 +47,18 @@ class Front:
         seen, slopes = [], []
         cells = rows * self.light.shape[2] + columns
         places = self._places(pose.zoom, columns, rows)
-        for maps, cores, sways in (
+        for maps, cores, occluder_modes in (
             (self.light, self.core_light, self.sway_light),
             (self.through, self.core_through, self.sway_through),
         ):
             near = places.read(maps[four])
             core = value @ places.read(cores[four])
-            swayed = sways.reshape(len(sways), self.light[0].size).take(cells, axis=1)
+            swayed = occluder_modes.reshape(
+                len(occluder_modes), self.light[0].size
+            ).take(cells, axis=1)
             shown = value @ near + front.core * core
-            if front.sways:
-                shown += np.array(front.sways, np.float32) @ swayed
+            if front.occluder_modes:
+                shown += np.array(front.occluder_modes, np.float32) @ swayed
             seen.append(shown)
             slopes.append(np.concatenate((np.stack((by_focus @ near, core)), swayed)))
         return Veiled(
@@ -67,7 +69,7 @@ class Front:
         )
 
     def plain(
-        self, pose: Pose, columns: IntArray, rows: IntArray
+        self, pose: ImagePose, columns: IntArray, rows: IntArray
     ) -> tuple[FloatArray, FloatArray]:
         """Return light and share let through at pixels, (...), by focus alone."""
         four, (value, _) = self._heights(pose.veiling.focus_um)

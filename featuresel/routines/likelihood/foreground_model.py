@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from microplan.arrays import FloatArray
-from microplan.featuresel.routines.contract import LookModel, Target, Veil
+from microplan.featuresel.routines.contract import LookModel, Occluders, Target
 
 _DEPTHS = 2.0  # wave depths of field between heights: what is in front is blurred
 _MOST = 9  # heights: each takes a dozen images
@@ -69,13 +69,13 @@ def front_maps(
     )
 
 
-def _cores(model: LookModel, target: Target, heights: FloatArray) -> list[Veil]:
+def _cores(model: LookModel, target: Target, heights: FloatArray) -> list[Occluders]:
     """Return what less blur of what stands in front changes, at some focus heights."""
     near_um = _CORE * _height_um(model, target)
     found = []
     for dz in heights.tolist():
-        seen, core = model.veil(dz), model.veil(dz + near_um)
-        change = Veil(
+        seen, core = model.occluders(dz), model.occluders(dz + near_um)
+        change = Occluders(
             light=core.light - seen.light, through=core.through - seen.through
         )
         found.append(change)
@@ -89,7 +89,7 @@ def _height_um(model: LookModel, target: Target) -> float:
     """
     step_um = model.blur.depth_um
     below, here, above = (
-        max(float(np.abs(g).max()) for g in np.gradient(model.veil(dz).through))
+        max(float(np.abs(g).max()) for g in np.gradient(model.occluders(dz).through))
         for dz in (-step_um, 0.0, step_um)
     )
     if here < _FLAT:
@@ -108,7 +108,7 @@ def _at_height(
     moves += [(far, far), (-far, far), (far, -far), (-far, -far)]
     alone = np.stack([model.alone(dx_um=x, dy_um=y, dz_um=dz_um) for x, y in moves])
     seen = np.stack([model(dx_um=x, dy_um=y, dz_um=dz_um) for x, y in moves])
-    assumed = model.veil(dz_um).through
+    assumed = model.occluders(dz_um).through
     off, shown = alone - alone.mean(axis=0), seen - seen.mean(axis=0)
     doubt = len(moves) * _DOUBT**2
     slope = (off * shown).sum(axis=0) + doubt * assumed

@@ -15,13 +15,13 @@ from microplan.featuresel.routines.contract import (
     Artifact,
     Failure,
     Guess,
-    Known,
     LookModel,
     Measurement,
+    PoseTerm,
     Target,
     TargetKind,
 )
-from microplan.featuresel.routines.likelihood.comparison import View
+from microplan.featuresel.routines.likelihood.comparison import DefocusedImage
 from microplan.featuresel.routines.likelihood.fit_problem import prepare_job, read_job
 from microplan.featuresel.routines.likelihood.likelihood import answer
 from microplan.featuresel.routines.likelihood.pose_fit import step_once
@@ -31,11 +31,11 @@ from microplan.featuresel.routines.picture import refused
 NAME = "one_step"
 VERSION = "4"
 KINDS: tuple[TargetKind, ...] = ("circle", "teeth", "outline", "jaws")
-GIVES: tuple[Known, ...] = ("xy", "theta", "z", "zoom")
-NEEDS: tuple[Known, ...] = ("xy", "theta", "z")
+PROVIDES: tuple[PoseTerm, ...] = ("xy", "theta", "z", "zoom")
+REQUIRES: tuple[PoseTerm, ...] = ("xy", "theta", "z")
 CAPTURE_PX = 0.35
-CONTROL = False
-DEAR = True
+BASELINE = False
+EXPENSIVE = True
 
 _AGAIN_PX = 0.1  # a step that is shorter leaves nothing that noise would not hide
 
@@ -54,7 +54,7 @@ def measure(
         return unfit
     if guess.z_um is None and artifact.parameters["focus_sigma_um"] > 0:
         return Failure(code="no_focus", message="one step needs to know the focus")
-    job, p = read_job((View(image=image),), artifact), artifact.parameters
+    job, p = read_job((DefocusedImage(image=image),), artifact), artifact.parameters
     start = start_pose(job, p, guess)
     if isinstance(start, Failure):
         return start

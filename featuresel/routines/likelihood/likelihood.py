@@ -19,9 +19,9 @@ from microplan.featuresel.routines.contract import (
     Artifact,
     Failure,
     Guess,
-    Known,
     LookModel,
     Measurement,
+    PoseTerm,
     Target,
     TargetKind,
 )
@@ -31,8 +31,11 @@ from microplan.featuresel.routines.likelihood.ambiguity import (
     marks,
     other_turns,
 )
-from microplan.featuresel.routines.likelihood.appearance import Pose
-from microplan.featuresel.routines.likelihood.comparison import Job, View
+from microplan.featuresel.routines.likelihood.appearance import ImagePose
+from microplan.featuresel.routines.likelihood.comparison import (
+    DefocusedImage,
+    ImageComparison,
+)
 from microplan.featuresel.routines.likelihood.fit_problem import prepare_job, read_job
 from microplan.featuresel.routines.likelihood.pose_fit import PoseFit, fit_pose
 from microplan.featuresel.routines.likelihood.pose_start import start_pose
@@ -41,11 +44,11 @@ from microplan.featuresel.routines.picture import refused
 NAME = "likelihood"
 VERSION = "5"
 KINDS: tuple[TargetKind, ...] = ("circle", "teeth", "outline", "jaws")
-GIVES: tuple[Known, ...] = ("xy", "theta", "z", "zoom")
-NEEDS: tuple[Known, ...] = ("xy",)
+PROVIDES: tuple[PoseTerm, ...] = ("xy", "theta", "z", "zoom")
+REQUIRES: tuple[PoseTerm, ...] = ("xy",)
 CAPTURE_PX = 2.0
-CONTROL = False
-DEAR = True
+BASELINE = False
+EXPENSIVE = True
 
 _WORST_CHI2 = 60.0  # worse is another thing; what trials show sets a finer gate
 _LEAST_USED = 0.55  # share of pixels that must be the target's
@@ -66,7 +69,7 @@ def measure(
     unfit = refused(image)
     if unfit is not None:
         return unfit
-    job, p = read_job((View(image=image),), artifact), artifact.parameters
+    job, p = read_job((DefocusedImage(image=image),), artifact), artifact.parameters
     start = start_pose(job, p, guess)
     if isinstance(start, Failure):
         return start
@@ -88,7 +91,7 @@ def cost(artifact: Artifact, _pixels: int) -> float:
     return 4.0 + 3e-4 * float(cells)
 
 
-def _freed(job: Job, start: Pose) -> PoseFit | Failure:
+def _freed(job: ImageComparison, start: ImagePose) -> PoseFit | Failure:
     """Return the fit of the pose together with what stands in front, if anything does.
 
     Held as planned where it is not, that draws the pose's focus and zoom away, and from
@@ -103,7 +106,7 @@ def _freed(job: Job, start: Pose) -> PoseFit | Failure:
 
 
 def _at_mark(
-    job: Job, found: PoseFit, cells: IntArray, range_rad: float
+    job: ImageComparison, found: PoseFit, cells: IntArray, range_rad: float
 ) -> PoseFit | Failure:
     """Return the fit at that of the equal turns which what breaks the symmetry tells.
 

@@ -37,7 +37,7 @@ def sway_maps(model: LookModel, image: FloatArray) -> SwayMaps:
         The nominal image.
 
     """
-    changes = model.sways()
+    changes = model.occluder_modes()
     if not changes:
         none = np.zeros((0, *image.shape))
         return SwayMaps(light=none, through=none)

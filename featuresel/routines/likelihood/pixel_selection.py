@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from microplan.arrays import BoolArray, FloatArray, IntArray
-from microplan.featuresel.routines.contract import Camera
+from microplan.featuresel.routines.contract import CameraNoise
 
 LOSS = 1.06  # of the limits, by leaving pixels out; neighbours halve it
 _WEAK = 1e-10  # of the strongest direction: what is weaker is not told at all
@@ -17,7 +17,7 @@ _ROUNDS = 2  # of ranking: what a pixel tells depends on what else is taken
 def informative(
     mean: FloatArray,
     slopes: FloatArray,
-    camera: Camera,
+    camera: CameraNoise,
     *,
     wanted: int,
 ) -> BoolArray:

@@ -34,7 +34,7 @@ _SUPPORT = 2  # cells around one that a cubic spline needs
 
 
 @dataclass(frozen=True, slots=True)
-class _Grid:
+class _TemplateGrid:
     """Samples of a template."""
 
     over: int  # per pixel
@@ -96,7 +96,7 @@ def prepare_planes(
     """
     half = _half_px(model, target, shape, reach_um)
     over = _over(model, target)
-    grid = _Grid(
+    grid = _TemplateGrid(
         over=over,
         middle=(
             over * (half[0] + target.column - round(target.column)),
@@ -210,7 +210,7 @@ def _used(
     light: FloatArray,
     depths: FloatArray,
     model: LookModel,
-    grid: _Grid,
+    grid: _TemplateGrid,
     own: FloatArray,
 ) -> BoolArray:
     """Return cells worth comparing; none so near the border that support is missing.
@@ -246,7 +246,7 @@ def _used(
 
 
 def _read(
-    places_px: FloatArray | None, grid: _Grid, shape: tuple[int, ...]
+    places_px: FloatArray | None, grid: _TemplateGrid, shape: tuple[int, ...]
 ) -> BoolArray:
     """Return the cells that pixels nearest to some places, (2, N), may fall on."""
     read = np.zeros(shape, np.uint8)

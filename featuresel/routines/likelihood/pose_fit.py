@@ -9,13 +9,17 @@ import numpy as np
 
 from microplan.arrays import FloatArray, IntArray
 from microplan.featuresel.routines.contract import Failure
-from microplan.featuresel.routines.likelihood.appearance import AGAIN_PX, Pose, Veiling
+from microplan.featuresel.routines.likelihood.appearance import (
+    AGAIN_PX,
+    ImagePose,
+    Veiling,
+)
 from microplan.featuresel.routines.likelihood.comparison import (
     FEWEST,
     POSE,
     REJECT,
-    Job,
-    Seen,
+    ImageComparison,
+    PixelComparison,
     fitted_light,
     pixels_of,
     see,
@@ -37,7 +41,7 @@ _ZOOMS = (0.8, 1.25)  # beyond, nothing that starts near nominal gets
 class PoseFit:
     """What fits best."""
 
-    pose: Pose
+    pose: ImagePose
     light: FloatArray  # (3,) gain, and its changes across and down the region
     covariance: FloatArray  # (P + 3, P + 3) of the pose's P numbers and of light
     squared: bool  # the covariance is of the square of the focus
@@ -66,7 +70,7 @@ class PoseFit:
         return np.asarray(sigma)
 
 
-def fit_pose(job: Job, start: Pose) -> PoseFit | Failure:
+def fit_pose(job: ImageComparison, start: ImagePose) -> PoseFit | Failure:
     """Return the likeliest pose near `start`, by weighted Gauss-Newton steps.
 
     Pixels weigh by the noise that the model predicts, and those that are far off what
@@ -107,7 +111,7 @@ def fit_pose(job: Job, start: Pose) -> PoseFit | Failure:
     return Failure(code="diverged", message=f"not settled after {_ROUNDS} rounds")
 
 
-def step_once(job: Job, start: Pose) -> PoseFit | Failure:
+def step_once(job: ImageComparison, start: ImagePose) -> PoseFit | Failure:
     """Return the pose one Gauss-Newton step from `start`, as `fit_pose` would step.
 
     Chi squared is what the linear problem leaves.
@@ -138,7 +142,7 @@ class _Linear:
     pixels: int
 
     def move(
-        self, job: Job, pose: Pose, depths: float
+        self, job: ImageComparison, pose: ImagePose, depths: float
     ) -> tuple[FloatArray, float] | None:
         """Return the step, (P + 3,), and the share of it that may be believed.
 
@@ -170,7 +174,9 @@ class _Linear:
         gained = float(move @ (2 * self.right - self.normal @ move)) / self.pixels
         return replace(self, chi2=max(self.chi2 - gained, 0.0))
 
-    def result(self, job: Job, pose: Pose, light: FloatArray) -> PoseFit:
+    def result(
+        self, job: ImageComparison, pose: ImagePose, light: FloatArray
+    ) -> PoseFit:
         """Return the fit that ends at a pose."""
         pick = np.ix_(*2 * (np.flatnonzero(job.free.chosen),))
         covariance = np.zeros((job.free.numbers + 3,) * 2)
@@ -187,8 +193,8 @@ class _Linear:
 
 
 def _linear(
-    job: Job,
-    pose: Pose,
+    job: ImageComparison,
+    pose: ImagePose,
     light: FloatArray | None,
     pixels: tuple[tuple[IntArray, IntArray], ...],
 ) -> _Linear | Failure:
@@ -226,11 +232,11 @@ def _linear(
     )
 
 
-def _together(seen: list[Seen]) -> Seen:
+def _together(seen: list[PixelComparison]) -> PixelComparison:
     """Return the pixels of all views in one."""
     if len(seen) == 1:
         return seen[0]
-    return Seen(
+    return PixelComparison(
         value=np.concatenate([s.value for s in seen]),
         target=np.concatenate([s.target for s in seen], axis=1),
         slopes=np.concatenate([s.slopes for s in seen], axis=1),
@@ -238,7 +244,9 @@ def _together(seen: list[Seen]) -> Seen:
     )
 
 
-def _shortened(job: Job, pose: Pose, move: FloatArray, depths: float) -> float:
+def _shortened(
+    job: ImageComparison, pose: ImagePose, move: FloatArray, depths: float
+) -> float:
     """Return what a step is cut to: farther, the slopes no longer hold."""
     far = _moved_px(job, math.hypot(move[0], move[1]), move[2], move[4])
     most = depths * job.looks.step_um
@@ -247,14 +255,14 @@ def _shortened(job: Job, pose: Pose, move: FloatArray, depths: float) -> float:
     return float(1 / max(1.0, far / _FAR_PX, abs(move[3]) / most))
 
 
-def _after(job: Job, pose: Pose, move: FloatArray) -> Pose:
+def _after(job: ImageComparison, pose: ImagePose, move: FloatArray) -> ImagePose:
     """Return the pose after a step; focus stays where planes are."""
     farthest = max(abs(view.dz_um) for view in job.views)
     reach, z_um = job.looks.reach_um - farthest, job.focus(pose) + float(move[3])
     if job.squared:
         z_um = math.sqrt(max(z_um, 0.0))
     z_um = min(max(z_um, -reach), reach)
-    return Pose(
+    return ImagePose(
         column=pose.column + float(move[0]),
         row=pose.row + float(move[1]),
         turn_rad=pose.turn_rad + float(move[2]),
@@ -264,7 +272,9 @@ def _after(job: Job, pose: Pose, move: FloatArray) -> Pose:
     )
 
 
-def _front(job: Job, pose: Pose, z_um: float, move: FloatArray) -> Veiling | None:
+def _front(
+    job: ImageComparison, pose: ImagePose, z_um: float, move: FloatArray
+) -> Veiling | None:
     """Return how what stands in front is blurred after a step, within its maps."""
     if job.front is None:
         return pose.front
@@ -276,24 +286,26 @@ def _front(job: Job, pose: Pose, z_um: float, move: FloatArray) -> Veiling | Non
     return Veiling(
         focus_um=min(max(was.focus_um + float(move[0]), -reach), reach),
         core=min(max(was.core + float(move[1]), -_MOST_CORE), _MOST_CORE),
-        sways=tuple(
+        occluder_modes=tuple(
             np.clip(_sways(job, was) + move[2:], -_MOST_SWAY, _MOST_SWAY).tolist()
         ),
     )
 
 
-def _sways(job: Job, front: Veiling) -> FloatArray:
+def _sways(job: ImageComparison, front: Veiling) -> FloatArray:
     """Return how far what stands in front lies elsewhere, (S,)."""
-    return np.array(front.sways or (0.0,) * job.free.sways)
+    return np.array(front.occluder_modes or (0.0,) * job.free.occluder_modes)
 
 
-def _moved_px(job: Job, place_px: float, turn_rad: float, zoom: float) -> float:
+def _moved_px(
+    job: ImageComparison, place_px: float, turn_rad: float, zoom: float
+) -> float:
     """Return the farthest that a move, turn or zoom takes anything in the template."""
     rim_px = max(job.looks.shape) / 2 / job.looks.over
     return max(place_px, abs(turn_rad) * rim_px, abs(zoom) * rim_px)
 
 
-def _is_elsewhere(job: Job, one: Pose, other: Pose) -> bool:
+def _is_elsewhere(job: ImageComparison, one: ImagePose, other: ImagePose) -> bool:
     """Return whether other pixels tell most at the other pose."""
     place_px = math.hypot(one.column - other.column, one.row - other.row)
     turn_rad, zoom = one.turn_rad - other.turn_rad, one.zoom - other.zoom

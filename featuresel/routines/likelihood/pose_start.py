@@ -6,8 +6,11 @@ import math
 from collections.abc import Mapping
 
 from microplan.featuresel.routines.contract import Failure, Guess
-from microplan.featuresel.routines.likelihood.appearance import Pose
-from microplan.featuresel.routines.likelihood.comparison import Job, try_each
+from microplan.featuresel.routines.likelihood.appearance import ImagePose
+from microplan.featuresel.routines.likelihood.comparison import (
+    ImageComparison,
+    try_each,
+)
 
 _DEPTHS = (0.1, 0.35, 0.6, 0.85)  # of the reach in focus, where fits start
 _DEEP = 2.5  # steps of the planes between focus heights, once the place is known
@@ -16,7 +19,9 @@ _TURN_PX = 2.5  # that the rim moves by between turns where fits start
 _MOST_TURNS = 64  # of them, at every focus height: more take too long
 
 
-def start_pose(job: Job, p: Mapping[str, float], guess: Guess) -> Pose | Failure:
+def start_pose(
+    job: ImageComparison, p: Mapping[str, float], guess: Guess
+) -> ImagePose | Failure:
     """Return where the fit starts: focus and angle that fit best, if not known."""
     turns = _turns(job, p, guess)
     if isinstance(turns, Failure):
@@ -24,7 +29,7 @@ def start_pose(job: Job, p: Mapping[str, float], guess: Guess) -> Pose | Failure
     depths = [guess.z_um or 0.0]
     if guess.z_um is None and p["focus_sigma_um"] > 0:
         depths = _depths(job)
-    pose = Pose(
+    pose = ImagePose(
         column=guess.column,
         row=guess.row,
         turn_rad=turns[len(turns) // 2],
@@ -40,7 +45,7 @@ def start_pose(job: Job, p: Mapping[str, float], guess: Guess) -> Pose | Failure
     return try_each(job, pose, turns=turns, depths=depths, zooms=zooms)
 
 
-def refocused(job: Job, pose: Pose) -> Pose:
+def refocused(job: ImageComparison, pose: ImagePose) -> ImagePose:
     """Return a pose with the focus that fits best of all within reach.
 
     At a place that is off, more blur fits better: what `start_pose` tells may be far
@@ -52,7 +57,7 @@ def refocused(job: Job, pose: Pose) -> Pose:
     return try_each(job, pose, turns=[pose.turn_rad], depths=depths, zooms=[pose.zoom])
 
 
-def _zooms(job: Job, p: Mapping[str, float]) -> list[float]:
+def _zooms(job: ImageComparison, p: Mapping[str, float]) -> list[float]:
     """Return zooms to start at, within two standard deviations of nominal."""
     rim_px = max(job.looks.shape) / 2 / job.looks.over
     reach = 2 * p["zoom_sigma"]
@@ -60,7 +65,9 @@ def _zooms(job: Job, p: Mapping[str, float]) -> list[float]:
     return [1 + reach * ((2 * k + 1) / count - 1) for k in range(count)] or [1.0]
 
 
-def _turns(job: Job, p: Mapping[str, float], guess: Guess) -> list[float] | Failure:
+def _turns(
+    job: ImageComparison, p: Mapping[str, float], guess: Guess
+) -> list[float] | Failure:
     """Return turns to start at: a measured one, or all about an assumed one."""
     if not p["turns"]:
         return [0.0]
@@ -77,7 +84,7 @@ def _turns(job: Job, p: Mapping[str, float], guess: Guess) -> list[float] | Fail
     return [middle + reach * ((2 * k + 1) / count - 1) for k in range(count)]
 
 
-def _depths(job: Job) -> list[float]:
+def _depths(job: ImageComparison) -> list[float]:
     """Return focus heights to start at, on both sides where they look different."""
     farthest = max(abs(view.dz_um) for view in job.views)
     ahead = [share * (job.looks.reach_um - farthest) for share in _DEPTHS]

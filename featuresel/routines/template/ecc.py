@@ -18,9 +18,9 @@ from microplan.featuresel.routines.contract import (
     Artifact,
     Failure,
     Guess,
-    Known,
     LookModel,
     Measurement,
+    PoseTerm,
     Target,
     TargetKind,
 )
@@ -43,11 +43,11 @@ from microplan.featuresel.routines.template.template_fit import (
 NAME = "ecc"
 VERSION = "2"
 KINDS: tuple[TargetKind, ...] = ("circle", "teeth", "outline", "jaws")
-GIVES: tuple[Known, ...] = ("xy", "theta")
-NEEDS: tuple[Known, ...] = ("xy", "theta")
+PROVIDES: tuple[PoseTerm, ...] = ("xy", "theta")
+REQUIRES: tuple[PoseTerm, ...] = ("xy", "theta")
 CAPTURE_PX = 3.0
-CONTROL = False
-DEAR = False
+BASELINE = False
+EXPENSIVE = False
 
 _LEAST_SCORE = 0.8  # correlation; blur and light gradients leave .9 and more
 _TURNED_RAD = 0.2  # from the guess: beyond, it has run away

@@ -18,8 +18,8 @@ from microplan.featuresel.routines.contract import (
     Artifact,
     Failure,
     Guess,
-    Known,
     Measurement,
+    PoseTerm,
     Render,
     Target,
     TargetKind,
@@ -30,11 +30,11 @@ from microplan.featuresel.routines.picture import refused
 NAME = "keypoints"
 VERSION = "1"
 KINDS: tuple[TargetKind, ...] = ("teeth", "outline", "jaws")
-GIVES: tuple[Known, ...] = ("xy", "theta")
-NEEDS: tuple[Known, ...] = ()
+PROVIDES: tuple[PoseTerm, ...] = ("xy", "theta")
+REQUIRES: tuple[PoseTerm, ...] = ()
 CAPTURE_PX = math.inf
-CONTROL = True
-DEAR = False
+BASELINE = True
+EXPENSIVE = False
 
 _FAINT = 0.05  # span of values below which there is nothing to describe
 _THRESHOLD = 5e-4  # of the detector; its default finds next to nothing on smooth edges

@@ -14,9 +14,9 @@ from microplan.featuresel.routines.contract import (
     Artifact,
     Failure,
     Guess,
-    Known,
     LookModel,
     Measurement,
+    PoseTerm,
     Target,
     TargetKind,
 )
@@ -33,11 +33,11 @@ from microplan.featuresel.routines.template.template_fit import (
 NAME = "ncc"
 VERSION = "2"
 KINDS: tuple[TargetKind, ...] = ("circle", "teeth", "outline", "jaws")
-GIVES: tuple[Known, ...] = ("xy", "theta")
-NEEDS: tuple[Known, ...] = ()
+PROVIDES: tuple[PoseTerm, ...] = ("xy", "theta")
+REQUIRES: tuple[PoseTerm, ...] = ()
 CAPTURE_PX = math.inf
-CONTROL = False
-DEAR = False
+BASELINE = False
+EXPENSIVE = False
 
 _LEAST_SCORE = 0.6  # correlation; noise, blur and gradients leave .8 and more
 _COARSE_PX = 16.0  # half the template's side where angles are searched

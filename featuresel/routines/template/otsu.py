@@ -14,9 +14,9 @@ from microplan.featuresel.routines.contract import (
     Artifact,
     Failure,
     Guess,
-    Known,
     LookModel,
     Measurement,
+    PoseTerm,
     Target,
     TargetKind,
 )
@@ -26,11 +26,11 @@ from microplan.featuresel.routines.template.blob_spread import spread_px
 NAME = "otsu"
 VERSION = "2"
 KINDS: tuple[TargetKind, ...] = ("circle", "teeth", "outline")
-GIVES: tuple[Known, ...] = ("xy",)
-NEEDS: tuple[Known, ...] = ()
+PROVIDES: tuple[PoseTerm, ...] = ("xy",)
+REQUIRES: tuple[PoseTerm, ...] = ()
 CAPTURE_PX = math.inf
-CONTROL = False
-DEAR = False
+BASELINE = False
+EXPENSIVE = False
 
 _AREA = (0.7, 1.4)  # accepted blob area over the predicted one: blur moves the edge
 _CONTRAST = 0.1  # least difference of the two classes' means, full scale

@@ -18,8 +18,8 @@ from microplan.featuresel.routines.contract import (
     Artifact,
     Failure,
     Guess,
-    Known,
     Measurement,
+    PoseTerm,
     Render,
     Target,
     TargetKind,
@@ -30,11 +30,11 @@ from microplan.featuresel.routines.picture import refused
 NAME = "phase_correlation"
 VERSION = "1"
 KINDS: tuple[TargetKind, ...] = ("circle", "teeth", "outline", "jaws")
-GIVES: tuple[Known, ...] = ("xy",)
-NEEDS: tuple[Known, ...] = ()
+PROVIDES: tuple[PoseTerm, ...] = ("xy",)
+REQUIRES: tuple[PoseTerm, ...] = ()
 CAPTURE_PX = math.inf
-CONTROL = True
-DEAR = False
+BASELINE = True
+EXPENSIVE = False
 
 _LEAST_RESPONSE = 0.3  # share of the power near the peak; noise leaves a third
 _FAINT = 0.01  # standard deviation below which an image shows nothing

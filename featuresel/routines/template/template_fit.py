@@ -28,7 +28,7 @@ SCALE_OFF = 0.05  # zoom errors stay below 2 %; what is farther off is another t
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Fit:
+class TemplateFit:
     """Where the template's middle pixel is, how far it is turned, how well it fits."""
 
     column: float
@@ -46,7 +46,7 @@ def refine(
     least_score: float,
     scale_off: float = SCALE_OFF,
     turns: bool = True,
-) -> Fit | Failure:
+) -> TemplateFit | Failure:
     """Return the best fit, from coarse to fine.
 
     Parameters
@@ -89,7 +89,7 @@ def refine(
         return Failure(
             code="low_score", message=f"correlation {score:.3f}, at least {least_score}"
         )
-    return Fit(
+    return TemplateFit(
         column=float(pose[0]),
         row=float(pose[1]),
         turned_rad=float(pose[2]),

@@ -18,7 +18,7 @@ NODES = 16  # per piece; pieces are a sigma of either law long
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Turning:
+class AngleError:
     """An angle's error: normal and cut off where a servo stops, plus a normal rest."""
 
     left_rad: float  # of what the servo leaves, before it is cut off

@@ -38,7 +38,7 @@ RADIUS_NODES = 12
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Spread:
+class PlaneNormal:
     """A normal law in the plane: its middle and its covariance, symmetric."""
 
     middle_um: tuple[float, float] = (0.0, 0.0)
@@ -57,16 +57,16 @@ class Spread:
             raise ValueError(f"no covariance: {numbers[2:]} um2")
 
     @classmethod
-    def along(cls, sigma_um: float, angle_rad: float | None) -> Spread:
+    def along(cls, sigma_um: float, angle_rad: float | None) -> PlaneNormal:
         """Return a spread along one direction, or alike in all where it is None."""
         if angle_rad is None:
             return cls(xx_um2=sigma_um**2, yy_um2=sigma_um**2)
         c, s = sigma_um * math.cos(angle_rad), sigma_um * math.sin(angle_rad)
         return cls(xx_um2=c * c, xy_um2=c * s, yy_um2=s * s)
 
-    def plus(self, other: Spread) -> Spread:
+    def plus(self, other: PlaneNormal) -> PlaneNormal:
         """Return the law of the sum of two independent errors."""
-        return Spread(
+        return PlaneNormal(
             middle_um=(
                 self.middle_um[0] + other.middle_um[0],
                 self.middle_um[1] + other.middle_um[1],
@@ -90,7 +90,7 @@ class Spread:
         return math.sqrt(narrow), math.sqrt(wide), angle
 
 
-def beyond_circle(radius_um: float, spread: Spread) -> float:
+def beyond_circle(radius_um: float, spread: PlaneNormal) -> float:
     """Return P(|e| >= radius_um) for a normal error.
 
     Parameters
@@ -119,14 +119,14 @@ def beyond_circle(radius_um: float, spread: Spread) -> float:
     return float(miss[0])
 
 
-def within_circle(radius_um: float, spread: Spread) -> float:
+def within_circle(radius_um: float, spread: PlaneNormal) -> float:
     """Return P(|e| < radius_um), its own digits kept where it is small."""
     _, hit = _both(np.array([_finite(radius_um)]), spread)
     return float(hit[0])
 
 
 def beyond_radii(
-    radius_um: float, flat_um: float, reach_um: float, spread: Spread
+    radius_um: float, flat_um: float, reach_um: float, spread: PlaneNormal
 ) -> float:
     """Return the chance of an error beyond a radius that varies as made.
 
@@ -169,7 +169,7 @@ def _finite(radius_um: float) -> float:
     return radius_um
 
 
-def _both(radii_um: FloatArray, spread: Spread) -> tuple[FloatArray, FloatArray]:
+def _both(radii_um: FloatArray, spread: PlaneNormal) -> tuple[FloatArray, FloatArray]:
     """Return the chances beyond and within each radius, (N,) each."""
     narrow, wide, angle = spread.principal
     x, y = spread.middle_um

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from microplan.arrays import FloatArray
-from microplan.planner.budget.probability.miss_density import Room
+from microplan.planner.budget.probability.miss_density import VaryingRadius
 from microplan.planner.budget.probability.miss_probability import chance_beyond
 from microplan.planner.budget.probability.servo_landing import Landing
 
@@ -31,7 +31,7 @@ EASY_SIGMAS = 0.9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Fit:
+class RoundFit:
     """A round hole over a round shaft, radii as drawn, edge offsets as tolerances."""
 
     hole_um: float  # radius
@@ -46,13 +46,13 @@ class Fit:
         return self.hole_um - self.shaft_um - self.taper_um
 
     @property
-    def room(self) -> Room:
+    def room(self) -> VaryingRadius:
         """Return the law of the capture radius over the sizes as made."""
         sides = sorted((self.hole_tolerance_um, self.shaft_tolerance_um))
         reach, flat = sides[1] + sides[0], sides[1] - sides[0]
         if reach <= SAME_SIZE_UM:
             reach = flat = 0.0
-        return Room(radius_um=self.capture_um, flat_um=flat, reach_um=reach)
+        return VaryingRadius(radius_um=self.capture_um, flat_um=flat, reach_um=reach)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,7 +86,7 @@ class Residual:
 
 
 def miss_probability(
-    fit: Fit, residual: Residual, sigma_um: float, bias_um: float = 0.0
+    fit: RoundFit, residual: Residual, sigma_um: float, bias_um: float = 0.0
 ) -> float:
     """Return the chance that the part does not go in.
 
@@ -122,7 +122,7 @@ def expected_looks(residual: Residual) -> float:
 
 
 def servo_tolerance_um(
-    fit: Fit, move_sigma_um: float, sigma_um: float, goal: float
+    fit: RoundFit, move_sigma_um: float, sigma_um: float, goal: float
 ) -> float:
     """Return how closely to align before inserting.
 

@@ -33,7 +33,7 @@ KEPT = 64  # bumps, of about 0.3 MB each
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Room:
+class VaryingRadius:
     """A radius that varies: the difference of two sizes, uniform within limits each.
 
     A trapezoid about `radius_um`: level out to `flat_um`, nothing beyond `reach_um`.
@@ -77,7 +77,7 @@ class Bump:
 
 
 @lru_cache(maxsize=KEPT)
-def bump_of(room: Room, sigma_um: float) -> Bump:
+def bump_of(room: VaryingRadius, sigma_um: float) -> Bump:
     """Return the bump of a rest of `sigma_um` > 0 per axis.
 
     It reaches from where dQ/dw is no double to BODY_SIGMAS beyond the largest radius.
@@ -98,7 +98,7 @@ def bump_of(room: Room, sigma_um: float) -> Bump:
 
 
 def radii_near(
-    room: Room, sigma_um: float, offset_um: FloatArray
+    room: VaryingRadius, sigma_um: float, offset_um: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return positive radii less w = radius + offset, and their weights, (N, M)."""
     if room.reach_um == 0:
@@ -115,7 +115,7 @@ def radii_near(
     return wide, weight * room.density(wide + offset_um[:, None])
 
 
-def _cuts(room: Room, sigma_um: float) -> FloatArray:
+def _cuts(room: VaryingRadius, sigma_um: float) -> FloatArray:
     """Return the ends of the pieces: close to kinks, wider away from them."""
     low = max(-room.radius_um, -room.reach_um - TAIL_SIGMAS * sigma_um)
     high = room.reach_um + BODY_SIGMAS * sigma_um
@@ -132,7 +132,9 @@ def _cuts(room: Room, sigma_um: float) -> FloatArray:
     )  # fmt: skip
 
 
-def _log_slope(room: Room, sigma_um: float, offset_um: FloatArray) -> FloatArray:
+def _log_slope(
+    room: VaryingRadius, sigma_um: float, offset_um: FloatArray
+) -> FloatArray:
     """Return log (dQ/dw / w) at w = radius + offset > 0, (N,)."""
     wide, weight = radii_near(room, sigma_um, offset_um)
     w = (room.radius_um + offset_um)[:, None] / sigma_um

@@ -19,7 +19,7 @@ import numpy as np
 from microplan.arrays import FloatArray
 from microplan.planner.budget.probability.miss_density import (
     TAIL_SIGMAS,
-    Room,
+    VaryingRadius,
     bump_of,
     radii_near,
 )
@@ -40,7 +40,7 @@ NEGLIGIBLE = 1e-15
 NODES = 16  # per piece along w
 
 
-def chance_beyond(room: Room, landing: Landing, sigma_um: float) -> float:
+def chance_beyond(room: VaryingRadius, landing: Landing, sigma_um: float) -> float:
     """Return the chance that an error reaches or passes a radius that varies.
 
     Parameters
@@ -81,7 +81,9 @@ def chance_beyond(room: Room, landing: Landing, sigma_um: float) -> float:
     return miss if miss < hit else min(1.0, max(0.0, 1 - hit))
 
 
-def _seen(room: Room, landing: Landing, sigma_um: float) -> tuple[Landing, float]:
+def _seen(
+    room: VaryingRadius, landing: Landing, sigma_um: float
+) -> tuple[Landing, float]:
     """Return landing and sigma without what is too small or too rare to be seen."""
     within = min(landing.within_um, TAIL_SIGMAS * landing.sigma_um)
     known = abs(room.radius_um) + room.reach_um + landing.bias_um
@@ -93,7 +95,7 @@ def _seen(room: Room, landing: Landing, sigma_um: float) -> tuple[Landing, float
     return seen, sigma_um
 
 
-def _sharp(room: Room, breaks: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _sharp(room: VaryingRadius, breaks: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return deviations of a positive radius and their weights, (N,) each."""
     low = max(-room.reach_um, -room.radius_um)
     if room.reach_um == 0:
@@ -104,7 +106,7 @@ def _sharp(room: Room, breaks: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def blurred(
-    room: Room, sigma_um: float, breaks: FloatArray
+    room: VaryingRadius, sigma_um: float, breaks: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return offsets w - radius and weights, dQ/dw averaged over the radii; (N,)."""
     low = max(-room.radius_um, -room.reach_um - TAIL_SIGMAS * sigma_um)
@@ -120,7 +122,7 @@ def blurred(
     return offset, weight * bump_of(room, sigma_um).at(offset)
 
 
-def certain(room: Room, sigma_um: float) -> float:
+def certain(room: VaryingRadius, sigma_um: float) -> float:
     """Return the chance of a miss where nothing but the normal rest errs."""
     start = -room.radius_um
     chance = 0.0

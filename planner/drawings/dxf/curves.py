@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from microplan.optics.outline.outline import Arc, Edge
-from microplan.planner.drawings.biarcs import Span, biarcs, segment, unit
+from microplan.planner.drawings.biarcs import CurveSpan, biarcs, segment, unit
 
 ROUND_UM = 1e-6  # half axes closer than this make a circle: rounding of 1e4 um
 
@@ -173,7 +173,7 @@ class _EllipseSpan:
     def at(self, fraction: float) -> complex:
         return self.curve.at(self.low + fraction * (self.high - self.low))
 
-    def halves(self) -> tuple[Span, Span]:
+    def halves(self) -> tuple[CurveSpan, CurveSpan]:
         middle = (self.low + self.high) / 2
         return (
             _EllipseSpan(self.curve, self.low, middle),
@@ -203,7 +203,7 @@ class _BezierSpan:
             )
         return row[0][0] / row[0][1]
 
-    def halves(self) -> tuple[Span, Span]:
+    def halves(self) -> tuple[CurveSpan, CurveSpan]:
         left, right = self._split(0.5)
         return _BezierSpan(left), _BezierSpan(right)
 

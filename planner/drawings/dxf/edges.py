@@ -81,7 +81,7 @@ def draw(file: DxfFile, layers: frozenset[str], scale_um: float) -> Drawn:
         hint = "draw fewer or smaller arrays"
         drawn.troubles.append(Trouble("MP215", message, hint))
         return drawn
-    walk = _Walk(file, layers, weights, drawn)
+    walk = _BlockWalk(file, layers, weights, drawn)
     for entity in file.model:
         walk.visit(entity, "0", Affine(complex(scale_um)))
     for entity in file.paper:
@@ -105,7 +105,7 @@ def _settle_hatches(drawn: Drawn) -> None:
 
 
 @dataclass(frozen=True, slots=True)
-class _Walk:
+class _BlockWalk:
     """Goes through blocks and writes down what it finds."""
 
     file: DxfFile

@@ -38,7 +38,7 @@ class Question(TypedDict):
     fine: list[float]  # how far chords may run inside the curves of each
 
 
-class Answer(TypedDict, total=False):
+class EzdxfAnswer(TypedDict, total=False):
     """What ezdxf found, or the error that it ended with."""
 
     error: str
@@ -57,11 +57,11 @@ def main() -> None:
     try:
         answer = answer_to(sys.stdin.buffer.read(), question)
     except Exception as error:  # noqa: BLE001 - the library raises whatever comes
-        answer = Answer(error=f"{type(error).__name__}: {error}"[:200])
+        answer = EzdxfAnswer(error=f"{type(error).__name__}: {error}"[:200])
     out.write(json.dumps(answer))
 
 
-def answer_to(data: bytes, question: Question) -> Answer:
+def answer_to(data: bytes, question: Question) -> EzdxfAnswer:
     """Return what the library makes of a file.
 
     Raises
@@ -77,7 +77,7 @@ def answer_to(data: bytes, question: Question) -> Answer:
     ]
     audit = document.audit()
     fixes = [f"{found.message}"[:200] for found in (*audit.fixes, *audit.errors)]
-    return Answer(
+    return EzdxfAnswer(
         before=before, after=_rows(document), fixes=fixes[:MAX_FIXES], bounds=bounds
     )
 
@@ -107,7 +107,7 @@ def _rows(document: Drawing) -> list[Row]:
 
 def _bounds(document: Drawing, layers: frozenset[str], fine: float) -> Bounds | None:
     """Return the extent of all lines on `layers`, None if there is none to tell."""
-    walk = _Walk(document, layers, fine)
+    walk = _LibraryWalk(document, layers, fine)
     xs: list[float] = []
     ys: list[float] = []
     try:
@@ -125,7 +125,7 @@ class _NoExtentError(Exception):
     """The library has too much to do for an extent, or draws it wrong."""
 
 
-class _Walk:
+class _LibraryWalk:
     """Goes through blocks with the library's matrices.
 
     Only these are multiplied: blocks in blocks that it transforms itself lose shear.

@@ -22,7 +22,7 @@ _POLYLINE = 2  # bit of a path's flags
 _MOST_DEGREE = 15
 
 
-class _Reader:
+class _HatchReader:
     """Takes the tags of a hatch one by one, in the order that the format has."""
 
     def __init__(self, entity: Entity) -> None:
@@ -82,7 +82,7 @@ def hatch_paths(entity: Entity) -> list[Path]:
     DamagedError
         If it holds other numbers of paths, edges or vertices than it declares.
     """
-    tags = _Reader(entity)
+    tags = _HatchReader(entity)
     tags.skip_to(91)
     count = tags.whole(91)
     paths = []
@@ -94,7 +94,7 @@ def hatch_paths(entity: Entity) -> list[Path]:
     return paths
 
 
-def _polyline(tags: _Reader) -> Path:
+def _polyline(tags: _HatchReader) -> Path:
     bent, closed = tags.whole(72), tags.whole(73)
     knees = []
     for _ in range(tags.whole(93)):
@@ -110,24 +110,24 @@ def _polyline(tags: _Reader) -> Path:
     return Path(shapes, closed=True)
 
 
-def _edges(tags: _Reader) -> Path:
+def _edges(tags: _HatchReader) -> Path:
     shapes = tuple(_EDGES[_kind(tags)](tags) for _ in range(tags.whole(93)))
     full = len(shapes) == 1 and isinstance(shapes[0], EllipticArc) and shapes[0].full
     return Path(shapes, closed=full)
 
 
-def _kind(tags: _Reader) -> int:
+def _kind(tags: _HatchReader) -> int:
     kind = tags.whole(72)
     if kind not in _EDGES:
         raise UnreadableError(f"a boundary of it has edges of kind {kind}")
     return kind
 
 
-def _line(tags: _Reader) -> Shape:
+def _line(tags: _HatchReader) -> Shape:
     return Line(tags.point(10), tags.point(11))
 
 
-def _arc(tags: _Reader) -> Shape:
+def _arc(tags: _HatchReader) -> Shape:
     center, radius = tags.point(10), tags.number(40)
     start, sweep = _angles(tags)
     if not radius > 0:
@@ -135,7 +135,7 @@ def _arc(tags: _Reader) -> Shape:
     return EllipticArc.circular(center, radius, start, sweep)
 
 
-def _ellipse(tags: _Reader) -> Shape:
+def _ellipse(tags: _HatchReader) -> Shape:
     center, major, ratio = tags.point(10), tags.point(11), tags.number(40)
     start, sweep = _angles(tags)
     arc = EllipticArc(center, major, 1j * major * ratio, start, sweep)
@@ -144,7 +144,7 @@ def _ellipse(tags: _Reader) -> Shape:
     return arc
 
 
-def _angles(tags: _Reader) -> tuple[float, float]:
+def _angles(tags: _HatchReader) -> tuple[float, float]:
     """Return start and sweep; angles of clockwise edges are counted clockwise."""
     start, end = tags.number(50), tags.number(51)
     sweep = math.radians((end - start) % 360 or 360.0)
@@ -152,7 +152,7 @@ def _angles(tags: _Reader) -> tuple[float, float]:
     return sign * math.radians(start), sign * sweep
 
 
-def _spline(tags: _Reader) -> Shape:
+def _spline(tags: _HatchReader) -> Shape:
     degree, _, _ = tags.whole(94), tags.whole(73), tags.whole(74)
     if not 1 <= degree <= _MOST_DEGREE:
         raise UnreadableError(f"a boundary of it has degree {degree}")

@@ -7,7 +7,12 @@ from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from microplan.planner.drawings.gds.library import Library, Reference, Shape, Structure
+from microplan.planner.drawings.gds.library import (
+    AreaElement,
+    Library,
+    Structure,
+    StructureReference,
+)
 from microplan.planner.drawings.gds.records import GdsError
 
 MAX_DEPTH = 32  # cells inside cells
@@ -20,7 +25,7 @@ MAX_UNITS = 2.0**36  # farthest from the origin, database units: 69 m of nm
 
 
 @dataclass(frozen=True, slots=True)
-class Affine:
+class AffineMap:
     """x, y -> a x + b y + x0, c x + d y + y0: turned, scaled, perhaps mirrored."""
 
     a: float = 1.0
@@ -30,9 +35,9 @@ class Affine:
     x: float = 0.0
     y: float = 0.0
 
-    def after(self, inner: Affine) -> Affine:
+    def after(self, inner: AffineMap) -> AffineMap:
         """Return the map that does `inner` first, then this one."""
-        return Affine(
+        return AffineMap(
             self.a * inner.a + self.b * inner.c,
             self.a * inner.b + self.b * inner.d,
             self.c * inner.a + self.d * inner.c,
@@ -48,15 +53,15 @@ class Affine:
 
 
 @dataclass(frozen=True, slots=True)
-class Placed:
+class PlacedShape:
     """One shape where the top cell has it."""
 
-    shape: Shape
+    shape: AreaElement
     cell: str
-    at: Affine
+    at: AffineMap
 
 
-def affine(reference: Reference) -> Affine:
+def affine(reference: StructureReference) -> AffineMap:
     """Return what a reference does to its structure: mirror, scale, turn, shift.
 
     Quarter turns are exact.
@@ -65,7 +70,7 @@ def affine(reference: Reference) -> Affine:
     cos, sin = cos * reference.mag, sin * reference.mag
     flip = -1.0 if reference.mirrored else 1.0
     x, y = reference.origin
-    return Affine(cos, -sin * flip, sin, cos * flip, float(x), float(y))
+    return AffineMap(cos, -sin * flip, sin, cos * flip, float(x), float(y))
 
 
 def _turn(angle_deg: float) -> tuple[float, float]:
@@ -87,7 +92,7 @@ def reached(library: Library, top: str) -> tuple[str, ...]:
         than MAX_DEPTH deep.
     """
     order: list[str] = []
-    open_: dict[str, Iterator[Reference]] = {
+    open_: dict[str, Iterator[StructureReference]] = {
         top: iter(library.structures[top].references)
     }
     done: set[str] = set()
@@ -105,7 +110,7 @@ def reached(library: Library, top: str) -> tuple[str, ...]:
 
 
 def _refuse(
-    library: Library, cell: str, reference: Reference, path: Collection[str]
+    library: Library, cell: str, reference: StructureReference, path: Collection[str]
 ) -> None:
     """Raise if the reference leads nowhere, in a circle, or too deep."""
     name = reference.name
@@ -140,7 +145,7 @@ def held(library: Library, order: Sequence[str]) -> Counter[tuple[str, str]]:
 
 def expand(
     library: Library, order: Collection[str], layers: Collection[str]
-) -> list[Placed]:
+) -> list[PlacedShape]:
     """Return the shapes on `layers` where the last cell of `order` has them.
 
     Raises
@@ -151,12 +156,14 @@ def expand(
     """
     weights = _weights(library, order, layers)
     *_, top = order
-    found: list[Placed] = []
-    todo = [(top, Affine())]
+    found: list[PlacedShape] = []
+    todo = [(top, AffineMap())]
     while todo:
         cell, at = todo.pop()
         structure = library.structures[cell]
-        found += [Placed(s, cell, at) for s in structure.shapes if s.layer in layers]
+        found += [
+            PlacedShape(s, cell, at) for s in structure.shapes if s.layer in layers
+        ]
         for reference in structure.references:
             if weights[reference.name]:
                 todo += [(reference.name, a) for a in _copies(reference, at, cell)]
@@ -203,7 +210,9 @@ def _own(structure: Structure, layers: Collection[str]) -> tuple[int, int]:
     return shapes, points
 
 
-def _copies(reference: Reference, at: Affine, cell: str) -> Iterator[Affine]:
+def _copies(
+    reference: StructureReference, at: AffineMap, cell: str
+) -> Iterator[AffineMap]:
     """Yield where the top cell has each copy of a reference's structure."""
     one = affine(reference)
     for row in range(reference.rows):
@@ -211,7 +220,7 @@ def _copies(reference: Reference, at: Affine, cell: str) -> Iterator[Affine]:
             (cx, cy), (rx, ry) = reference.column_step, reference.row_step
             x = one.x + column * cx + row * rx
             y = one.y + column * cy + row * ry
-            placed = at.after(Affine(one.a, one.b, one.c, one.d, x, y))
+            placed = at.after(AffineMap(one.a, one.b, one.c, one.d, x, y))
             if not max(abs(placed.x), abs(placed.y), placed.mag) <= MAX_UNITS:
                 message = f"cell '{reference.name}' placed by '{cell}' is out of range"
                 raise GdsError("MP233", reference.offset, message)

@@ -9,7 +9,7 @@ from typing import Literal
 
 from microplan.planner.drawings.gds.records import (
     GdsError,
-    Record,
+    GdsRecord,
     bits,
     integers,
     reals,
@@ -49,7 +49,7 @@ _AFTER_NAME = {"REFLIBS", "FONTS", "ATTRTABLE", "GENERATIONS", "FORMAT", "MASK",
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Shape:
+class AreaElement:
     """One element that covers an area; lengths in database units."""
 
     kind: ShapeKind
@@ -68,7 +68,7 @@ class Shape:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Reference:
+class StructureReference:
     """A structure placed once, or in columns and rows; lengths in database units."""
 
     name: str
@@ -89,8 +89,8 @@ class Structure:
 
     name: str
     offset: int
-    shapes: tuple[Shape, ...]
-    references: tuple[Reference, ...]
+    shapes: tuple[AreaElement, ...]
+    references: tuple[StructureReference, ...]
     skipped: Mapping[tuple[str, str], int]  # layer, "TEXT" or "NODE" -> how many
 
 
@@ -142,7 +142,7 @@ def read_library(data: bytes) -> Library:
     return Library(unit_um=unit_um, user_unit_m=user_unit_m, structures=structures)
 
 
-def _expect(record: Record, name: str) -> Record:
+def _expect(record: GdsRecord, name: str) -> GdsRecord:
     """Return the record if it is the one that must stand here."""
     if record.name != name:
         message = f"{record.name} stands where {name} must"
@@ -150,7 +150,7 @@ def _expect(record: Record, name: str) -> Record:
     return record
 
 
-def _units(record: Record) -> tuple[float, float]:
+def _units(record: GdsRecord) -> tuple[float, float]:
     """Return a database unit in um, and the user unit in m.
 
     Twelve digits are kept: 1e-9 m is 1e-3 um whatever its last bit.
@@ -164,11 +164,11 @@ def _units(record: Record) -> tuple[float, float]:
     return float(f"{in_m * 1e6:.12g}"), float(f"{in_m / in_user:.12g}")
 
 
-def _structure(first: Record, stream: Iterator[Record]) -> Structure:
+def _structure(first: GdsRecord, stream: Iterator[GdsRecord]) -> Structure:
     """Return the structure that begins with BGNSTR."""
     name = text(_expect(next(stream), "STRNAME"))
-    shapes: list[Shape] = []
-    references: list[Reference] = []
+    shapes: list[AreaElement] = []
+    references: list[StructureReference] = []
     skipped: Counter[tuple[str, str]] = Counter()
     for record in stream:
         if record.name == "ENDSTR":
@@ -191,11 +191,11 @@ def _structure(first: Record, stream: Iterator[Record]) -> Structure:
     )  # fmt: skip
 
 
-def _element(first: Record, stream: Iterator[Record]) -> dict[str, Record]:
+def _element(first: GdsRecord, stream: Iterator[GdsRecord]) -> dict[str, GdsRecord]:
     """Return the records of an element by name; properties are not kept."""
     needed = _NEEDED[first.name]
     allowed = needed | _EVERYWHERE | _ALLOWED.get(first.name, set())
-    parts: dict[str, Record] = {}
+    parts: dict[str, GdsRecord] = {}
     for record in stream:
         if record.name == "ENDEL":
             break
@@ -213,12 +213,12 @@ def _element(first: Record, stream: Iterator[Record]) -> dict[str, Record]:
     return parts
 
 
-def _shape(first: Record, parts: Mapping[str, Record]) -> Shape:
+def _shape(first: GdsRecord, parts: Mapping[str, GdsRecord]) -> AreaElement:
     """Return a boundary, path or box."""
     kind: ShapeKind = "BOUNDARY"
     if first.name != "BOUNDARY":
         kind = "PATH" if first.name == "PATH" else "BOX"
-    return Shape(
+    return AreaElement(
         kind=kind,
         layer=_layer(parts, "BOXTYPE" if kind == "BOX" else "DATATYPE"),
         xy=parts["XY"].body,
@@ -230,17 +230,19 @@ def _shape(first: Record, parts: Mapping[str, Record]) -> Shape:
     )
 
 
-def _layer(parts: Mapping[str, Record], datatype: str) -> str:
+def _layer(parts: Mapping[str, GdsRecord], datatype: str) -> str:
     """Return an element's layer and datatype, or what stands for it."""
     return f"{bits(parts['LAYER'])}/{bits(parts[datatype])}"
 
 
-def _integer(parts: Mapping[str, Record], name: str) -> int:
+def _integer(parts: Mapping[str, GdsRecord], name: str) -> int:
     """Return the integer of a record, 0 if it is not there as the format has it."""
     return integers(parts[name])[0] if name in parts else 0
 
 
-def _reference(first: Record, parts: Mapping[str, Record], cell: str) -> Reference:
+def _reference(
+    first: GdsRecord, parts: Mapping[str, GdsRecord], cell: str
+) -> StructureReference:
     """Return a placement; what programs read in different ways is refused."""
     xy = integers(parts["XY"])
     wanted = 2 if first.name == "SREF" else 6
@@ -262,21 +264,23 @@ def _reference(first: Record, parts: Mapping[str, Record], cell: str) -> Referen
             f"{MAX_DEG:g} at most"
         )
         raise GdsError("MP233", first.offset, message)
-    placed = Reference(
+    placed = StructureReference(
         name=text(parts["SNAME"]), offset=first.offset, origin=(xy[0], xy[1]),
         mirrored=bool(strans & _MIRROR), mag=mag, angle_deg=angle,
     )  # fmt: skip
     return placed if first.name == "SREF" else _array(placed, parts["COLROW"], xy, cell)
 
 
-def _array(one: Reference, colrow: Record, xy: tuple[int, ...], cell: str) -> Reference:
+def _array(
+    one: StructureReference, colrow: GdsRecord, xy: tuple[int, ...], cell: str
+) -> StructureReference:
     """Return a placement in columns and rows; XY gives what lies behind the last."""
     columns, rows = integers(colrow)
     if columns < 1 or rows < 1:
         message = f"AREF in cell '{cell}' has {columns} columns and {rows} rows"
         raise GdsError("MP230", one.offset, message)
     x, y = one.origin
-    return Reference(
+    return StructureReference(
         name=one.name, offset=one.offset, origin=one.origin,
         columns=columns, rows=rows,
         column_step=((xy[2] - x) / columns, (xy[3] - y) / columns),

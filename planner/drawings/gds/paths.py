@@ -8,14 +8,14 @@ import numpy as np
 
 from microplan.arrays import FloatArray
 from microplan.planner.drawings.gds.cells import ROUND_POINTS
-from microplan.planner.drawings.gds.library import Shape
+from microplan.planner.drawings.gds.library import AreaElement
 from microplan.planner.drawings.gds.records import GdsError
 
 CHORD = 0.1  # largest sagitta of round ends, database units
 SHARP = -1e-9  # cosine of a bend: a right angle is still drawn alike by all programs
 
 
-def stroke(shape: Shape, points: FloatArray, width: float) -> list[FloatArray]:
+def stroke(shape: AreaElement, points: FloatArray, width: float) -> list[FloatArray]:
     """Return convex polygons whose union is the path.
 
     Parameters
@@ -70,7 +70,7 @@ def sagitta(radius: float) -> float:
     return radius * (1 - math.cos(math.pi / 2 / _chords(radius)))
 
 
-def _extensions(shape: Shape, half: float) -> tuple[float, float]:
+def _extensions(shape: AreaElement, half: float) -> tuple[float, float]:
     """Return how far the path goes on before its first point and behind its last."""
     if shape.path_type in (0, 1):
         return 0.0, 0.0
@@ -82,7 +82,11 @@ def _extensions(shape: Shape, half: float) -> tuple[float, float]:
 
 
 def _bend(
-    shape: Shape, at: FloatArray, before: FloatArray, behind: FloatArray, half: float
+    shape: AreaElement,
+    at: FloatArray,
+    before: FloatArray,
+    behind: FloatArray,
+    half: float,
 ) -> list[FloatArray]:
     """Return the kite between two pieces, up to where their outer borders meet."""
     cos = float(before @ behind)
@@ -115,5 +119,5 @@ def _chords(radius: float) -> int:
     return min(max(2, math.ceil(math.pi / (2 * half))), ROUND_POINTS)
 
 
-def _unreadable(shape: Shape, why: str) -> GdsError:
+def _unreadable(shape: AreaElement, why: str) -> GdsError:
     return GdsError("MP233", shape.offset, f"a PATH on layer '{shape.layer}' {why}")

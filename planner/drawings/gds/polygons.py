@@ -6,7 +6,7 @@ import numpy as np
 import shapely
 
 from microplan.arrays import FloatArray
-from microplan.planner.drawings.gds.library import Shape
+from microplan.planner.drawings.gds.library import AreaElement
 from microplan.planner.drawings.gds.paths import stroke
 from microplan.planner.drawings.gds.records import GdsError
 
@@ -18,7 +18,7 @@ BATCH = 64  # edges asked about at once, which bounds the memory
 SLIVER = 1.0
 
 
-def polygons(shape: Shape, mag: float = 1.0) -> list[shapely.Polygon]:
+def polygons(shape: AreaElement, mag: float = 1.0) -> list[shapely.Polygon]:
     """Return simple polygons whose union is what the shape covers.
 
     A boundary that touches itself, as one with a slit to a hole does, becomes what it
@@ -70,7 +70,7 @@ def too_many_meetings(edges: FloatArray, limit: int) -> bool:
     return False
 
 
-def _gone_round_once(shape: Shape, points: FloatArray) -> list[shapely.Polygon]:
+def _gone_round_once(shape: AreaElement, points: FloatArray) -> list[shapely.Polygon]:
     """Return the faces that a boundary goes round once; all of them the same way."""
     ends = np.stack([points[:-1], points[1:]], axis=1)
     if too_many_meetings(ends, MAX_TOUCHES):

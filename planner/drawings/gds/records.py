@@ -42,7 +42,7 @@ class GdsError(ValueError):
         self.code, self.offset, self.message, self.hint = code, offset, message, hint
 
 
-class Record(NamedTuple):
+class GdsRecord(NamedTuple):
     """One record; `offset` is that of its first byte in the file."""
 
     offset: int
@@ -50,7 +50,7 @@ class Record(NamedTuple):
     body: bytes
 
 
-def records(data: bytes) -> Iterator[Record]:
+def records(data: bytes) -> Iterator[GdsRecord]:
     """Yield the records of a whole stream file up to and with ENDLIB.
 
     Raises
@@ -77,7 +77,7 @@ def records(data: bytes) -> Iterator[Record]:
         raise GdsError("MP230", len(data) - len(rest), message)
 
 
-def _record(data: bytes, offset: int) -> tuple[Record, int]:
+def _record(data: bytes, offset: int) -> tuple[GdsRecord, int]:
     """Return the record at `offset`, and where the next one begins."""
     if offset + 4 > len(data):
         raise GdsError("MP230", offset, "the file ends before ENDLIB")
@@ -97,14 +97,14 @@ def _record(data: bytes, offset: int) -> tuple[Record, int]:
     if offset + length > len(data):
         message = f"{name} of {length} bytes runs past the end of the file"
         raise GdsError("MP230", offset, message)
-    return Record(offset, name, data[offset + 4 : offset + length]), offset + length
+    return GdsRecord(offset, name, data[offset + 4 : offset + length]), offset + length
 
 
 def _sizes(size: int) -> str:
     return f"multiples of {-size}" if size < 0 else str(size)
 
 
-def text(record: Record) -> str:
+def text(record: GdsRecord) -> str:
     """Return the text of a record, without the zero that makes its length even."""
     body = record.body[:-1] if record.body.endswith(b"\0") else record.body
     if not body or not all(32 <= byte < 127 for byte in body):
@@ -113,7 +113,7 @@ def text(record: Record) -> str:
     return body.decode("ascii")
 
 
-def integers(record: Record) -> tuple[int, ...]:
+def integers(record: GdsRecord) -> tuple[int, ...]:
     """Return the signed integers of a record whose data are two or four bytes each."""
     size, letter = (4, "i") if record.name in _LONG else (2, "h")
     return struct.unpack(f">{len(record.body) // size}{letter}", record.body)
@@ -122,13 +122,13 @@ def integers(record: Record) -> tuple[int, ...]:
 _LONG = frozenset(name for name, data_type, _ in _KINDS.values() if data_type == 3)
 
 
-def bits(record: Record) -> int:
+def bits(record: GdsRecord) -> int:
     """Return the sixteen bits of a record, or its two bytes without a sign."""
     (value,) = struct.unpack(">H", record.body)
     return int(value)
 
 
-def reals(record: Record) -> tuple[float, ...]:
+def reals(record: GdsRecord) -> tuple[float, ...]:
     """Return the eight-byte reals of a record."""
     body = record.body
     return tuple(real8(body[k : k + 8]) for k in range(0, len(body), 8))

@@ -14,7 +14,7 @@ from shapely.geometry.base import BaseGeometry
 from microplan.arrays import FloatArray
 from microplan.optics.outline.outline import Arc, Ring, Segment
 from microplan.planner.drawings.circle_fit import fit_circle
-from microplan.planner.drawings.gds.cells import MAX_UNITS, Affine, Placed
+from microplan.planner.drawings.gds.cells import MAX_UNITS, AffineMap, PlacedShape
 from microplan.planner.drawings.gds.paths import sagitta
 from microplan.planner.drawings.gds.polygons import BATCH, polygons, too_many_meetings
 from microplan.planner.drawings.gds.records import GdsError
@@ -49,7 +49,7 @@ class Regions:
     chord_um: float  # largest sagitta of what was round and is not any more
 
 
-def unite(placed: Sequence[Placed], unit_um: float) -> Regions:
+def unite(placed: Sequence[PlacedShape], unit_um: float) -> Regions:
     """Return the rings that bound what the shapes cover together.
 
     Parameters
@@ -120,7 +120,7 @@ def as_circle(corners: FloatArray, unit_um: float) -> Rounded | None:
     return Rounded(corners=len(corners), circle=circle, chord_um=chord_um)
 
 
-def _pieces(placed: Sequence[Placed]) -> list[shapely.Polygon]:
+def _pieces(placed: Sequence[PlacedShape]) -> list[shapely.Polygon]:
     """Return the shapes' polygons where they are placed."""
     own: dict[object, list[shapely.Polygon]] = {}
     found: list[shapely.Polygon] = []
@@ -139,7 +139,7 @@ def _pieces(placed: Sequence[Placed]) -> list[shapely.Polygon]:
     return found
 
 
-def _moved(at: Affine, polygon: shapely.Polygon) -> shapely.Polygon:
+def _moved(at: AffineMap, polygon: shapely.Polygon) -> shapely.Polygon:
     """Return a polygon where a map brings it."""
 
     def move(points: FloatArray) -> FloatArray:
@@ -211,7 +211,7 @@ def _segments(corners: FloatArray) -> tuple[Segment, ...]:
     return tuple(Segment(start=a, end=b) for a, b in pairwise([*points, points[0]]))
 
 
-def _round_end(placed: Placed) -> float:
+def _round_end(placed: PlacedShape) -> float:
     """Return the sagitta of a path's round ends, database units; 0 if it has none."""
     shape, mag = placed.shape, placed.at.mag
     if shape.kind != "PATH" or shape.path_type != 1:
@@ -220,9 +220,9 @@ def _round_end(placed: Placed) -> float:
     return sagitta(abs(shape.width) / own / 2) * mag
 
 
-def by_layer(placed: Sequence[Placed]) -> Mapping[str, list[Placed]]:
+def by_layer(placed: Sequence[PlacedShape]) -> Mapping[str, list[PlacedShape]]:
     """Return the shapes of each layer."""
-    found: dict[str, list[Placed]] = {}
+    found: dict[str, list[PlacedShape]] = {}
     for item in placed:
         found.setdefault(item.shape.layer, []).append(item)
     return found

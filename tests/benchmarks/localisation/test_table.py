@@ -13,7 +13,7 @@ from benchmarks.localisation.rows import FEWEST, Row, affordable, begin
 from benchmarks.localisation.scenes import PLACE_UM, SCENES, Drawn, disturbed
 from benchmarks.localisation.table import lines, measure_all
 from benchmarks.localisation.trials import prepared
-from microplan.featuresel.look.sensitivity import Setting
+from microplan.featuresel.look.sensitivity import LookSetting
 from microplan.featuresel.routines.registry import REGISTRY, load
 
 PAGE = Path(__file__).parents[3] / "docs" / "localisation.md"
@@ -28,7 +28,7 @@ def test_a_routine_starts_within_its_capture_range(scene: str) -> None:
         if case.target.kind not in routine.KINDS:
             continue
         dx, dy = rng.uniform(-PLACE_UM, PLACE_UM, 2)
-        setting = Setting(dx_um=dx, dy_um=dy, dtheta_rad=0.01, dz_um=4.0, zoom=1.03)
+        setting = LookSetting(dx_um=dx, dy_um=dy, dtheta_rad=0.01, dz_um=4.0, zoom=1.03)
         drawn = Drawn(setting=setting, image=np.zeros((1, 1)))
         at = begin(case, name, drawn, rng)
         x, y = (1.03 * (a + b) for a, b in ((case.x_um, dx), (case.y_um, dy)))
@@ -37,7 +37,7 @@ def test_a_routine_starts_within_its_capture_range(scene: str) -> None:
         reach = min(routine.CAPTURE_PX, 1.5 * case.target.search_px)
         assert off <= reach, name
         known = {"theta": at.theta_rad, "z": at.z_um, "zoom": at.zoom}
-        assert all(known[need] is not None for need in routine.NEEDS if need != "xy")
+        assert all(known[need] is not None for need in routine.REQUIRES if need != "xy")
 
 
 def test_a_row_is_a_line_of_the_table() -> None:
@@ -99,7 +99,7 @@ def test_rows_that_are_recorded_are_not_measured_again(tmp_path: Path) -> None:
 
 def test_a_slow_routine_gets_fewer_trials() -> None:
     case = disturbed(SCENES["shaft"](), "plain")
-    shown = Drawn(setting=Setting(), image=np.zeros((480, 640)))
+    shown = Drawn(setting=LookSetting(), image=np.zeros((480, 640)))
     ready = {n: dict(prepared(case, (n,)))[n] for n in ("likelihood", "otsu")}
     slow, fast = (affordable(n, a, shown, 10**6) for n, a in ready.items())
     assert FEWEST <= slow < fast

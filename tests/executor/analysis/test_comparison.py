@@ -13,7 +13,7 @@ import pytest
 
 from microplan.executor.analysis.comparison import compare, predicted_s
 from microplan.executor.analysis.comparison_report import comparison_text
-from microplan.executor.analysis.run_summaries import Run
+from microplan.executor.analysis.run_summaries import RunFolderSummary
 from microplan.executor.cli.main import main
 from microplan.executor.record.plan_file import read_plan
 from microplan.schemas.plan import AlignAction, Plan, parse_plan
@@ -75,10 +75,11 @@ def summary(plan: Plan, rng: np.random.Generator, **wrong: float) -> dict[str, A
 
 def runs_of(
     plan: Plan, seed: int, count: int = RUNS, **wrong: float
-) -> tuple[Run, ...]:
+) -> tuple[RunFolderSummary, ...]:
     rng = np.random.default_rng(seed)
     return tuple(
-        Run(folder=Path(str(k)), data=summary(plan, rng, **wrong)) for k in range(count)
+        RunFolderSummary(folder=Path(str(k)), data=summary(plan, rng, **wrong))
+        for k in range(count)
     )
 
 
@@ -119,7 +120,7 @@ def test_the_figures_are_those_of_numpy(plan: Plan) -> None:
 
 def test_a_run_the_operator_stopped_says_nothing_of_the_plan(plan: Plan) -> None:
     runs = runs_of(plan, 2, 3)
-    stopped = Run(
+    stopped = RunFolderSummary(
         folder=Path("x"), data={**runs[0].data, "code": "MP860", "done": False}
     )
     found = compare(plan, (*runs, stopped))
@@ -131,7 +132,7 @@ def test_runs_with_faults_and_resumed_ones_are_left_apart(plan: Plan, key: str) 
     runs = runs_of(plan, 8, 4)
     data = {**summary(plan, np.random.default_rng(9)), "done": False, "code": "MP845"}
     data[key] = ["axis_short"] if key == "faults" else 2
-    odd = Run(folder=Path("odd"), data=data)
+    odd = RunFolderSummary(folder=Path("odd"), data=data)
     found = compare(plan, [*runs, odd])
     assert (found.runs, found.apart) == (tuple(runs), (odd,))
     assert (found.done, found.counted) == (4, 4)

@@ -25,7 +25,7 @@ from microplan.executor.record.frames import Frames, read_png, write_png
 from microplan.executor.record.journal import Journal
 from microplan.executor.record.plan_file import PlanFile
 from microplan.executor.record.recorded_calls import Tape, read_record
-from microplan.executor.record.recording import Record, plain
+from microplan.executor.record.recording import CallRecorder, plain
 from microplan.executor.record.replay_station import tape_station
 from microplan.executor.record.write_ahead_log import FileStore
 from microplan.executor.run.artifacts import Artifacts
@@ -407,7 +407,7 @@ def recorded(plan: Plan, folder: Path, run: Path, station: Station) -> Replayed:
     facts = {"plan_sha256": file.sha256, "arrays_sha256": artifacts.sha256}
     frames = Frames(run)
     with (run / "calls.jsonl").open("w", encoding="utf-8") as stream:
-        record = Record(stream, frames, station, facts)
+        record = CallRecorder(stream, frames, station, facts)
         rig = Rig(
             plan=plan,
             station=record.station(),

@@ -13,7 +13,7 @@ import pytest
 
 from microplan.executor.cli.options import parse
 from microplan.executor.cli.select_station import Site
-from microplan.executor.cli.session import Asking, Job, _recorded, _run, header_of
+from microplan.executor.cli.session import Asking, RunJob, _recorded, _run, header_of
 from microplan.executor.devices.device_values import CheckedClock
 from microplan.executor.devices.errors import ExecutorError
 from microplan.executor.devices.station import Station
@@ -21,7 +21,7 @@ from microplan.executor.motion.beliefs import Beliefs
 from microplan.executor.record.frames import Frames
 from microplan.executor.record.journal import Journal
 from microplan.executor.record.plan_file import PlanFile
-from microplan.executor.record.recording import Record
+from microplan.executor.record.recording import CallRecorder
 from microplan.executor.record.run_folder import RunFolder
 from microplan.executor.run.artifacts import Artifacts
 from microplan.executor.run.run import run_plan
@@ -74,7 +74,7 @@ def test_what_could_not_be_stopped_is_told_on_a_full_disk_too(tmp_path: Path) ->
         raise KeyboardInterrupt
 
     rig.on_step = interrupt
-    job = Job(
+    job = RunJob(
         call=parse([str(tmp_path), "--station", "sim"]),
         file=PlanFile(plan=plan, source=b""),
         site=Site(name="sim", station=station, cell=None),
@@ -170,11 +170,11 @@ def test_a_run_is_begun_with_the_station_file_as_it_was_read(tmp_path: Path) -> 
 def test_a_full_disk_hides_no_interrupt(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def full(_record: Record, _code: str, _why: str) -> None:
+    def full(_record: CallRecorder, _code: str, _why: str) -> None:
         raise ExecutorError("MP863", "calls.jsonl: the disk is full")
 
     station = build_cell(world(), 0).station
-    monkeypatch.setattr(Record, "close", full)
+    monkeypatch.setattr(CallRecorder, "close", full)
     with (
         pytest.raises(ExecutorError) as caught,
         _recorded(tmp_path / "calls.jsonl", Frames(tmp_path), station, {}),

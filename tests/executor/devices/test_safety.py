@@ -14,8 +14,8 @@ from microplan.executor.devices.drivers import AxisReading
 from microplan.executor.devices.errors import ExecutorError
 from microplan.executor.devices.safety import (
     AXES,
+    MotionProgress,
     PhaseLimit,
-    Progress,
     Rules,
     Safety,
     Settle,
@@ -115,7 +115,7 @@ def test_the_speed_ordered_is_asked_slowest_or_the_phases() -> None:
 def test_an_axis_that_comes_closer_is_never_stopped(
     away: float, samples: int, axis: str
 ) -> None:
-    watch = Progress(HOME, {axis: away}, SETTLE)
+    watch = MotionProgress(HOME, {axis: away}, SETTLE)
     for i in range(samples + 1):
         reading = replace(HOME, **{axis: away * i / samples})
         watch.check("stage", reading, 0.9 * i)  # up to .9 s between two readings
@@ -131,9 +131,9 @@ def test_an_axis_that_stands_goes_back_or_was_not_told_is_stopped() -> None:
         ({"x_um": 10.0}, replace(HOME, y_um=0.3), "not told to"),
     ):
         with pytest.raises(ExecutorError, match=why) as caught:
-            Progress(HOME, told, SETTLE).check("stage", reading, 0.0)
+            MotionProgress(HOME, told, SETTLE).check("stage", reading, 0.0)
         assert code_of(caught) == "MP846"
-    watch = Progress(HOME, {"x_um": 10.0}, SETTLE)
+    watch = MotionProgress(HOME, {"x_um": 10.0}, SETTLE)
     for now_s, x_um in ((0.0, 4.0), (0.9, 4.0), (1.0, 4.005)):
         watch.check("stage", replace(HOME, x_um=x_um), now_s)  # .005 is noise
     with pytest.raises(ExecutorError, match=r"come closer for 1.1 s") as caught:
@@ -141,7 +141,7 @@ def test_an_axis_that_stands_goes_back_or_was_not_told_is_stopped() -> None:
 
 
 def test_an_overshoot_is_no_wrong_way() -> None:
-    watch = Progress(HOME, {"x_um": 10.0}, SETTLE)
+    watch = MotionProgress(HOME, {"x_um": 10.0}, SETTLE)
     for now_s, x_um in ((0.0, 0.0), (0.1, 9.95), (0.2, 12.0), (0.3, 9.0), (0.4, 10.0)):
         watch.check("stage", replace(HOME, x_um=x_um), now_s)
     with pytest.raises(ExecutorError, match="wrong way") as caught:

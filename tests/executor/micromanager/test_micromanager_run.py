@@ -21,7 +21,7 @@ from microplan.executor.cli.main import main
 from microplan.executor.devices.errors import ExecutorError
 from microplan.executor.devices.station_file import read_station
 from microplan.executor.simulated.cell import build_cell
-from microplan.executor.simulated.following import Readings, follow
+from microplan.executor.simulated.following import DeviceReadings, follow
 from microplan.schemas.codec import to_data
 from microplan.schemas.plan import InsertAction, Plan
 from microplan.schemas.pose import Pose
@@ -260,14 +260,14 @@ def edge(image: FloatArray) -> float:
 def test_a_cell_is_led_past_what_touches_and_told_once_of_jaws_and_lens() -> None:
     cell = build_cell(quiet(world()), 0)
     start = cell.stage.reading()
-    follow(cell, Readings(stage=replace(start, x_um=start.x_um + 100.0)), 1.0)
+    follow(cell, DeviceReadings(stage=replace(start, x_um=start.x_um + 100.0)), 1.0)
     assert cell.truth.stage_pose().x_um == start.x_um + 100.0
     assert cell.truth.time_s == 1.0
-    follow(cell, Readings(opening_um=120.0 + 1e-9, magnification=10.0), 2.0)
+    follow(cell, DeviceReadings(opening_um=120.0 + 1e-9, magnification=10.0), 2.0)
     jumps, now_s = cell.lens.shift_um, cell.truth.time_s
-    follow(cell, Readings(opening_um=120.0, magnification=10.0), 2.0)
+    follow(cell, DeviceReadings(opening_um=120.0, magnification=10.0), 2.0)
     assert (cell.jaws.reading(), cell.lens.shift_um) == (120.0, jumps)
     assert cell.truth.time_s == now_s  # nothing was moved again
     low = replace(cell.robot.reading(), y_um=0.0, z_um=-50.0)
-    follow(cell, Readings(robot=low), 3.0)
+    follow(cell, DeviceReadings(robot=low), 3.0)
     assert cell.truth.collided

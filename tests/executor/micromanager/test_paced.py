@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from microplan.executor.micromanager.drives import Scale
+from microplan.executor.micromanager.drives import DeviceScale
 from microplan.executor.micromanager.movers import MMAxes, MMLens, Moved
 from microplan.executor.micromanager.paced import LONGEST_S, Paced
 
@@ -155,7 +155,7 @@ def test_a_drive_that_cannot_be_stopped_keeps_no_other_from_it() -> None:
 
 @given(st.floats(-1e3, 1e3), st.floats(1e-3, 1e2), st.floats(-1e4, 1e4))
 def test_a_scale_goes_both_ways(zero: float, per: float, value: float) -> None:
-    scale = Scale(zero=zero, per=-per)
+    scale = DeviceScale(zero=zero, per=-per)
     assert scale.value(scale.number(value)) == pytest.approx(value, abs=1e-9)
 
 

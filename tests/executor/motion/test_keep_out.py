@@ -19,7 +19,7 @@ from microplan.executor.motion.beliefs import Beliefs, Readings
 from microplan.executor.motion.keep_out import KeepOut, Moment
 from microplan.executor.motion.swept_volume import (
     ROUNDING_UM,
-    Room,
+    SweptVolume,
     Travel,
     hull,
     meets,
@@ -239,8 +239,8 @@ def test_a_clear_move_passes_and_the_same_one_lower_does_not() -> None:
 
 
 def test_a_gap_is_kept_to_a_hundredth_and_a_margin_is_added() -> None:
-    one = Room(owner="a", corners_um=np.array([[0, 0], [2, 0], [2, 2], [0, 2.0]]),
-               low_um=0.0, high_um=1.0)  # fmt: skip
+    square = np.array([[0, 0], [2, 0], [2, 2], [0, 2.0]])
+    one = SweptVolume(owner="a", corners_um=square, low_um=0.0, high_um=1.0)
     for gap_um in (-0.02, 0.0, 3.0):
         other = replace(one, corners_um=one.corners_um + (2.0 + gap_um, 0.0))
         assert meets(one, other) == (gap_um < -ROUNDING_UM)
@@ -254,7 +254,7 @@ def test_a_gap_is_kept_to_a_hundredth_and_a_margin_is_added() -> None:
 @pytest.mark.parametrize("way_rad", [0.01, 1.0, -4.0, 9.0, -20.0])
 def test_what_a_turn_covers_holds_every_place_between(way_rad: float) -> None:
     corners = np.array([[90.0, -5.0], [130.0, -5.0], [130.0, 8.0]])
-    room = Room(owner="a", corners_um=corners, low_um=0.0, high_um=1.0)
+    room = SweptVolume(owner="a", corners_um=corners, low_um=0.0, high_um=1.0)
     travel = Travel(start=at(0, 0, 0), end=at(0, 0, 0, way_rad), pivot_um=AXIS)
     covered = shapely.union_all(
         [shapely.Polygon(each.corners_um) for each in travel.covered(room)]
@@ -268,7 +268,7 @@ def test_what_a_turn_covers_holds_every_place_between(way_rad: float) -> None:
 
 def test_a_turn_without_end_is_a_whole_one() -> None:
     corners = np.array([[90.0, -5.0], [130.0, -5.0], [130.0, 8.0]])
-    room = Room(owner="a", corners_um=corners, low_um=0.0, high_um=1.0)
+    room = SweptVolume(owner="a", corners_um=corners, low_um=0.0, high_um=1.0)
     travel = Travel(start=at(0, 0, 0), end=at(0, 0, 0, 1e308), pivot_um=AXIS)
     assert len(list(travel.covered(room))) == 72  # of 5 deg
 

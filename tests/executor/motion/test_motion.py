@@ -16,7 +16,7 @@ from microplan.executor.devices.errors import ExecutorError
 from microplan.executor.devices.safety import AXES, PhaseLimit
 from microplan.executor.devices.station import Station
 from microplan.executor.motion.motion import Motion
-from microplan.executor.simulated.axes import Drive
+from microplan.executor.simulated.axes import DriveError
 from microplan.executor.simulated.cell import Cell, build_cell
 from microplan.schemas.plan import AxisMove, Region
 from tests.executor.bench import quiet, world
@@ -24,7 +24,7 @@ from tests.executor.bench import quiet, world
 FAR = AxisMove(axes="stage", x_um=-100.0, y_um=40.0)
 
 
-def cell(*faults: str, drive: Drive | None = None) -> Cell:
+def cell(*faults: str, drive: DriveError | None = None) -> Cell:
     drives = {} if drive is None else {"stage": drive}
     return build_cell(quiet(world()), 1, faults, drives=drives)
 
@@ -54,16 +54,16 @@ def test_a_motion_takes_its_way_and_its_dwell() -> None:
 
 
 def test_a_drive_with_steps_ends_at_the_nearest_one() -> None:
-    found = cell(drive=Drive(quantum_um=0.08))
+    found = cell(drive=DriveError(quantum_um=0.08))
     Motion().travel(found.station, FAR, "approach")  # half a step is inside the window
     assert found.truth.stage.actual["x_um"] == pytest.approx(-100.0, abs=0.04)
-    coarse = cell(drive=Drive(quantum_um=0.7))
+    coarse = cell(drive=DriveError(quantum_um=0.7))
     error = refused(lambda: Motion().travel(coarse.station, FAR, "approach"), "MP845")
     assert "x_um by 0.1" in error.message  # 143 steps are 100.1 um
 
 
 def test_backlash_is_lost_where_the_direction_turns() -> None:
-    found = cell(drive=Drive(backlash_um=3.0))
+    found = cell(drive=DriveError(backlash_um=3.0))
     places = []
     for start_um in (-700.0, -500.0):
         found.stage.move(x_um=start_um)
@@ -73,7 +73,7 @@ def test_backlash_is_lost_where_the_direction_turns() -> None:
 
 
 def test_a_reading_that_lags_is_waited_for() -> None:
-    found, prompt = cell(drive=Drive(lag_s=0.5)), cell()
+    found, prompt = cell(drive=DriveError(lag_s=0.5)), cell()
     for each in (found, prompt):
         Motion().travel(each.station, FAR, "approach")
     assert found.truth.time_s - prompt.truth.time_s == pytest.approx(0.5, abs=0.06)

@@ -17,7 +17,7 @@ from microplan.executor.record.recovery import past_in, read_past
 from microplan.executor.record.write_ahead_log import (
     FILE,
     FileStore,
-    Intents,
+    WriteAheadLog,
     opened,
     sealed,
 )
@@ -46,7 +46,7 @@ class Disk:
 def journal(errors: int) -> bytes:
     """Return the bytes of a journal of a step with some errors."""
     disk = Disk()
-    intents = Intents(disk)
+    intents = WriteAheadLog(disk)
     intents.write("run", **HEADER)
     intents.write("begin", step="over_shaft")
     for number in range(errors):
@@ -61,7 +61,7 @@ def test_a_line_is_on_the_disk_before_the_call_returns(tmp_path: Path) -> None:
         synced.append(os.fstat(number).st_size)
 
     store = FileStore(tmp_path / FILE, sync=sync)
-    intents = Intents(store)
+    intents = WriteAheadLog(store)
     for step in ("a", "b"):
         intents.write("begin", step=step)
         assert synced[-1] == (tmp_path / FILE).stat().st_size
@@ -143,7 +143,7 @@ def test_lines_that_are_lost_or_moved_are_found(
 
 def test_a_whole_line_that_means_nothing_is_refused() -> None:
     disk = Disk()
-    intents = Intents(disk)
+    intents = WriteAheadLog(disk)
     intents.write("run", **{**HEADER, "format": 99})
     intents.write("begin", step="")
     with pytest.raises(ExecutorError, match="no journal of format 1"):
@@ -153,7 +153,7 @@ def test_a_whole_line_that_means_nothing_is_refused() -> None:
 def test_errors_count_on_after_a_kill_and_not_after_a_failure() -> None:
     """A run that gave up after so many looks may be mended, and tries anew."""
     disk = Disk()
-    intents = Intents(disk)
+    intents = WriteAheadLog(disk)
     intents.write("run", **HEADER)
     intents.write("begin", step="over_shaft")
     intents.write("error", error_um=2.0)
@@ -179,7 +179,7 @@ def test_after_a_line_that_failed_no_other_is_written(
             raise OSError(number, os.strerror(number))
 
     store = FileStore(tmp_path / FILE, sync=sync)
-    intents = Intents(store)
+    intents = WriteAheadLog(store)
     intents.write("run", **HEADER)
     failing[0] = True
     for _ in range(2):
@@ -200,7 +200,7 @@ def test_a_full_disk_is_told() -> None:
                 full.write(line)
 
         with pytest.raises(ExecutorError, match="No space left") as caught:
-            Intents(Full()).write("begin", step="a")
+            WriteAheadLog(Full()).write("begin", step="a")
     assert caught.value.code == "MP863"
 
 
@@ -209,6 +209,6 @@ def test_a_torn_line_is_cut_off_before_the_next_is_written(tmp_path: Path) -> No
     path.write_bytes(whole + b'{"crc": "01')
     found = read_past(path)
     store = FileStore(path, found.size)
-    Intents(store, seq=found.seq, chain=found.chain).write("error", error_um=9.0)
+    WriteAheadLog(store, seq=found.seq, chain=found.chain).write("error", error_um=9.0)
     store.close()
     assert read_past(path).past.errors_um[-1] == 9.0

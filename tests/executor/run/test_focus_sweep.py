@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks.focus.heights import answers
 from microplan.executor.devices.errors import ExecutorError
-from microplan.executor.run.focus_sweep import LEAST_HEIGHT, Curve, peak_of
+from microplan.executor.run.focus_sweep import LEAST_HEIGHT, SharpnessCurve, peak_of
 
 STOPS = np.linspace(70.0, 130.0, 19)
 
@@ -17,8 +17,8 @@ def hill(middle_um: float, width_um: float = 8.0, height: float = 1.0) -> np.nda
     return np.asarray(0.1 + height / (1 + ((STOPS - middle_um) / width_um) ** 2))
 
 
-def curve(scores: np.ndarray, noise: float = 1e-3) -> Curve:
-    return Curve(
+def curve(scores: np.ndarray, noise: float = 1e-3) -> SharpnessCurve:
+    return SharpnessCurve(
         focus_um=tuple(STOPS.tolist()), scores=tuple(scores.tolist()), noise=noise
     )
 

@@ -20,7 +20,12 @@ from microplan.executor.run.artifacts import Artifacts
 from microplan.executor.run.measure_target import look_at, look_near, to_unit
 from microplan.executor.run.run_context import Rig
 from microplan.executor.simulated.cell import build_cell
-from microplan.featuresel.routines.contract import Artifact, Drifts, LookModel, Target
+from microplan.featuresel.routines.contract import (
+    Artifact,
+    LookModel,
+    Nuisances,
+    Target,
+)
 from microplan.featuresel.routines.template import ncc
 from microplan.schemas.plan import Gates, Look, OnFailure, Region, RoutineUse
 from microplan.schemas.plan.views import CoarseFirst
@@ -119,7 +124,7 @@ def test_a_target_beyond_the_search_is_not_found() -> None:
 class Drawn:
     """The disc for a routine that is prepared."""
 
-    drifts = Drifts(focus_sigma_um=0.0, zoom_sigma=0.0, gradient=0.0, axis_px=CENTER)
+    drifts = Nuisances(focus_sigma_um=0.0, zoom_sigma=0.0, gradient=0.0, axis_px=CENTER)
 
     def __call__(
         self, *, dx_um: float = 0.0, dy_um: float = 0.0, theta_rad: float = 0.0

@@ -11,19 +11,19 @@ from hypothesis import strategies as st
 from microplan.executor.devices.drivers import AxisReading
 from microplan.executor.devices.errors import ExecutorError
 from microplan.executor.devices.safety import Rules
-from microplan.executor.record.recovery import Past
-from microplan.executor.record.write_ahead_log import Intent, Standing
+from microplan.executor.record.recovery import ResumeState
+from microplan.executor.record.write_ahead_log import DriveReadings, Intent
 from microplan.executor.run.resume import decide
 
 RULES = Rules()
-BEFORE = Standing(
+BEFORE = DriveReadings(
     stage=AxisReading(x_um=10.0, y_um=20.0, z_um=-260.0, theta_rad=0.1),
     robot=AxisReading(x_um=0.0, y_um=0.0, z_um=30.0, theta_rad=0.0),
     opening_um=130.0,
 )
 
 
-def left(device: str = "stage", **target: float) -> Past:
+def left(device: str = "stage", **target: float) -> ResumeState:
     """Return what is left of a run that died in a motion."""
     intent = Intent(
         step="insert",
@@ -34,14 +34,14 @@ def left(device: str = "stage", **target: float) -> Past:
         irreversible=True,
         before=BEFORE,
     )
-    return Past(opened=intent, standing=BEFORE)
+    return ResumeState(opened=intent, standing=BEFORE)
 
 
-def stage(**axes: float) -> Standing:
+def stage(**axes: float) -> DriveReadings:
     return replace(BEFORE, stage=replace(BEFORE.stage, **axes))
 
 
-def jaws(opening_um: float) -> Standing:
+def jaws(opening_um: float) -> DriveReadings:
     return replace(BEFORE, opening_um=opening_um)
 
 
@@ -57,7 +57,7 @@ def jaws(opening_um: float) -> Standing:
         (BEFORE, "not begun"),
     ],
 )
-def test_readings_tell_how_far_a_motion_went(now: Standing, was: str) -> None:
+def test_readings_tell_how_far_a_motion_went(now: DriveReadings, was: str) -> None:
     assert decide(left(z_um=0.0), now, RULES) == was
 
 
@@ -65,7 +65,9 @@ def test_readings_tell_how_far_a_motion_went(now: Standing, was: str) -> None:
     ("now", "was"),
     [(jaws(96.2), "done"), (jaws(98.5), "on the way"), (jaws(129.5), "not begun")],
 )
-def test_jaws_that_rest_on_a_part_may_be_on_the_way(now: Standing, was: str) -> None:
+def test_jaws_that_rest_on_a_part_may_be_on_the_way(
+    now: DriveReadings, was: str
+) -> None:
     assert decide(left("jaws", opening_um=96.0), now, RULES) == was
 
 
@@ -80,7 +82,7 @@ def test_jaws_that_rest_on_a_part_may_be_on_the_way(now: Standing, was: str) -> 
         (replace(BEFORE, robot=None), "it had"),
     ],
 )
-def test_what_stands_elsewhere_is_refused(now: Standing, told: str) -> None:
+def test_what_stands_elsewhere_is_refused(now: DriveReadings, told: str) -> None:
     with pytest.raises(ExecutorError) as caught:
         decide(left(z_um=0.0), now, RULES)
     assert caught.value.code == "MP865"
@@ -88,7 +90,7 @@ def test_what_stands_elsewhere_is_refused(now: Standing, told: str) -> None:
 
 
 def test_between_two_motions_everything_stands_as_it_did() -> None:
-    past = Past(standing=BEFORE)
+    past = ResumeState(standing=BEFORE)
     assert decide(past, BEFORE, RULES) == "not begun"
     with pytest.raises(ExecutorError) as caught:
         decide(past, stage(z_um=-259.0), RULES)

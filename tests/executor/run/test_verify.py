@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from microplan.executor.devices.errors import ExecutorError
-from microplan.executor.run.measure_target import Sighting
+from microplan.executor.run.measure_target import TargetSighting
 from microplan.executor.run.verify import check_turn
 from microplan.schemas.plan import VerifyAction
 
@@ -18,8 +18,8 @@ ACTION = VerifyAction(
 )  # fmt: skip
 
 
-def seen(theta_rad: float | None) -> Sighting:
-    return Sighting(
+def seen(theta_rad: float | None) -> TargetSighting:
+    return TargetSighting(
         features={},
         target="die", x_um=0.0, y_um=0.0, theta_rad=theta_rad, score=1.0,
         spread_um=0.1, sigma_theta_rad=None, routines=("ncc",), frames=1,

@@ -16,7 +16,12 @@ from microplan.executor.record.journal import Journal
 from microplan.executor.run.artifacts import Artifacts
 from microplan.executor.run.run_context import Rig
 from microplan.executor.run.servo import align
-from microplan.executor.run.warm_start import STEP, Found, Near, nearest_routine
+from microplan.executor.run.warm_start import (
+    STEP,
+    FoundFeature,
+    WarmStart,
+    nearest_routine,
+)
 from microplan.executor.simulated.cell import Cell, build_cell
 from microplan.featuresel.routines.circle import circle_caliper
 from microplan.featuresel.routines.contract import Artifact, Measurement
@@ -132,11 +137,11 @@ def test_the_reach_is_that_of_a_hand_over() -> None:
     pixels = Measurement(
         column=0.0, row=0.0, theta_rad=None, score=1.0, spread_px=0.01, z_um=0.0
     )
-    before = Found(x_um=0.0, y_um=0.0, pixels=pixels)
+    before = FoundFeature(x_um=0.0, y_um=0.0, pixels=pixels)
     blind = replace(before, pixels=replace(pixels, z_um=None))
 
-    def routine(sigma_um: float, found: Found = before) -> str | None:
-        near = Near(features={"gear": found}, sigma_um=sigma_um)
+    def routine(sigma_um: float, found: FoundFeature = before) -> str | None:
+        near = WarmStart(features={"gear": found}, sigma_um=sigma_um)
         return nearest_routine(uses, near, found, 0.5)
 
     assert routine(0.5 * 0.349 / 3) == STEP
@@ -147,5 +152,6 @@ def test_the_reach_is_that_of_a_hand_over() -> None:
     assert routine(math.nan) is None
     assert routine(0.0, blind) == "likelihood"  # one step needs to know the focus
     assert (
-        nearest_routine(uses[:1], Near(features={}, sigma_um=0.0), before, 1.0) is None
+        nearest_routine(uses[:1], WarmStart(features={}, sigma_um=0.0), before, 1.0)
+        is None
     )

@@ -9,7 +9,7 @@ import pytest
 
 from microplan.executor.simulated.cell import Cell, build_cell
 from microplan.executor.simulated.contact import hole_error, posts
-from microplan.executor.simulated.truth import Body
+from microplan.executor.simulated.truth import TrueBody
 from microplan.schemas.pose import Pose
 from tests.executor.bench import quiet, world
 
@@ -21,7 +21,7 @@ def cell(*faults: str) -> Cell:
     return build_cell(quiet(world()), 1, frozenset(faults))
 
 
-def gear(found: Cell) -> Body:
+def gear(found: Cell) -> TrueBody:
     return found.truth.bodies["gear"]
 
 

@@ -21,8 +21,8 @@ from microplan.executor.motion.beliefs import Beliefs
 from microplan.executor.motion.motion import Motion
 from microplan.executor.record.frames import Frames
 from microplan.executor.record.journal import Journal
-from microplan.executor.record.recovery import Found, Header, past_in
-from microplan.executor.record.write_ahead_log import Intents
+from microplan.executor.record.recovery import Header, ReadJournal, past_in
+from microplan.executor.record.write_ahead_log import WriteAheadLog
 from microplan.executor.run.artifacts import Artifacts
 from microplan.executor.run.resume import begin, take_up
 from microplan.executor.run.run import run_plan
@@ -334,7 +334,7 @@ def _work(
         journal=Journal(io.StringIO(), station.clock),
         frames=Frames(None),
         motion=Motion(caller=Direct()),
-        intents=Intents(life, seq=seq, chain=chain),
+        intents=WriteAheadLog(life, seq=seq, chain=chain),
     )
     if found is None:
         begin(rig, HEADER)
@@ -344,7 +344,7 @@ def _work(
     return result.code, result.message
 
 
-def _found(ledger: Ledger) -> Found | None:
+def _found(ledger: Ledger) -> ReadJournal | None:
     """Return what the journal tells, None if nothing had begun."""
     try:
         return past_in(bytes(ledger.disk))

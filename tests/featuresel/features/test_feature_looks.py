@@ -19,8 +19,8 @@ from microplan.featuresel.routines.chain import measure_chain
 from microplan.featuresel.routines.contract import Artifact, Measurement
 from microplan.featuresel.selection.select import select
 from microplan.featuresel.sets.feature_set import choose_set
-from microplan.featuresel.sets.pose_covariance import Sight, sight_of
-from microplan.featuresel.sets.pose_requirement import Need
+from microplan.featuresel.sets.pose_covariance import FeatureMeasurement, sight_of
+from microplan.featuresel.sets.pose_requirement import PoseRequirement
 from microplan.featuresel.trials.chains import Chain, chains
 from microplan.featuresel.trials.score import score
 from microplan.featuresel.trials.trials import prepare, run, start
@@ -91,7 +91,7 @@ def over_the_notch() -> Layer:
     return Layer(name="washer", outline=outline, z_um=5.0, reflectance=0.5)
 
 
-def sight(case: LookCase, feature: Feature, chain: Chain) -> Sight | str:
+def sight(case: LookCase, feature: Feature, chain: Chain) -> FeatureMeasurement | str:
     """Return a feature as a set may have it after trials, or why it may not."""
     aim = aimed(case, feature, math.pi)
     ready = prepare(aim, [chain])
@@ -100,7 +100,7 @@ def sight(case: LookCase, feature: Feature, chain: Chain) -> Sight | str:
         tolerance_um=aim.tolerance_um,
         tolerance_theta_rad=aim.tolerance_theta_rad,
         target=aim.target,
-        visible=seen_share(aim.target, nominal_render(aim).veil()),
+        visible=seen_share(aim.target, nominal_render(aim).occluders()),
         in_set=True,
     )
     if chosen.chosen is None:
@@ -119,11 +119,13 @@ def test_another_feature_is_used_when_the_notch_is_hidden(look: Look) -> None:
     hidden = replace(free, static=(over_the_notch(),))
     features = {f.kind: f for f in propose(outline)}
     ways = ((features["teeth"], RIM), (features["outline"], ("ncc",)))
-    need = Need(sigma_um=1.0, sigma_theta_rad=0.01, radius_um=75.0, redundant=False)
+    need = PoseRequirement(
+        sigma_um=1.0, sigma_theta_rad=0.01, radius_um=75.0, redundant=False
+    )
     used = []
     for shown in (free, hidden):
         sights = [sight(shown, feature, chain) for feature, chain in ways]
-        able = [s for s in sights if isinstance(s, Sight)]
+        able = [s for s in sights if isinstance(s, FeatureMeasurement)]
         found = choose_set(able, need)
         assert found.qualifies
         used.append((found.names, [s.name for s in able]))
@@ -156,7 +158,7 @@ def test_two_edges_tell_the_pose_that_neither_tells(look: Look) -> None:
             sights.append(
                 sight_of(feature, seen, about_um=(0, 0), theta_rad=case.theta_rad)
             )
-    need = Need(
+    need = PoseRequirement(
         sigma_um=0.5, sigma_theta_rad=0.01, radius_um=80.0, redundant=False, most=2
     )
     found = choose_set(sights, need)

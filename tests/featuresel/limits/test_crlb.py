@@ -22,11 +22,11 @@ from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.look.sensitivity import (
     LIGHT,
     POSE,
+    LookSetting,
     Sensitivities,
-    Setting,
     sensitivities,
 )
-from microplan.featuresel.routines.contract import Camera
+from microplan.featuresel.routines.contract import CameraNoise
 from microplan.optics.lens.lens import LensErrors
 from microplan.optics.lens.sensor import expose, to_unit
 from microplan.optics.outline.outline import Outline, Ring, Segment
@@ -36,7 +36,7 @@ from microplan.optics.transfer.otf import hopkins
 
 Look = Callable[[str], LookCase]
 
-CAMERA = Camera(full_well_e=10_000, read_noise_e=10, bits=8, fill_factor=1.0)
+CAMERA = CameraNoise(full_well_e=10_000, read_noise_e=10, bits=8, fill_factor=1.0)
 
 
 def made(mean: FloatArray, slopes: FloatArray, *names: str) -> Sensitivities:
@@ -88,7 +88,7 @@ def test_limit_of_a_straight_edge_is_that_of_its_spread_function(
 ) -> None:
     case = edge(look)
     found = fisher(
-        sensitivities(case, Setting(dz_um=z_um), ("x", "z")), camera_of(case)
+        sensitivities(case, LookSetting(dz_um=z_um), ("x", "z")), camera_of(case)
     )
     scope, step = case.microscope, 1e-3
     columns = np.arange(case.window.columns, dtype=float) + case.window.column
@@ -122,7 +122,7 @@ def test_limit_of_a_gaussian_spot_is_the_closed_form() -> None:
 
 def test_likelihood_of_an_edge_reaches_the_limit(look: Look) -> None:
     case, z_um, draws = edge(look, sides=(24, 4)), 4.0, 4000
-    seen = sensitivities(case, Setting(dz_um=z_um), ("x", "gain"))
+    seen = sensitivities(case, LookSetting(dz_um=z_um), ("x", "gain"))
     sigmas = limit(fisher(seen, camera_of(case)))
     light = np.broadcast_to(seen.mean, (draws, *seen.mean.shape))
     counts = expose(light, case.sensor, np.random.default_rng(5))
@@ -151,7 +151,7 @@ def test_likelihood_of_an_edge_reaches_the_limit(look: Look) -> None:
         assert abs(values.mean()) < 4 * sigmas[name] / math.sqrt(draws)
 
 
-def told_by_counts(mean: float, camera: Camera) -> float:
+def told_by_counts(mean: float, camera: CameraNoise) -> float:
     """Return the information of a pixel's counts about its mean, by enumeration."""
     top, electrons = 2**camera.bits - 1, mean * camera.full_well_e
     reach = 9 * math.sqrt(electrons) + 20
@@ -207,7 +207,7 @@ BLIND = math.inf
 
 
 def limits(
-    case: LookCase, at: Setting | None = None, names: tuple[str, ...] = POSE + LIGHT
+    case: LookCase, at: LookSetting | None = None, names: tuple[str, ...] = POSE + LIGHT
 ) -> dict[str, float]:
     return limit(fisher(sensitivities(case, at, names), camera_of(case)))
 
@@ -225,7 +225,7 @@ def test_one_circle_is_blind_to_theta_and_in_focus_to_z(look: Look) -> None:
     rest = limits(case, names=("x", "y", "zoom", *LIGHT))
     assert {name: found[name] for name in rest} == pytest.approx(rest)
     assert max(rest.values()) < 0.1
-    assert limits(case, Setting(dz_um=0.3))["z"] < BLIND
+    assert limits(case, LookSetting(dz_um=0.3))["z"] < BLIND
 
 
 @pytest.mark.parametrize("turn_rad", [0.0, 0.4])
@@ -240,11 +240,11 @@ def test_one_straight_edge_is_blind_along_itself(look: Look, turn_rad: float) ->
 def test_nothing_to_see_is_blind_to_all_of_the_pose(look: Look) -> None:
     case = small(look)
     none = replace(case, moving=(replace(case.moving[0], reflectance=case.background),))
-    found = limits(none, Setting(dz_um=3.0))
+    found = limits(none, LookSetting(dz_um=3.0))
     assert all(found[name] == BLIND for name in POSE)
     assert found["gradient_x"] < BLIND  # a flat field still tells the light
     assert found["gain"] == found["offset"] == BLIND  # but not these two apart
-    away = limits(case, Setting(dx_um=800.0, dz_um=3.0), names=("x", "y", "z"))
+    away = limits(case, LookSetting(dx_um=800.0, dz_um=3.0), names=("x", "y", "z"))
     assert set(away.values()) == {BLIND}
 
 
@@ -252,12 +252,12 @@ def test_saturated_and_black_images_tell_nothing(look: Look) -> None:
     case = replace(small(look), background=0.4)
     for gain in (0.0, 4.0):
         light = replace(case, light=Illumination(gain=gain))
-        assert set(limits(light, Setting(dz_um=3.0)).values()) == {BLIND}
+        assert set(limits(light, LookSetting(dz_um=3.0)).values()) == {BLIND}
 
 
 def test_saturation_costs_what_it_hides(look: Look) -> None:
     case, camera = small(look), camera_of(small(look))
-    seen = sensitivities(case, Setting(gain=2.0), ("x",))  # the post at 1.5
+    seen = sensitivities(case, LookSetting(gain=2.0), ("x",))  # the post at 1.5
     hot = limit(fisher(seen, camera))["x"]
     lit = limit(fisher(seen, camera, mask=seen.mean < 1.05))["x"]
     endless = (seen.slopes[0] ** 2 / camera.variance(seen.mean)).sum() ** -0.5
@@ -268,7 +268,7 @@ def test_saturation_costs_what_it_hides(look: Look) -> None:
 
 def test_masked_pixels_tell_nothing(look: Look) -> None:
     case = small(look)
-    seen = sensitivities(case, Setting(dz_um=3.0), ("x", "y", "z", "gain"))
+    seen = sensitivities(case, LookSetting(dz_um=3.0), ("x", "y", "z", "gain"))
     camera = camera_of(case)
     left = np.zeros(seen.mean.shape, dtype=np.bool_)
     assert set(limit(fisher(seen, camera, mask=left)).values()) == {BLIND}
@@ -292,7 +292,7 @@ def test_pair_about_focus_knows_z_from_both_sides(look: Look) -> None:
     camera, light = camera_of(case), ("gain", "offset")
     names = ("x", "y", "z", *light)
     near, focus, far = (
-        fisher(sensitivities(case, Setting(dz_um=z), names), camera)
+        fisher(sensitivities(case, LookSetting(dz_um=z), names), camera)
         for z in (-8.0, 0.0, 8.0)
     )
     assert limit(focus)["z"] == BLIND
@@ -306,7 +306,7 @@ def test_pair_about_focus_knows_z_from_both_sides(look: Look) -> None:
 
 def test_parts_of_the_pixels_add_up_to_the_limit(look: Look) -> None:
     case = small(look)
-    seen = sensitivities(case, Setting(dz_um=3.0), POSE + LIGHT)
+    seen = sensitivities(case, LookSetting(dz_um=3.0), POSE + LIGHT)
     parts = density(seen, camera_of(case))
     sigmas = limit(fisher(seen, camera_of(case)))
     for name, part in zip(seen.names, parts, strict=True):

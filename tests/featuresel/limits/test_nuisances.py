@@ -12,7 +12,7 @@ from microplan.featuresel.limits.crlb import camera_of, fisher
 from microplan.featuresel.limits.information import Information, limit
 from microplan.featuresel.limits.nuisances import choose, prices
 from microplan.featuresel.look.scenario import LookCase
-from microplan.featuresel.look.sensitivity import LIGHT, Setting, sensitivities
+from microplan.featuresel.look.sensitivity import LIGHT, LookSetting, sensitivities
 from microplan.optics.render.scene import Window
 
 Look = Callable[[str], LookCase]
@@ -84,7 +84,7 @@ def test_gradients_are_worth_fitting_only_where_light_has_them(look: Look) -> No
     window = Window(row=205, column=285, rows=70, columns=70)
     case = replace(look("post"), window=window)
     names = ("x", "y", "z", *LIGHT)
-    found = fisher(sensitivities(case, Setting(dz_um=10.0), names), camera_of(case))
+    found = fisher(sensitivities(case, LookSetting(dz_um=10.0), names), camera_of(case))
     wanted = ("x", "y", "z")
     even = {"gain": 0.17, "gradient_x": 0.0, "gradient_y": 0.0, "offset": 0.0}
     assert choose(found, wanted, even) == ("gain",)

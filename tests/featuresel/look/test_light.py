@@ -12,7 +12,7 @@ from microplan.featuresel.look.nominal import nominal_render
 from microplan.featuresel.look.perturb import image
 from microplan.featuresel.look.scenario import LookCase, scene, still_layers
 from microplan.optics.layers.occlusion import occluded
-from microplan.optics.layers.shading import shaded
+from microplan.optics.layers.shading import render_coaxial
 from microplan.optics.lens.lens import LensErrors
 from tests.featuresel.sharing import FINE, SHARED
 
@@ -28,7 +28,7 @@ def lit(case: LookCase) -> LookCase:
 def test_a_lit_case_is_shaded_wherever_the_target_is(look: Look) -> None:
     case = replace(lit(look("between")), sampling=FINE)
     for dx_um in (0.0, 3.0):
-        expected = shaded(
+        expected = render_coaxial(
             scene(case, dx_um, 0.0, 0.0),
             case.microscope,
             focus_um=case.focus_um,

@@ -10,7 +10,7 @@ import pytest
 
 from microplan.arrays import FloatArray
 from microplan.featuresel.look.nominal import nominal_render
-from microplan.featuresel.look.scenario import moved_layers, picture, still_layers
+from microplan.featuresel.look.scenario import moved_layers, render_look, still_layers
 from microplan.optics.outline.outline import Outline
 from microplan.optics.render.scene import Illumination, Layer
 from tests.featuresel.conftest import disc, post_layer
@@ -84,10 +84,12 @@ def test_alone_is_the_image_where_nothing_else_is() -> None:
 def test_an_image_is_the_target_alone_behind_its_veil(gain: float, z_um: float) -> None:
     shown = replace(case("over_shaft"), light=Illumination(gain=gain))
     look = nominal_render(shown)
-    veil = look.veil(z_um)
+    occluders = look.occluders(z_um)
     alone = look.alone(dx_um=2.0, dz_um=z_um)
     image = look(dx_um=2.0, dz_um=z_um)
-    np.testing.assert_allclose(veil.light + veil.through * alone, image, atol=RENDER)
+    np.testing.assert_allclose(
+        occluders.light + occluders.through * alone, image, atol=RENDER
+    )
 
 
 def test_nothing_in_front_is_no_veil() -> None:
@@ -95,22 +97,22 @@ def test_nothing_in_front_is_no_veil() -> None:
         name="bed", outline=Outline(rings=(disc(80),)), z_um=-30.0, reflectance=0.4
     )
     for shown in (case("post"), replace(case("post"), static=(below,))):
-        veil = nominal_render(shown).veil()
-        assert (veil.light == 0).all()
-        assert (veil.through == 1).all()
+        occluders = nominal_render(shown).occluders()
+        assert (occluders.light == 0).all()
+        assert (occluders.through == 1).all()
 
 
 def test_a_veil_hides_all_below_it_and_nothing_beside_it() -> None:
     lid = replace(post_layer(20.0), name="lid", reflectance=0.6)
-    veil = nominal_render(replace(case("post"), static=(lid,))).veil()
+    occluders = nominal_render(replace(case("post"), static=(lid,))).occluders()
     # 20 um above focus a point's rays come from within 9.3 um; of diffraction's light
     # the share wavelength / (pi**2 A d) comes from farther than d beyond that
     for column, hides, away_um in ((100, 1.0, 22 - 9.3), (160, 0.0, 65 - 22 - 9.3)):
         tail = 0.6 / (math.pi**2 * 0.42 * away_um)
-        assert veil.through[100, column] == pytest.approx(1 - hides, abs=tail)
-        assert veil.light[100, column] == pytest.approx(0.6 * hides, abs=tail)
-    assert (veil.through > -0.01).all()
-    assert (veil.through < 1.01).all()
+        assert occluders.through[100, column] == pytest.approx(1 - hides, abs=tail)
+        assert occluders.light[100, column] == pytest.approx(0.6 * hides, abs=tail)
+    assert (occluders.through > -0.01).all()
+    assert (occluders.through < 1.01).all()
 
 
 def test_what_is_kept_changes_no_image() -> None:
@@ -120,7 +122,7 @@ def test_what_is_kept_changes_no_image() -> None:
     first = [look(dx_um=x, dz_um=z) for x, z in asked]
     for (x, z), image in zip(asked, first, strict=True):
         scope, focus_um = lit.microscope, lit.focus_um + z
-        anew = picture(
+        anew = render_look(
             lit,
             moved_layers(lit, x, 0.0, 0.0),
             scope,

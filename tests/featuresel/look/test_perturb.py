@@ -14,7 +14,7 @@ from microplan.featuresel.look.design import design
 from microplan.featuresel.look.disturb import noisier, shifted, turned
 from microplan.featuresel.look.nominal import nominal_render
 from microplan.featuresel.look.perturb import image, still
-from microplan.featuresel.look.scenario import LookCase, Turning, scene
+from microplan.featuresel.look.scenario import LookCase, UnknownRotation, scene
 from microplan.optics.lens.lens import LensErrors
 from microplan.optics.lens.sensor import Sensor
 from microplan.optics.render.render import render
@@ -108,7 +108,7 @@ def test_an_occluder_moves_and_the_target_stays(look: Look) -> None:
 
 def test_what_lies_at_any_angle_turns_in_the_trials(look: Look) -> None:
     case = look("over_shaft")
-    gear = Turning(owner="gear", x_um=3.0, y_um=1.0, sigma_theta_rad=math.pi)
+    gear = UnknownRotation(owner="gear", x_um=3.0, y_um=1.0, sigma_theta_rad=math.pi)
     known = replace(gear, sigma_theta_rad=0.1)
     spread = replace(case.spread, turning=(gear, known))
     loose = replace(case, spread=spread)

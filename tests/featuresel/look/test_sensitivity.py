@@ -12,14 +12,14 @@ from microplan.featuresel.look.design import design
 from microplan.featuresel.look.scenario import (
     LookCase,
     moved_layers,
-    picture,
+    render_look,
     still_layers,
 )
 from microplan.featuresel.look.sensitivity import (
     LIGHT,
     POSE,
+    LookSetting,
     Sensitivities,
-    Setting,
     sensitivities,
 )
 from microplan.optics.lens.lens import LensErrors
@@ -28,13 +28,13 @@ from microplan.optics.render.scene import Illumination, Window
 Look = Callable[[str], LookCase]
 
 
-def shown(case: LookCase, at: Setting) -> FloatArray:
+def shown(case: LookCase, at: LookSetting) -> FloatArray:
     """Return the look at a setting, by the renderer's usual band and margin."""
     scope = replace(
         case.microscope, magnification=case.microscope.magnification * at.zoom
     )
     focus_um = case.focus_um + at.dz_um
-    return picture(
+    return render_look(
         case,
         moved_layers(case, at.dx_um, at.dy_um, at.dtheta_rad),
         scope,
@@ -63,7 +63,7 @@ def norm(image: FloatArray) -> float:
 def test_slopes_err_by_a_thousandth_of_their_norm_at_most(
     look: Look, name: str
 ) -> None:
-    seen = sensitivities(small(look(name)), Setting(dx_um=0.2, dz_um=3.0), POSE)
+    seen = sensitivities(small(look(name)), LookSetting(dx_um=0.2, dz_um=3.0), POSE)
     told = ["x", "y", "z", "zoom"] + ["theta"] * (name != "over_shaft")
     for name_of, slope, error in zip(seen.names, seen.slopes, seen.errors, strict=True):
         if name_of in told:
@@ -83,7 +83,7 @@ def test_slopes_err_by_a_thousandth_of_their_norm_at_most(
 def test_slopes_are_those_of_plain_differences_at_other_steps(
     look: Look, field: str, name: str, step: float
 ) -> None:
-    case, at = look("bracket"), Setting(dx_um=0.3, dz_um=5.0, dtheta_rad=0.2)
+    case, at = look("bracket"), LookSetting(dx_um=0.3, dz_um=5.0, dtheta_rad=0.2)
     seen = sensitivities(case, at, (name,))
     ends = [
         shown(case, replace(at, **{field: getattr(at, field) + h}))
@@ -99,7 +99,7 @@ def test_slopes_to_light_are_exact(look: Look) -> None:
     case = replace(
         look("between"), light=Illumination(gain=0.9, gradient_x=0.1, gradient_y=-0.2)
     )
-    at = Setting(gain=1.1, gradient_x=-0.2, gradient_y=0.1)
+    at = LookSetting(gain=1.1, gradient_x=-0.2, gradient_y=0.1)
     seen = sensitivities(case, at, LIGHT)
     # the mean is linear in each: any difference is the slope
     for k, name in enumerate(LIGHT[:3]):
@@ -114,7 +114,7 @@ def test_slopes_to_light_are_exact(look: Look) -> None:
 
 def test_mean_is_the_image_that_is_rendered(look: Look) -> None:
     case = look("between")
-    at = Setting(dx_um=1.0, dtheta_rad=0.1, dz_um=2.0, zoom=1.01, gain=0.8)
+    at = LookSetting(dx_um=1.0, dtheta_rad=0.1, dz_um=2.0, zoom=1.01, gain=0.8)
     seen = sensitivities(case, at, ())
     # band_error of the usual sampling, and its margin's 1 / (40 pi**3)
     np.testing.assert_allclose(seen.mean, shown(case, at), atol=1.5e-3)
@@ -127,7 +127,7 @@ def test_slope_to_focus_vanishes_in_focus(look: Look) -> None:
 
 def test_sign_of_the_defocus_is_in_no_single_image(look: Look) -> None:
     above, below = (
-        sensitivities(small(look("bore")), Setting(dz_um=z), ("x", "z"))
+        sensitivities(small(look("bore")), LookSetting(dz_um=z), ("x", "z"))
         for z in (7.0, -7.0)
     )
     np.testing.assert_array_equal(above.mean, below.mean)
@@ -158,7 +158,7 @@ def test_gain_of_the_sensor_stretches_the_scale(look: Look) -> None:
 
 def test_a_trial_says_where_a_look_stands(look: Look) -> None:
     trial = design(look("post"), 4, 1)[3]
-    at = Setting.of(trial)
+    at = LookSetting.of(trial)
     assert (at.dx_um, at.dz_um, at.zoom) == (
         trial.dx_um, trial.dz_um, trial.magnification,
     )  # fmt: skip
@@ -180,7 +180,7 @@ def test_target_without_an_edge_has_no_slopes(look: Look) -> None:
 )
 def test_settings_that_cannot_be_are_refused(change: dict[str, float]) -> None:
     with pytest.raises(ValueError, match="must be"):
-        Setting(**change)
+        LookSetting(**change)
 
 
 def test_unknown_names_are_refused(look: Look) -> None:

@@ -11,7 +11,7 @@ import pytest
 
 from microplan.featuresel.look.nominal import nominal_render
 from microplan.featuresel.look.scenario import LookCase
-from microplan.featuresel.routines.chain import Progress, advance, measure_chain
+from microplan.featuresel.routines.chain import ChainState, advance, measure_chain
 from microplan.featuresel.routines.contract import Artifact, Failure, Guess, Measurement
 from microplan.featuresel.routines.registry import REGISTRY, load
 from microplan.featuresel.trials.chains import chains
@@ -37,16 +37,18 @@ def test_every_routine_says_what_it_is(name: str) -> None:
     routine = load(name)
     assert name == routine.NAME
     assert routine.KINDS
-    assert set(routine.GIVES) <= {"xy", "theta", "z", "zoom"}
+    assert set(routine.PROVIDES) <= {"xy", "theta", "z", "zoom"}
     assert routine.CAPTURE_PX > 0
 
 
 def test_routines_load_neither_scipy_nor_the_optics() -> None:
     program = (
-        "import sys; from microplan.featuresel.routines.registry import REGISTRY, load; "
+        "import sys; from microplan.featuresel.routines.registry import REGISTRY; "
         "import microplan.featuresel.routines.focus.focus; "
+        "from microplan.featuresel.routines.registry import load; "
         "[load(n) for n in REGISTRY]; "
-        "print([m for m in ('scipy', 'skimage', 'microplan.optics') if m in sys.modules])"
+        "heavy = ('scipy', 'skimage', 'microplan.optics'); "
+        "print([m for m in heavy if m in sys.modules])"
     )
     done = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, check=True
@@ -59,7 +61,7 @@ def test_candidates_fit_their_target(name: str, look: Look) -> None:
     target = look(name).target
     for chain in chains(target):
         assert all(target.kind in load(routine).KINDS for routine in chain)
-        assert not load(chain[0]).NEEDS
+        assert not load(chain[0]).REQUIRES
 
 
 def test_the_angle_is_tried_only_where_a_notch_tells_it(look: Look) -> None:
@@ -97,14 +99,14 @@ def test_a_rough_place_is_not_handed_over(look: Look) -> None:
     case = look("find_gear")
     image = nominal_render(case)(dx_um=5.0, dy_um=-4.0, theta_rad=2.0)
     chain = stages(case, "circle_caliper", "tooth_notch")
-    placed = advance(image, *chain[0], Progress(guess=start(case)))
-    assert isinstance(placed, Progress)
+    placed = advance(image, *chain[0], ChainState(guess=start(case)))
+    assert isinstance(placed, ChainState)
     assert placed.found is not None
     known = load("tooth_notch").CAPTURE_PX / 3  # three spreads must fit
     for spread_px, captured in ((known, True), (known * 1.01, False)):
         rough = replace(placed, found=replace(placed.found, spread_px=spread_px))
         after = advance(image, *chain[1], rough)
-        assert isinstance(after, Progress) == captured
+        assert isinstance(after, ChainState) == captured
         if isinstance(after, Failure):
             assert after.code == "not_captured"
             assert "it captures 2 px" in after.message
@@ -115,8 +117,8 @@ def test_focus_and_zoom_stay_with_the_chain(look: Look) -> None:
     image = nominal_render(case)()
     name, artifact = stages(case, "circle_caliper")[0]
     known = replace(start(case), z_um=3.0, zoom=1.01)
-    after = advance(image, name, artifact, Progress(guess=known))
-    assert isinstance(after, Progress)
+    after = advance(image, name, artifact, ChainState(guess=known))
+    assert isinstance(after, ChainState)
     assert (after.guess.z_um, after.guess.zoom) == (3.0, 1.01)
 
 

@@ -18,8 +18,8 @@ from microplan.featuresel.routines.contract import (
     Artifact,
     Failure,
     Guess,
-    Known,
     Measurement,
+    PoseTerm,
     TargetKind,
 )
 from microplan.featuresel.routines.registry import REGISTRY, load
@@ -124,23 +124,23 @@ def test_a_routine_declares_itself(name: str) -> None:
     assert routine.KINDS
     assert set(routine.KINDS) <= set(get_args(TargetKind))
     assert len(set(routine.KINDS)) == len(routine.KINDS)
-    assert routine.GIVES
-    assert set(routine.GIVES) | set(routine.NEEDS) <= set(get_args(Known))
+    assert routine.PROVIDES
+    assert set(routine.PROVIDES) | set(routine.REQUIRES) <= set(get_args(PoseTerm))
     assert routine.CAPTURE_PX > 0
     # what starts anywhere needs no place, and what needs one says how near
-    assert ("xy" in routine.NEEDS) <= math.isfinite(routine.CAPTURE_PX)
-    assert isinstance(routine.CONTROL, bool)
+    assert ("xy" in routine.REQUIRES) <= math.isfinite(routine.CAPTURE_PX)
+    assert isinstance(routine.BASELINE, bool)
 
 
 # preparing a fit to the jaws takes as long as all the others, an outline's half of it
-DEAR = {
+EXPENSIVE = {
     (name, kind) for name in ("likelihood", "one_step") for kind in ("jaws", "outline")
 }
 
 every_pair = pytest.mark.parametrize(
     ("name", "kind"),
     [
-        pytest.param(*pair, marks=[pytest.mark.slow] if pair in DEAR else [])
+        pytest.param(*pair, marks=[pytest.mark.slow] if pair in EXPENSIVE else [])
         for pair in pairs()
     ],
 )
@@ -194,7 +194,7 @@ def _check(
     assert all(math.isfinite(v) for v in numbers if v is not None), label
     assert found.spread_px >= 0, label
     for known, value in (("theta", found.theta_rad), ("z", found.z_um)):
-        assert value is None or known in routine.GIVES, label
+        assert value is None or known in routine.PROVIDES, label
     # no routine answers with what is beyond any search
     away = math.hypot(found.column - target.column, found.row - target.row)
     assert away <= 2 * target.search_px + 10, label

@@ -13,18 +13,24 @@ from scipy.optimize import least_squares
 from scipy.stats import chi2
 
 from microplan.featuresel.routines.contract import Failure
-from microplan.featuresel.routines.fusion import Believed, Fused, Seen, bound, fuse
-from microplan.featuresel.sets.pose_covariance import Sight, covariance
+from microplan.featuresel.routines.fusion import (
+    Believed,
+    Fused,
+    SeenFeature,
+    bound,
+    fuse,
+)
+from microplan.featuresel.sets.pose_covariance import FeatureMeasurement, covariance
 
 TRUE = (412.0, -77.0, 0.4)
 
 
 def seen(
     x: float, y: float, sigma: float = 0.1, *, at: tuple[float, float, float] = TRUE
-) -> Seen:
+) -> SeenFeature:
     """Return the feature at (x, y) of a part at `at`, seen without an error."""
     c, s = math.cos(at[2]), math.sin(at[2])
-    return Seen(
+    return SeenFeature(
         x_um=at[0] + c * x - s * y,
         y_um=at[1] + s * x + c * y,
         sigma_um=sigma,
@@ -56,7 +62,7 @@ def test_two_places_give_back_any_pose(
 
 
 def test_one_feature_at_the_point_is_the_point() -> None:
-    found = fuse([Seen(x_um=3.25, y_um=-8.5, sigma_um=0.2)])
+    found = fuse([SeenFeature(x_um=3.25, y_um=-8.5, sigma_um=0.2)])
     assert isinstance(found, Fused)
     assert (found.x_um, found.y_um, found.theta_rad) == (3.25, -8.5, None)
     assert found.freedom == 0
@@ -142,7 +148,9 @@ def test_the_spread_is_what_the_search_for_sets_predicts() -> None:
         found.append(pose(fuse(shown)))
     c, s = math.cos(TRUE[2]), math.sin(TRUE[2])
     sights = [
-        Sight(name=str(k), x_um=c * x - s * y, y_um=s * x + c * y, sigma_um=sigma)
+        FeatureMeasurement(
+            name=str(k), x_um=c * x - s * y, y_um=s * x + c * y, sigma_um=sigma
+        )
         for k, (x, y, sigma) in enumerate(places)
     ]
     known = covariance(sights, 1.0)
@@ -159,8 +167,8 @@ def test_hardly_any_arm_tells_no_angle(
     rng = np.random.default_rng(5)
     for _ in range(50):
         a, b, c, d = 0.1 * rng.standard_normal(4)
-        first = Seen(x_um=a, y_um=b, sigma_um=0.1)
-        second = Seen(x_um=c, y_um=d, sigma_um=0.1, offset_um=(arm_um, -arm_um))
+        first = SeenFeature(x_um=a, y_um=b, sigma_um=0.1)
+        second = SeenFeature(x_um=c, y_um=d, sigma_um=0.1, offset_um=(arm_um, -arm_um))
         found = fuse([first, second], believed)
         assert isinstance(found, Fused)
         assert found.theta_rad is None

@@ -25,7 +25,7 @@ from microplan.featuresel.routines.contract import (
 from microplan.featuresel.routines.registry import REGISTRY, load
 from microplan.featuresel.selection.select import Selection, select
 from microplan.featuresel.trials.chains import Chain, chains
-from microplan.featuresel.trials.score import Score, score
+from microplan.featuresel.trials.score import ChainScore, score
 from microplan.featuresel.trials.trials import prepare, run
 from tests.featuresel.conftest import make_case, noisy, post_alone
 
@@ -71,11 +71,11 @@ def test_the_catalogue_is_the_registry() -> None:
         kinds, gives, needs, captures, good, bad, role = cells
         routine = load(name)
         assert kinds == ", ".join(routine.KINDS)
-        assert gives == ", ".join(routine.GIVES)
-        assert needs == ", ".join(routine.NEEDS)
+        assert gives == ", ".join(routine.PROVIDES)
+        assert needs == ", ".join(routine.REQUIRES)
         reach = routine.CAPTURE_PX
         assert captures == ("search" if math.isinf(reach) else f"{reach:g} px")
-        roles = ("control", routine.CONTROL), ("dear", routine.DEAR)
+        roles = ("control", routine.BASELINE), ("dear", routine.EXPENSIVE)
         assert role == ", ".join(word for word, holds in roles if holds)
         assert good
         assert bad
@@ -204,7 +204,7 @@ def ready(routine: Routine) -> Artifact:
 
 
 @cache
-def judged() -> tuple[dict[Chain, Score], Selection]:
+def judged() -> tuple[dict[Chain, ChainScore], Selection]:
     """Return scores and verdicts of a threshold, alone and before the example."""
     case = post_alone()
     prepared = prepare(

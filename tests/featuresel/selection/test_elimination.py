@@ -11,9 +11,9 @@ import pytest
 
 from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.selection.constraints import Limits
-from microplan.featuresel.selection.elimination import Verdicts
+from microplan.featuresel.selection.elimination import Elimination
 from microplan.featuresel.trials.bounds import estimate
-from microplan.featuresel.trials.score import Score, failure_upper, success_lower
+from microplan.featuresel.trials.score import ChainScore, failure_upper, success_lower
 
 Look = Callable[[str], LookCase]
 TRIALS = 400
@@ -21,13 +21,13 @@ ERRORS = np.random.default_rng(1).normal(0.0, 0.05, (TRIALS, 2))
 
 
 @pytest.fixture
-def verdicts(look: Look) -> Verdicts:
+def verdicts(look: Look) -> Elimination:
     case = look("post")  # within 1 um
-    return Verdicts(case=case, limits=Limits(), peeks=3, in_set=False)
+    return Elimination(case=case, limits=Limits(), interim_tests=3, in_set=False)
 
 
-def both_ways(chain: str = "whole") -> Score:
-    return Score(
+def both_ways(chain: str = "whole") -> ChainScore:
+    return ChainScore(
         chain=("seed", chain), trials=TRIALS, success=TRIALS,
         success_lower=success_lower(TRIALS, TRIALS), silent=0,
         silent_upper=failure_upper(0, TRIALS), failures=(), bias_um=(0.0, 0.0),
@@ -37,13 +37,13 @@ def both_ways(chain: str = "whole") -> Score:
     )  # fmt: skip
 
 
-def one_way(chain: str = "edge") -> Score:
+def one_way(chain: str = "edge") -> ChainScore:
     along = estimate(ERRORS[:, 0] / 10)
     return replace(both_ways(chain), x=None, y=None, along=along, axis_rad=0.3)
 
 
 def test_a_place_in_one_direction_decides_nothing_where_both_are_needed(
-    verdicts: Verdicts,
+    verdicts: Elimination,
 ) -> None:
     cheap = replace(one_way(), cost=0.5)
     assert verdicts.is_decided([both_ways()])
@@ -57,14 +57,14 @@ def test_a_place_in_one_direction_decides_nothing_where_both_are_needed(
 
 
 def test_a_place_in_one_direction_is_out_where_both_are_needed(
-    verdicts: Verdicts,
+    verdicts: Elimination,
 ) -> None:
     ((chain, reason),) = verdicts.fallen([one_way(), both_ways()])
     assert chain == ("seed", "edge")
     assert reason == "tells the place in one direction only, both are needed"
 
 
-def test_in_a_set_one_direction_will_do(verdicts: Verdicts) -> None:
+def test_in_a_set_one_direction_will_do(verdicts: Elimination) -> None:
     member = replace(verdicts, in_set=True)
     assert member.meets(one_way())
     assert member.is_decided([one_way()])

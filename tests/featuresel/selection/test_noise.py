@@ -11,9 +11,9 @@ import pytest
 
 from microplan.featuresel.selection.select import select
 from microplan.featuresel.sets.feature_set import choose_set
-from microplan.featuresel.sets.pose_covariance import Sight
-from microplan.featuresel.sets.pose_requirement import Need
-from microplan.featuresel.trials.score import Score
+from microplan.featuresel.sets.pose_covariance import FeatureMeasurement
+from microplan.featuresel.sets.pose_requirement import PoseRequirement
+from microplan.featuresel.trials.score import ChainScore
 from microplan.schemas import plan as p
 
 GOLDEN = Path(__file__).parents[2] / "golden" / "gear_on_shaft.fast.json"
@@ -29,7 +29,7 @@ TIMES = 200
 class Choice:
     """What trials showed of one look, as a plan tells it, and what it had to meet."""
 
-    scores: tuple[Score, ...]
+    scores: tuple[ChainScore, ...]
     tolerance_um: float
     tolerance_theta_rad: float | None
 
@@ -78,10 +78,10 @@ def _pair(
     return off(values[0], beside), off(values[1], beside)
 
 
-def a_score(told: p.Score) -> Score:
+def a_score(told: p.Score) -> ChainScore:
     """Return a score as the plan has it; biases of angles are not in plans."""
     turned = told.sigma_theta_rad is not None
-    return Score(
+    return ChainScore(
         chain=told.chain, trials=told.trials, success=told.success,
         success_lower=told.success_lower, silent=told.silent,
         silent_upper=told.silent_upper, failures=(), bias_um=told.bias_um,
@@ -167,12 +167,12 @@ def test_chains_as_good_as_each_other_go_by_name(
 
 def test_mirrored_features_go_by_name() -> None:
     """Four equal circles about the middle: pairs across tell as much as each other."""
-    need = Need(sigma_um=1.0, sigma_theta_rad=0.01, radius_um=50.0, most=3)
+    need = PoseRequirement(sigma_um=1.0, sigma_theta_rad=0.01, radius_um=50.0, most=3)
     rng = np.random.default_rng(3)
     found = set()
     for _ in range(TIMES):
         sights = [
-            Sight(
+            FeatureMeasurement(
                 name=name,
                 x_um=x * (1 + ROUNDING * rng.uniform(-1, 1)),
                 y_um=y * (1 + ROUNDING * rng.uniform(-1, 1)),

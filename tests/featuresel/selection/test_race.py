@@ -20,7 +20,7 @@ from microplan.featuresel.trials.bounds import (
     success_lower,
 )
 from microplan.featuresel.trials.score import score
-from microplan.featuresel.trials.trials import Prepared, prepare, run
+from microplan.featuresel.trials.trials import PreparedRoutines, prepare, run
 from microplan.optics.render.scene import Window
 
 Look = Callable[[str], LookCase]
@@ -41,24 +41,24 @@ def post(look: Look) -> LookCase:
 
 
 @pytest.fixture
-def ready(post: LookCase) -> Prepared:
+def ready(post: LookCase) -> PreparedRoutines:
     return prepare(post, [FINE, COARSE, BEHIND, BLIND])
 
 
-def held(case: LookCase, ready: Prepared, **more: float) -> Race:
+def held(case: LookCase, ready: PreparedRoutines, **more: float) -> Race:
     limits = Limits(**more)
     return race(case, ready, root_seed=5, most=64, rounds=(16, 32), limits=limits)
 
 
 def test_hopeless_chains_are_dropped_and_the_choice_stays(
-    post: LookCase, ready: Prepared
+    post: LookCase, ready: PreparedRoutines
 ) -> None:
     found = held(post, ready)
     assert found.trials == {FINE: 64, COARSE: 32, BEHIND: 64, BLIND: 16}
     reasons = dict(found.dropped)
     assert "2 sigma + |bias| above" in reasons[COARSE]
     assert reasons[BLIND].startswith("success below")
-    assert found.peeks == 3
+    assert found.interim_tests == 3
     whole = run(post, ready, design(post, 64, 5))
     full = select(
         score(post, ready, whole), tolerance_um=0.09, tolerance_theta_rad=None
@@ -71,7 +71,7 @@ def test_hopeless_chains_are_dropped_and_the_choice_stays(
 
 
 def test_a_race_shows_the_chains_what_trials_without_one_would(
-    post: LookCase, ready: Prepared
+    post: LookCase, ready: PreparedRoutines
 ) -> None:
     found = race(post, ready, root_seed=5, most=20, rounds=(16,))
     whole = {(o.chain, o.trial): o for o in run(post, ready, design(post, 20, 5))}
@@ -85,7 +85,9 @@ def test_a_race_shows_the_chains_what_trials_without_one_would(
     assert fine.success_lower == pytest.approx((0.05 / 2) ** (1 / 20))
 
 
-def test_a_race_without_hope_ends_at_once(post: LookCase, ready: Prepared) -> None:
+def test_a_race_without_hope_ends_at_once(
+    post: LookCase, ready: PreparedRoutines
+) -> None:
     found = held(replace(post, tolerance_um=1e-4), ready)
     assert set(found.trials.values()) == {16}
     assert len(found.dropped) == 4
@@ -94,12 +96,16 @@ def test_a_race_without_hope_ends_at_once(post: LookCase, ready: Prepared) -> No
 def test_a_race_ends_when_one_chain_is_proved_and_no_cheaper_one_is_left(
     post: LookCase,
 ) -> None:
-    lone, roomy = prepare(post, [FINE]), replace(post, tolerance_um=1.0)
+    lone, margin_share = prepare(post, [FINE]), replace(post, tolerance_um=1.0)
     # 32 successes of 32 show .843 at 1 - .05 / 12, no failure a rate below .157
-    found = held(roomy, lone, success=0.84, silent_upper=0.16)
+    found = held(margin_share, lone, success=0.84, silent_upper=0.16)
     assert found.trials == {FINE: 32}
-    assert held(roomy, lone, success=0.85, silent_upper=0.16).trials == {FINE: 64}
-    assert held(roomy, lone, success=0.84, silent_upper=0.15).trials == {FINE: 64}
+    assert held(margin_share, lone, success=0.85, silent_upper=0.16).trials == {
+        FINE: 64
+    }
+    assert held(margin_share, lone, success=0.84, silent_upper=0.15).trials == {
+        FINE: 64
+    }
 
 
 def test_a_dearer_and_coarser_chain_of_the_same_beginning_is_dropped(
@@ -107,8 +113,8 @@ def test_a_dearer_and_coarser_chain_of_the_same_beginning_is_dropped(
 ) -> None:
     worse = (*BEHIND, "otsu")
     ready = prepare(post, [BEHIND, worse, FINE])
-    roomy = replace(post, tolerance_um=2.0)
-    found = race(roomy, ready, root_seed=5, most=136, rounds=(128,))
+    margin_share = replace(post, tolerance_um=2.0)
+    found = race(margin_share, ready, root_seed=5, most=136, rounds=(128,))
     assert found.trials == {BEHIND: 136, FINE: 136, worse: 128}
     ((chain, reason),) = found.dropped
     assert chain == worse
@@ -157,19 +163,19 @@ def test_bounds_of_whoever_wins_two_races_hold() -> None:
 
 
 def test_the_rounds_of_another_race_widen_the_bounds(
-    post: LookCase, ready: Prepared
+    post: LookCase, ready: PreparedRoutines
 ) -> None:
-    found = race(post, ready, root_seed=5, most=20, rounds=(16,), peeks=5)
-    assert found.peeks == 5
+    found = race(post, ready, root_seed=5, most=20, rounds=(16,), interim_tests=5)
+    assert found.interim_tests == 5
     fine = next(s for s in found.scores if s.chain == FINE)
     assert fine.success_lower == pytest.approx((0.05 / 5) ** (1 / 20))
     with pytest.raises(ValueError, match="a peek for each of 2 rounds"):
-        race(post, ready, root_seed=5, most=20, rounds=(16,), peeks=1)
+        race(post, ready, root_seed=5, most=20, rounds=(16,), interim_tests=1)
 
 
 @pytest.mark.parametrize("rounds", [(0, 4), (8, 8), (9, 3)])
 def test_rounds_must_rise(
-    rounds: tuple[int, ...], post: LookCase, ready: Prepared
+    rounds: tuple[int, ...], post: LookCase, ready: PreparedRoutines
 ) -> None:
     with pytest.raises(ValueError, match="rise"):
         race(post, ready, root_seed=1, most=16, rounds=rounds)

@@ -12,7 +12,7 @@ from microplan.featuresel.routines.contract import Target
 from microplan.featuresel.selection.constraints import Limits
 from microplan.featuresel.selection.pareto import front
 from microplan.featuresel.selection.select import select
-from microplan.featuresel.trials.score import Score, failure_upper, success_lower
+from microplan.featuresel.trials.score import ChainScore, failure_upper, success_lower
 
 GEAR = Target(
     name="rim", kind="teeth", column=50.0, row=50.0, theta_rad=0.0, px_per_um=1.0,
@@ -22,8 +22,8 @@ GEAR = Target(
 NOTCH = {"notch_rad": 1.0, "notch_radius_um": 27.0, "notch_width_um": 6.0}
 
 
-def a_score(name: str, sigma_um: float = 0.1, cost: float = 1.0) -> Score:
-    return Score(
+def a_score(name: str, sigma_um: float = 0.1, cost: float = 1.0) -> ChainScore:
+    return ChainScore(
         chain=tuple(name.split(">")),
         trials=64,
         success=64,
@@ -41,7 +41,7 @@ def a_score(name: str, sigma_um: float = 0.1, cost: float = 1.0) -> Score:
     )
 
 
-def with_failures(score: Score, aloud: int, silent: int) -> Score:
+def with_failures(score: ChainScore, aloud: int, silent: int) -> ChainScore:
     success = 64 - aloud - silent
     return replace(
         score,
@@ -54,7 +54,7 @@ def with_failures(score: Score, aloud: int, silent: int) -> Score:
     )
 
 
-def chosen(*scores: Score, tolerance_um: float = 1.0) -> tuple[str, ...] | None:
+def chosen(*scores: ChainScore, tolerance_um: float = 1.0) -> tuple[str, ...] | None:
     best = select(scores, tolerance_um=tolerance_um, tolerance_theta_rad=None).chosen
     return None if best is None else best.chain
 
@@ -208,7 +208,7 @@ def test_the_pareto_list_is_what_nothing_beats() -> None:
     ]
     scores = [grid[2], grid[4], grid[6], grid[8], grid[7], grid[5]]
 
-    def beaten(s: Score) -> bool:
+    def beaten(s: ChainScore) -> bool:
         return any(
             o.cost <= s.cost and o.need_um <= s.need_um
             and (o.cost, o.need_um) != (s.cost, s.need_um)

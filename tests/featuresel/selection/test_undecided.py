@@ -13,15 +13,15 @@ from hypothesis import strategies as st
 from microplan.featuresel.look.design import Trial, design
 from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.selection.constraints import Constraints
-from microplan.featuresel.selection.evaluate import compete
+from microplan.featuresel.selection.evaluate import compare_routines
 from microplan.featuresel.selection.race import race
 from microplan.featuresel.selection.race_schedule import SHOWN, Heats
 from microplan.featuresel.selection.select import Selection, select
 from microplan.featuresel.selection.undecided import chains_ahead
 from microplan.featuresel.trials.chains import Chain
 from microplan.featuresel.trials.outcomes import Outcome
-from microplan.featuresel.trials.score import Score
-from microplan.featuresel.trials.trials import Prepared, prepare
+from microplan.featuresel.trials.score import ChainScore
+from microplan.featuresel.trials.trials import PreparedRoutines, prepare
 from tests.featuresel.selection.test_select import a_score, with_failures
 
 Look = Callable[[str], LookCase]
@@ -29,11 +29,11 @@ Look = Callable[[str], LookCase]
 TASK = Constraints(tolerance_um=1.0, tolerance_theta_rad=None)
 
 
-def selected(scores: Sequence[Score]) -> Selection:
+def selected(scores: Sequence[ChainScore]) -> Selection:
     return select(scores, tolerance_um=1.0, tolerance_theta_rad=None)
 
 
-def hung_on(*scores: Score) -> set[Chain]:
+def hung_on(*scores: ChainScore) -> set[Chain]:
     return set(chains_ahead(scores, selected(scores), TASK))
 
 
@@ -56,7 +56,7 @@ def test_what_costs_more_than_a_roomy_chain_and_its_fallback_waits() -> None:
     ],
     ids=["tight", "tight fallback", "one beginning", "none passes"],
 )
-def test_where_no_two_leave_room_all_matter(scores: list[Score]) -> None:
+def test_where_no_two_leave_room_all_matter(scores: list[ChainScore]) -> None:
     assert hung_on(*scores) == {score.chain for score in scores}
 
 
@@ -66,7 +66,7 @@ FAULTS = st.sampled_from([0, 0, 0, 1, 5])
 
 
 @st.composite
-def fields(draw: st.DrawFn) -> tuple[list[Score], list[Score]]:
+def fields(draw: st.DrawFn) -> tuple[list[ChainScore], list[ChainScore]]:
     """Return scores of some chains twice: costs are the same, all else is not."""
     names = draw(st.lists(st.sampled_from(NAMES), min_size=1, unique=True))
     costs = [draw(st.sampled_from([1.0, 2.0, 3.0, 4.0])) for _ in names]
@@ -82,7 +82,7 @@ def fields(draw: st.DrawFn) -> tuple[list[Score], list[Score]]:
 
 @given(fields())
 def test_whatever_a_waiting_chain_shows_the_choice_stays(
-    both: tuple[list[Score], list[Score]],
+    both: tuple[list[ChainScore], list[ChainScore]],
 ) -> None:
     scores, other = both
     found = selected(scores)
@@ -98,19 +98,21 @@ def heats_of(case: LookCase, script: dict[int, set[str]]) -> tuple[Heats, list[s
     noted: list[str] = []
     chains = tuple((name,) for name in "abc")
 
-    def run(racing: Prepared, trials: Sequence[Trial]) -> list[Outcome]:
+    def run(racing: PreparedRoutines, trials: Sequence[Trial]) -> list[Outcome]:
         names = "".join(name for (name,) in racing.chains)
         noted.append(f"{names} {trials[0].index}..{trials[-1].index}")
         return []
 
-    def scored(racing: Prepared, _: Sequence[Outcome]) -> tuple[Score, ...]:
+    def scored(
+        racing: PreparedRoutines, _: Sequence[Outcome]
+    ) -> tuple[ChainScore, ...]:
         return tuple(
             replace(a_score(name), trials=heats.done.get((name,), 0))
             for (name,) in racing.chains
         )
 
     heats = Heats(
-        prepared=Prepared(chains=chains, artifacts={}),
+        prepared=PreparedRoutines(chains=chains, artifacts={}),
         trials=design(case, 128, 1),
         run=run,
         scored=scored,
@@ -134,7 +136,7 @@ def test_a_race_with_waiting_chains_chooses_what_one_without_does(look: Look) ->
     task = replace(TASK, tolerance_um=0.8)
     ready = prepare(case, [("otsu",), ("ncc",), ("circle_caliper",)])
 
-    def choice(scores: Sequence[Score]) -> Selection:
+    def choice(scores: Sequence[ChainScore]) -> Selection:
         return select(scores, tolerance_um=0.8, tolerance_theta_rad=None)
 
     held = partial(race, case, ready, root_seed=3, most=40, rounds=(8, 24))
@@ -158,7 +160,7 @@ def test_a_chain_that_fell_is_judged_with_the_others_and_tried_no_more(
     ahead = heats.ahead
     assert ahead is not None
 
-    def watched(scores: Sequence[Score]) -> Collection[Chain]:
+    def watched(scores: Sequence[ChainScore]) -> Collection[Chain]:
         judged.append(tuple(score.chain for score in scores))
         return ahead(scores)
 
@@ -173,7 +175,9 @@ def test_a_chain_that_fell_is_judged_with_the_others_and_tried_no_more(
 def test_who_wants_all_chains_to_the_end_has_them(look: Look) -> None:
     case = replace(look("post"), tolerance_um=0.8)
     waiting, whole = (
-        compete(case, root_seed=3, most=30, limited=False, to_the_end=to_the_end)
+        compare_routines(
+            case, root_seed=3, most=30, limited=False, to_the_end=to_the_end
+        )
         for to_the_end in (False, True)
     )
     passing = {s.chain for s in whole.scores if s.success == s.trials}

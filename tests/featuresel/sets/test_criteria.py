@@ -14,7 +14,7 @@ from microplan.featuresel.features.feature import Feature
 from microplan.featuresel.features.features import propose
 from microplan.featuresel.look.nominal import nominal_render
 from microplan.featuresel.look.scenario import LookCase
-from microplan.featuresel.routines.contract import Veil
+from microplan.featuresel.routines.contract import Occluders
 from microplan.featuresel.sets.criteria import (
     COLUMNS,
     Candidate,
@@ -24,7 +24,7 @@ from microplan.featuresel.sets.criteria import (
     uniqueness,
 )
 from microplan.featuresel.sets.pose_covariance import sight_of
-from microplan.featuresel.trials.score import Score, failure_upper, success_lower
+from microplan.featuresel.trials.score import ChainScore, failure_upper, success_lower
 from microplan.optics.outline.outline import Outline, Ring, Segment, place
 from tests.featuresel.aims import target_of
 
@@ -43,8 +43,8 @@ ELL = Outline(
 )
 
 
-def a_score(*, theta: float | None = 0.001, axis: float | None = None) -> Score:
-    return Score(
+def a_score(*, theta: float | None = 0.001, axis: float | None = None) -> ChainScore:
+    return ChainScore(
         chain=("corner",), trials=64, success=64, success_lower=success_lower(64, 64),
         silent=0, silent_upper=failure_upper(0, 64), failures=(),
         bias_um=(0.03, 0.04), sigma_um=0.12, worst_um=0.5, angles=0 if theta is None
@@ -53,7 +53,9 @@ def a_score(*, theta: float | None = 0.001, axis: float | None = None) -> Score:
     )  # fmt: skip
 
 
-def candidate(feature: Feature, score: Score, seen: float | None = 1.0) -> Candidate:
+def candidate(
+    feature: Feature, score: ChainScore, seen: float | None = 1.0
+) -> Candidate:
     sight = sight_of(feature, score, about_um=(0.0, 0.0), theta_rad=0.3)
     return Candidate(feature=feature, score=score, sight=sight, seen=seen)
 
@@ -151,14 +153,14 @@ def test_seen_is_what_lies_in_the_region_and_behind_nothing() -> None:
     target = target_of(
         outline, ELL, column=99.5, row=99.5, theta_rad=0.0, px_per_um=1.0
     )
-    clear = Veil(light=np.zeros((rows, columns)), through=np.ones((rows, columns)))
+    clear = Occluders(light=np.zeros((rows, columns)), through=np.ones((rows, columns)))
     assert seen_share(target, clear) == 1.0
     # a finger over all that is left of the middle: x below the middle of the bounds
     through = clear.through.copy()
     through[:, :100] = 0.0
     # left of it: of the bottom 60 um, then 110, 40, 80, and 20 of the inner edge
     expected = 1 - (60 + 110 + 40 + 80 + 20) / 460
-    covered = Veil(light=clear.light, through=through)
+    covered = Occluders(light=clear.light, through=through)
     # points are half a pixel apart, of 460 um of edges
     assert seen_share(target, covered) == pytest.approx(expected, abs=4 * 0.5 / 460)
     aside = replace(target, column=-1000.0)
@@ -169,7 +171,8 @@ def test_seen_is_what_lies_in_the_region_and_behind_nothing() -> None:
 def test_fingers_over_a_gear_hide_a_part_of_it(look: Callable[[str], LookCase]) -> None:
     free, between = look("find_gear"), look("between")
     shares = [
-        seen_share(case.target, nominal_render(case).veil()) for case in (free, between)
+        seen_share(case.target, nominal_render(case).occluders())
+        for case in (free, between)
     ]
     assert shares[0] == 1.0
     assert shares[1] is not None

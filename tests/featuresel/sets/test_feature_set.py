@@ -11,23 +11,23 @@ import numpy as np
 import pytest
 
 from microplan.featuresel.sets.feature_set import choose_set
-from microplan.featuresel.sets.pose_covariance import Sight
-from microplan.featuresel.sets.pose_requirement import Need, known, log_det
-from microplan.featuresel.sets.set_search import MARGIN, Search
+from microplan.featuresel.sets.pose_covariance import FeatureMeasurement
+from microplan.featuresel.sets.pose_requirement import PoseRequirement, known, log_det
+from microplan.featuresel.sets.set_search import MARGIN, SetSearch
 
-LOOSE = Need(sigma_um=1.0, sigma_theta_rad=0.1, radius_um=50.0)
-
-
-def point(name: str, x: float, y: float, sigma: float = 0.1) -> Sight:
-    return Sight(name=name, x_um=x, y_um=y, sigma_um=sigma, cost=1.0)
+LOOSE = PoseRequirement(sigma_um=1.0, sigma_theta_rad=0.1, radius_um=50.0)
 
 
-def square(sigma: float = 0.1) -> list[Sight]:
+def point(name: str, x: float, y: float, sigma: float = 0.1) -> FeatureMeasurement:
+    return FeatureMeasurement(name=name, x_um=x, y_um=y, sigma_um=sigma, cost=1.0)
+
+
+def square(sigma: float = 0.1) -> list[FeatureMeasurement]:
     corners = ((-40, -40), (40, -40), (40, 40), (-40, 40))
     return [point(f"p{k}", x, y, sigma) for k, (x, y) in enumerate(corners)]
 
 
-def random_sights(rng: np.random.Generator, count: int) -> list[Sight]:
+def random_sights(rng: np.random.Generator, count: int) -> list[FeatureMeasurement]:
     """Return points, edges and features with an angle, costs all one."""
     found = []
     for k in range(count):
@@ -36,8 +36,8 @@ def random_sights(rng: np.random.Generator, count: int) -> list[Sight]:
         axis = float(rng.uniform(0, math.pi)) if rng.random() < 0.4 else None
         theta = float(np.exp(rng.uniform(-6, -2))) if rng.random() < 0.2 else None
         found.append(
-            Sight(name=f"f{k:02}", x_um=x, y_um=y, sigma_um=sigma, axis_rad=axis,
-                  sigma_theta_rad=theta, cost=1.0)
+            FeatureMeasurement(name=f"f{k:02}", x_um=x, y_um=y, sigma_um=sigma,
+                               axis_rad=axis, sigma_theta_rad=theta, cost=1.0)
         )  # fmt: skip
     return found
 
@@ -49,7 +49,7 @@ def test_greedy_with_exchange_is_as_good_as_trying_all() -> None:
         sights = random_sights(rng, 8)
         need = replace(LOOSE, sigma_theta_rad=0.1 if k % 3 else None)
         size = 2 + k % 3
-        taken = Search.of(sights, need).best_of(size)
+        taken = SetSearch.of(sights, need).best_of(size)
         told = log_det([sights[i] for i in taken], need)
         best = max(log_det(some, need) for some in itertools.combinations(sights, size))
         equal += told >= best - MARGIN
@@ -84,7 +84,9 @@ def test_redundancy_holds_with_any_feature_dropped() -> None:
 
 def test_an_ill_conditioned_set_is_refused() -> None:
     near = [point("a", 0, 0), point("b", 0.5, 0), point("c", 0, 0.5)]
-    need = Need(sigma_um=10, sigma_theta_rad=3, radius_um=50.0, redundant=False)
+    need = PoseRequirement(
+        sigma_um=10, sigma_theta_rad=3, radius_um=50.0, redundant=False
+    )
     found = choose_set(near, need)
     assert not found.qualifies
     assert found.known.conditioning > need.conditioning
@@ -141,7 +143,7 @@ def test_every_feature_has_its_reason() -> None:
     ],
 )
 def test_when_nothing_qualifies_what_would_is_said(
-    sights: Sequence[Sight], need: Need, words: str
+    sights: Sequence[FeatureMeasurement], need: PoseRequirement, words: str
 ) -> None:
     found = choose_set(sights, need)
     assert not found.qualifies

@@ -14,7 +14,7 @@ from microplan.featuresel.limits.information import covariance as pixel_covarian
 from microplan.featuresel.limits.points import across, pose_information
 from microplan.featuresel.sets.pose_covariance import (
     FINEST_UM,
-    Sight,
+    FeatureMeasurement,
     conditioning,
     controllability,
     covariance,
@@ -35,11 +35,11 @@ MICROSCOPE = Microscope(
 )
 
 
-def point(x: float, y: float, sigma: float = 0.1) -> Sight:
-    return Sight(name=f"{x:g},{y:g}", x_um=x, y_um=y, sigma_um=sigma)
+def point(x: float, y: float, sigma: float = 0.1) -> FeatureMeasurement:
+    return FeatureMeasurement(name=f"{x:g},{y:g}", x_um=x, y_um=y, sigma_um=sigma)
 
 
-def edge(x: float, y: float, axis: float, sigma: float = 0.1) -> Sight:
+def edge(x: float, y: float, axis: float, sigma: float = 0.1) -> FeatureMeasurement:
     return replace(point(x, y, sigma), name=f"{x:g},{y:g},{axis:g}", axis_rad=axis)
 
 

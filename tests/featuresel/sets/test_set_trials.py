@@ -15,10 +15,10 @@ from microplan.featuresel.look.design import design
 from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.routines.contract import Failure
 from microplan.featuresel.sets.feature_set import choose_set
-from microplan.featuresel.sets.pose_covariance import Sight, sight_of
-from microplan.featuresel.sets.pose_requirement import Need
+from microplan.featuresel.sets.pose_covariance import FeatureMeasurement, sight_of
+from microplan.featuresel.sets.pose_requirement import PoseRequirement
 from microplan.featuresel.sets.set_trials import Member, score_set
-from microplan.featuresel.trials.score import Score, score
+from microplan.featuresel.trials.score import ChainScore, score
 from microplan.featuresel.trials.trials import prepare, run
 from tests.featuresel.aims import aimed
 from tests.featuresel.conftest import CASES
@@ -50,7 +50,7 @@ def bracket() -> LookCase:
 
 
 @cache
-def tried(name: str) -> tuple[Member, Sight]:
+def tried(name: str) -> tuple[Member, FeatureMeasurement]:
     """Return a feature of the bracket after trials of its own."""
     case = bracket()
     feature = next(f for f in propose(case.moving[0].outline) if f.name == name)
@@ -72,7 +72,7 @@ def members(*names: str) -> list[Member]:
     return [tried(name)[0] for name in names]
 
 
-def together(some: Sequence[Member], least: int, count: int = FRESH) -> Score:
+def together(some: Sequence[Member], least: int, count: int = FRESH) -> ChainScore:
     case = bracket()
     return score_set(case, some, design(case, count, 2), least=least)
 
@@ -88,7 +88,7 @@ def missing(member: Member) -> Member:
 def test_a_set_tells_the_pose_as_well_as_was_predicted(
     names: tuple[str, str], spare: bool
 ) -> None:
-    need = Need(
+    need = PoseRequirement(
         sigma_um=0.5, sigma_theta_rad=0.01, radius_um=RADIUS_UM, most=2, redundant=spare
     )
     found = choose_set([tried(name)[1] for name in names], need)

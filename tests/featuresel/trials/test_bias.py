@@ -14,7 +14,7 @@ from microplan.featuresel.look.reference_point import Located
 from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.trials.bias import BiasCurve, unbiased
 from microplan.featuresel.trials.bias_prediction import default_heights, predict_bias
-from microplan.featuresel.trials.trials import Prepared, prepare, run
+from microplan.featuresel.trials.trials import PreparedRoutines, prepare, run
 from microplan.optics.outline.outline import Outline, Ring, Segment
 from microplan.optics.render.scene import Layer
 
@@ -125,7 +125,7 @@ def test_heights_without_an_answer_are_left_out(beside: LookCase) -> None:
     ready = prepare(beside, [("otsu",), NCC])
     found = predict_bias(beside, ready, dz_um=(0.0, 60.0), poses=1)
     assert found["otsu",].dz_um == (0.0,)  # blurred into the neighbour, or gone
-    blind = Prepared(
+    blind = PreparedRoutines(
         chains=(("tooth_notch",),),
         artifacts=prepare(beside, [("tooth_notch",)]).artifacts,
     )

@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from microplan.featuresel.trials.calibration import Calibration, calibrate
+from microplan.featuresel.trials.calibration import SigmaCalibration, calibrate
 
 
-def _sure(errors: np.ndarray, spreads: np.ndarray) -> Calibration:
+def _sure(errors: np.ndarray, spreads: np.ndarray) -> SigmaCalibration:
     found = calibrate(errors, spreads)
     assert found is not None
     return found

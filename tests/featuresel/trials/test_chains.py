@@ -11,7 +11,7 @@ import pytest
 
 from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.routines import registry
-from microplan.featuresel.routines.contract import Known, TargetKind
+from microplan.featuresel.routines.contract import PoseTerm, TargetKind
 from microplan.featuresel.routines.registry import REGISTRY, load
 from microplan.featuresel.trials.chains import MOST_CHAINS, chains, has_angle, routines
 
@@ -25,10 +25,10 @@ class Declared:
     """What a routine declares; chains are made before anything is measured."""
 
     KINDS: tuple[TargetKind, ...] = ("teeth",)
-    GIVES: tuple[Known, ...] = ("xy", "theta")
-    NEEDS: tuple[Known, ...] = ()
+    PROVIDES: tuple[PoseTerm, ...] = ("xy", "theta")
+    REQUIRES: tuple[PoseTerm, ...] = ()
     CAPTURE_PX: float = math.inf
-    CONTROL: bool = False
+    BASELINE: bool = False
 
 
 @pytest.fixture
@@ -58,10 +58,10 @@ def test_what_a_routine_needs_is_given_before_it(name: str, look: Look) -> None:
         for routine in map(load, chain):
             assert target.kind in routine.KINDS
             if target.search_px > routine.CAPTURE_PX:
-                assert "xy" in given or "xy" not in routine.NEEDS
+                assert "xy" in given or "xy" not in routine.REQUIRES
             if target.theta_range_rad == math.pi and has_angle(target):
-                assert "theta" in given or "theta" not in routine.NEEDS
-            given |= set(routine.GIVES)
+                assert "theta" in given or "theta" not in routine.REQUIRES
+            given |= set(routine.PROVIDES)
         assert "xy" in given
 
 
@@ -105,8 +105,8 @@ def test_a_routine_joins_by_its_registry_line(
 def test_a_fine_routine_follows_what_gives_all_that_it_needs(
     look: Look, register: Callable[..., None]
 ) -> None:
-    fit = Declared(NEEDS=("xy", "theta"), CAPTURE_PX=2.0)
-    step = Declared(NEEDS=("xy", "theta"), CAPTURE_PX=0.5)
+    fit = Declared(REQUIRES=("xy", "theta"), CAPTURE_PX=2.0)
+    step = Declared(REQUIRES=("xy", "theta"), CAPTURE_PX=0.5)
     register(*first("tooth_notch"), fit=fit, step=step)
     target = look("find_gear").target
     costs = {**COSTS, "ncc": 12.0, "fit": 4.0, "step": 0.1}
@@ -124,7 +124,7 @@ def test_a_fine_routine_follows_what_gives_all_that_it_needs(
 def test_a_near_target_needs_no_start(
     look: Look, register: Callable[..., None]
 ) -> None:
-    fit = Declared(KINDS=("circle",), NEEDS=("xy", "theta"), CAPTURE_PX=2.0)
+    fit = Declared(KINDS=("circle",), REQUIRES=("xy", "theta"), CAPTURE_PX=2.0)
     register(*first(), fit=fit)
     post = look("post").target
     assert ("fit",) not in chains(post)
@@ -134,7 +134,7 @@ def test_a_near_target_needs_no_start(
 def test_a_turned_target_needs_an_angle_to_start_from(
     look: Look, register: Callable[..., None]
 ) -> None:
-    fit = Declared(NEEDS=("xy", "theta"), CAPTURE_PX=2.0)
+    fit = Declared(REQUIRES=("xy", "theta"), CAPTURE_PX=2.0)
     register(*first(), fit=fit)
     gear = replace(look("find_gear").target, search_px=1.0)
     reach_px = gear.parameters["outer_um"] * gear.px_per_um
@@ -148,7 +148,7 @@ def test_a_turned_target_needs_an_angle_to_start_from(
 def test_controls_are_tried_where_asked_for_only(
     look: Look, register: Callable[..., None]
 ) -> None:
-    register(*first(), bad=Declared(CONTROL=True))
+    register(*first(), bad=Declared(BASELINE=True))
     target = look("find_gear").target
     assert all("bad" not in chain for chain in chains(target))
     assert chains(target, controls=True) == (*chains(target), ("bad",))

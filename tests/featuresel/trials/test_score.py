@@ -14,14 +14,14 @@ from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.trials.bias import BiasCurve
 from microplan.featuresel.trials.outcomes import Outcome
 from microplan.featuresel.trials.score import chain_cost, score
-from microplan.featuresel.trials.trials import Prepared, prepare
+from microplan.featuresel.trials.trials import PreparedRoutines, prepare
 
 Look = Callable[[str], LookCase]
 CHAIN = ("otsu", "circle_caliper")
 
 
 @pytest.fixture
-def ready(look: Look) -> Prepared:
+def ready(look: Look) -> PreparedRoutines:
     return prepare(look("post"), [CHAIN])
 
 
@@ -45,7 +45,7 @@ def outcome(
 
 
 def test_failures_silent_failures_and_successes_are_apart(
-    look: Look, ready: Prepared
+    look: Look, ready: PreparedRoutines
 ) -> None:
     case = look("post")  # tolerance 1 um: more than 2 um off is wrong
     errors = [(0.1, 0.0), (-0.1, 0.2), (0.3, 0.1), (3.0, 0.0), None]
@@ -61,7 +61,7 @@ def test_failures_silent_failures_and_successes_are_apart(
 
 
 def test_a_wrong_angle_is_a_silent_failure_where_it_matters(
-    look: Look, ready: Prepared
+    look: Look, ready: PreparedRoutines
 ) -> None:
     case = look("find_gear")  # what is prepared is not asked, but for its cost
     outcomes = [outcome(i, (0.1, 0.0), turn) for i, turn in enumerate((0.0, 0.001, 1))]
@@ -72,7 +72,9 @@ def test_a_wrong_angle_is_a_silent_failure_where_it_matters(
     assert bound.bias_theta_rad == pytest.approx(0.0005)
 
 
-def test_without_success_there_are_no_statistics(look: Look, ready: Prepared) -> None:
+def test_without_success_there_are_no_statistics(
+    look: Look, ready: PreparedRoutines
+) -> None:
     (found,) = score(look("post"), ready, [outcome(0, None), outcome(1, (5.0, 5.0))])
     assert found.bias_um is None
     assert found.sigma_um is None
@@ -84,7 +86,9 @@ def test_without_success_there_are_no_statistics(look: Look, ready: Prepared) ->
     assert (found.worst_trial, found.median_trial, found.first_failing) == (1, 1, 0)
 
 
-def test_a_score_names_the_trials_to_look_at(look: Look, ready: Prepared) -> None:
+def test_a_score_names_the_trials_to_look_at(
+    look: Look, ready: PreparedRoutines
+) -> None:
     errors = [(0.2, 0.0), (0.1, 0.0), None, (0.9, 0.0), (0.3, 0.0)]
     (found,) = score(look("post"), ready, [outcome(i, e) for i, e in enumerate(errors)])
     assert found.worst_trial == 3
@@ -95,13 +99,13 @@ def test_a_score_names_the_trials_to_look_at(look: Look, ready: Prepared) -> Non
 
 
 def test_bounds_lie_about_the_need_and_widen_with_every_peek(
-    look: Look, ready: Prepared
+    look: Look, ready: PreparedRoutines
 ) -> None:
     rng = np.random.default_rng(3)
     errors = rng.normal((0.1, 0.0), (0.05, 0.1), (64, 2))
     outcomes = [outcome(i, (float(x), float(y))) for i, (x, y) in enumerate(errors)]
     (one,) = score(look("post"), ready, outcomes)
-    (two,) = score(look("post"), ready, outcomes, peeks=3)
+    (two,) = score(look("post"), ready, outcomes, interim_tests=3)
     assert one.x is not None
     assert one.y is not None
     assert one.sigma_um == one.y.sigma
@@ -110,11 +114,13 @@ def test_bounds_lie_about_the_need_and_widen_with_every_peek(
     assert two.success_lower < one.success_lower
     assert two.silent_upper > one.silent_upper
     assert two.success_lower == pytest.approx((0.05 / 3) ** (1 / 64))
-    with pytest.raises(ValueError, match="peeks"):
-        score(look("post"), ready, outcomes, peeks=0)
+    with pytest.raises(ValueError, match="interim_tests"):
+        score(look("post"), ready, outcomes, interim_tests=0)
 
 
-def test_the_ratio_to_the_limit_counts_the_bias(look: Look, ready: Prepared) -> None:
+def test_the_ratio_to_the_limit_counts_the_bias(
+    look: Look, ready: PreparedRoutines
+) -> None:
     outcomes = [outcome(i, (0.3 + 0.4 * (-1) ** i, 0.0)) for i in range(8)]
     (found,) = score(look("post"), ready, outcomes, limit_um=0.25)
     # errors of .7 and -.1: a mean of .3 and .4 about it, together .5
@@ -123,7 +129,7 @@ def test_the_ratio_to_the_limit_counts_the_bias(look: Look, ready: Prepared) -> 
 
 
 def test_what_is_known_in_one_direction_is_judged_along_it(
-    look: Look, ready: Prepared
+    look: Look, ready: PreparedRoutines
 ) -> None:
     rng = np.random.default_rng(5)
     axis = 2.0
@@ -149,7 +155,7 @@ def test_what_is_known_in_one_direction_is_judged_along_it(
 
 
 def test_focus_zoom_and_spreads_are_scored_where_given(
-    look: Look, ready: Prepared
+    look: Look, ready: PreparedRoutines
 ) -> None:
     rng = np.random.default_rng(5)
     outcomes = [
@@ -182,7 +188,7 @@ def test_focus_zoom_and_spreads_are_scored_where_given(
 
 
 def test_a_score_keeps_the_curve_that_was_taken_off(
-    look: Look, ready: Prepared
+    look: Look, ready: PreparedRoutines
 ) -> None:
     curve = BiasCurve(
         dz_um=(0.0,), x_um=(0.1,), y_um=(0.0,), theta_rad=None, scatter_um=(0.0,)

@@ -17,7 +17,7 @@ from microplan.featuresel.trials.tolerance_search import (
     STRIDE,
     ZOOM,
     Direction,
-    Search,
+    ToleranceSearch,
     last_held,
 )
 from microplan.featuresel.trials.trials import prepare
@@ -85,7 +85,7 @@ def test_ranges_of_looks_are_those_found_by_trying_all(
 
 def test_no_draw_is_made_after_one_that_does_not_pass(look: Look) -> None:
     case, ready = look("post"), prepare(look("post"), [("circle_caliper",)])
-    search = Search(case=case, prepared=ready, root_seed=3, draws=3)
+    search = ToleranceSearch(case=case, prepared=ready, root_seed=3, draws=3)
     farther, made, together = Direction("zoom", 1), [0], [0]
 
     def whole(drift: float, found: Sequence[Outcome]) -> bool:

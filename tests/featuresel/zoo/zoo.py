@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.trials.chains import Chain
-from microplan.featuresel.trials.score import Score
+from microplan.featuresel.trials.score import ChainScore
 from microplan.optics.outline.outline import Outline
 from microplan.optics.render.scene import Layer
 from tests.featuresel.conftest import (
@@ -47,7 +47,7 @@ class Resident:
 
     chain: Chain
     words: str
-    shows: Callable[[Score], bool]
+    shows: Callable[[ChainScore], bool]
     tolerance_um: float
     tolerance_theta_rad: float | None = None
 
@@ -97,31 +97,31 @@ def bracket_about_known() -> LookCase:
     )
 
 
-def is_mostly_bias(score: Score) -> bool:
+def is_mostly_bias(score: ChainScore) -> bool:
     """Return whether what is wrong is constant in the target's frame."""
     assert score.bias_um is not None
     assert score.sigma_um is not None
     return math.hypot(*score.bias_um) > 2 * score.sigma_um
 
 
-def is_mostly_scatter(score: Score) -> bool:
+def is_mostly_scatter(score: ChainScore) -> bool:
     """Return whether what is wrong scatters."""
     assert score.bias_um is not None
     assert score.sigma_um is not None
     return math.hypot(*score.bias_um) < 2 * score.sigma_um
 
 
-def lies_often(score: Score) -> bool:
+def lies_often(score: ChainScore) -> bool:
     """Return whether a good part of the answers is wrong."""
     return score.silent > score.trials / 4
 
 
-def is_rarely_right(score: Score) -> bool:
+def is_rarely_right(score: ChainScore) -> bool:
     """Return whether it says nothing, or what is wrong, as often as what is right."""
     return score.silent > 0 and score.success < score.trials / 2
 
 
-def fails_aloud(score: Score) -> bool:
+def fails_aloud(score: ChainScore) -> bool:
     """Return whether it is wrong never, and says so often."""
     return score.silent == 0 and sum(n for _, n in score.failures) > score.trials / 4
 

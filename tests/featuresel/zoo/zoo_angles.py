@@ -102,8 +102,8 @@ NEAREST_TOOTH = Animal(
     KINDS=("teeth",),
     make=_drawn_teeth,
     read=_nearest_tooth,
-    GIVES=("theta",),
-    NEEDS=("xy",),
+    PROVIDES=("theta",),
+    REQUIRES=("xy",),
     CAPTURE_PX=2.0,
 )
 HOMOGRAPHY = Animal(
@@ -111,5 +111,5 @@ HOMOGRAPHY = Animal(
     KINDS=("teeth",),
     make=_keypoints,
     read=_homography,
-    GIVES=("xy", "theta"),
+    PROVIDES=("xy", "theta"),
 )

@@ -11,9 +11,9 @@ from microplan.featuresel.routines.contract import (
     Artifact,
     Failure,
     Guess,
-    Known,
     LookModel,
     Measurement,
+    PoseTerm,
     Target,
     TargetKind,
 )
@@ -30,11 +30,11 @@ class Animal:
     KINDS: tuple[TargetKind, ...]
     make: Prepare
     read: Measure
-    GIVES: tuple[Known, ...] = ("xy",)
-    NEEDS: tuple[Known, ...] = ()
+    PROVIDES: tuple[PoseTerm, ...] = ("xy",)
+    REQUIRES: tuple[PoseTerm, ...] = ()
     CAPTURE_PX: float = math.inf
     VERSION: str = "1"
-    CONTROL: bool = True
+    BASELINE: bool = True
 
     def prepare(self, render: LookModel, target: Target) -> Artifact | Failure:
         """Return what `measure` needs."""

@@ -248,7 +248,7 @@ ROUNDED_WARP = Animal(
     KINDS=("circle",),
     make=_template,
     read=_rounded_warp,
-    NEEDS=("xy",),
+    REQUIRES=("xy",),
     CAPTURE_PX=2.0,
 )
 WRONG_POLARITY = Animal(
@@ -275,7 +275,7 @@ BLURRED_ECC = Animal(
     KINDS=("outline",),
     make=_corner_template,
     read=_blurred_ecc,
-    GIVES=("xy", "theta"),
-    NEEDS=("xy", "theta"),
+    PROVIDES=("xy", "theta"),
+    REQUIRES=("xy", "theta"),
     CAPTURE_PX=2.0,
 )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from microplan.optics.layers.coaxial_light import Light, lights
+from microplan.optics.layers.coaxial_light import Irradiance, lights
 from microplan.optics.layers.lattice import Lattice
 from microplan.optics.outline.outline import place
 from microplan.optics.render.sampling import margin_error
@@ -18,7 +18,9 @@ WIDE = Window(row=-20, column=-20, rows=100, columns=100)
 INNER = Window(row=0, column=0, rows=60, columns=60)
 
 
-def light(by_um: tuple[float, float], window: Window, radius_um: float = 20.0) -> Light:
+def light(
+    by_um: tuple[float, float], window: Window, radius_um: float = 20.0
+) -> Irradiance:
     """Return the light under a displaced plate 100 um above."""
     outline = place(disc(radius_um), *by_um, 0.0)
     plate = Layer(name="plate", outline=outline, z_um=100.0, reflectance=0.0)

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from microplan.arrays import FloatArray
-from microplan.optics.layers.coaxial_light import Light, lights
+from microplan.optics.layers.coaxial_light import Irradiance, lights
 from microplan.optics.layers.occlusion import occluded
 from microplan.optics.layers.shade import bore_brightness
-from microplan.optics.layers.shading import shade_error, shaded
+from microplan.optics.layers.shading import render_coaxial, shade_error
 from microplan.optics.outline.outline import Outline, place
 from microplan.optics.render.render import Covered, cover, render
 from microplan.optics.render.sampling import margin_error
@@ -91,7 +91,7 @@ def test_a_bores_floor_is_shaded_once_more_than_it_is_hidden(lamp: float) -> Non
     optics = microscope(6.9, 3, 3)
     layers = (plate(25.0, 100.0),)
     scene = Scene(layers=layers, background=0.75, background_z_um=0.0)
-    found = shaded(scene, optics, focus_um=0.0, lamp_aperture=lamp)
+    found = render_coaxial(scene, optics, focus_um=0.0, lamp_aperture=lamp)
     hidden = render(scene, optics, focus_um=0.0)
     once = bore_brightness(25.0, 100.0, replace(optics, aperture=lamp))
     # as above, twice: the image is blurred as well
@@ -125,7 +125,9 @@ def test_nothing_higher_is_rendered_bit_by_bit() -> None:
     )
     light = Illumination(gain=0.9, gradient_x=0.2)
     for scene in scenes:
-        found = shaded(scene, optics, focus_um=4.0, lamp_aperture=LAMP, light=light)
+        found = render_coaxial(
+            scene, optics, focus_um=4.0, lamp_aperture=LAMP, light=light
+        )
         plain = render(scene, optics, focus_um=4.0, light=light)
         assert np.array_equal(found, plain)
         assert shade_error(scene, optics, focus_um=4.0, lamp_aperture=LAMP) == 0
@@ -137,8 +139,8 @@ def test_a_background_is_shaded_as_a_wide_layer() -> None:
     scene = grasp(0.0)
     laid = Scene(layers=(floor, *scene.layers), background=0.0)
     for focus_um in (100.0, 0.0):
-        one = shaded(scene, optics, focus_um=focus_um, lamp_aperture=LAMP)
-        other = shaded(laid, optics, focus_um=focus_um, lamp_aperture=LAMP)
+        one = render_coaxial(scene, optics, focus_um=focus_um, lamp_aperture=LAMP)
+        other = render_coaxial(laid, optics, focus_um=focus_um, lamp_aperture=LAMP)
         np.testing.assert_allclose(one, other, rtol=0, atol=1e-9)
 
 
@@ -149,10 +151,10 @@ def _in_lamplight(
     *,
     window: Window | None = None,
     also: Sequence[Covered] = (),
-    under: Sequence[Light] | None = None,
+    under: Sequence[Irradiance] | None = None,
 ) -> FloatArray:
     """Return an image in the usual light."""
-    return shaded(
+    return render_coaxial(
         scene,
         optics,
         focus_um=focus_um,
@@ -188,7 +190,7 @@ def test_window_and_shift_move_the_light_too() -> None:
     # what bands and margins of other tiles err by
     np.testing.assert_allclose(part, whole[5:25, 8:38], rtol=0, atol=1.5e-3)
     p = optics.um_per_px
-    moved = shaded(
+    moved = render_coaxial(
         grasp(0.0),
         optics,
         focus_um=100.0,
@@ -219,7 +221,7 @@ def test_rays_counted_one_by_one_are_as_bright(focus_um: float, limit: float) ->
     optics = replace(microscope(6.9, 61, 3), wavelength_um=0.05)
     over = body("over", disc(20.0), 40.0, 0.3)
     scene = Scene(layers=(over,), background=0.8, background_z_um=0.0)
-    found = shaded(scene, optics, focus_um=focus_um, lamp_aperture=LAMP)
+    found = render_coaxial(scene, optics, focus_um=focus_um, lamp_aperture=LAMP)
     rng, count = np.random.default_rng(3), 40_000
     for column in (2, 9, 14, 19, 24, 30):
         x = (column - 30 + rng.uniform(-0.5, 0.5, count)) * optics.um_per_px
@@ -278,7 +280,7 @@ def test_extremes_stay_between_dark_and_bright(
         background=0.5,
         background_z_um=0.0,
     )
-    found = shaded(scene, optics, focus_um=focus_um, lamp_aperture=lamp)
+    found = render_coaxial(scene, optics, focus_um=focus_um, lamp_aperture=lamp)
     plain = render(scene, optics, focus_um=focus_um)
     assert np.isfinite(found).all()
     # beyond black and white by what bands, margins and rays err
@@ -291,17 +293,17 @@ def test_extremes_stay_between_dark_and_bright(
 def test_refusals_say_what_must_hold() -> None:
     optics, scene = microscope(6.9, 20, 20), grasp(0.0)
     with pytest.raises(ValueError, match="aperture must be below medium_index"):
-        shaded(scene, optics, focus_um=0.0, lamp_aperture=1.0)
+        render_coaxial(scene, optics, focus_um=0.0, lamp_aperture=1.0)
     with pytest.raises(ValueError, match="aperture must be positive"):
-        shaded(scene, optics, focus_um=0.0, lamp_aperture=0.0)
+        render_coaxial(scene, optics, focus_um=0.0, lamp_aperture=0.0)
     under = lights((), (0.0,), optics, lamp_aperture=LAMP, focus_um=(0.0,))
     with pytest.raises(ValueError, match="under must hold heights"):
-        shaded(scene, optics, focus_um=0.0, lamp_aperture=LAMP, under=under)
+        render_coaxial(scene, optics, focus_um=0.0, lamp_aperture=LAMP, under=under)
     under = lights(
         scene.layers, (0.0, 100.0, 230.0), optics, lamp_aperture=LAMP, focus_um=(0.0,)
     )
     with pytest.raises(ValueError, match="so wide a window or defocus"):
-        shaded(
+        render_coaxial(
             replace(scene, layers=()),
             optics,
             focus_um=400.0,

@@ -13,7 +13,7 @@ from microplan.optics.outline.outline import Outline
 from microplan.optics.render.far_field import highest_per_um
 from microplan.optics.render.render import render
 from microplan.optics.render.sampling import FAR_ERROR, NEAR, Sampling, margin_error
-from microplan.optics.render.tiled_layer import Part, make_part
+from microplan.optics.render.tiled_layer import TiledLayer, make_part
 from microplan.optics.render.view_range import Range, full
 from microplan.optics.transfer.microscope import Microscope
 from microplan.optics.transfer.otf import diffraction
@@ -30,7 +30,7 @@ SHAPES = {
 }
 
 
-def _part(outline: Outline, optics: Microscope, sampling: Sampling) -> Part:
+def _part(outline: Outline, optics: Microscope, sampling: Sampling) -> TiledLayer:
     found = make_part(
         one_layer(outline).layers[0],
         to_edges(outline),

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.special import j1
 
 from microplan.arrays import ComplexArray, FloatArray
-from microplan.optics.outline.clip import Edges, clip, to_edges
+from microplan.optics.outline.clip import EdgeArrays, clip, to_edges
 from microplan.optics.outline.outline import Arc, Outline, Ring, Segment, flatten, place
 from microplan.optics.render.nufft_gridding import KERNEL_ERROR
 from microplan.optics.render.spectrum import RULES, Spectrum, Tile, direct, spectrum
@@ -175,7 +175,7 @@ def test_a_huge_finger_is_cut_to_the_box() -> None:
 
 def test_an_arc_beyond_a_side_leaves_one_segment_on_it() -> None:
     arc = np.array([[10.0, 0.0, 3.0, 0.3, 5.0]])  # x from 7 to 13
-    bow = Edges(segments=np.empty((0, 4)), arcs=arc)
+    bow = EdgeArrays(segments=np.empty((0, 4)), arcs=arc)
     part = clip(bow, (-5.0, -2.0, 5.0, 2.0))
     assert len(part.arcs) == 0
     ends = [5.0, 3 * math.sin(0.3), 5.0, -2.0]  # 3 sin 5.3 = -2.5, below the box

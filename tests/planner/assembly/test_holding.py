@@ -16,7 +16,7 @@ from microplan.planner.assembly.assembly import Axis4, State, initial, with_part
 from microplan.planner.assembly.holding import between_jaws, grasp, settled_sigma_rad
 from microplan.planner.budget.budget import grasp_budget
 from microplan.planner.source.diagnostics import Report
-from microplan.planner.task.task import Step, Task
+from microplan.planner.task.task import Task, TaskStep
 from microplan.schemas.pose import Pose
 from tests.planner.examples import EXAMPLE, read
 
@@ -30,7 +30,7 @@ def task() -> Task:
     return read(EXAMPLE / "task.yaml")
 
 
-def grasp_step(task: Task) -> Step:
+def grasp_step(task: Task) -> TaskStep:
     return next(step for step in task.steps if step.verb == "grasp")
 
 

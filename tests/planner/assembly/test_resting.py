@@ -21,7 +21,7 @@ from microplan.planner.assembly.resting import resting
 from microplan.planner.assembly.step_states import unfold
 from microplan.planner.source.diagnostics import Diagnostic, Report
 from microplan.planner.task.read_task import load_task
-from microplan.planner.task.task import Move, Reading, Step, Task
+from microplan.planner.task.task import Move, Reading, Task, TaskStep
 from microplan.schemas.pose import Pose
 from tests.planner.examples import ROOT, beyond_notes
 
@@ -39,7 +39,7 @@ def task() -> Task:
     return found
 
 
-def step_of(task: Task, name: str) -> Step:
+def step_of(task: Task, name: str) -> TaskStep:
     return next(step for step in task.steps if step.id == name)
 
 
@@ -216,5 +216,5 @@ def test_fingers_beside_the_die_are_found_on_the_submount(
     assert ("submount would touch tweezers.right" in words) is touches
 
 
-def lowered(step: Step, z_um: float) -> Move:
+def lowered(step: TaskStep, z_um: float) -> Move:
     return replace(step.move[0], to=Reading(z_um=z_um))

@@ -7,9 +7,9 @@ from dataclasses import replace
 import pytest
 
 from microplan.planner.assembly.step_states import unfold
-from microplan.planner.budget.admissible_look_error import Bearable, bearable
-from microplan.planner.budget.alignment_residual import left_by
-from microplan.planner.budget.budget import Sighted
+from microplan.planner.budget.admissible_look_error import AdmissibleError, bearable
+from microplan.planner.budget.alignment_residual import residual_after
+from microplan.planner.budget.budget import PastMeasurement
 from microplan.planner.budget.insert_budget import share_of_goal
 from microplan.planner.budget.insertion_problem import insertion_of
 from microplan.planner.source.diagnostics import Report
@@ -21,7 +21,7 @@ GEAR = ROOT / "examples" / "gear_on_shaft" / "task.yaml"
 WITHIN_UM = 1.45
 
 
-def seen_in_gear() -> dict[str, Sighted]:
+def seen_in_gear() -> dict[str, PastMeasurement]:
     """Return the looks before the gear is aligned, in round numbers."""
     shaft = look("shaft_plate.post", "find_shaft", 1.4)
     return {
@@ -38,7 +38,7 @@ def probability(task: Task, sigma_um: float, magnification: float = 1.0) -> floa
         for name in ("over_shaft", "insert")
     )
     seen = seen_in_gear()
-    left = left_by(task, align, "servo", WITHIN_UM, seen["shaft_plate"])
+    left = residual_after(task, align, "servo", WITHIN_UM, seen["shaft_plate"])
     last = look("shaft_plate.post", "over_shaft", sigma_um)
     seen["shaft_plate"] = replace(
         last, magnification=magnification * last.magnification
@@ -49,8 +49,8 @@ def probability(task: Task, sigma_um: float, magnification: float = 1.0) -> floa
 
 
 def borne_by(
-    task: Task, seen: dict[str, Sighted], step: str = "over_shaft"
-) -> Bearable:
+    task: Task, seen: dict[str, PastMeasurement], step: str = "over_shaft"
+) -> AdmissibleError:
     states = unfold(task, Report())
     align = next(s for s in states if s.step.id == step)
     return bearable(task, states, align, WITHIN_UM, seen)
@@ -58,7 +58,7 @@ def borne_by(
 
 def test_what_an_insertion_bears_of_its_look_gives_just_its_share() -> None:
     task = read(GEAR)
-    borne = borne_by(task, seen_in_gear()).borne_um
+    borne = borne_by(task, seen_in_gear()).admissible_um
     assert borne is not None
     share = share_of_goal(task)
     # the root is found to a thousandth of the size, where P falls by some .1 per um
@@ -75,12 +75,14 @@ def test_a_look_is_worth_keeping_until_a_faultless_one_elsewhere_is_as_likely(
     """The jump of the zoom costs 1 um, whichever other zoom it is."""
     task = read(GEAR)
     found = borne_by(task, seen_in_gear())
-    assert found.borne_um is not None
-    assert found.worth_um is not None
+    assert found.admissible_um is not None
+    assert found.break_even_um is not None
     elsewhere = probability(task, 0.0, magnification)
     assert elsewhere < share_of_goal(task)
-    assert probability(task, found.worth_um / 2) == pytest.approx(elsewhere, abs=2e-3)
-    assert found.worth_um > found.borne_um
+    assert probability(task, found.break_even_um / 2) == pytest.approx(
+        elsewhere, abs=2e-3
+    )
+    assert found.break_even_um > found.admissible_um
 
 
 def test_without_a_jump_another_zoom_is_worth_it() -> None:
@@ -89,12 +91,14 @@ def test_without_a_jump_another_zoom_is_worth_it() -> None:
     zoom = replace(optics.zoom, parcentric_sigma_um=0.0)
     cell = replace(task.workcell, optics=replace(optics, zoom=zoom))
     found = borne_by(replace(task, workcell=cell), seen_in_gear())
-    assert found.borne_um is not None
-    assert found.worth_um is None
+    assert found.admissible_um is not None
+    assert found.break_even_um is None
 
 
 def test_nothing_is_borne_where_nobody_asks() -> None:
     task, seen = read(GEAR), seen_in_gear()
-    assert borne_by(task, seen, "bring_between") == Bearable()  # no insertion follows
-    assert borne_by(task, {}) == Bearable()  # nothing was seen
-    assert borne_by(replace(task, success_goal=None), seen) == Bearable()
+    assert (
+        borne_by(task, seen, "bring_between") == AdmissibleError()
+    )  # no insertion follows
+    assert borne_by(task, {}) == AdmissibleError()  # nothing was seen
+    assert borne_by(replace(task, success_goal=None), seen) == AdmissibleError()

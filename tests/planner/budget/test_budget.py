@@ -13,12 +13,16 @@ from microplan.planner.assembly.assembly import Carrier
 from microplan.planner.assembly.step_states import StepState, unfold
 from microplan.planner.budget.alignment_residual import residual_of
 from microplan.planner.budget.budget import (
-    Sighted,
+    PastMeasurement,
     blind_rows,
     fit_of,
 )
 from microplan.planner.budget.control import control_of, method_of, tolerance_um
-from microplan.planner.budget.insert_budget import Left, advice_of, insert_budget
+from microplan.planner.budget.insert_budget import (
+    LateralResidual,
+    advice_of,
+    insert_budget,
+)
 from microplan.planner.budget.insertion import Insertion
 from microplan.planner.budget.probability.fit_probability import (
     Residual,
@@ -43,8 +47,10 @@ def step_of(states: tuple[StepState, ...], name: str) -> StepState:
     return next(s for s in states if s.step.id == name)
 
 
-def seen(name: str, sigma_um: float, focus_um: float, magnification: float) -> Sighted:
-    return Sighted(
+def seen(
+    name: str, sigma_um: float, focus_um: float, magnification: float
+) -> PastMeasurement:
+    return PastMeasurement(
         name=name,
         step="",
         sigma_um=sigma_um,
@@ -95,7 +101,9 @@ def test_the_budget_of_an_insertion_names_the_cheapest_change(
     fit = fit_of(task, step_of(states, "insert"))
     assert fit is not None
     residual = residual_of(task, 1.5, "stage")
-    left = Left(residual=residual, term="left by the servo", source="workcell")
+    left = LateralResidual(
+        residual=residual, term="left by the servo", source="workcell"
+    )
     blind = blind_rows(task.workcell, DOWN, replace(HOLE, sigma_um=1.4), SHAFT)
     insertion = Insertion(fit=fit, residual=residual, blind=blind)
     memo = Memo(Store(tmp_path / "cache"))

@@ -9,7 +9,7 @@ import pytest
 
 from microplan.planner.assembly.assembly import locate_place
 from microplan.planner.assembly.step_states import unfold
-from microplan.planner.budget.budget import Sighted
+from microplan.planner.budget.budget import PastMeasurement
 from microplan.planner.budget.drift_since_look import since_rows
 from microplan.planner.source.diagnostics import Report
 from microplan.schemas.plan import BudgetRow
@@ -25,8 +25,8 @@ def file(tmp_path: Path) -> Path:
     return copy_example(tmp_path / "task")
 
 
-def sighted(name: str, step: str) -> Sighted:
-    return Sighted(
+def sighted(name: str, step: str) -> PastMeasurement:
+    return PastMeasurement(
         name=name,
         step=step,
         sigma_um=0.1,

@@ -18,15 +18,15 @@ from microplan.planner.budget.offenders import (
     yield_over_shaft,
     yield_over_tolerance,
 )
-from microplan.planner.budget.probability.fit_probability import Fit, Residual
+from microplan.planner.budget.probability.fit_probability import Residual, RoundFit
 from microplan.schemas.plan import BudgetRow
 
 NONE = Residual(sigma_um=0.0, within_um=0.0)
 SAMPLES = 1_000_000
 
 
-def fit(capture_um: float = 3.0, tolerance_um: float = 0.0) -> Fit:
-    return Fit(
+def fit(capture_um: float = 3.0, tolerance_um: float = 0.0) -> RoundFit:
+    return RoundFit(
         hole_um=22.0 + capture_um, shaft_um=22.0, hole_tolerance_um=tolerance_um,
         shaft_tolerance_um=tolerance_um,
     )  # fmt: skip

@@ -10,9 +10,9 @@ import pytest
 from scipy.stats import binom
 
 from microplan.planner.assembly.step_states import unfold
-from microplan.planner.budget.insert_budget import Left, share_of_goal
+from microplan.planner.budget.insert_budget import LateralResidual, share_of_goal
 from microplan.planner.budget.insertion import Insertion
-from microplan.planner.budget.placement import Putting
+from microplan.planner.budget.placement import PlacementContext
 from microplan.planner.budget.placement_budget import (
     job_of,
     left_of,
@@ -20,7 +20,7 @@ from microplan.planner.budget.placement_budget import (
     turning_of,
 )
 from microplan.planner.budget.placing import Placement, placing_budget, within
-from microplan.planner.budget.probability.angle_budget import Turning
+from microplan.planner.budget.probability.angle_budget import AngleError
 from microplan.planner.budget.probability.fit_probability import Residual
 from microplan.planner.source.diagnostics import Report
 from microplan.planner.task.task import Move, Reading, Task
@@ -39,7 +39,7 @@ from tests.planner.placed import (
 )
 
 SAMPLES = 1_000_000
-STILL = Turning(left_rad=0.0, cut_rad=math.inf, rows=())
+STILL = AngleError(left_rad=0.0, cut_rad=math.inf, rows=())
 
 
 @pytest.fixture(scope="module")
@@ -60,9 +60,9 @@ def placement(**more: object) -> Placement:
     return replace(plain, **more)  # type: ignore[arg-type]  # keys of Placement
 
 
-def left(sigma_um: float, within_um: float = math.inf) -> Left:
+def left(sigma_um: float, within_um: float = math.inf) -> LateralResidual:
     found = Residual(sigma_um=sigma_um, within_um=within_um)
-    return Left(residual=found, term="servo", source="test")
+    return LateralResidual(residual=found, term="servo", source="test")
 
 
 def test_alike_in_all_directions_it_is_rayleighs_law() -> None:
@@ -146,7 +146,7 @@ def found(task: Task) -> Found:
     return whole
 
 
-def putting(task: Task) -> Putting:
+def putting(task: Task) -> PlacementContext:
     some = put(task, memory())
     assert some is not None
     return some

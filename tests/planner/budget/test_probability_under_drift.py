@@ -12,7 +12,7 @@ from scipy.stats import ncx2
 from microplan.featuresel.trials.outcomes import Outcome
 from microplan.planner.budget.budget import FOCUS_TERM
 from microplan.planner.budget.insertion import Insertion
-from microplan.planner.budget.probability.fit_probability import Fit, Residual
+from microplan.planner.budget.probability.fit_probability import Residual, RoundFit
 from microplan.planner.budget.probability_under_drift import Borne, is_placed
 from microplan.schemas.plan import BudgetRow
 
@@ -24,7 +24,7 @@ def job(look_um: float, focus_um: float = 0.0) -> Insertion:
     """Return an insertion of 3 um room with the errors of a look and of its lens."""
     rows = ((LOOK, look_um), (FOCUS_TERM, focus_um))
     return Insertion(
-        fit=Fit(
+        fit=RoundFit(
             hole_um=25.0, shaft_um=22.0, hole_tolerance_um=0.0, shaft_tolerance_um=0.0
         ),
         residual=Residual(sigma_um=0.0, within_um=0.0),

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from microplan.planner.diff.changes import ABOUT, KINDS, Change, is_number
+from microplan.planner.diff.changes import ABOUT, KINDS, PlanChange, is_number
 from microplan.planner.diff.compare import compare_plans
 from microplan.planner.diff.tolerances import parse_rule
 from microplan.planner.diff.units import unit_of
@@ -48,7 +48,7 @@ def find(data: Data) -> Data:
     return found
 
 
-def changes(edit: Callable[[Data], object], *rules: str) -> list[Change]:
+def changes(edit: Callable[[Data], object], *rules: str) -> list[PlanChange]:
     """Return what an edit of the golden plan changes."""
     return list(compare_plans(plan(), plan(edit), [parse_rule(r) for r in rules]))
 

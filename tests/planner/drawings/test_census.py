@@ -13,7 +13,7 @@ from microplan.planner.drawings.dxf.drawing import load_drawing
 from microplan.planner.drawings.dxf.file import read_dxf
 from microplan.planner.drawings.gds.drawing import load_gds
 from microplan.planner.source.diagnostics import Report, Span
-from microplan.planner.task.drawings import AnyDrawing, Sheet, form, rows, take
+from microplan.planner.task.drawings import AnyDrawing, DrawingSheet, form, rows, take
 from tests.planner.drawings import gds_writer as gds
 from tests.planner.drawings.dxf.test_corpus import EXACT, HATCH_SLOT
 from tests.planner.drawings.dxf_text import (
@@ -31,13 +31,13 @@ FRAME = ((-1000, -1000), (99_000, -1000), (99_000, 99_000), (-1000, 99_000))
 AT = Span(file="task.yaml", line=1)
 
 
-def sheet(drawing: AnyDrawing | None, *layers: str) -> Sheet:
+def sheet(drawing: AnyDrawing | None, *layers: str) -> DrawingSheet:
     """Return what some layers of a drawing give."""
     report = Report()
     assert drawing is not None
     taken = take(drawing, layers, report)
     assert taken is not None, report.found
-    return Sheet(drawing=drawing, takes=(taken,))
+    return DrawingSheet(drawing=drawing, takes=(taken,))
 
 
 def drawn(text: str) -> AnyDrawing | None:

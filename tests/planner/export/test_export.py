@@ -24,8 +24,8 @@ from shapely.geometry import LineString, Polygon
 from microplan.optics.outline.outline import flatten, place
 from microplan.planner.cli.main import main
 from microplan.planner.export.dxf import LAYERS
-from microplan.planner.export.folder import PlanFolder, Viewed, read_folder
-from microplan.planner.export.tracks import Track
+from microplan.planner.export.folder import ExportedPlan, Viewed, read_folder
+from microplan.planner.export.tracks import RingTrack
 from microplan.schemas.codec import from_data
 from microplan.schemas.files import json_schema
 from microplan.schemas.files.outlines import LookOutlines, Outlines, SegmentEdge
@@ -149,7 +149,7 @@ def test_polarity_is_what_the_reflectances_on_both_sides_say(
 
 
 def reflectance(
-    folder: PlanFolder, viewed: Viewed, point: tuple[float, float]
+    folder: ExportedPlan, viewed: Viewed, point: tuple[float, float]
 ) -> float:
     """Return the reflectance of the topmost body at a point of the world."""
     world = folder.world
@@ -559,7 +559,7 @@ def test_scenes_have_the_target_where_the_plan_expects_it(
         folder = read_folder(compiled_example, [viewed.look.id])
         body = next(b for b in viewed.scene.bodies if b.name == target.bodies[0])
         ring = folder.outlines[body.name].rings[target.ring]
-        xy = Track(ring).along(np.linspace(0, 1, 401)[:-1] * 1e4)[:, :2]
+        xy = RingTrack(ring).along(np.linspace(0, 1, 401)[:-1] * 1e4)[:, :2]
         middle = body.pose.apply(*((xy.max(axis=0) + xy.min(axis=0)) / 2))
         pose = measure.reference.pose
         assert math.dist(middle, (pose.x_um, pose.y_um)) < 3.0  # a notch of the bore

@@ -13,7 +13,7 @@ from scipy.special import ndtr
 
 from microplan.arrays import FloatArray
 from microplan.optics.outline.outline import Arc, Outline, Ring, Segment
-from microplan.planner.export.folder import PlanFolder, Viewed, read_folder
+from microplan.planner.export.folder import ExportedPlan, Viewed, read_folder
 from microplan.planner.export.pieces import look_outlines
 from microplan.planner.store.pictures import picture, picture_sha256
 from microplan.schemas.files.outlines import ArcEdge, LookOutlines
@@ -27,7 +27,7 @@ POST = "shaft_plate.post"
 
 
 @pytest.fixture(scope="module")
-def folder(compiled_example: Path) -> PlanFolder:
+def folder(compiled_example: Path) -> ExportedPlan:
     return read_folder(compiled_example, [LOOK])
 
 
@@ -48,7 +48,7 @@ def disc(look: Viewed, inside: float, outside: FloatArray | float) -> FloatArray
 
 
 def seen(
-    folder: PlanFolder, image: FloatArray, path: Path, viewed: Viewed | None = None
+    folder: ExportedPlan, image: FloatArray, path: Path, viewed: Viewed | None = None
 ) -> LookOutlines:
     """Return the pieces of a look if its picture were another one."""
     viewed = viewed or folder.looks[0]
@@ -67,8 +67,8 @@ def seen(
 
 
 def covered(
-    folder: PlanFolder, outline: Outline, z_um: float
-) -> tuple[PlanFolder, Viewed]:
+    folder: ExportedPlan, outline: Outline, z_um: float
+) -> tuple[ExportedPlan, Viewed]:
     """Return the folder and its look with one more body."""
     viewed = folder.looks[0]
     lid = PlacedBody(name="lid", pose=Pose(x_um=0.0, y_um=0.0), z_um=z_um)
@@ -88,7 +88,7 @@ def box(x0: float, y0: float, x1: float, y1: float) -> Outline:
     [(0.8, 0.2, "light_to_dark"), (0.2, 0.8, "dark_to_light")],
 )
 def test_a_disc_is_one_piece_with_the_step_that_the_filter_sees(
-    inside: float, outside: float, polarity: str, folder: PlanFolder, tmp_path: Path
+    inside: float, outside: float, polarity: str, folder: ExportedPlan, tmp_path: Path
 ) -> None:
     found = seen(folder, disc(folder.looks[0], inside, outside), tmp_path)
     (piece,) = found.pieces
@@ -104,7 +104,7 @@ def test_a_disc_is_one_piece_with_the_step_that_the_filter_sees(
 
 
 def test_two_sides_of_a_disc_may_have_two_polarities(
-    folder: PlanFolder, tmp_path: Path
+    folder: ExportedPlan, tmp_path: Path
 ) -> None:
     look = folder.looks[0]
     x, _ = grid(look)
@@ -125,14 +125,14 @@ def test_two_sides_of_a_disc_may_have_two_polarities(
     assert around - 2 * 6 * found.filter_px * found.um_per_px < total <= around + 1e-6
 
 
-def test_no_contrast_is_told_as_unclear(folder: PlanFolder, tmp_path: Path) -> None:
+def test_no_contrast_is_told_as_unclear(folder: ExportedPlan, tmp_path: Path) -> None:
     found = seen(folder, disc(folder.looks[0], 0.5, 0.5), tmp_path)
     assert [p.polarity for p in found.pieces] == ["unclear"]
 
 
 @pytest.mark.parametrize("offset_um", [0.0, 9.5, -21.0])
 def test_what_lies_under_a_higher_body_is_cut_away(
-    offset_um: float, folder: PlanFolder, tmp_path: Path
+    offset_um: float, folder: ExportedPlan, tmp_path: Path
 ) -> None:
     lid = box(offset_um, -500.0, 500.0, 500.0)
     over, viewed = covered(folder, lid, 300.0)
@@ -156,7 +156,7 @@ def test_what_lies_under_a_higher_body_is_cut_away(
 
 @pytest.mark.parametrize("z_um", [-5.0, 249.0, 250.0])
 def test_what_is_not_higher_hides_nothing(
-    z_um: float, folder: PlanFolder, tmp_path: Path
+    z_um: float, folder: ExportedPlan, tmp_path: Path
 ) -> None:
     under, viewed = covered(folder, box(-500.0, -500.0, 500.0, 500.0), z_um)
     found = seen(under, disc(viewed, 0.8, 0.2), tmp_path, viewed)
@@ -165,7 +165,7 @@ def test_what_is_not_higher_hides_nothing(
 
 
 def test_a_target_that_is_all_covered_has_no_piece(
-    folder: PlanFolder, tmp_path: Path
+    folder: ExportedPlan, tmp_path: Path
 ) -> None:
     over, viewed = covered(folder, box(-500.0, -500.0, 500.0, 500.0), 300.0)
     found = seen(over, disc(viewed, 0.8, 0.2), tmp_path, viewed)
@@ -174,7 +174,7 @@ def test_a_target_that_is_all_covered_has_no_piece(
 
 
 def test_what_is_out_of_the_frame_is_cut_away(
-    folder: PlanFolder, tmp_path: Path
+    folder: ExportedPlan, tmp_path: Path
 ) -> None:
     viewed = folder.looks[0]
     edge_um = 319.5 * viewed.look.view.um_per_px  # of the frame, from its middle
@@ -196,7 +196,7 @@ def test_what_is_out_of_the_frame_is_cut_away(
 
 
 def test_a_ring_that_is_run_the_other_way_looks_the_same(
-    folder: PlanFolder, tmp_path: Path
+    folder: ExportedPlan, tmp_path: Path
 ) -> None:
     """A hole of a bright plate: out of the material leads into the dark middle."""
     hole = Ring(

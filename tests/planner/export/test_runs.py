@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from microplan.optics.outline.outline import Arc, Ring, Segment, flatten
 from microplan.planner.export.runs import border, runs
 from microplan.planner.export.sequence import MOST_PLANES, planes_um
-from microplan.planner.export.tracks import Track
+from microplan.planner.export.tracks import RingTrack
 
 PIE = Ring(  # a half disc: an arc and a chord
     edges=(
@@ -21,7 +21,7 @@ PIE = Ring(  # a half disc: an arc and a chord
         Segment(start=(-2.0, 2.0), end=(4.0, 2.0)),
     )
 )
-LINE = Track(PIE)
+LINE = RingTrack(PIE)
 
 
 @given(st.lists(st.integers(-2, 2), min_size=1, max_size=40), st.integers(0, 5))

@@ -10,7 +10,7 @@ from typing import TypeVar
 from microplan.planner.assembly.step_states import unfold
 from microplan.planner.looks.compile_look import compile_look, look_at_first
 from microplan.planner.looks.feature_evaluation import Races
-from microplan.planner.looks.look_problem import Begun, Effects, Job
+from microplan.planner.looks.look_problem import Begun, CompileContext, LookProblem
 from microplan.planner.looks.look_record import CompiledLook
 from microplan.planner.looks.scenario import build_case
 from microplan.planner.source.diagnostics import Report
@@ -32,7 +32,7 @@ def test_a_look_stays_at_its_zoom_if_the_insertion_after_it_bears_that(
     one_look(file)
     task, report = read(file), Report()
     (asked,) = requests(task, unfold(task, report), 0, None)
-    effects = Effects(effort=PRESETS["fast"], max_image_error=0.01, map=map)
+    effects = CompileContext(effort=PRESETS["fast"], max_image_error=0.01, map=map)
     low, _ = task.workcell.optics.magnification
 
     def compiled(request: Request) -> CompiledLook | None:
@@ -40,7 +40,7 @@ def test_a_look_stays_at_its_zoom_if_the_insertion_after_it_bears_that(
 
     short = replace(asked, tolerance_um=1e-3)
     assert compiled(short) is None
-    kept = compiled(replace(short, borne_um=1.0))
+    kept = compiled(replace(short, admissible_um=1.0))
     assert kept is not None
     assert kept.look.view.magnification == low
     assert kept.look.verdict is not None
@@ -56,12 +56,12 @@ def test_a_look_stays_at_its_zoom_where_the_jump_of_another_would_cost_more(
     one_look(file)
     task, report = read(file), Report()
     (asked,) = requests(task, unfold(task, report), 0, None)
-    effects = Effects(effort=PRESETS["fast"], max_image_error=0.01, map=map)
+    effects = CompileContext(effort=PRESETS["fast"], max_image_error=0.01, map=map)
     low, _ = task.workcell.optics.magnification
-    short = replace(asked, tolerance_um=1e-3, borne_um=2e-3)
+    short = replace(asked, tolerance_um=1e-3, admissible_um=2e-3)
 
     kept = compile_look(
-        task, replace(short, worth_um=5.0), effects, low, report, once=True
+        task, replace(short, break_even_um=5.0), effects, low, report, once=True
     )
     loose = compile_look(
         task, replace(asked, tolerance_um=5.0), effects, low, report, once=True
@@ -80,7 +80,7 @@ def test_a_case_is_built_once_whatever_it_has_to_meet(tmp_path: Path) -> None:
     view, *_ = views(task, asked, low, report)
     for request in (
         asked,
-        replace(asked, tolerance_um=2.0, asked_by="nobody", borne_um=3.0),
+        replace(asked, tolerance_um=2.0, asked_by="nobody", admissible_um=3.0),
         replace(asked, needs_angle_rad=0.1),
     ):
         built = begun.case(task, request, view, 0.01, EVERY_TIME)
@@ -101,7 +101,7 @@ def test_what_a_look_begins_with_is_not_done_again(tmp_path: Path) -> None:
 
     (request,) = requests(task, unfold(task, report), 0, None)
     effort = replace(PRESETS["fast"], limited=True, trials=8, features=1)
-    effects = Effects(effort=effort, max_image_error=0.01, map=counted)
+    effects = CompileContext(effort=effort, max_image_error=0.01, map=counted)
     low, _ = task.workcell.optics.magnification
     view, *_ = views(task, request, low, report)
     look_at_first(task, replace(request, tolerance_um=0.05), effects, view, begun)
@@ -111,7 +111,7 @@ def test_what_a_look_begins_with_is_not_done_again(tmp_path: Path) -> None:
     found = []
     request = replace(request, tolerance_um=0.15)
     for known in (begun, replace(begun, others={})):
-        job, asked[0] = Job.of(task, request, effects, known), 0
+        job, asked[0] = LookProblem.of(task, request, effects, known), 0
         raced, _ = Races(job=job, alone=job.contest(view)).run()
         found.append((asked[0], [each.tried.scores for each in raced]))
     (afterwards, scores), (anew, fresh) = found

@@ -7,21 +7,21 @@ from pathlib import Path
 
 import pytest
 
-from microplan.planner.report.folder import PlanFolder, read_folder
+from microplan.planner.report.folder import ReportedPlan, read_folder
 from microplan.schemas.page.page import png_size
 
 LOOKS = 8
 
 
 @pytest.fixture(scope="module")
-def folder(compiled_example: Path) -> PlanFolder:
+def folder(compiled_example: Path) -> ReportedPlan:
     """Return the example's plan folder."""
     found = read_folder(compiled_example)
     assert len(found.looks) == len(found.evidence) == LOOKS
     return found
 
 
-def test_the_trials_are_those_that_the_plan_counts(folder: PlanFolder) -> None:
+def test_the_trials_are_those_that_the_plan_counts(folder: ReportedPlan) -> None:
     for look in folder.looks:
         chosen, trials = look.evidence.chosen, folder.evidence[look.id].trials
         right = [t for t in trials if t.error_um is not None and not t.wrong]
@@ -34,7 +34,7 @@ def test_the_trials_are_those_that_the_plan_counts(folder: PlanFolder) -> None:
         assert errors[chosen.worst_trial] == max(errors.values())
 
 
-def test_the_ends_shown_are_those_of_the_usable_range(folder: PlanFolder) -> None:
+def test_the_ends_shown_are_those_of_the_usable_range(folder: ReportedPlan) -> None:
     for look in folder.looks:
         shown = folder.evidence[look.id].shown
         ends = [s.value for s in shown if s.what == "focus"]
@@ -47,7 +47,7 @@ def test_the_ends_shown_are_those_of_the_usable_range(folder: PlanFolder) -> Non
         assert {png_size(folder.pictures[s.image]) for s in shown} == {size}
 
 
-def test_features_and_bodies_are_where_the_plan_looks(folder: PlanFolder) -> None:
+def test_features_and_bodies_are_where_the_plan_looks(folder: ReportedPlan) -> None:
     for look in folder.looks:
         found = folder.evidence[look.id]
         names = [measure.feature or look.target for measure in look.measures]

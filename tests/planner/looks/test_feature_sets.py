@@ -19,7 +19,7 @@ from microplan.planner.task.task import Task
 from microplan.planner.views.features import offset_um, proposals
 from microplan.planner.views.requests import Request
 from microplan.planner.views.target_views import needed_shape, views, whole_view
-from microplan.planner.views.targets import Shape
+from microplan.planner.views.targets import TargetShape
 from microplan.planner.views.views import SEARCH_SIGMAS, ViewPlan
 from tests.planner.examples import EXAMPLE, read
 from tests.planner.views.test_features import HOLES, plate
@@ -61,9 +61,9 @@ def primary(task: Task, request_: Request, view: ViewPlan) -> LookCase:
 @pytest.fixture(scope="module")
 def others(
     task: Task, request_: Request, view: ViewPlan, primary: LookCase
-) -> dict[str, tuple[Shape, LookCase]]:
+) -> dict[str, tuple[TargetShape, LookCase]]:
     """Return a look at the first other feature of each kind."""
-    found: dict[str, tuple[Shape, LookCase]] = {}
+    found: dict[str, tuple[TargetShape, LookCase]] = {}
     known = proposals(task, request_, needed_shape(task, request_))
     for _, shape in known.others:
         if shape.kind not in found:
@@ -72,7 +72,7 @@ def others(
     return found
 
 
-def away(task: Task, request_: Request, shape: Shape) -> complex:
+def away(task: Task, request_: Request, shape: TargetShape) -> complex:
     """Return a feature's place seen from the target, um of the part's axes."""
     return complex(*offset_um(shape, needed_shape(task, request_)))
 
@@ -83,7 +83,7 @@ def test_a_look_at_another_feature_shows_the_same_picture(
     task: Task,
     request_: Request,
     primary: LookCase,
-    others: dict[str, tuple[Shape, LookCase]],
+    others: dict[str, tuple[TargetShape, LookCase]],
 ) -> None:
     shape, case = others[kind]
     shown = nominal_render(case)
@@ -106,7 +106,7 @@ def test_another_feature_is_where_the_part_has_it(
     task: Task,
     request_: Request,
     primary: LookCase,
-    others: dict[str, tuple[Shape, LookCase]],
+    others: dict[str, tuple[TargetShape, LookCase]],
 ) -> None:
     shape, case = others[kind]
     turned = cmath.rect(1.0, THETA_RAD) * away(task, request_, shape)
@@ -128,7 +128,7 @@ def test_another_feature_is_sought_where_trials_of_the_target_put_it(
     task: Task,
     request_: Request,
     primary: LookCase,
-    others: dict[str, tuple[Shape, LookCase]],
+    others: dict[str, tuple[TargetShape, LookCase]],
 ) -> None:
     shape, case = others[kind]
     arm = cmath.rect(1.0, THETA_RAD) * away(task, request_, shape)
@@ -148,7 +148,7 @@ def test_another_feature_is_sought_where_trials_of_the_target_put_it(
 
 
 def test_the_edges_of_another_feature_are_its_own(
-    others: dict[str, tuple[Shape, LookCase]],
+    others: dict[str, tuple[TargetShape, LookCase]],
 ) -> None:
     _, case = others["circle"]
     points = np.array(case.target.contour)[:, :2]

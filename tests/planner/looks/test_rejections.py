@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from microplan.featuresel.trials.score import Score
+from microplan.featuresel.trials.score import ChainScore
 from microplan.planner.looks.rejections import commonest_hint, rejections
 
 FEW = "rejected: success {}% of 24 trials, at least 98% ({})"
@@ -27,9 +27,9 @@ def test_the_commonest_reason_comes_first_and_once() -> None:
     assert rejections([]) == ""
 
 
-def score(success: int, *failures: tuple[str, int]) -> Score:
+def score(success: int, *failures: tuple[str, int]) -> ChainScore:
     """Return a score of which the counts matter."""
-    return Score(
+    return ChainScore(
         chain=("ncc",), trials=success + sum(count for _, count in failures),
         success=success, success_lower=0.0, silent=0, silent_upper=1.0,
         failures=failures, bias_um=(0.0, 0.0), sigma_um=None, worst_um=None, angles=0,

@@ -10,11 +10,11 @@ import pytest
 
 from microplan.featuresel.look.design import design
 from microplan.featuresel.trials.outcomes import Outcome, Outcomes
-from microplan.featuresel.trials.score import Score, score_chain
-from microplan.featuresel.trials.trials import Prepared
+from microplan.featuresel.trials.score import ChainScore, score_chain
+from microplan.featuresel.trials.trials import PreparedRoutines
 from microplan.planner.assembly.step_states import unfold
-from microplan.planner.looks.evaluation import Tried
-from microplan.planner.looks.scale_free_sigma import steady_sigma_um
+from microplan.planner.looks.evaluation import Evaluation
+from microplan.planner.looks.scale_free_sigma import sigma_without_scale_um
 from microplan.planner.looks.scenario import build_case
 from microplan.planner.source.diagnostics import Report
 from microplan.planner.views.requests import requests
@@ -25,7 +25,7 @@ CHAIN, COUNT, SEED = ("ncc",), 24, 3
 
 
 @pytest.fixture(scope="module")
-def tried() -> Tried:
+def tried() -> Evaluation:
     """Return the look at the die in the fingers with nothing tried yet."""
     task = both()
     states = unfold(task, Report())
@@ -34,14 +34,14 @@ def tried() -> Tried:
     case, fidelity = build_case(
         task, request, views(task, request, 5.0, Report())[0], 1
     )
-    nothing = Prepared(chains=(CHAIN,), artifacts={})
-    return Tried(
+    nothing = PreparedRoutines(chains=(CHAIN,), artifacts={})
+    return Evaluation(
         case=case, fidelity=fidelity, prepared=nothing, outcomes=Outcomes.of(),
         scores=(), selection=None,  # type: ignore[arg-type]  # nothing was selected
     )  # fmt: skip
 
 
-def answered(tried: Tried, noise_um: np.ndarray, scale: float = 1.0) -> Tried:
+def answered(tried: Evaluation, noise_um: np.ndarray, scale: float = 1.0) -> Evaluation:
     """Return answers that err by a trial's zoom, as far as `scale` says, and noise."""
     place = np.array([tried.case.x_um, tried.case.y_um])
     outcomes = []
@@ -62,14 +62,14 @@ def answered(tried: Tried, noise_um: np.ndarray, scale: float = 1.0) -> Tried:
     return replace(tried, outcomes=Outcomes.of(outcomes))
 
 
-def scored(tried: Tried) -> Score:
+def scored(tried: Evaluation) -> ChainScore:
     return score_chain(tried.case, CHAIN, tried.outcomes, 1.0)
 
 
-def test_what_the_scale_does_is_taken_off_to_the_last_bit(tried: Tried) -> None:
+def test_what_the_scale_does_is_taken_off_to_the_last_bit(tried: Evaluation) -> None:
     noise = np.random.default_rng(1).normal(0.0, 0.007, (COUNT, 2))
     found = answered(tried, noise)
-    sigma_um = steady_sigma_um(found, scored(found), SEED)
+    sigma_um = sigma_without_scale_um(found, scored(found), SEED)
     assert sigma_um == pytest.approx(noise.std(axis=0, ddof=1).max(), rel=1e-12)
     # 145 um from the axis, 2e-4 of zoom: .029 um, and its corners are at two sigma
     whole_um = scored(found).sigma_um
@@ -78,16 +78,16 @@ def test_what_the_scale_does_is_taken_off_to_the_last_bit(tried: Tried) -> None:
 
 
 def test_where_the_scale_does_next_to_nothing_the_spread_is_the_trials(
-    tried: Tried,
+    tried: Evaluation,
 ) -> None:
     near = replace(tried, case=replace(tried.case, x_um=0.0, y_um=0.5))
     found = answered(near, np.random.default_rng(1).normal(0.0, 0.007, (COUNT, 2)))
-    assert steady_sigma_um(found, scored(found), SEED) == math.inf
+    assert sigma_without_scale_um(found, scored(found), SEED) == math.inf
 
 
-def test_at_any_angle_and_of_few_answers_it_is_not_known(tried: Tried) -> None:
+def test_at_any_angle_and_of_few_answers_it_is_not_known(tried: Evaluation) -> None:
     found = answered(tried, np.random.default_rng(1).normal(0.0, 0.007, (COUNT, 2)))
     turned = replace(found, case=replace(found.case, theta_any=True))
-    assert steady_sigma_um(turned, scored(found), SEED) == math.inf
+    assert sigma_without_scale_um(turned, scored(found), SEED) == math.inf
     few = replace(found, outcomes=found.outcomes[:2])
-    assert steady_sigma_um(few, scored(found), SEED) == math.inf
+    assert sigma_without_scale_um(few, scored(found), SEED) == math.inf

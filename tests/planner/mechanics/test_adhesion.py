@@ -21,7 +21,7 @@ from microplan.planner.mechanics.adhesion import (
     DRY,
     SLIT_UM,
     SLOPE,
-    Face,
+    ContactFace,
     forces,
     total,
     verdict,
@@ -34,12 +34,12 @@ from microplan.schemas.plan.verdicts import Force
 from microplan.schemas.pose import Pose
 from tests.planner.examples import EXAMPLE, change, copy_example, read
 
-TIP = Face(area_um2=870.0, conducts=True)  # a tooth 8.7 um wide, 100 um high
+TIP = ContactFace(area_um2=870.0, conducts=True)  # a tooth 8.7 um wide, 100 um high
 CELL = Environment()
 FOUR_DIGITS = 5e-5  # to which constants are written
 
 
-def named(face: Face, environment: Environment) -> dict[str, Force]:
+def named(face: ContactFace, environment: Environment) -> dict[str, Force]:
     return {force.name: force for force in forces(face, environment)}
 
 
@@ -106,7 +106,10 @@ def test_faces_attract_as_the_sum_of_their_molecules() -> None:
     )
     # twice the area adds the pull of that area, nothing else, while asperities are
     # small beside the face
-    pulls = [named(Face(area_um2=a), CELL)["van der Waals"].most_un for a in (1e3, 2e3)]
+    pulls = [
+        named(ContactFace(area_um2=a), CELL)["van der Waals"].most_un
+        for a in (1e3, 2e3)
+    ]
     assert pulls[1] - pulls[0] == pytest.approx(4e-7 * 1e3 * summed_pressure(gap_um))
 
 
@@ -195,14 +198,14 @@ def test_humid_air_floods_a_narrow_gap() -> None:
 
 def test_charge_pulls_by_the_energy_of_its_field() -> None:
     """Moved apart by dx at constant charge, the field fills A dx more."""
-    face = Face(area_um2=870.0)
+    face = ContactFace(area_um2=870.0)
     field = 327.0 / 7.5  # V/um
     energy_j = constants.epsilon_0 * (field * 1e6) ** 2 / 2 * face.area_um2 * 1e-12
     found = named(face, CELL)["charge"].most_un
     assert found == pytest.approx(energy_j * 1e6, rel=FOUR_DIGITS)
     # in the gap of a face 1 um wide and less, 350 V/um; between, the least voltage
     for width_um, volts_per_um in ((0.5, 350.0), (3.0, 109.0), (50.0, 43.6)):
-        small = Face(area_um2=math.pi * width_um**2 / 4)
+        small = ContactFace(area_um2=math.pi * width_um**2 / 4)
         pressure = constants.epsilon_0 * (volts_per_um * 1e6) ** 2 / 2
         wanted = pressure * small.area_um2 * 1e-6
         assert named(small, CELL)["charge"].most_un == pytest.approx(wanted, rel=1e-3)
@@ -268,7 +271,7 @@ def test_intervals_are_finite_and_in_order(
     liquid: bool,
 ) -> None:
     cell = Environment(humidity=humid, grounded=grounded, roughness_um=rough)
-    face = Face(area_um2=area, conducts=conducts, liquid=liquid)
+    face = ContactFace(area_um2=area, conducts=conducts, liquid=liquid)
     found = forces(face, cell)
     for force in found:
         assert 0 <= force.least_un <= force.most_un < math.inf

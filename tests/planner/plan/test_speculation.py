@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from microplan.planner.assembly.step_states import unfold
-from microplan.planner.looks.look_problem import Effects
+from microplan.planner.looks.look_problem import CompileContext
 from microplan.planner.plan import speculation as ahead
 from microplan.planner.plan.speculation import StoppedError, begin, listen, until_told
 from microplan.planner.source.diagnostics import Report
@@ -20,7 +20,7 @@ from microplan.planner.task.presets import PRESETS
 from microplan.planner.views.requests import requests
 from tests.planner.examples import EXAMPLE, copy_example, one_look, read
 
-EFFECTS = Effects(effort=PRESETS["fast"], max_image_error=0.01, map=map)
+EFFECTS = CompileContext(effort=PRESETS["fast"], max_image_error=0.01, map=map)
 
 
 class Held(Executor):

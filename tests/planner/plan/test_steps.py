@@ -10,11 +10,11 @@ import pytest
 from microplan.planner.assembly.assembly import part_sigma_um
 from microplan.planner.assembly.step_states import StepState, unfold
 from microplan.planner.budget.alignment_residual import moved_by, residual_of
-from microplan.planner.budget.budget import Sighted
+from microplan.planner.budget.budget import PastMeasurement
 from microplan.planner.budget.control import control_of, tolerance_um
 from microplan.planner.budget.insertion_problem import apart
-from microplan.planner.budget.measurement_history import Memory
-from microplan.planner.looks.look_problem import Effects
+from microplan.planner.budget.measurement_history import MeasurementHistory
+from microplan.planner.looks.look_problem import CompileContext
 from microplan.planner.plan.steps import CompiledStep, compile_step
 from microplan.planner.source.diagnostics import Report
 from microplan.planner.task.presets import PRESETS
@@ -34,7 +34,7 @@ def file(tmp_path: Path) -> Path:
 
 
 # at what the alignment moves, before it: finer than the robot
-FINE_LOOK = Sighted(
+FINE_LOOK = PastMeasurement(
     name="gear.bore",
     step="gear_in_fingers",
     sigma_um=0.05,
@@ -67,10 +67,10 @@ def named(states: tuple[StepState, ...], name: str) -> StepState:
 def inserted(file: Path) -> CompiledStep:
     """Return the compiled insertion; it has no look, so no image is made."""
     task, states = unfolded(file)
-    memory = Memory(
+    memory = MeasurementHistory(
         magnification=6.9, seen={}, within_um=WITHIN_UM, key="", before=FINE_LOOK
     )
-    effects = Effects(effort=PRESETS["fast"], max_image_error=0.002, map=map)
+    effects = CompileContext(effort=PRESETS["fast"], max_image_error=0.002, map=map)
     index = states.index(named(states, "insert"))
     found = compile_step(task, states, index, memory, effects, Report())
     assert found is not None

@@ -14,7 +14,7 @@ import pytest
 from microplan.planner.cli.main import main
 from microplan.planner.report.budgets import yield_advice
 from microplan.planner.report.errors import ellipse, sigmas
-from microplan.planner.report.folder import PlanFolder, read_folder
+from microplan.planner.report.folder import ReportedPlan, read_folder
 from microplan.planner.report.margins import margins
 from microplan.planner.report.methods import methods
 from microplan.planner.report.pictures import place_id
@@ -31,13 +31,13 @@ EVIL = "<script>alert(1)</script>"
 
 
 @pytest.fixture(scope="module")
-def folder(compiled_example: Path) -> PlanFolder:
+def folder(compiled_example: Path) -> ReportedPlan:
     """Return the example's plan folder."""
     return read_folder(compiled_example)
 
 
 @pytest.fixture(scope="module")
-def page(folder: PlanFolder) -> Page:
+def page(folder: ReportedPlan) -> Page:
     """Return the example's report."""
     return check_page(plan_report(folder))
 
@@ -52,7 +52,7 @@ def test_the_same_plan_gives_the_same_bytes(
     assert again.read_bytes() == (copy / "report.html").read_bytes()
 
 
-def test_the_first_page_has_what_is_passed_on(folder: PlanFolder, page: Page) -> None:
+def test_the_first_page_has_what_is_passed_on(folder: ReportedPlan, page: Page) -> None:
     text, plan = " ".join(page.text), folder.plan
     assert "Feasible" in text
     assert f"P(success) {plan.success_probability:.4f}" in text
@@ -68,7 +68,7 @@ def test_the_first_page_has_what_is_passed_on(folder: PlanFolder, page: Page) ->
         assert words in text
 
 
-def test_one_fit_has_one_capture_radius(folder: PlanFolder, page: Page) -> None:
+def test_one_fit_has_one_capture_radius(folder: ReportedPlan, page: Page) -> None:
     insert = next(s for s in folder.plan.steps if s.verb == "insert")
     text, limit = " ".join(page.text), insert.budget.limit_um
     assert limit == pytest.approx(2.9)  # half of 50 less 44, less half the taper of .2
@@ -107,7 +107,7 @@ def test_a_yield_is_advised_where_its_curve_crosses_the_goal() -> None:
 
 
 def test_a_choice_that_failed_in_trials_tells_what_a_run_does(
-    folder: PlanFolder,
+    folder: ReportedPlan,
 ) -> None:
     look = next(la for la in folder.looks if la.measure.fallback)
     assert "the choice gave no answer" not in _said(look)
@@ -126,7 +126,7 @@ def _said(look: Look) -> str:
     return " ".join(map(write, accuracy(look)))
 
 
-def test_every_step_and_look_has_its_place(folder: PlanFolder, page: Page) -> None:
+def test_every_step_and_look_has_its_place(folder: ReportedPlan, page: Page) -> None:
     text = " ".join(page.text)
     for number, step in enumerate(folder.plan.steps, 1):
         assert f"{number}. {step.id}" in text
@@ -140,7 +140,7 @@ def test_every_step_and_look_has_its_place(folder: PlanFolder, page: Page) -> No
             assert score.reason in text
 
 
-def test_rows_link_to_places_in_the_picture(folder: PlanFolder, page: Page) -> None:
+def test_rows_link_to_places_in_the_picture(folder: ReportedPlan, page: Page) -> None:
     look = next(look for look in folder.looks if look.id == "over_shaft")
     names = [layer.name for layer in look.scene.layers]
     names += [f"={measure.feature or look.target}" for measure in look.measures]
@@ -162,7 +162,7 @@ def test_a_part_called_script_stays_a_name(
     assert EVIL in " ".join(page.text)
 
 
-def test_an_infeasible_plan_tells_why(folder: PlanFolder) -> None:
+def test_an_infeasible_plan_tells_why(folder: ReportedPlan) -> None:
     plan = folder.plan
     reason = Reason(code="MP501", step="over_shaft", message="no routine finds it")
     steps = plan.steps[:7]
@@ -181,7 +181,7 @@ def test_an_infeasible_plan_tells_why(folder: PlanFolder) -> None:
 
 
 @pytest.mark.parametrize("steps", [0, 1])
-def test_a_plan_that_ends_at_once_has_a_page(folder: PlanFolder, steps: int) -> None:
+def test_a_plan_that_ends_at_once_has_a_page(folder: ReportedPlan, steps: int) -> None:
     plan = folder.plan
     reason = Reason(code="MP401", step=plan.steps[steps].id, message="too uncertain")
     short = replace(
@@ -193,7 +193,7 @@ def test_a_plan_that_ends_at_once_has_a_page(folder: PlanFolder, steps: int) -> 
     assert ("Least room" in text) == bool(steps)
 
 
-def test_a_budget_without_offenders_is_not_denied(folder: PlanFolder) -> None:
+def test_a_budget_without_offenders_is_not_denied(folder: ReportedPlan) -> None:
     def bare(step: Step) -> Step:
         if step.budget.analysis is None:
             return step
@@ -207,7 +207,7 @@ def test_a_budget_without_offenders_is_not_denied(folder: PlanFolder) -> None:
 
 
 def test_the_methods_tell_what_was_aimed_at_and_what_is_left(
-    folder: PlanFolder,
+    folder: ReportedPlan,
 ) -> None:
     said = write(methods(folder))
     assert "each effect was to stay within 0.002 of unit contrast" in said
@@ -221,7 +221,7 @@ def test_the_methods_tell_what_was_aimed_at_and_what_is_left(
 
 
 def test_a_budget_that_falls_short_names_the_cheapest_change(
-    folder: PlanFolder,
+    folder: ReportedPlan,
 ) -> None:
     insert = next(s for s in folder.plan.steps if s.verb == "insert")
     analysis = insert.budget.analysis
@@ -248,7 +248,7 @@ def _with(plan: Plan, name: str, **changes: object) -> Plan:
 
 
 def test_a_step_below_its_share_of_a_goal_that_is_met_needs_no_change(
-    folder: PlanFolder,
+    folder: ReportedPlan,
 ) -> None:
     insert = next(s for s in folder.plan.steps if s.verb == "insert")
     analysis = insert.budget.analysis
@@ -274,14 +274,14 @@ def test_a_step_below_its_share_of_a_goal_that_is_met_needs_no_change(
     assert margin.ratio == pytest.approx(0.001 / 0.01)
 
 
-def test_plans_of_one_look_and_of_nothing_have_reports(folder: PlanFolder) -> None:
+def test_plans_of_one_look_and_of_nothing_have_reports(folder: ReportedPlan) -> None:
     plan = folder.plan
     for steps in (plan.steps[:1], plan.steps[4:5], ()):
         check_page(plan_report(replace(folder, plan=replace(plan, steps=steps))))
 
 
 @pytest.mark.parametrize("value", [0.0, 5e-324, 1e300, 1.7e308])
-def test_odd_numbers_are_shown_as_they_are(folder: PlanFolder, value: float) -> None:
+def test_odd_numbers_are_shown_as_they_are(folder: ReportedPlan, value: float) -> None:
     insert = next(s for s in folder.plan.steps if s.verb == "insert")
     before = next(s for s in folder.plan.steps if s.id == "over_shaft")
     (look,), analysis = before.looks, insert.budget.analysis
@@ -328,7 +328,7 @@ def test_an_image_of_another_plan_is_not_shown(
 
 @pytest.mark.parametrize("name", ["../secret.png", "/etc/passwd", "images/none.png"])
 def test_pictures_outside_the_folder_are_not_shown(
-    folder: PlanFolder, compiled_example: Path, tmp_path: Path, name: str
+    folder: ReportedPlan, compiled_example: Path, tmp_path: Path, name: str
 ) -> None:
     shutil.copyfile(
         compiled_example / folder.looks[0].scene.image, tmp_path / "secret.png"
@@ -389,7 +389,7 @@ def test_a_report_in_an_impossible_place_leaves_nothing(
     assert [p.name for p in tmp_path.rglob("*")] == ["a folder"]
 
 
-def test_margins_are_in_order_and_hold_in_a_feasible_plan(folder: PlanFolder) -> None:
+def test_margins_are_in_order_and_hold_in_a_feasible_plan(folder: ReportedPlan) -> None:
     found = margins(folder.plan)
     ratios = [m.ratio for m in found]
     assert ratios == sorted(ratios)
@@ -397,7 +397,7 @@ def test_margins_are_in_order_and_hold_in_a_feasible_plan(folder: PlanFolder) ->
     assert {m.look for m in found if m.look} == {look.id for look in folder.looks}
 
 
-def test_the_timeline_agrees_with_what_the_looks_wait_for(folder: PlanFolder) -> None:
+def test_the_timeline_agrees_with_what_the_looks_wait_for(folder: ReportedPlan) -> None:
     found = {span.step: span for span in spans(folder.plan, folder.world)}
     for step in folder.plan.steps:
         waits = sum(
@@ -417,7 +417,7 @@ def test_the_timeline_agrees_with_what_the_looks_wait_for(folder: PlanFolder) ->
     assert "lift" not in planned_s(folder.plan, stuck)
 
 
-def test_an_alignment_counts_its_first_look_once(folder: PlanFolder) -> None:
+def test_an_alignment_counts_its_first_look_once(folder: ReportedPlan) -> None:
     found = {span.step: span for span in spans(folder.plan, folder.world)}
     step = next(s for s in folder.plan.steps if s.id == "over_shaft")
     assert step.control is not None
@@ -431,7 +431,7 @@ def test_an_alignment_counts_its_first_look_once(folder: PlanFolder) -> None:
     )
 
 
-def test_a_verification_takes_its_sweep_too(folder: PlanFolder) -> None:
+def test_a_verification_takes_its_sweep_too(folder: ReportedPlan) -> None:
     found = planned_s(folder.plan, folder.world)
     (step,) = (s for s in folder.plan.steps if isinstance(s.action, VerifyAction))
     assert isinstance(step.action, VerifyAction)
@@ -443,7 +443,7 @@ def test_a_verification_takes_its_sweep_too(folder: PlanFolder) -> None:
     assert found[step.id] == pytest.approx(whole, abs=1e-4)
 
 
-def test_what_no_time_is_known_of_is_named(folder: PlanFolder, page: Page) -> None:
+def test_what_no_time_is_known_of_is_named(folder: ReportedPlan, page: Page) -> None:
     plan, every = folder.plan, {step.id for step in folder.plan.steps}
     unknown = {"find_gear", "grasp", "release"}
     assert set(planned_s(plan, folder.world)) == every - unknown
@@ -470,7 +470,7 @@ def test_the_ellipse_holds_its_share_of_errors() -> None:
 
 
 def test_the_accuracy_figure_says_which_chains_had_fewer_trials(
-    folder: PlanFolder,
+    folder: ReportedPlan,
 ) -> None:
     look = next(look for step in folder.plan.steps for look in step.looks)
     told = "may have stopped after 24 of its 64 trials"

@@ -120,7 +120,7 @@ RUNNERS: dict[str, Callable[[Path], Report]] = {
 CODES = sorted(page.stem for page in PAGES.glob("MP[0-7]*.md"))
 # of plans, not of a task: see test_diff.py and exporting/test_export.py
 TOLD_ELSEWHERE = {"MP710", "MP720", "MP721", "MP722"}
-DEAR = {"MP615"}  # works out a whole placement
+EXPENSIVE = {"MP615"}  # works out a whole placement
 CALLED = [
     code
     for code in CODES
@@ -192,7 +192,7 @@ def example(tmp_path: Path, code: str) -> Path:
 @pytest.mark.parametrize(
     "code",
     [
-        pytest.param(code, marks=[pytest.mark.slow] if code in DEAR else [])
+        pytest.param(code, marks=[pytest.mark.slow] if code in EXPENSIVE else [])
         for code in sorted({*CODES} - {*CALLED} - TOLD_ELSEWHERE)
     ],
 )

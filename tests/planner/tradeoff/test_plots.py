@@ -8,7 +8,11 @@ import numpy as np
 from matplotlib.text import Annotation
 
 from microplan.planner.tradeoff.task_plots import task_figure
-from microplan.planner.tradeoff.task_tradeoff_record import Point, Spent, TaskTradeoff
+from microplan.planner.tradeoff.task_tradeoff_record import (
+    Spent,
+    TaskTradeoff,
+    TradeoffPoint,
+)
 
 # what was varied, CPU s, error in um: three of them almost in one place
 CROWD = (
@@ -20,8 +24,8 @@ CROWD = (
 
 def test_names_of_points_lie_on_no_other() -> None:
     points = tuple(
-        Point(varied=name, preset="fast", trials=24, frames=1, zoom=None, reason="",
-              status="feasible", error_um=error, success_probability=0.99999,
+        TradeoffPoint(varied=name, preset="fast", trials=24, frames=1, zoom=None,
+              reason="", status="feasible", error_um=error, success_probability=0.99999,
               success_lower=0.88, run_s=2.7, choices=(), on_front=False)
         for name, _, error in CROWD
     )  # fmt: skip

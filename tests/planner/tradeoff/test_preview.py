@@ -22,7 +22,7 @@ from microplan.planner.assembly.step_states import unfold
 from microplan.planner.cli.arguments import LAWS
 from microplan.planner.cli.main import main
 from microplan.planner.looks.compile_look import compile_look
-from microplan.planner.looks.look_problem import Effects
+from microplan.planner.looks.look_problem import CompileContext
 from microplan.planner.looks.look_record import reference_image
 from microplan.planner.looks.scenario import build_case
 from microplan.planner.source.diagnostics import Report
@@ -74,7 +74,7 @@ def test_a_trial_is_rebuilt_bit_for_bit(
     one_look(file)
     task, report, recorder = read(file), Report(), Recorder()
     (look,) = requests(task, unfold(task, report), 0, None)
-    effects = Effects(
+    effects = CompileContext(
         effort=PRESETS["fast"],
         max_image_error=limit or task.optimise.image_error(),
         map=recorder,

@@ -20,7 +20,7 @@ from microplan.optics.lens.sensor import Sensor, expose, to_unit
 from microplan.planner.cli.main import main
 from microplan.planner.source.diagnostics import Report
 from microplan.planner.task.presets import PRESETS
-from microplan.planner.tradeoff.task_axes import averaged, ways
+from microplan.planner.tradeoff.task_axes import averaged, compile_methods
 from microplan.planner.tradeoff.task_tradeoff import (
     choices,
     error_um,
@@ -29,7 +29,7 @@ from microplan.planner.tradeoff.task_tradeoff import (
     success_lower,
     with_fronts,
 )
-from microplan.planner.tradeoff.task_tradeoff_record import Point, Spent
+from microplan.planner.tradeoff.task_tradeoff_record import Spent, TradeoffPoint
 from microplan.planner.tradeoff.vary import parse_vary
 from microplan.schemas.plan import Plan, parse_plan
 from tests.planner.examples import EXAMPLE, change, copy_example, one_look, read
@@ -45,7 +45,9 @@ def plan() -> Plan:
 
 def test_each_way_differs_from_the_tasks_own_in_one_thing() -> None:
     task = read(EXAMPLE / "task.yaml")
-    found = ways(task, parse_vary("preset,trials=24:64,frames,zoom=6.9:13.8"))
+    found = compile_methods(
+        task, parse_vary("preset,trials=24:64,frames,zoom=6.9:13.8")
+    )
     own = found[0]
     assert own.preset == task.optimise.prefer == "balanced"
     assert [way.varied for way in found[1:]] == [
@@ -158,7 +160,7 @@ def test_only_choices_are_compared(plan: Plan) -> None:
 
 def test_a_task_that_cannot_be_compiled_is_a_point_with_its_reason() -> None:
     report = Report()
-    (own, *_) = ways(read(EXAMPLE / "task.yaml"), ())
+    (own, *_) = compile_methods(read(EXAMPLE / "task.yaml"), ())
     report.error("MP303", read(EXAMPLE / "task.yaml").where["goal"], "it touches")
     point = point_of(own, None, report, None)
     assert (point.status, point.reason) == ("error", "MP303 it touches")
@@ -166,8 +168,8 @@ def test_a_task_that_cannot_be_compiled_is_a_point_with_its_reason() -> None:
     assert point.choices is None
 
 
-def a_point(error: float | None, run: float | None) -> Point:
-    return Point(
+def a_point(error: float | None, run: float | None) -> TradeoffPoint:
+    return TradeoffPoint(
         varied="trials 1", preset="fast", trials=1, frames=1, zoom=None,
         status="feasible", reason="", error_um=error, success_probability=1.0,
         success_lower=1.0, run_s=run, choices=(), on_front=False,

@@ -31,10 +31,18 @@ from microplan.planner.source.diagnostics import Report
 from microplan.planner.tradeoff import reference_images as truths
 from microplan.planner.tradeoff import render_methods as ways
 from microplan.planner.tradeoff.plots import Strip, round_down, strip_png, tradeoff_png
-from microplan.planner.tradeoff.reference_images import Sight, law_truth, layer_truth
+from microplan.planner.tradeoff.reference_images import (
+    ReferenceView,
+    law_truth,
+    layer_truth,
+)
 from microplan.planner.tradeoff.render_methods import front, measure
 from microplan.planner.tradeoff.tradeoff import FOCUS_SIGMAS, strip_of
-from microplan.planner.tradeoff.tradeoff_record import Measured, StepTradeoff, Tradeoff
+from microplan.planner.tradeoff.tradeoff_record import (
+    MeasuredMethod,
+    StepTradeoff,
+    Tradeoff,
+)
 from microplan.planner.views.requests import requests
 from microplan.planner.views.target_views import views
 from microplan.schemas.codec import from_data
@@ -87,8 +95,8 @@ def step(record: Tradeoff) -> StepTradeoff:
     return only
 
 
-def sight_of(scene: Scene, *focus_um: float) -> Sight:
-    return Sight(scene=scene, microscope=SMALL, window=FRAME, focus_um=focus_um)
+def sight_of(scene: Scene, *focus_um: float) -> ReferenceView:
+    return ReferenceView(scene=scene, microscope=SMALL, window=FRAME, focus_um=focus_um)
 
 
 def two_discs() -> Scene:
@@ -148,7 +156,7 @@ def test_the_table_holds_every_way_of_the_record(
 def test_the_page_documents_every_field() -> None:
     page = (ROOT / "docs" / "tradeoff.md").read_text(encoding="utf-8")
     documented = set(re.findall(r"`(\w+)`", page.partition("## Fields")[2]))
-    for kind in (Tradeoff, StepTradeoff, Measured):
+    for kind in (Tradeoff, StepTradeoff, MeasuredMethod):
         assert {field.name for field in fields(kind)} <= documented
     for name in re.findall(r"\((images/[^)]+)\)", page):
         assert decoded((ROOT / "docs" / name).read_bytes()).std() > 20
@@ -261,7 +269,7 @@ def test_the_same_look_gives_the_same_numbers(monkeypatch: pytest.MonkeyPatch) -
     assert found[0] == found[1]
 
 
-def numbers(sight: Sight) -> list[Measured]:
+def numbers(sight: ReferenceView) -> list[MeasuredMethod]:
     """Return what is measured, without what depends on the time it took."""
     fidelity = choose(
         sight.scene, SMALL, focus_um=sight.focus_um, limit=0.002, window=FRAME
@@ -307,7 +315,7 @@ def test_one_height_hides_nothing() -> None:
     assert np.array_equal(layered.images[0], law.images[0])
     assert layered.error == law.error
     fidelity = choose(sight.scene, SMALL, focus_um=(0.0,), limit=0.01, window=FRAME)
-    assert not any(way.rays for way in ways.ways(sight, fidelity))
+    assert not any(way.rays for way in ways.render_methods(sight, fidelity))
 
 
 def test_the_law_is_measured_where_the_choice_must_hold() -> None:
@@ -421,7 +429,7 @@ def test_compiler_and_preview_load_no_matplotlib() -> None:
 
 def test_a_look_without_contrast_has_a_picture_too() -> None:
     """Faces as bright as what is behind them: no way errs, nor does the oracle."""
-    way = Measured(
+    way = MeasuredMethod(
         model="exact",
         layers="blend",
         band_error=5e-4,

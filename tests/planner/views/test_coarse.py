@@ -14,15 +14,15 @@ from microplan.planner.source.diagnostics import Report
 from microplan.planner.task.task import Task
 from microplan.planner.views.check_task import check_task
 from microplan.planner.views.coarse import (
-    Sighting,
+    CoarseLook,
     assumed,
     centring,
     coarse_requests,
     fine_request,
     may_gain,
 )
-from microplan.planner.views.requests import Known, Request, requests
-from microplan.planner.views.target_views import needed_shape, spot_of, views
+from microplan.planner.views.requests import PriorKnowledge, Request, requests
+from microplan.planner.views.target_views import needed_shape, target_pose, views
 from tests.planner.examples import change, copy_example, read
 
 LOW = 6.9
@@ -47,7 +47,7 @@ def find_gear(task: Task) -> Request:
     return found
 
 
-def seen(task: Task, coarse: Request, sigma_um: float) -> Sighting:
+def seen(task: Task, coarse: Request, sigma_um: float) -> CoarseLook:
     return replace(assumed(task, coarse), sigma_um=sigma_um, sigma_theta_rad=None)
 
 
@@ -85,7 +85,7 @@ def test_a_post_is_its_own_coarse_look(task: Task) -> None:
 def test_a_place_must_be_known_twice_as_well_to_be_worth_it(task: Task) -> None:
     request = find_gear(task)
     (coarse, *_) = coarse_requests(task, request)
-    before_um = spot_of(task, request, needed_shape(task, request)).sigma_xy_um
+    before_um = target_pose(task, request, needed_shape(task, request)).sigma_xy_um
     for share, found in ((0.4, True), (0.5, False)):
         told = seen(task, coarse, share * before_um)
         assert (fine_request(task, request, coarse, told) is not None) is found
@@ -124,12 +124,12 @@ def test_the_fine_look_knows_what_coarse_look_zoom_and_moves_leave(task: Task) -
     (coarse, *_) = coarse_requests(task, request)
     fine = fine_request(task, request, coarse, seen(task, coarse, 0.4))
     assert fine is not None
-    spot = spot_of(task, fine, needed_shape(task, fine))
+    spot = target_pose(task, fine, needed_shape(task, fine))
     far_um = 2 * math.hypot(30, 1)  # of the target at two sigma, seen at a wrong scale
     told_um = math.hypot(REP_UM, 0.4, 1.0, 0.002 * far_um)
     arm_um = math.dist(needed_shape(task, coarse).center_um, (0.0, 0.0))
     assert spot.sigma_xy_um == pytest.approx(math.hypot(told_um, arm_um))
-    assert spot.pose == spot_of(task, request, needed_shape(task, request)).pose
+    assert spot.pose == target_pose(task, request, needed_shape(task, request)).pose
     found = views(task, fine, LOW, Report())
     assert min(v.microscope.magnification for v in found) >= 19.2
 
@@ -151,9 +151,9 @@ def test_a_tolerance_leaves_room_for_the_way_back(task: Task) -> None:
 def test_a_target_swings_about_what_was_measured(task: Task) -> None:
     """A place measured 30 um off the origin, an angle to .02: by Monte Carlo."""
     request = find_gear(task)
-    known = Known(about_um=(30.0, 40.0), sigma_um=0.5, sigma_theta_rad=0.02)
+    known = PriorKnowledge(about_um=(30.0, 40.0), sigma_um=0.5, sigma_theta_rad=0.02)
     told = replace(request, known=known)
-    spot = spot_of(task, told, needed_shape(task, told))
+    spot = target_pose(task, told, needed_shape(task, told))
     rng = np.random.default_rng(2)
     turn = rng.normal(0.0, 0.02, 100_000)
     off = rng.normal(0, 0.5, (2, turn.size))

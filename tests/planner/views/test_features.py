@@ -12,7 +12,7 @@ from microplan.planner.assembly.assembly import initial
 from microplan.planner.task.task import Part, Task
 from microplan.planner.views.features import Proposals, offset_um, proposals
 from microplan.planner.views.requests import Request
-from microplan.planner.views.targets import Shape, shape_of
+from microplan.planner.views.targets import TargetShape, shape_of
 from tests.planner.examples import EXAMPLE, read
 
 HOLES = {"near": (-20.0, 10.0, 6.0), "far": (30.0, -5.0, 8.0)}  # x, y, radius
@@ -23,7 +23,7 @@ def task() -> Task:
     return read(EXAMPLE / "task.yaml")
 
 
-def found(task: Task, target: str) -> tuple[Shape, Proposals]:
+def found(task: Task, target: str) -> tuple[TargetShape, Proposals]:
     """Return a target and what may stand in for it."""
     state = initial(task)
     shape = shape_of(task, state, target)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from microplan.featuresel.look.scenario import Turning, scene
+from microplan.featuresel.look.scenario import UnknownRotation, scene
 from microplan.optics.layers.layer_error import layer_error
 from microplan.optics.lens.distorted_scene import lens_scene
 from microplan.planner.assembly.step_states import unfold
@@ -24,7 +24,7 @@ from microplan.planner.views.lens_errors import (
     middle_sigma_um,
 )
 from microplan.planner.views.requests import Request, requests
-from microplan.planner.views.target_views import needed_shape, spot_of, views
+from microplan.planner.views.target_views import needed_shape, target_pose, views
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "gear_on_shaft" / "task.yaml"
 
@@ -55,7 +55,7 @@ def look(task: Task, name: str) -> Request:
 def test_an_unknown_distortion_is_charged_where_the_target_is(task: Task) -> None:
     request = look(task, "see_fingers")
     shape = needed_shape(task, request)
-    spot = spot_of(task, request, shape)
+    spot = target_pose(task, request, shape)
     view = views(task, request, 6.9, Report())[0]
     rows = {
         row.effect: row
@@ -94,7 +94,7 @@ def test_a_held_part_stands_above_at_an_angle_that_trials_vary(task: Task) -> No
         request = look(task, name)
         view = views(task, request, 6.9, Report())[0]
         found[name] = build_case(task, request, view, 0.01)[0].spread.turning
-    gear = Turning(owner="gear", x_um=0.0, y_um=0.0, sigma_theta_rad=math.pi)
+    gear = UnknownRotation(owner="gear", x_um=0.0, y_um=0.0, sigma_theta_rad=math.pi)
     # nothing stands above the gear on the stage; fingers have their angle in their tips
     assert found == {"find_gear": (), "bring_between": (), "over_shaft": (gear,)}
 

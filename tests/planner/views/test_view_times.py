@@ -15,7 +15,7 @@ from microplan.planner.assembly.world import build_world
 from microplan.planner.source.diagnostics import Report
 from microplan.planner.task.task import Task
 from microplan.planner.views.view_times import (
-    Setting,
+    MicroscopeSetting,
     approach_times,
     centre_times,
     move_times,
@@ -99,7 +99,7 @@ def test_only_what_changes_takes_time_and_errs(task: Task) -> None:
     assert first.parcentric_sigma_um == first.lateral_sigma_um == 0  # since when?
     frame_s = 1 / 30
     assert first.total_s == pytest.approx(1.5 + 0.4 + frame_s)
-    before = Setting(look="a", view=VIEW)
+    before = MicroscopeSetting(look="a", view=VIEW)
     same = view_change(task, seen(VIEW), before, ())
     assert [row.what for row in same.times] == ["exposure and readout"]
     assert same.total_s == pytest.approx(frame_s)
@@ -122,6 +122,6 @@ def test_a_target_is_centred_there_and_back(task: Task) -> None:
     assert waits[0].time_s == pytest.approx(draws.mean() / 1000, rel=0.005)
     way = CoarseFirst(look="a", axes="stage", at_um=(0.0, 0.0), most_um=90.0)
     fine = replace(seen(VIEW), coarse=way)
-    change = view_change(task, fine, Setting(look="a", view=VIEW), waits)
+    change = view_change(task, fine, MicroscopeSetting(look="a", view=VIEW), waits)
     assert change.total_s == pytest.approx(2 * total(waits) + 1 / 30)
     assert math.isclose(change.total_s, total(change.times))

@@ -18,8 +18,8 @@ from microplan.planner.task.task import Part, Task
 from microplan.planner.views.check_task import check_task
 from microplan.planner.views.requests import requests
 from microplan.planner.views.scenes import EDGE_POINTS, shade_of
-from microplan.planner.views.target_views import needed_shape, spot_of, views
-from microplan.planner.views.targets import Shape, shape_of
+from microplan.planner.views.target_views import needed_shape, target_pose, views
+from microplan.planner.views.targets import TargetShape, shape_of
 from microplan.planner.views.views import SEARCH_SIGMAS, light_level, region_for
 from microplan.planner.views.zooms import in_field, microscope_at
 from microplan.schemas.pose import Pose
@@ -50,7 +50,7 @@ def spot(x_um: float, y_um: float, sigma_um: float, z_um: float = 100.0) -> Plac
     )
 
 
-def gear(task: Task) -> Shape:
+def gear(task: Task) -> TargetShape:
     shape = shape_of(task, initial(task), "gear")
     assert shape is not None
     return shape
@@ -69,7 +69,9 @@ def test_every_look_of_the_example_has_a_view_that_holds_its_target(task: Task) 
         assert found
         shape = needed_shape(task, look)
         for view in found:
-            assert in_field(view.microscope, shape.box_um, spot_of(task, look, shape))
+            assert in_field(
+                view.microscope, shape.box_um, target_pose(task, look, shape)
+            )
             assert -500 <= view.focus_um <= 500
             assert 0 < view.light <= 1
     assert beyond_notes(report) == []

@@ -19,7 +19,7 @@ from microplan.planner.source.diagnostics import Report, Span
 from microplan.planner.task.task import Task
 from microplan.planner.task.workcell import Workcell
 from microplan.planner.views.check_task import check_task
-from microplan.planner.views.targets import Shape, shape_of
+from microplan.planner.views.targets import TargetShape, shape_of
 from microplan.planner.views.zooms import (
     FINEST_PX,
     LADDER,
@@ -66,7 +66,7 @@ def spot(x_um: float, y_um: float, sigma_um: float) -> Place:
     )
 
 
-def gear(task: Task) -> Shape:
+def gear(task: Task) -> TargetShape:
     shape = shape_of(task, initial(task), "gear")
     assert shape is not None
     return shape

@@ -12,8 +12,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from microplan.schemas.page.axes import Axes, Scale, around, around_log
-from microplan.schemas.page.charts import Bar, Point, bars, curve, scatter
+from microplan.schemas.page.axes import AxisScale, ChartField, around, around_log
+from microplan.schemas.page.charts import Bar, ChartPoint, bars, curve, scatter
 from microplan.schemas.page.elements import el, slug, write
 from microplan.schemas.page.figures import chance, number, seconds, um
 from microplan.schemas.page.labels import Box, width
@@ -151,8 +151,10 @@ def test_ticks_lie_on_their_scale(values: list[float]) -> None:
     name=TEXT,
 )
 def test_charts_hold_finite_numbers_alone(xs: list[float], y: float, name: str) -> None:
-    axes = Axes(across=around(xs), up=around_log([y]), across_label=name, up_label=name)
-    points = [Point(x=x, y=y, label=name, named=name) for x in xs]
+    axes = ChartField(
+        across=around(xs), up=around_log([y]), across_label=name, up_label=name
+    )
+    points = [ChartPoint(x=x, y=y, label=name, named=name) for x in xs]
     drawn = [
         curve(name, name, axes, [(x, y) for x in xs], here=xs[0], limit=y),
         scatter(name, name, axes, points, front=[(x, y) for x in xs]),
@@ -170,9 +172,9 @@ def test_charts_hold_finite_numbers_alone(xs: list[float], y: float, name: str) 
 
 def test_a_scale_rises() -> None:
     with pytest.raises(ValueError, match="rises"):
-        Scale(low=1.0, high=1.0)
+        AxisScale(low=1.0, high=1.0)
     with pytest.raises(ValueError, match="logarithm"):
-        Scale(low=0.0, high=1.0, log=True)
+        AxisScale(low=0.0, high=1.0, log=True)
 
 
 def test_only_pictures_are_taken_into_a_page() -> None:
@@ -193,9 +195,9 @@ def test_only_pictures_are_taken_into_a_page() -> None:
 def test_no_curve_crosses_the_name_of_its_limit(
     points: list[tuple[float, float]], left: bool, below: bool
 ) -> None:
-    axes = Axes(
-        across=Scale(low=0.0, high=4.0),
-        up=Scale(low=0.0, high=2.0),
+    axes = ChartField(
+        across=AxisScale(low=0.0, high=4.0),
+        up=AxisScale(low=0.0, high=2.0),
         across_label="look",
         up_label="error",
     )
@@ -221,17 +223,20 @@ def _boxes(drawn: str) -> list[Box]:
 
 
 def test_names_of_crowded_points_are_apart_and_in_the_picture() -> None:
-    axes = Axes(
-        across=Scale(low=1.0, high=200.0, log=True),
-        up=Scale(low=0.1, high=10.0, log=True),
+    axes = ChartField(
+        across=AxisScale(low=1.0, high=200.0, log=True),
+        up=AxisScale(low=0.1, high=10.0, log=True),
         across_label="time",
         up_label="error",
     )
     names = ("otsu", "otsu > tooth_notch", "otsu > circle_caliper", "contour_match")
     points = [
-        Point(x=20.0 + k, y=1.0, label=name, named=name) for k, name in enumerate(names)
+        ChartPoint(x=20.0 + k, y=1.0, label=name, named=name)
+        for k, name in enumerate(names)
     ]
-    points.append(Point(x=190.0, y=1.0, label="far", named="otsu > tooth_notch > ecc"))
+    points.append(
+        ChartPoint(x=190.0, y=1.0, label="far", named="otsu > tooth_notch > ecc")
+    )
     drawn = write(
         scatter("s", "s", axes, points, front=[(p.x, p.y) for p in points],
                 chosen=(20.0, 1.0), limit=1.5, limit_name="tolerance 3 um")

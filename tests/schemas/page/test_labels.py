@@ -11,7 +11,14 @@ from hypothesis import strategies as st
 from matplotlib.font_manager import findfont
 from matplotlib.ft2font import FT2Font
 
-from microplan.schemas.page.labels import Box, Name, Segment, placed, shortened, width
+from microplan.schemas.page.labels import (
+    Box,
+    PointLabel,
+    Segment,
+    placed,
+    shortened,
+    width,
+)
 
 FIELD = Box(left=0.0, top=0.0, right=360.0, bottom=200.0)
 MARK, HEIGHT = 4.0, 14.0
@@ -41,7 +48,7 @@ def runs_through(line: Segment, box: Box) -> bool:
 def test_names_lie_on_no_mark_and_on_no_other_name(
     spots: list[tuple[float, float]], wide: float
 ) -> None:
-    names = [Name(at=spot, width=wide, mark=MARK) for spot in spots]
+    names = [PointLabel(at=spot, width=wide, mark=MARK) for spot in spots]
     marks = [about(spot) for spot in spots]
     found = placed(names, height=HEIGHT, field=FIELD, taken=marks)
     boxes = [place.box for place in found if place is not None]
@@ -66,7 +73,9 @@ def test_names_lie_on_no_mark_and_on_no_other_name(
 
 def test_a_lone_name_stands_right_beside_its_mark() -> None:
     (place,) = placed(
-        [Name(at=(100.0, 100.0), width=40.0, mark=MARK)], height=HEIGHT, field=FIELD
+        [PointLabel(at=(100.0, 100.0), width=40.0, mark=MARK)],
+        height=HEIGHT,
+        field=FIELD,
     )
     assert place is not None
     assert place.leader is None
@@ -74,7 +83,7 @@ def test_a_lone_name_stands_right_beside_its_mark() -> None:
 
 
 def test_a_name_gives_way_to_a_line_where_it_can() -> None:
-    name = Name(at=(100.0, 100.0), width=40.0, mark=MARK)
+    name = PointLabel(at=(100.0, 100.0), width=40.0, mark=MARK)
     line = ((100.0, 100.0), (300.0, 100.0))  # where it would stand
     (place,) = placed([name], height=HEIGHT, field=FIELD, lines=[line])
     assert place is not None
@@ -83,9 +92,9 @@ def test_a_name_gives_way_to_a_line_where_it_can() -> None:
 
 
 def test_where_there_is_no_room_there_is_no_name() -> None:
-    name = Name(at=(100.0, 100.0), width=400.0, mark=MARK)
+    name = PointLabel(at=(100.0, 100.0), width=400.0, mark=MARK)
     assert placed([name], height=HEIGHT, field=FIELD) == [None]
-    small = Name(at=(100.0, 100.0), width=40.0, mark=MARK)
+    small = PointLabel(at=(100.0, 100.0), width=40.0, mark=MARK)
     assert placed([small], height=HEIGHT, field=FIELD, taken=[FIELD]) == [None]
     assert placed([], height=HEIGHT, field=FIELD) == []
 

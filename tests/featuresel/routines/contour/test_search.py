@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 
 from microplan.featuresel.routines.contour import search as contour_search
-from microplan.featuresel.routines.contour.search import Pose, field, score, search
+from microplan.featuresel.routines.contour.search import (
+    ScoredPose,
+    field,
+    score,
+    search,
+)
 
 ANGLES = np.array([-0.1, 0.0, 0.1])
 
@@ -37,7 +42,7 @@ def test_all_shifts_at_once_score_as_one_after_the_other(
         seen.append(True)
         return fast(*args)  # type: ignore[arg-type]
 
-    def poses() -> tuple[Pose, ...]:
+    def poses() -> tuple[ScoredPose, ...]:
         return search(found, points, near, 40.0, ANGLES, closed=False)
 
     monkeypatch.setattr(contour_search, "_correlated", watched)

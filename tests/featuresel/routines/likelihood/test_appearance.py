@@ -11,7 +11,7 @@ from microplan.arrays import FloatArray
 from microplan.featuresel.look.nominal import nominal_render
 from microplan.featuresel.routines.likelihood.appearance import (
     Appearance,
-    Pose,
+    ImagePose,
     read_appearance,
 )
 from tests.featuresel.fits import Drawn, artifact, case, draw, render
@@ -126,11 +126,11 @@ def test_slopes_are_differences(name: str, z_um: float) -> None:
         assert tolerance < 0.05 * np.abs(light.across).max(), key
 
 
-def _moved(pose: Pose, by: dict[str, float], step: float) -> Pose:
+def _moved(pose: ImagePose, by: dict[str, float], step: float) -> ImagePose:
     return replace(pose, **{k: getattr(pose, k) + step * v for k, v in by.items()})
 
 
-def _by_harmonics(planes: Appearance, pose: Pose) -> Appearance:
+def _by_harmonics(planes: Appearance, pose: ImagePose) -> Appearance:
     """Return what the turn of the pixels alone changes, left out of the slopes."""
     if planes.planes.shape[1] == 1:
         return replace(planes, planes=0 * planes.planes)

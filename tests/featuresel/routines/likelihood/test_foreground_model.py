@@ -8,7 +8,7 @@ import pytest
 from scipy.ndimage import map_coordinates
 
 from microplan.featuresel.look.nominal import nominal_render
-from microplan.featuresel.routines.likelihood.appearance import Pose, Veiling
+from microplan.featuresel.routines.likelihood.appearance import ImagePose, Veiling
 from microplan.featuresel.routines.likelihood.foreground import Front
 from microplan.featuresel.routines.likelihood.foreground_model import front_maps
 from tests.featuresel.fits import Drawn, artifact, case, job, render
@@ -66,12 +66,14 @@ def test_images_are_the_target_alone_behind_a_veil(
 
 
 def test_the_share_let_through_is_the_veils_where_the_target_does_not_vary() -> None:
-    veil = render("between").veil()
+    occluders = render("between").occluders()
     columns, rows = grid("between")
     pose = Drawn().pose(case("between"))
-    found = front("between").plain(pose, columns, rows)[1].reshape(veil.through.shape)
-    assert veil.through.min() < 0.5 < veil.through.max()
-    np.testing.assert_allclose(found, veil.through, atol=SLOPE)
+    found = (
+        front("between").plain(pose, columns, rows)[1].reshape(occluders.through.shape)
+    )
+    assert occluders.through.min() < 0.5 < occluders.through.max()
+    np.testing.assert_allclose(found, occluders.through, atol=SLOPE)
 
 
 def test_fronts_focus_beyond_the_heights_is_that_of_the_last() -> None:
@@ -114,7 +116,7 @@ def test_maps_are_read_linearly_between_pixels() -> None:
     """By another interpolation, at a zoom that leaves no pixel where it was."""
     rng = np.random.default_rng(2)
     maps = rng.random((2, 6, 40, 50)).astype(np.float32)
-    sways = np.zeros((0, 40, 50), np.float32)
+    occluder_modes = np.zeros((0, 40, 50), np.float32)
     seen = Front(
         light=maps[0],
         through=maps[1],
@@ -122,11 +124,11 @@ def test_maps_are_read_linearly_between_pixels() -> None:
         core_through=maps[1],
         reach_um=REACH_UM,
         axis_px=(20.3, 11.6),
-        sway_light=sways,
-        sway_through=sways,
+        sway_light=occluder_modes,
+        sway_through=occluder_modes,
     )
     rows, columns = (place.ravel() for place in np.mgrid[2:38, 3:47])
-    pose = Pose(
+    pose = ImagePose(
         column=0.0, row=0.0, turn_rad=0.0, z_um=0.0, zoom=0.98,
         front=Veiling(focus_um=REACH_UM),
     )  # fmt: skip

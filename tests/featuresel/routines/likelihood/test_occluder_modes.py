@@ -16,10 +16,13 @@ from microplan.featuresel.look.disturb import shifted, turned
 from microplan.featuresel.look.nominal import nominal_render, swayed
 from microplan.featuresel.look.perturb import image
 from microplan.featuresel.look.reference_point import Located, located
-from microplan.featuresel.look.scenario import LookCase, Turning
+from microplan.featuresel.look.scenario import LookCase, UnknownRotation
 from microplan.featuresel.routines.contract import Artifact, Guess, Measurement
 from microplan.featuresel.routines.likelihood import likelihood
-from microplan.featuresel.routines.likelihood.comparison import Job, View
+from microplan.featuresel.routines.likelihood.comparison import (
+    DefocusedImage,
+    ImageComparison,
+)
 from microplan.featuresel.routines.likelihood.fit_problem import read_job
 from microplan.featuresel.routines.likelihood.occluder_modes import principal, sway_maps
 from microplan.featuresel.routines.likelihood.pose_fit import PoseFit, fit_pose
@@ -28,7 +31,7 @@ from tests.featuresel.conftest import CASES, on_target
 from tests.featuresel.fits import Drawn, artifact, case
 
 SIGMA_UM = 1.2  # of the gear above the post
-GEAR = Turning(owner="gear", x_um=0.0, y_um=0.0, sigma_theta_rad=math.pi)
+GEAR = UnknownRotation(owner="gear", x_um=0.0, y_um=0.0, sigma_theta_rad=math.pi)
 DRAWN = Drawn(dx_um=0.7, dy_um=-0.4)
 STEADY = ("front_sway_light", "front_sway_through")
 
@@ -55,7 +58,9 @@ def prepared() -> Artifact:
 
 
 @cache
-def around_um(sigma_um: float, turning: tuple[Turning, ...]) -> tuple[float, float]:
+def around_um(
+    sigma_um: float, turning: tuple[UnknownRotation, ...]
+) -> tuple[float, float]:
     """Return the limits from the post and what is just around it: the rest is dear."""
     shown = case("over_shaft")
     window = Window(row=210, column=290, rows=60, columns=60)
@@ -77,7 +82,7 @@ def elsewhere(by_um: tuple[float, float], turn_rad: float) -> FloatArray:
 
 def off_um(image: FloatArray, made: Artifact, *, z_um: float = 1.0) -> float:
     """Return how far off the place is that a fit finds, and check that it ended."""
-    job: Job = read_job((View(image=image),), made)
+    job: ImageComparison = read_job((DefocusedImage(image=image),), made)
     found = fit_pose(job, replace(DRAWN.pose(loose()), z_um=z_um))
     assert isinstance(found, PoseFit), found
     pose, true, k = found.pose, DRAWN.pose(loose()), loose().target.px_per_um
@@ -155,7 +160,7 @@ def test_the_limit_grows_with_what_is_not_known_of_the_gear() -> None:
 def test_a_turn_has_a_sigma() -> None:
     for sigma in (0.0, 4.0, math.nan):
         with pytest.raises(ValueError, match="sigma_theta_rad must be in"):
-            Turning(owner="gear", x_um=0.0, y_um=0.0, sigma_theta_rad=sigma)
+            UnknownRotation(owner="gear", x_um=0.0, y_um=0.0, sigma_theta_rad=sigma)
 
 
 def in_fingers() -> LookCase:

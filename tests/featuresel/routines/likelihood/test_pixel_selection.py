@@ -6,11 +6,11 @@ import pytest
 from scipy.ndimage import maximum_filter
 
 from microplan.arrays import FloatArray
-from microplan.featuresel.routines.contract import Camera
+from microplan.featuresel.routines.contract import CameraNoise
 from microplan.featuresel.routines.likelihood.pixel_selection import LOSS, informative
 from tests.featuresel.fits import render
 
-CAMERA = Camera(full_well_e=10_000, read_noise_e=10, bits=8, fill_factor=1.0)
+CAMERA = CameraNoise(full_well_e=10_000, read_noise_e=10, bits=8, fill_factor=1.0)
 NEAR_PX = 4  # OpenCV cuts a Gaussian in 64 bits off at four deviations, here 1 px
 
 

@@ -14,7 +14,7 @@ from scipy.stats import chi2
 from microplan.arrays import FloatArray
 from microplan.featuresel.look.nominal import nominal_render
 from microplan.featuresel.routines.contract import Failure
-from microplan.featuresel.routines.likelihood.appearance import Pose
+from microplan.featuresel.routines.likelihood.appearance import ImagePose
 from microplan.featuresel.routines.likelihood.pixel_selection import LOSS
 from microplan.featuresel.routines.likelihood.pose_fit import (
     PoseFit,
@@ -171,7 +171,7 @@ def test_one_step_from_the_answer_stays_there() -> None:
 
 def test_what_is_not_in_view_is_refused() -> None:
     image = Drawn().render(render("post"))
-    away = Pose(column=-300.0, row=50.0, turn_rad=0.0, z_um=0.0, zoom=1.0)
+    away = ImagePose(column=-300.0, row=50.0, turn_rad=0.0, z_um=0.0, zoom=1.0)
     for fit in (fit_pose, step_once):
         found = fit(job("post", image), away)
         assert isinstance(found, Failure)

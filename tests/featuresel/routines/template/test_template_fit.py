@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from microplan.arrays import FloatArray
-from microplan.featuresel.routines.template.template_fit import Fit, refine
+from microplan.featuresel.routines.template.template_fit import TemplateFit, refine
 
 
 def texture(rows: int, columns: int, column: float, row: float) -> FloatArray:
@@ -21,7 +21,7 @@ def test_a_template_may_have_more_pixels_than_a_short_integer_counts() -> None:
     assert template.size > 2 * np.iinfo(np.int16).max
     image = texture(300, 320, 161.3, 149.6)
     found = refine(image, template, (160.0, 150.0, 0.0), 1, least_score=0.9)
-    assert isinstance(found, Fit)
+    assert isinstance(found, TemplateFit)
     # the cubic between samples errs by (0.31 px)**4 / 100 of the waves or so
     np.testing.assert_allclose((found.column, found.row), (161.3, 149.6), atol=0.01)
     np.testing.assert_allclose(found.turned_rad, 0.0, atol=1e-4)

@@ -9,18 +9,18 @@ import numpy as np
 import pytest
 from scipy.stats import binom, truncnorm
 
-from microplan.planner.budget.probability.angle_budget import Turning
+from microplan.planner.budget.probability.angle_budget import AngleError
 from microplan.schemas.plan.verdicts import TurnRow
 
 SAMPLES = 1_000_000
 
 
-def turning(left: float, cut: float, *rest: float) -> Turning:
+def turning(left: float, cut: float, *rest: float) -> AngleError:
     rows = tuple(
         TurnRow(term=str(k), sigma_rad=sigma, source="test")
         for k, sigma in enumerate(rest)
     )
-    return Turning(left_rad=left, cut_rad=cut, rows=rows)
+    return AngleError(left_rad=left, cut_rad=cut, rows=rows)
 
 
 CASES = [

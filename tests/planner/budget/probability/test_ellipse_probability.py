@@ -13,12 +13,12 @@ from hypothesis import strategies as st
 from scipy.stats import binom, ncx2
 
 from microplan.planner.budget.probability.ellipse_probability import (
-    Spread,
+    PlaneNormal,
     beyond_circle,
     beyond_radii,
     within_circle,
 )
-from microplan.planner.budget.probability.miss_density import Room
+from microplan.planner.budget.probability.miss_density import VaryingRadius
 from microplan.planner.budget.probability.miss_probability import chance_beyond
 from microplan.planner.budget.probability.servo_landing import Landing
 
@@ -32,11 +32,11 @@ def spread(
     wide_um: float,
     angle_rad: float = 0.0,
     middle_um: tuple[float, float] = (0.0, 0.0),
-) -> Spread:
+) -> PlaneNormal:
     """Return a law with its wide axis at an angle to x."""
-    wide = Spread.along(wide_um, angle_rad)
-    narrow = Spread.along(narrow_um, angle_rad + math.pi / 2)
-    at = Spread(middle_um=middle_um, xx_um2=0.0, yy_um2=0.0)
+    wide = PlaneNormal.along(wide_um, angle_rad)
+    narrow = PlaneNormal.along(narrow_um, angle_rad + math.pi / 2)
+    at = PlaneNormal(middle_um=middle_um, xx_um2=0.0, yy_um2=0.0)
     return wide.plus(narrow).plus(at)
 
 
@@ -150,7 +150,7 @@ def test_round_laws_are_rices(sigma_um: float, off_um: float) -> None:
         -((3.0 / sigma_um) ** 2) / 2
     )  # fmt: skip
     marcum = chance_beyond(
-        Room(radius_um=3.0, flat_um=0.0, reach_um=0.0),
+        VaryingRadius(radius_um=3.0, flat_um=0.0, reach_um=0.0),
         Landing(bias_um=off_um, sigma_um=0.0, within_um=0.0),
         sigma_um,
     )
@@ -191,7 +191,7 @@ def test_radii_that_vary_are_averaged(
     at = spread(*sigmas_um, 0.0, (0.5, 0.2))
     found = beyond_radii(3.0, flat_um, reach_um, at)
     wanted = chance_beyond(
-        Room(radius_um=3.0, flat_um=flat_um, reach_um=reach_um),
+        VaryingRadius(radius_um=3.0, flat_um=flat_um, reach_um=reach_um),
         Landing(bias_um=math.hypot(0.5, 0.2), sigma_um=0.0, within_um=0.0),
         sigmas_um[0],
     )
@@ -204,7 +204,7 @@ def test_radii_that_vary_are_averaged(
 )
 def test_what_is_no_covariance_is_refused(numbers: tuple[float, float, float]) -> None:
     with pytest.raises(ValueError, match=r"um2|finite"):
-        Spread(xx_um2=numbers[0], xy_um2=numbers[1], yy_um2=numbers[2])
+        PlaneNormal(xx_um2=numbers[0], xy_um2=numbers[1], yy_um2=numbers[2])
     with pytest.raises(ValueError, match="finite"):
         beyond_circle(math.nan, spread(1.0, 1.0))
 

@@ -14,8 +14,8 @@ from microplan.planner.budget.probability.fit_probability import (
     EASY_SIGMAS,
     LEAST_SIGMAS,
     SERVO_SHARE,
-    Fit,
     Residual,
+    RoundFit,
     combine,
     expected_looks,
     gain_limit,
@@ -27,8 +27,8 @@ NONE = Residual(sigma_um=0.0, within_um=0.0)  # a servo that leaves nothing
 SAMPLES = 2_000_000
 
 
-def fit(capture_um: float, tolerance_um: float = 0.0) -> Fit:
-    return Fit(
+def fit(capture_um: float, tolerance_um: float = 0.0) -> RoundFit:
+    return RoundFit(
         hole_um=22.0 + capture_um,
         shaft_um=22.0,
         hole_tolerance_um=tolerance_um,
@@ -40,7 +40,7 @@ PAPER = fit(3.0, 0.3)  # a 50 um bore over a 44 um post
 
 
 def sampled_miss(
-    found: Fit, residual: Residual, sigma_um: float, bias_um: float, seed: int
+    found: RoundFit, residual: Residual, sigma_um: float, bias_um: float, seed: int
 ) -> float:
     """Return the share of misses among SAMPLES insertions, drawn one by one."""
     rng = np.random.default_rng(seed)
@@ -72,7 +72,7 @@ def sampled_miss(
     ],
 )
 def test_the_chance_of_a_miss_is_that_of_drawing(
-    found: Fit, residual: Residual, sigma_um: float, bias_um: float
+    found: RoundFit, residual: Residual, sigma_um: float, bias_um: float
 ) -> None:
     p = miss_probability(found, residual, sigma_um, bias_um)
     share = sampled_miss(found, residual, sigma_um, bias_um, seed=7)

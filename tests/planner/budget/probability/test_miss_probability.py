@@ -18,7 +18,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import integrate, special
 
-from microplan.planner.budget.probability.miss_density import Room
+from microplan.planner.budget.probability.miss_density import VaryingRadius
 from microplan.planner.budget.probability.miss_probability import (
     NODES,
     blurred,
@@ -32,9 +32,9 @@ LANDINGS = [(1.3, 1.5), (0.2, 1.5), (5.0, 2.0), (0.01, 0.02), (3.0, 3.0), (5.0, 
 BIASES = [0.0, 0.8, 3.0, 6.0]  # for a radius of 3: none, within, at the edge, beyond
 
 
-def room(radius_um: float, tolerance_um: float = 0.0) -> Room:
+def room(radius_um: float, tolerance_um: float = 0.0) -> VaryingRadius:
     """Return the law of a radius between two sizes of the same tolerance."""
-    return Room(radius_um=radius_um, flat_um=0.0, reach_um=2 * tolerance_um)
+    return VaryingRadius(radius_um=radius_um, flat_um=0.0, reach_um=2 * tolerance_um)
 
 
 def landing(bias_um: float, sigma_um: float = 0.0, within_um: float = 0.0) -> Landing:
@@ -50,7 +50,7 @@ def gauss(low: float, high: float, count: int) -> tuple[np.ndarray, np.ndarray]:
     return found, (half * weights).ravel()
 
 
-def by_waves(at: Room, left: Landing, sigma_um: float) -> float:
+def by_waves(at: VaryingRadius, left: Landing, sigma_um: float) -> float:
     """Return the chance of a miss from characteristic functions.
 
     P(|e| < C) = C int J1(C k) Phi(k) dk, Phi = J0(b k) exp(-(s k)**2 / 2) times that of
@@ -259,11 +259,11 @@ def test_the_weights_are_a_law_where_radii_end_at_nothing(
 def test_chances_know_no_unit(scale: int, bias_um: float, rest_um: float) -> None:
     k = 2.0**scale
     small = chance_beyond(
-        Room(radius_um=3 * k, flat_um=0.1 * k, reach_um=0.5 * k),
+        VaryingRadius(radius_um=3 * k, flat_um=0.1 * k, reach_um=0.5 * k),
         landing(bias_um * k, 1.3 * k, 1.5 * k),
         rest_um * k,
     )
-    plain = Room(radius_um=3.0, flat_um=0.1, reach_um=0.5)
+    plain = VaryingRadius(radius_um=3.0, flat_um=0.1, reach_um=0.5)
     found = chance_beyond(plain, landing(bias_um, 1.3, 1.5), rest_um)
     assert small == pytest.approx(found, abs=ROUNDING)
 
@@ -272,7 +272,7 @@ def test_chances_know_no_unit(scale: int, bias_um: float, rest_um: float) -> Non
 def test_the_radius_spreads_as_two_uniform_laws(
     flat_um: float, reach_um: float
 ) -> None:
-    at = Room(radius_um=3.0, flat_um=flat_um, reach_um=reach_um)
+    at = VaryingRadius(radius_um=3.0, flat_um=flat_um, reach_um=reach_um)
     deviation, width = gauss(-reach_um, reach_um, 6000)
     weight = width * at.density(deviation)
     sides = (reach_um + flat_um) / 2, (reach_um - flat_um) / 2
