@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from microplan.optics.coherence.coherence_bound import scene_error
 from microplan.optics.coherence.edge_offsets import (
     EDGE_WAVES,
     amplitude_contrast,
     edge_offset_um,
+    scene_error,
 )
 from microplan.optics.coherence.unmodelled import (
     FLAT_BAND,

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from microplan.featuresel.limits.place_limit import place_limits_um
+from microplan.featuresel.limits.crlb import place_limits_um
 from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.routines.contract import Artifact
 

@@ -22,7 +22,7 @@ from microplan.executor.devices.errors import ExecutorError
 from microplan.executor.devices.safety import AXES
 from microplan.executor.motion.beliefs import Beliefs
 from microplan.executor.record.frames import Frames
-from microplan.executor.record.journal import Journal
+from microplan.executor.record.write_ahead_log import Journal
 from microplan.executor.run.artifacts import Artifacts
 from microplan.executor.run.run_context import Rig
 from microplan.executor.run.servo import align

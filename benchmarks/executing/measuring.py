@@ -20,7 +20,7 @@ from benchmarks.figures import Benchmark, Figure, Options
 from microplan.executor.devices.drivers import Camera, Counts, Frame
 from microplan.executor.motion.beliefs import Beliefs
 from microplan.executor.record.frames import Frames
-from microplan.executor.record.journal import Journal
+from microplan.executor.record.write_ahead_log import Journal
 from microplan.executor.run.artifacts import Artifacts
 from microplan.executor.run.run import run_plan
 from microplan.executor.run.run_context import Rig

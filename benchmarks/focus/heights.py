@@ -20,7 +20,7 @@ from benchmarks.localisation.scenes import gear
 from microplan.executor.devices.errors import ExecutorError
 from microplan.executor.motion.beliefs import Beliefs
 from microplan.executor.record.frames import Frames
-from microplan.executor.record.journal import Journal
+from microplan.executor.record.write_ahead_log import Journal
 from microplan.executor.run.artifacts import Artifacts
 from microplan.executor.run.focus_sweep import Height, height_by_pair, height_by_sweep
 from microplan.executor.run.measure_target import TargetSighting

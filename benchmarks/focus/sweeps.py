@@ -20,8 +20,11 @@ from microplan.arrays import FloatArray
 from microplan.featuresel.routines.contract import CameraNoise, Failure
 from microplan.featuresel.routines.focus.focus import FITS, MEASURE
 from microplan.featuresel.routines.focus.measures import MEASURES
-from microplan.featuresel.routines.focus.mirror import mirror_error_um, mirror_peak
-from microplan.featuresel.routines.focus.peak import FocusPeak
+from microplan.featuresel.routines.focus.peak import (
+    FocusPeak,
+    mirror_error_um,
+    mirror_peak,
+)
 from microplan.featuresel.routines.focus.sweep import (
     FocusCurve,
     Sweep,

@@ -34,8 +34,8 @@ from benchmarks.localisation.trials import (
     timed,
 )
 from microplan.featuresel.look.nominal import nominal_render
-from microplan.featuresel.look.reference_point import along
 from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.look.templates import along
 from microplan.featuresel.routines.contract import Artifact, Failure, Guess
 from microplan.featuresel.routines.registry import load
 from microplan.featuresel.trials.trials import start

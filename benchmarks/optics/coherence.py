@@ -14,8 +14,11 @@ from benchmarks.optics.edge_table import edge_row
 from benchmarks.timing import cpu_s
 from microplan.arrays import FloatArray
 from microplan.optics.coherence.coherence import render_coherent
-from microplan.optics.coherence.coherence_bound import scene_error
-from microplan.optics.coherence.edge_offsets import coherence_error, edge_offset_um
+from microplan.optics.coherence.edge_offsets import (
+    coherence_error,
+    edge_offset_um,
+    scene_error,
+)
 from microplan.optics.coherence.source import SAMPLES, source_error
 from microplan.optics.outline.outline import Outline
 from microplan.optics.render.render import render

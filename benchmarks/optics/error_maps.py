@@ -2,7 +2,7 @@
 
 Measured against the exact phase for W20 of .01 to 1000 waves and A of .05 to .95 n:
 in the transfer, and in images of unit contrast of shapes of every size (a straight
-edge, slots, discs, gratings), next to what `microplan.optics.transfer.model_error`
+edge, slots, discs, gratings), next to what `microplan.optics.transfer.models`
 predicts for any shape. Maps go to `build/error_maps`, as numbers (csv) and as pictures
 (png).
 """
@@ -30,8 +30,13 @@ from benchmarks.optics.law_bounds import (
 from benchmarks.optics.map_pictures import Grid, draw_laws, draw_tables, save_csv
 from microplan.arrays import FloatArray
 from microplan.optics.transfer.microscope import Microscope
-from microplan.optics.transfer.model_error import law_error
-from microplan.optics.transfer.models import MODELS, TABLE_ERROR, tabulate, transfer
+from microplan.optics.transfer.models import (
+    MODELS,
+    TABLE_ERROR,
+    law_error,
+    tabulate,
+    transfer,
+)
 
 Maps = dict[str, FloatArray]  # (waves, steepness), by "law.kind" or by model
 

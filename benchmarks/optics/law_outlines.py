@@ -20,8 +20,7 @@ from microplan.optics.outline.outline import Outline, place
 from microplan.optics.render.render import render
 from microplan.optics.render.sampling import Sampling
 from microplan.optics.transfer.microscope import Microscope
-from microplan.optics.transfer.model_error import law_error
-from microplan.optics.transfer.models import TABLE_ERROR
+from microplan.optics.transfer.models import TABLE_ERROR, law_error
 from tests.optics.shapes import circle, disc, gear, one_layer, polygon, rectangle
 
 Draw = Callable[[np.random.Generator, float], Outline]

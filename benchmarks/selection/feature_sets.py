@@ -15,8 +15,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.figures import Benchmark, Figure, Options
-from microplan.featuresel.sets.pose_covariance import FeatureMeasurement
-from microplan.featuresel.sets.pose_requirement import PoseRequirement, log_det
+from microplan.featuresel.sets.pose_covariance import (
+    FeatureMeasurement,
+    PoseRequirement,
+    log_det,
+)
 from microplan.featuresel.sets.set_search import MARGIN, SetSearch
 
 COUNT = 1000

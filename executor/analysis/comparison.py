@@ -8,12 +8,16 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from microplan.executor.analysis.distributions import (
+    LEVEL,
+    Mean,
     binomial_at_most,
+    mean,
+    share,
+    spread,
     student_above,
     student_quantile,
 )
 from microplan.executor.analysis.run_summaries import RunFolderSummary
-from microplan.executor.analysis.scatter import LEVEL, Mean, mean, share, spread
 from microplan.schemas.plan import Control, Plan, Step
 
 STOPPED = "MP860"  # the operator's word says nothing of the plan

@@ -7,7 +7,7 @@ import math
 from typing import Any
 
 from microplan.executor.analysis.comparison import ALPHA, Check, Comparison, Figure
-from microplan.executor.record.summary import columns
+from microplan.executor.record.outcome import columns
 from microplan.schemas.codec import to_data
 from microplan.schemas.plan import Plan
 

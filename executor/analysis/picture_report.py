@@ -8,8 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from microplan.executor.analysis.pictures import Attempt, Finding, Viewer
-from microplan.executor.analysis.scatter import (
+from microplan.executor.analysis.distributions import (
     Mean,
     MeasuredScatter,
     Share,
@@ -17,8 +16,9 @@ from microplan.executor.analysis.scatter import (
     share,
     spread,
 )
+from microplan.executor.analysis.pictures import Attempt, Finding, Viewer
 from microplan.executor.devices.errors import CODES
-from microplan.executor.record.summary import columns
+from microplan.executor.record.outcome import columns
 from microplan.executor.run.gates import GateValue
 from microplan.schemas.codec import to_data
 

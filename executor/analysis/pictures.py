@@ -21,7 +21,12 @@ from microplan.executor.motion.beliefs import Beliefs
 from microplan.executor.record.frames import INDEX
 from microplan.executor.run.artifacts import Artifacts
 from microplan.executor.run.gates import GateValue, gates_of
-from microplan.executor.run.measure_feature import Picture, SeenTarget, measured, spare
+from microplan.executor.run.measure_feature import (
+    Picture,
+    ShownFeature,
+    measured,
+    spare,
+)
 from microplan.featuresel.routines.contract import Failure
 from microplan.featuresel.routines.fusion import Believed, fuse
 from microplan.schemas.plan import Look, Measure, Plan, Region, RoutineUse
@@ -40,7 +45,7 @@ class Attempt:
     spare: bool  # the fallback
     code: str | None  # why it was refused; None: accepted
     why: str
-    shown: SeenTarget | None = None  # None: nothing was found
+    shown: ShownFeature | None = None  # None: nothing was found
     gates: tuple[GateValue, ...] = ()
 
 

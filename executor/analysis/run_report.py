@@ -6,7 +6,8 @@ import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from microplan.executor.analysis.run_artifacts import (
+from microplan.executor.analysis.run_frames import frame_figures, pair, predicted, times
+from microplan.executor.analysis.run_summaries import (
     Row,
     RunArtifacts,
     read_left,
@@ -14,12 +15,10 @@ from microplan.executor.analysis.run_artifacts import (
     reals,
     text,
 )
-from microplan.executor.analysis.run_frames import frame_figures
-from microplan.executor.analysis.run_times import pair, predicted, times
 from microplan.executor.devices.errors import ExecutorError
-from microplan.executor.record.journal import ESCAPED
+from microplan.executor.record.outcome import injected
 from microplan.executor.record.run_folder import REPORT
-from microplan.executor.record.summary import injected
+from microplan.executor.record.write_ahead_log import ESCAPED
 from microplan.schemas.page.axes import AxisScale, ChartField, around
 from microplan.schemas.page.charts import Bar, bars, curve
 from microplan.schemas.page.elements import Element, Node, el, slug

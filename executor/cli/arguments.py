@@ -8,7 +8,7 @@ from pathlib import Path
 
 from microplan.executor.cli.completion import SHELLS, Completion
 from microplan.executor.simulated.faults import FAULTS
-from microplan.schemas.page.version_option import add_version
+from microplan.schemas.page.console import add_version
 
 MODES = ("run", "check", "dry-run", "replay", "compare", "report")
 

@@ -37,8 +37,8 @@ from microplan.executor.devices.errors import (
     STOPPED,
     ExecutorError,
 )
-from microplan.executor.devices.paths import is_file
 from microplan.executor.devices.station import preflight
+from microplan.executor.devices.station_file import is_file
 from microplan.executor.record.listing import plan_lines
 from microplan.executor.record.plan_file import PlanFile, read_plan
 from microplan.executor.record.recorded_calls import read_record, records_of

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from microplan.executor.cli.arguments import build_parser
 from microplan.executor.cli.select_station import SIMULATED
-from microplan.executor.devices.paths import is_folder
+from microplan.executor.devices.station_file import is_folder
 
 NO_STATION = ("replay", "compare", "report")  # they touch no device
 

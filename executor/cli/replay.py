@@ -8,14 +8,13 @@ from dataclasses import dataclass
 from microplan.executor.devices.errors import ExecutorError, why
 from microplan.executor.motion.beliefs import Beliefs
 from microplan.executor.record.frames import Frames
-from microplan.executor.record.journal import Journal
 from microplan.executor.record.outcome import RunResult
 from microplan.executor.record.plan_file import PlanFile
 from microplan.executor.record.recorded_calls import Recorded, Tape
 from microplan.executor.record.recording import CALLS, RESUMES
 from microplan.executor.record.recovery import ResumeState, past_in
 from microplan.executor.record.replay_station import tape_station
-from microplan.executor.record.write_ahead_log import FILE
+from microplan.executor.record.write_ahead_log import FILE, Journal
 from microplan.executor.run.artifacts import Artifacts
 from microplan.executor.run.resume import take_up
 from microplan.executor.run.run import run_plan

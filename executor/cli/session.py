@@ -10,22 +10,26 @@ from pathlib import Path
 from typing import Any, Literal, TextIO
 
 from microplan.executor.cli.options import RunOptions
-from microplan.executor.cli.run_result import Ended, write_summary
+from microplan.executor.cli.run_result import (
+    Ended,
+    judged,
+    keep_world,
+    watch,
+    write_summary,
+)
 from microplan.executor.cli.select_station import SIMULATED, Site
-from microplan.executor.cli.simulated_truth import judged, keep_world, watch
 from microplan.executor.devices.errors import ExecutorError, why
 from microplan.executor.devices.station import Station
 from microplan.executor.motion.beliefs import Beliefs
 from microplan.executor.motion.motion import Motion
 from microplan.executor.motion.operator import Operator
 from microplan.executor.record.frames import Frames
-from microplan.executor.record.journal import ESCAPED, Journal
 from microplan.executor.record.outcome import RunResult
 from microplan.executor.record.plan_file import PlanFile, world_beside
 from microplan.executor.record.recording import CALLS, RESUMES, CallRecorder
 from microplan.executor.record.recovery import Header
 from microplan.executor.record.run_folder import EVENTS, RunFolder
-from microplan.executor.record.write_ahead_log import WriteAheadLog
+from microplan.executor.record.write_ahead_log import ESCAPED, Journal, WriteAheadLog
 from microplan.executor.run.artifacts import Artifacts
 from microplan.executor.run.resume import begin, take_up
 from microplan.executor.run.run import run_plan

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 
-from microplan.executor.devices.calibration import IDENTITY, Calibration
+from microplan.executor.devices.calibration import IDENTITY, Calibration, check_gains
 from microplan.executor.devices.device_values import as_number, as_reading
 from microplan.executor.devices.drivers import (
     Axes,
@@ -20,7 +20,6 @@ from microplan.executor.devices.drivers import (
     Light,
 )
 from microplan.executor.devices.errors import ExecutorError
-from microplan.executor.devices.gain import check_gains
 from microplan.executor.devices.safety import AXES, Rules, check_finite
 from microplan.executor.devices.timeouts import Caller
 from microplan.featuresel.routines.registry import REGISTRY

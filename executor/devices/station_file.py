@@ -1,4 +1,8 @@
-"""station.toml: the devices of a station, what they offer, and the rules for them."""
+"""station.toml: the devices of a station, what they offer, the rules for them.
+
+A name that is too long, a loop of links and a folder without permission raise in
+`pathlib`. Whoever then opens the path tells what is wrong with it.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +30,32 @@ from microplan.executor.devices.safety import (
 )
 from microplan.executor.devices.station import Offer, Station
 from microplan.executor.devices.tables import Table
-from microplan.executor.devices.wall_clock import WallClock
+from microplan.executor.devices.timeouts import WallClock
+
+
+def is_file(path: Path) -> bool:
+    """Return whether a path leads to a file."""
+    try:
+        return path.is_file()
+    except OSError:
+        return False
+
+
+def is_folder(path: Path) -> bool:
+    """Return whether a path leads to a folder."""
+    try:
+        return path.is_dir()
+    except OSError:
+        return False
+
+
+def stays_in(path: Path, folder: Path) -> bool:
+    """Return whether a path leads to a place in a folder, links followed."""
+    try:
+        return path.resolve().is_relative_to(folder.resolve())
+    except (OSError, ValueError, RuntimeError):  # NUL in a name; a loop of links
+        return False
+
 
 FORMAT = 1
 LENGTHS = ("x_um", "y_um", "z_um")

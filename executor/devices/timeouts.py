@@ -1,8 +1,9 @@
-"""Calls of devices, each with a time limit: one that hangs must not hang the run."""
+"""Device calls with a time limit: one that hangs must not hang the run."""
 
 from __future__ import annotations
 
 import threading
+import time
 import weakref
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
@@ -10,6 +11,22 @@ from queue import SimpleQueue
 from typing import Any, TypeVar
 
 from microplan.executor.devices.errors import ExecutorError
+
+
+class WallClock:
+    """Seconds since it was made, by the machine's monotonic clock."""
+
+    def __init__(self) -> None:
+        self._began_s = time.monotonic()
+
+    def now_s(self) -> float:
+        """Return seconds since the clock was made."""
+        return time.monotonic() - self._began_s
+
+    def wait(self, seconds: float) -> None:
+        """Sleep for `seconds`."""
+        time.sleep(max(seconds, 0.0))
+
 
 T = TypeVar("T")
 

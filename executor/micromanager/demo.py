@@ -8,7 +8,7 @@ from typing import Any
 
 from microplan.executor.devices.drivers import Mover
 from microplan.executor.devices.tables import Table
-from microplan.executor.devices.wall_clock import WallClock
+from microplan.executor.devices.timeouts import WallClock
 from microplan.executor.micromanager.hub import FILE, Hub, make_hub
 from microplan.executor.simulated.cell import Cell, build_cell
 from microplan.executor.simulated.following import DeviceReadings, follow

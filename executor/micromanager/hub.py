@@ -7,10 +7,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from microplan.executor.devices.tables import Table
-from microplan.executor.devices.wall_clock import WallClock
-from microplan.executor.micromanager.camera import MMCamera
+from microplan.executor.devices.timeouts import WallClock
 from microplan.executor.micromanager.core import close_core, open_core
-from microplan.executor.micromanager.light import MMLight
+from microplan.executor.micromanager.exposure import MMCamera, MMLight
 from microplan.executor.micromanager.movers import MMAxes, MMGripper, MMLens
 from microplan.executor.micromanager.options import (
     axes,

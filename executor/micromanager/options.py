@@ -15,7 +15,7 @@ from microplan.executor.micromanager.drives import (
     StageDrive,
     XYDrive,
 )
-from microplan.executor.micromanager.light import MMLight
+from microplan.executor.micromanager.exposure import MMLight
 from microplan.executor.micromanager.movers import Moved
 from microplan.executor.micromanager.paced import Paced
 from microplan.executor.micromanager.properties import PropertyDrive, StateDrive

@@ -20,7 +20,7 @@ from microplan.executor.motion.swept_volume import (
 )
 from microplan.schemas.codec import to_data
 from microplan.schemas.plan import AxesName, AxisMove, GraspAction, InsertAction, Plan
-from microplan.schemas.plan.solids import MOST_CORNERS, Prism
+from microplan.schemas.plan.views import MOST_CORNERS, Prism
 
 Pair = frozenset[str]
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from microplan.executor.devices.drivers import Counts
 from microplan.executor.devices.errors import ExecutorError
-from microplan.executor.record.journal import ESCAPED
+from microplan.executor.record.write_ahead_log import ESCAPED
 from microplan.schemas.plan import Region
 
 FOLDER = "frames"

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from microplan.executor.devices.errors import ExecutorError
-from microplan.executor.devices.paths import is_file
 from microplan.executor.devices.safety import Phase
+from microplan.executor.devices.station_file import is_file
 from microplan.executor.motion.beliefs import BeliefRecord
 from microplan.executor.record.outcome import StepResult
 from microplan.executor.record.write_ahead_log import (

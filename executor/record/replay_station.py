@@ -7,9 +7,9 @@ from typing import Any
 
 from microplan.executor.devices.drivers import AxisReading, Frame
 from microplan.executor.devices.errors import ExecutorError, why
-from microplan.executor.devices.paths import stays_in
 from microplan.executor.devices.safety import AXES, Rules
 from microplan.executor.devices.station import Offer, Station
+from microplan.executor.devices.station_file import stays_in
 from microplan.executor.record.frames import read_png, region_data
 from microplan.executor.record.recorded_calls import Tape, numbers
 from microplan.executor.record.recording import pixels_sha256

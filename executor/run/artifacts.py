@@ -13,7 +13,7 @@ import numpy as np
 
 from microplan.arrays import FloatArray
 from microplan.executor.devices.errors import ExecutorError
-from microplan.executor.devices.paths import stays_in
+from microplan.executor.devices.station_file import stays_in
 from microplan.featuresel.routines.chain import measure_chain
 from microplan.featuresel.routines.contract import Artifact, Failure, Guess, Measurement
 from microplan.featuresel.routines.registry import REGISTRY, load

@@ -47,7 +47,7 @@ class Picture:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SeenTarget:
+class ShownFeature:
     """A feature as one picture shows it, and how surely."""
 
     seen: SeenFeature
@@ -64,7 +64,7 @@ class SeenTarget:
         )
 
 
-def look_for(rig: Rig, look: Look, measure: Measure, picture: Picture) -> SeenTarget:
+def look_for(rig: Rig, look: Look, measure: Measure, picture: Picture) -> ShownFeature:
     """Return where a picture shows a feature: its chain, then the fallback.
 
     Where a look just before has found it, the end of the chain alone comes first.
@@ -134,7 +134,7 @@ def spare(measure: Measure) -> Measure:
 
 def _accepted(
     rig: Eye, look: Look, measure: Measure, uses: Sequence[RoutineUse], picture: Picture
-) -> SeenTarget:
+) -> ShownFeature:
     """Run one chain on the image and pass its answer through the gates."""
     shown = measured(rig, look, measure, uses, picture)
     name = measure.feature or look.target
@@ -144,7 +144,7 @@ def _accepted(
 
 def measured(
     rig: Eye, look: Look, measure: Measure, uses: Sequence[RoutineUse], picture: Picture
-) -> SeenTarget:
+) -> ShownFeature:
     """Return what one chain answers, whatever the gates say of it.
 
     It starts where the feature is believed to be, not where the plan's own picture has
@@ -175,7 +175,7 @@ def measured(
 
 def _from_near(
     rig: Rig, look: Look, measure: Measure, picture: Picture
-) -> SeenTarget | None:
+) -> ShownFeature | None:
     """Return what the end of the chain finds where the feature must be, if anything."""
     name, near = measure.feature or look.target, picture.near
     before = None if near is None else near.features.get(name)
@@ -208,7 +208,7 @@ def _answer(
     stages: Stages,
     start: Guess,
     picture: Picture,
-) -> SeenTarget:
+) -> ShownFeature:
     """Return what routines find from `start`, whatever the gates say of it."""
     name = measure.feature or look.target
     try:
@@ -229,7 +229,7 @@ def _answer(
 
 def _shown(
     rig: Eye, look: Look, measure: Measure, found: Measurement, picture: Picture
-) -> SeenTarget:
+) -> ShownFeature:
     """Turn pixels into um and take off the mean error that the trials showed.
 
     That error is fixed in the part's frame: at an unknown angle it stays.
@@ -243,7 +243,7 @@ def _shown(
         turn = Pose(x_um=0.0, y_um=0.0, theta_rad=theta_rad)
         bias = turn.apply(measure.bias_um[0] + more_x, measure.bias_um[1] + more_y)
         x_um, y_um = x_um - bias[0], y_um - bias[1]
-    return SeenTarget(
+    return ShownFeature(
         seen=SeenFeature(
             x_um=x_um,
             y_um=y_um,
@@ -261,7 +261,7 @@ def _shown(
 
 
 def _pass_gates(
-    name: str, measure: Measure, shown: SeenTarget, picture: Picture
+    name: str, measure: Measure, shown: ShownFeature, picture: Picture
 ) -> None:
     """Raise unless score, spread, place and angle are what they should be."""
     for gate in gates_of(

@@ -10,7 +10,7 @@ from microplan.arrays import FloatArray
 from microplan.executor.devices.drivers import Counts
 from microplan.executor.devices.errors import MACHINE, STOPPED, ExecutorError
 from microplan.executor.motion.inverse_kinematics import inverse_kinematics
-from microplan.executor.run.measure_feature import Picture, SeenTarget, look_for
+from microplan.executor.run.measure_feature import Picture, ShownFeature, look_for
 from microplan.executor.run.run_context import Rig
 from microplan.executor.run.warm_start import FoundFeature, WarmStart
 from microplan.featuresel.routines.contract import Failure
@@ -72,7 +72,7 @@ def look_at(
     ExecutorError
         MP820..MP826 when the tries are used up.
     """
-    tries, kept = 0, dict[str, SeenTarget]()
+    tries, kept = 0, dict[str, ShownFeature]()
     while True:
         tries += 1
         try:
@@ -183,7 +183,7 @@ def _sight(
     rig: Rig,
     look: Look,
     tries: int,
-    kept: dict[str, SeenTarget],
+    kept: dict[str, ShownFeature],
     near: WarmStart | None,
     *,
     trusted: bool,
@@ -221,7 +221,9 @@ def _sight(
         raise
 
 
-def _show(rig: Rig, look: Look, picture: Picture, kept: dict[str, SeenTarget]) -> None:
+def _show(
+    rig: Rig, look: Look, picture: Picture, kept: dict[str, ShownFeature]
+) -> None:
     """Add the features that a picture shows; raise if too few are known even so."""
     least = len(look.measures) if look.together is None else look.together.least
     faults: list[ExecutorError] = []
@@ -239,7 +241,7 @@ def _show(rig: Rig, look: Look, picture: Picture, kept: dict[str, SeenTarget]) -
 
 
 def _fused(
-    look: Look, found: Mapping[str, SeenTarget], picture: Picture, tries: int
+    look: Look, found: Mapping[str, ShownFeature], picture: Picture, tries: int
 ) -> TargetSighting:
     """Return the target's pose by all features found."""
     shown = tuple(found.values())

@@ -1,4 +1,4 @@
-"""A probe: small known moves that show whether the image follows the axes.
+"""Probes: small known moves, within limits, that show how the image follows the axes.
 
 Made at the first look after every zoom change, before any motion that depends on it.
 """
@@ -14,6 +14,7 @@ import numpy as np
 from microplan.arrays import Point
 from microplan.executor.devices.calibration import IDENTITY
 from microplan.executor.devices.errors import ExecutorError
+from microplan.executor.devices.safety import check_step, check_travel, targets
 from microplan.executor.motion.inverse_kinematics import inverse_kinematics
 from microplan.executor.run.image_jacobian import (
     Followed,
@@ -23,10 +24,80 @@ from microplan.executor.run.image_jacobian import (
     followed,
 )
 from microplan.executor.run.measure_target import UNSEEN, TargetSighting, look_at
-from microplan.executor.run.probe_limits import axis_sigma_um, in_the_way, steers_angle
 from microplan.executor.run.run_context import Rig
+from microplan.executor.run.verify import in_view
 from microplan.executor.run.warm_start import WarmStart
-from microplan.schemas.plan import AxesName, AxisMove, Look, OnFailure
+from microplan.schemas.plan import AlignAction, AxesName, AxisMove, Look, OnFailure
+
+CLEAR = 3.0  # sigmas that a probe stays away from everything
+# A tolerance below .6 move sigmas is refused by the compiler.
+TOLERANCE_PER_SIGMA = 0.6
+
+
+def steers_angle(rig: Rig, axes: AxesName) -> bool:
+    """Return whether an alignment of the plan corrects an angle by these axes."""
+    return any(
+        isinstance(step.action, AlignAction)
+        and step.action.axes == axes
+        and step.control is not None
+        and step.control.tolerance_theta_rad is not None
+        for step in rig.plan.steps
+    )
+
+
+def axis_sigma_um(rig: Rig, axes: AxesName) -> float:
+    """Return one sigma per axis of where an axis group lands.
+
+    As the plan tells; else the most that its alignments' tolerances allow.
+    """
+    told = rig.plan.requirements.repeatability_um
+    if told is not None and axes in told:
+        return told[axes]
+    tolerances = [
+        step.control.tolerance_xy_um
+        for step in rig.plan.steps
+        if isinstance(step.action, AlignAction)
+        and step.action.axes == axes
+        and step.control is not None
+    ]
+    return min(tolerances, default=0.0) / TOLERANCE_PER_SIGMA
+
+
+def in_the_way(rig: Rig, look: Look, move: AxisMove) -> str:
+    """Return what forbids a probe's move, "" if nothing does.
+
+    Besides limits and steps a probe stays clear of everything by CLEAR sigmas, also of
+    what it is meant to touch later. Where the plan tells no room, nothing may be held
+    and the tool must be out of view.
+    """
+    axes = move.axes
+    try:
+        check_travel(axes, targets(move), rig.station.offer.travel)
+        limit = rig.station.rules.safety.phase(rig.phase)
+        check_step(move, rig.readings().reading(axes), rig.phase, limit)
+    except ExecutorError as error:
+        return error.message
+    if not rig.keep_out.known:
+        return _near_tool(rig, look)
+    spread_um = max(belief.sigma_xy_um for belief in rig.plan.beliefs)
+    margin_um = CLEAR * math.hypot(spread_um, axis_sigma_um(rig, axes))
+    met = rig.keep_out.met(move, rig.moment(), margin_um=margin_um)
+    if met is None:
+        return ""
+    return f"{met[0]} would come nearer than {margin_um:.3g} um to {met[1]}"
+
+
+def _near_tool(rig: Rig, look: Look) -> str:
+    """Return whether a tool holds something or is in view; "" if neither."""
+    for belief in rig.plan.beliefs:
+        if rig.station.robot is None or belief.carrier != "robot":
+            continue
+        grip = rig.beliefs.world(belief.name, rig.readings())
+        held = rig.beliefs.held_by(belief.name)
+        if held or in_view(grip, look.view.field_um):
+            return f"{belief.name} is near"
+    return ""
+
 
 LEAST_UM = 3.0  # a first move: what any stage can do and any eye can see
 WANTED = 10.0  # sigmas of a first move's own scatter: what it is to be

@@ -1,7 +1,8 @@
-"""Run a plan: for every step its moves, then its action, until done or a fault."""
+"""Runs a plan: the moves of each step, then its action, until done or a fault."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
@@ -9,7 +10,6 @@ from microplan.executor.devices.errors import ExecutorError
 from microplan.executor.devices.safety import Phase
 from microplan.executor.record.listing import action_line, step_lines
 from microplan.executor.record.outcome import RunResult, StepResult
-from microplan.executor.run.inserting import insert
 from microplan.executor.run.measure_target import look_near
 from microplan.executor.run.probe import look_probed
 from microplan.executor.run.run_context import Rig
@@ -17,6 +17,7 @@ from microplan.executor.run.servo import align
 from microplan.executor.run.verify import verify
 from microplan.schemas.plan import (
     AlignAction,
+    AxisMove,
     GraspAction,
     InsertAction,
     LocateAction,
@@ -26,6 +27,58 @@ from microplan.schemas.plan import (
     Step,
     VerifyAction,
 )
+
+# A move that is refused before it begins, by where things are: all devices are well.
+IN_THE_WAY = "MP836"
+
+
+def insert(rig: Rig, action: InsertAction, retreat: Sequence[AxisMove]) -> None:
+    """Make an insertion's moves; if one of them is refused, go back by the others.
+
+    Only what keep-out refuses is gone back from, while every device does as it is told.
+    After any other fault the axes stay where they are. The jaws never move.
+
+    Parameters
+    ----------
+    retreat : sequence of AxisMove
+        The way back from the last move to the first; () to stay.
+
+    Raises
+    ------
+    ExecutorError
+        Of the move that failed; MP836 if it was in the way, also after the way back.
+    """
+    rig.phase = "insert"
+    for made, move in enumerate(action.moves):
+        try:
+            rig.move(move, name_of(made))
+        except ExecutorError as error:
+            if error.code == IN_THE_WAY and len(retreat) == len(action.moves):
+                _go_back(rig, retreat[len(retreat) - made :], error)
+            raise
+
+
+def name_of(number: int) -> str:
+    """Return what the journal calls a move of an insertion, counted from 0."""
+    return f"insert {number + 1}"
+
+
+def _go_back(rig: Rig, moves: Sequence[AxisMove], why: ExecutorError) -> None:
+    """Undo the moves that were made, as far as nothing is in the way."""
+    rig.journal.write("retreat", why=str(why), moves=len(moves))
+    rig.phase = "retreat"
+    for left, move in enumerate(moves, start=1):
+        # before it is: an executor that takes over here makes that move once more
+        rig.intents.write("undone", name=name_of(len(moves) - left))
+        try:
+            rig.move(move)
+        except ExecutorError as error:
+            if error.code != IN_THE_WAY:
+                raise
+            why.append(f"the way back is blocked: {error.message}")
+            return
+    if moves:
+        why.append("went back by the plan's retreat")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

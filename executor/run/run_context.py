@@ -22,13 +22,13 @@ from microplan.executor.motion.beliefs import Beliefs, Readings
 from microplan.executor.motion.keep_out import KeepOut, Moment
 from microplan.executor.motion.motion import Motion
 from microplan.executor.record.frames import Frames
-from microplan.executor.record.journal import Journal
 from microplan.executor.record.outcome import StepResult
 from microplan.executor.record.recovery import ResumeState
 from microplan.executor.record.write_ahead_log import (
     AWAY,
     DriveReadings,
     Intent,
+    Journal,
     WriteAheadLog,
 )
 from microplan.executor.run.artifacts import Artifacts

@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from microplan.executor.serial.link import ANSWER_S, Link
-from microplan.executor.serial.port import Port
+from microplan.executor.serial.link import ANSWER_S, Link, Port
 
 Interval = tuple[float, float]
 _Name = tuple[str, str]  # model and serial number

@@ -15,9 +15,8 @@ from microplan.executor.simulated.faults import Faults
 from microplan.executor.simulated.gripper import SimGripper
 from microplan.executor.simulated.judging import Verdict, judge
 from microplan.executor.simulated.lens import SimLens, drawn_errors
-from microplan.executor.simulated.making import made_truth
 from microplan.executor.simulated.timeline import DeviceFaults, SimClock, Timeline
-from microplan.executor.simulated.truth import Truth
+from microplan.executor.simulated.truth import Truth, made_truth
 from microplan.schemas.files.world import World, WorldAxes
 
 # Each purpose has its own stream, so that one more draw here moves nothing there.

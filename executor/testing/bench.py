@@ -9,8 +9,7 @@ from typing import Any, TypeVar
 
 from microplan.executor.devices.drivers import Clock
 from microplan.executor.devices.errors import ExecutorError
-from microplan.executor.devices.timeouts import Caller
-from microplan.executor.devices.wall_clock import WallClock
+from microplan.executor.devices.timeouts import Caller, WallClock
 
 T = TypeVar("T")
 STEPS = {

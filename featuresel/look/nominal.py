@@ -9,8 +9,7 @@ from typing import TypeVar
 import numpy as np
 
 from microplan.arrays import FloatArray
-from microplan.featuresel.look.displaced_look import displaced_look
-from microplan.featuresel.look.occluders import occluders
+from microplan.featuresel.look.occluders import displaced_look, occluders
 from microplan.featuresel.look.scenario import (
     LookCase,
     moved_layers,

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from microplan.arrays import FloatArray
 from microplan.featuresel.routines.contract import Target
-from microplan.featuresel.routines.frame import RegionFrame
+from microplan.featuresel.routines.picture import RegionFrame
 from microplan.optics.layers.coaxial_light import Irradiance, lights
 from microplan.optics.layers.occlusion import occluded
 from microplan.optics.layers.shading import render_coaxial

@@ -1,18 +1,67 @@
-"""The target alone at points finer than pixels, through focus."""
+"""Templates of a target through focus, with its reference point in the world."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
 from microplan.arrays import FloatArray
 from microplan.featuresel.look.scenario import LookCase, moved_layers, render_look
 from microplan.featuresel.look.static_layers import Backdrop, standing
+from microplan.featuresel.routines.contract import Failure, Measurement
 from microplan.optics.render.scene import Illumination, Layer, Window
 from microplan.optics.render.view_range import Range
 from microplan.optics.transfer.microscope import Microscope
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Located:
+    """The target's reference point in the world, as one measurement has it."""
+
+    x_um: float
+    y_um: float
+    theta_rad: float | None  # of the look's frame; None: not measured
+    axis_rad: float | None  # the one direction in which the place is known, world
+
+
+def located(case: LookCase, found: Measurement) -> Located | Failure:
+    """Return where a measurement has the target's reference point.
+
+    The angle is that of the frame that `LookCase.theta_rad` is of: the target's own may
+    be turned against it, by as much as nominally. An answer with a number that is not
+    finite is a failure, be it only a spread or the score: gates compare those, and a
+    nan passes or fails them by chance.
+    """
+    endless = _not_finite(found)
+    if endless:
+        return Failure(code="not_finite", message=f"not finite: {', '.join(endless)}")
+    turned_rad = case.target.theta_rad - case.theta_rad
+    theta = None if found.theta_rad is None else found.theta_rad - turned_rad
+    x, y = case.frame.to_world(found.column, found.row)
+    return Located(x_um=x, y_um=y, theta_rad=theta, axis_rad=found.axis_rad)
+
+
+def _not_finite(found: Measurement) -> list[str]:
+    """Return the names of an answer's numbers that are nan or infinite."""
+    numbers = {field.name: getattr(found, field.name) for field in fields(found)}
+    return [
+        name
+        for name, number in numbers.items()
+        if number is not None and not math.isfinite(number)
+    ]
+
+
+def along(error_um: tuple[float, float], axis_rad: float | None) -> tuple[float, float]:
+    """Return an error, or the part of it along the direction that is known."""
+    if axis_rad is None:
+        return error_um
+    c, s = math.cos(axis_rad), math.sin(axis_rad)
+    length = c * error_um[0] + s * error_um[1]
+    return (length * c, length * s)
+
 
 _NOTHING = Backdrop()
 _POINT = 1e-12  # fill factor of samples that integrate over no area

@@ -7,8 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from microplan.featuresel.look.scenario import LookCase
-from microplan.featuresel.selection.constraints import Limits
-from microplan.featuresel.selection.pareto import by_cost
+from microplan.featuresel.selection.constraints import Limits, by_cost
 from microplan.featuresel.trials.bounds import (
     CONFIDENCE,
     Estimate,

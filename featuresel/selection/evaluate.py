@@ -6,16 +6,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
-from microplan.featuresel.features.completeness import seen_share
-from microplan.featuresel.limits.place_limit import limit_um
+from microplan.featuresel.features.feature import seen_share
+from microplan.featuresel.limits.crlb import limit_um
 from microplan.featuresel.look.nominal import nominal_render
 from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.routines.contract import Artifact, Failure
 from microplan.featuresel.routines.registry import load
 from microplan.featuresel.selection.constraints import Constraints
-from microplan.featuresel.selection.race import Race, race, round_ends
+from microplan.featuresel.selection.race import Race, chains_ahead, race, round_ends
 from microplan.featuresel.selection.select import Limits, Selection, select
-from microplan.featuresel.selection.undecided import chains_ahead
 from microplan.featuresel.trials.chains import Chain, chains, routines
 from microplan.featuresel.trials.outcomes import Outcomes
 from microplan.featuresel.trials.score import ChainScore

@@ -1,21 +1,133 @@
-"""Trials in rounds: chains that cannot be chosen any more are tried no further."""
+"""Races of chains over trials: those that cannot be chosen any more stop."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
 
-from microplan.featuresel.look.design import design
+from microplan.featuresel.look.design import Trial, design
 from microplan.featuresel.look.scenario import LookCase
-from microplan.featuresel.selection.constraints import Limits
+from microplan.featuresel.selection.constraints import Constraints, Limits, by_cost
 from microplan.featuresel.selection.elimination import Elimination
-from microplan.featuresel.selection.race_schedule import Ahead, Heats
+from microplan.featuresel.selection.select import Selection
 from microplan.featuresel.trials.chains import Chain
-from microplan.featuresel.trials.outcomes import Outcomes
+from microplan.featuresel.trials.outcomes import Outcome, Outcomes
 from microplan.featuresel.trials.score import ChainScore, score
 from microplan.featuresel.trials.trial_cache import Known
 from microplan.featuresel.trials.trials import Curves, Map, PreparedRoutines, run
+
+
+def chains_ahead(
+    scores: Sequence[ChainScore], found: Selection, task: Constraints
+) -> frozenset[Chain]:
+    """Return the chains whose trials may change the choice or what it falls back on.
+
+    Where the chosen one leaves room, nothing that costs more can take its place; where
+    the fallback begins with another routine and leaves room, nor can what costs more
+    take that one's. Where either leaves none, the choice hangs on all.
+
+    Parameters
+    ----------
+    scores : sequence of Score
+        Of all chains of one look, by the trials they had so far.
+    found : Selection
+        What `select` takes by these scores.
+    task : Constraints
+        What it asked of them.
+
+    Returns
+    -------
+    frozenset of Chain
+        Chosen and fallback, and every chain that costs no more than the one it could
+        take the place of.
+    """
+    chosen, fallback = found.chosen, found.fallback
+    order = [score.chain for score in by_cost(scores)]
+    if chosen is None or fallback is None:
+        return frozenset(order)
+    begun = chosen.chain[0]
+    if fallback.chain[0] == begun or not (
+        task.has_margin(chosen) and task.has_margin(fallback)
+    ):
+        return frozenset(order)
+    before = order[: order.index(chosen.chain) + 1]
+    apart = order[: order.index(fallback.chain) + 1]
+    return frozenset([*before, *(chain for chain in apart if chain[0] != begun)])
+
+
+SHOWN = 24  # trials before a chain waits: what it can do shows in these
+
+Ahead = Callable[[Sequence[ChainScore]], Collection[Chain]]
+Run = Callable[[PreparedRoutines, Sequence[Trial]], Sequence[Outcome]]
+Scored = Callable[[PreparedRoutines, Sequence[Outcome]], tuple[ChainScore, ...]]
+
+
+@dataclass(slots=True, kw_only=True)
+class Heats:
+    """How a race stands: who runs, who fell and why, and on what each was tried."""
+
+    prepared: PreparedRoutines
+    trials: Sequence[Trial]
+    run: Run
+    scored: Scored  # with bounds for dropping chains
+    judged: Scored  # as the choice is made by in the end
+    ahead: Ahead | None  # the chains that the choice hangs on; None: always all
+    outcomes: Outcomes = field(default_factory=Outcomes.of)
+    done: dict[Chain, int] = field(default_factory=dict)  # trials of each chain
+    dropped: list[tuple[Chain, str]] = field(default_factory=list)
+
+    def round(self, end: int) -> list[ChainScore]:
+        """Try the chains that the choice hangs on up to a trial; return their scores.
+
+        Who that is may change with the trials: none is left out that matters by the
+        scores of all.
+        """
+        due = self._due(end)
+        while due:
+            self._try(due, end)
+            due = self._due(end)
+        return [score for score in self._scores() if score.trials == end]
+
+    def left(
+        self, scores: Sequence[ChainScore], fallen: Sequence[tuple[Chain, str]]
+    ) -> list[ChainScore]:
+        """Drop who has fallen; return the scores of the others."""
+        out = {chain for chain, _ in fallen}
+        self.dropped += fallen
+        return [score for score in scores if score.chain not in out]
+
+    def _running(self) -> tuple[Chain, ...]:
+        """Return the chains that have not fallen."""
+        out = {chain for chain, _ in self.dropped}
+        return tuple(chain for chain in self.prepared.chains if chain not in out)
+
+    def _scores(self) -> tuple[ChainScore, ...]:
+        """Return the scores of all that run, by the trials that each had."""
+        return self.scored(
+            replace(self.prepared, chains=self._running()), self.outcomes
+        )
+
+    def _due(self, end: int) -> list[Chain]:
+        """Return the chains that have to be tried now."""
+        behind = [chain for chain in self._running() if self._had(chain) < end]
+        if self.ahead is None or any(self._had(chain) < SHOWN for chain in behind):
+            return behind
+        # of all, those that fell too: they may pass, and stand before others
+        wanted = self.ahead(self.judged(self.prepared, self.outcomes)) if behind else ()
+        return [chain for chain in behind if chain in wanted]
+
+    def _try(self, chains: Sequence[Chain], end: int) -> None:
+        """Try chains up to a trial, those together that had as many."""
+        for had in sorted({self._had(chain) for chain in chains}):
+            group = tuple(chain for chain in chains if self._had(chain) == had)
+            racing = replace(self.prepared, chains=group)
+            self.outcomes += Outcomes.of(self.run(racing, self.trials[had:end]))
+            self.done.update(dict.fromkeys(group, end))
+
+    def _had(self, chain: Chain) -> int:
+        return self.done.get(chain, 0)
+
 
 ROUNDS = (32, 256, 1024)  # trials at the end of each
 
@@ -63,7 +175,7 @@ def race(
       silently wrong no more often. One that begins with another routine is kept: it
       may be the fallback.
 
-    After `microplan.featuresel.selection.race_schedule.SHOWN` trials only those chains
+    After `microplan.featuresel.selection.race.SHOWN` trials only those chains
     go on that `ahead` tells; the others follow where that changes.
 
     The race ends when no chain is left, after `most` trials, or when a chain is proved
@@ -89,7 +201,7 @@ def race(
         As in `microplan.featuresel.selection.select.select`.
     ahead : callable, optional
         Returns the chains that the choice hangs on by the scores so far, as
-        `microplan.featuresel.selection.undecided.chains_ahead` does. Without it that is
+        `microplan.featuresel.selection.race.chains_ahead` does. Without it that is
         all.
     map, curves, known
         As in `microplan.featuresel.trials.trials.run`.

@@ -7,11 +7,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from microplan.featuresel.routines.contract import Target
-from microplan.featuresel.selection.constraints import Constraints, half_period_rad
+from microplan.featuresel.selection.constraints import (
+    Constraints,
+    by_cost,
+    front,
+    half_period_rad,
+)
 from microplan.featuresel.selection.constraints import (
     Limits as Limits,  # handed on: they are select's
 )
-from microplan.featuresel.selection.pareto import by_cost, front
 from microplan.featuresel.trials.chains import Chain
 from microplan.featuresel.trials.score import ChainScore
 from microplan.optics.outline.tolerant_order import above, least
@@ -63,7 +67,7 @@ def select(
         What was looked for; without it uniqueness is not judged.
     visible : float, optional
         Share of its edges that is seen, from
-        `microplan.featuresel.features.completeness.seen_share`.
+        `microplan.featuresel.features.feature.seen_share`.
     in_set : bool
         Whether the target is one of several features, so that a place known in one
         direction will do.

@@ -76,7 +76,7 @@ class Candidate:
     sight: FeatureMeasurement
     seen: (
         float | None
-    )  # share of its edges, from `microplan.featuresel.features.completeness`
+    )  # share of its edges, from `microplan.featuresel.features.feature`
 
 
 def criteria(

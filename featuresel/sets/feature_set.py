@@ -7,8 +7,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from itertools import combinations
 
-from microplan.featuresel.sets.pose_covariance import FeatureMeasurement, jacobian
-from microplan.featuresel.sets.pose_requirement import PoseAccuracy, PoseRequirement
+from microplan.featuresel.sets.pose_covariance import (
+    FeatureMeasurement,
+    PoseAccuracy,
+    PoseRequirement,
+    jacobian,
+)
 from microplan.featuresel.sets.set_search import SetSearch
 from microplan.optics.outline.tolerant_order import at_most, least
 

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from microplan.arrays import FloatArray
-from microplan.featuresel.sets.pose_covariance import FeatureMeasurement, information
-from microplan.featuresel.sets.pose_requirement import (
+from microplan.featuresel.sets.pose_covariance import (
+    FeatureMeasurement,
     PoseAccuracy,
     PoseRequirement,
+    information,
     known,
 )
 from microplan.optics.outline.tolerant_order import above, at_most, least, ordered

@@ -10,8 +10,8 @@ from functools import partial
 from microplan.arrays import FloatArray
 from microplan.featuresel.look.design import Trial
 from microplan.featuresel.look.perturb import image
-from microplan.featuresel.look.reference_point import Located, located
 from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.look.templates import Located, located
 from microplan.featuresel.routines.contract import Failure
 from microplan.featuresel.routines.fusion import Believed, SeenFeature, fuse
 from microplan.featuresel.trials.chains import Chain

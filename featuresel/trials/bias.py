@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from microplan.featuresel.look.reference_point import Located
 from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.look.templates import Located
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -22,8 +22,7 @@ from microplan.featuresel.trials.bounds import failure_upper as failure_upper
 from microplan.featuresel.trials.bounds import success_lower as success_lower
 from microplan.featuresel.trials.calibration import SigmaCalibration, calibrate
 from microplan.featuresel.trials.chains import Chain
-from microplan.featuresel.trials.outcomes import Outcome, Outcomes
-from microplan.featuresel.trials.place_errors import PlaceErrors, given
+from microplan.featuresel.trials.outcomes import Outcome, Outcomes, PlaceErrors, given
 from microplan.featuresel.trials.trials import PreparedRoutines, is_wrong
 
 _TOGETHER = 4  # sigma and mean of two axes: their bounds hold all at once

@@ -13,8 +13,8 @@ from microplan.arrays import FloatArray
 from microplan.featuresel.look.design import Trial
 from microplan.featuresel.look.nominal import nominal_render
 from microplan.featuresel.look.perturb import counts, image
-from microplan.featuresel.look.reference_point import Located, along, located
 from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.look.templates import Located, along, located
 from microplan.featuresel.routines.chain import ChainState, advance
 from microplan.featuresel.routines.contract import Artifact, Failure, Guess, Measurement
 from microplan.featuresel.routines.registry import load

@@ -17,9 +17,9 @@ import numpy as np
 
 from microplan.arrays import FloatArray
 from microplan.optics.outline.clip import EdgeArrays
-from microplan.optics.render.pixel_mtf import Quadrant, pixel_gain
 from microplan.optics.render.pixels import PixelTile, to_world
 from microplan.optics.render.pruned_ifft import Factors, waves_at, weigh
+from microplan.optics.render.sampling import Quadrant, pixel_gain
 from microplan.optics.render.spectrum import Spectrum, spectrum
 from microplan.optics.transfer.microscope import Microscope
 from microplan.optics.transfer.models import RadialTable

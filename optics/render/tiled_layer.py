@@ -11,7 +11,6 @@ from microplan.arrays import FloatArray
 from microplan.optics.outline.clip import EdgeArrays
 from microplan.optics.render.far_field import Far, make_far
 from microplan.optics.render.layer_blending import Patch
-from microplan.optics.render.pixel_mtf import Quadrant, pixel_gain
 from microplan.optics.render.pixels import PixelTile, choose_tile, sample_part, to_world
 from microplan.optics.render.pruned_ifft import (
     Coefficients,
@@ -21,7 +20,13 @@ from microplan.optics.render.pruned_ifft import (
     waves_at,
     weigh,
 )
-from microplan.optics.render.sampling import Sampling, band_cut, margin_um
+from microplan.optics.render.sampling import (
+    Quadrant,
+    Sampling,
+    band_cut,
+    margin_um,
+    pixel_gain,
+)
 from microplan.optics.render.scene import Layer, Window
 from microplan.optics.render.spectrum import Spectrum, spectrum
 from microplan.optics.render.view_range import ROUNDING_PX, ImageView, Range

@@ -20,10 +20,9 @@ from microplan.planner.assembly.assembly import (
     stage_pose,
     with_part,
 )
-from microplan.planner.assembly.jaw_sweep import report_jaws
 from microplan.planner.assembly.resting import report_resting
 from microplan.planner.assembly.shapes import hull, squeeze_minima_rad, squeeze_width_um
-from microplan.planner.assembly.swept_volume import SIGMAS
+from microplan.planner.assembly.swept_volume import SIGMAS, report_jaws
 from microplan.planner.source.diagnostics import Report
 from microplan.planner.task.task import Task, TaskStep
 from microplan.schemas.pose import Pose

@@ -17,8 +17,12 @@ from microplan.planner.budget.alignment_residual import (
     residual_of,
 )
 from microplan.planner.budget.budget import PastMeasurement, blind_rows, fit_of
-from microplan.planner.budget.insert_budget import share_of_goal
-from microplan.planner.budget.insertion_problem import insert_s, insertion_of, travel_of
+from microplan.planner.budget.insert_budget import (
+    insert_s,
+    insertion_of,
+    share_of_goal,
+    travel_of,
+)
 from microplan.planner.budget.methods import choose
 from microplan.planner.budget.probability.fit_probability import (
     LEAST_SIGMAS,
@@ -30,7 +34,7 @@ from microplan.planner.budget.probability.fit_probability import (
 from microplan.planner.budget.probability.fit_probability import (
     expected_looks as settled_looks,
 )
-from microplan.planner.budget.probability.servo_looks import Loop, expected_looks
+from microplan.planner.budget.probability.servo_landing import Loop, expected_looks
 from microplan.planner.source.diagnostics import Report
 from microplan.planner.task.task import Task
 from microplan.planner.views.requests import insertion_after

@@ -16,9 +16,8 @@ from microplan.planner.assembly.assembly import (
     owner_of,
     part_pose,
 )
-from microplan.planner.assembly.moves import apply_reading
 from microplan.planner.assembly.shapes import hull
-from microplan.planner.assembly.step_states import StepState
+from microplan.planner.assembly.step_states import StepState, apply_reading
 from microplan.planner.budget.budget import PastMeasurement
 from microplan.planner.budget.measurement_history import MeasurementHistory
 from microplan.planner.task.task import Move, Part, Task, TaskStep

@@ -23,9 +23,8 @@ from microplan.planner.budget.alignment_residual import (
 from microplan.planner.budget.allowable_errors import allowable_errors
 from microplan.planner.budget.budget import PastMeasurement, blind_rows
 from microplan.planner.budget.drift_since_look import since_rows
-from microplan.planner.budget.insert_budget import LateralResidual, share_of_goal
+from microplan.planner.budget.insert_budget import LateralResidual, apart, share_of_goal
 from microplan.planner.budget.insertion import Insertion
-from microplan.planner.budget.insertion_problem import apart
 from microplan.planner.budget.measurement_history import (
     MeasurementHistory,
     method_taken,

@@ -1,15 +1,63 @@
-"""How a subcommand ends: its findings and its result are told, its status follows."""
+"""How a subcommand ends: findings, coloured on a terminal, result, exit status."""
 
 from __future__ import annotations
 
 import argparse
 import os
+import re
 import sys
+from collections.abc import Mapping
 from typing import Protocol
 
-from microplan.planner.cli.terminal import in_colour, painted
 from microplan.planner.source.diagnostics import Report, Span
 from microplan.schemas.page.console import say, tell
+
+_RESET = "\x1b[0m"
+# bold red, bold yellow, bold cyan: the first eight colours, which every terminal has
+_COLOURS = {
+    "error": "\x1b[1;31m",
+    "infeasible": "\x1b[1;31m",
+    "different": "\x1b[1;31m",
+    "warning": "\x1b[1;33m",
+    "note": "\x1b[1;36m",
+}
+_CARET = "\x1b[1;36m"
+_HEADLINE = re.compile(rf"^({'|'.join(_COLOURS)})(\[MP\d{{3}}\])", re.MULTILINE)
+_POINTER = re.compile(r"^( +\| +)(\^+)", re.MULTILINE)
+
+
+class Stream(Protocol):
+    """What text is printed to."""
+
+    def isatty(self) -> bool:
+        """Return whether a terminal reads it."""
+
+
+def in_colour(stream: Stream, environment: Mapping[str, str]) -> bool:
+    """Return whether colour may be printed to a stream.
+
+    NO_COLOR forbids it, else FORCE_COLOR allows it, unless they are empty; else a
+    terminal shows it that is not called dumb. The same order as Python's own.
+
+    References
+    ----------
+    no-color.org; force-color.org; Python 3.13, "Controlling color".
+    """
+    if environment.get("NO_COLOR"):
+        return False
+    if environment.get("FORCE_COLOR"):
+        return True
+    return environment.get("TERM") != "dumb" and stream.isatty()
+
+
+def painted(text: str) -> str:
+    """Return findings as text with their kinds and carets in colour.
+
+    Nothing but colours is added: without them it is the same text.
+    """
+    text = _HEADLINE.sub(lambda at: f"{_COLOURS[at[1]]}{at[0]}{_RESET}", text)
+    return _POINTER.sub(lambda at: f"{at[1]}{_CARET}{at[2]}{_RESET}", text)
+
 
 DONE, NO, BAD_INPUT = 0, 1, 2
 

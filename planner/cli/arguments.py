@@ -5,14 +5,54 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import TypeVar
 
-from microplan.planner.cli.argument_values import asked, count, kinds, share
 from microplan.planner.diff.changes import KINDS
 from microplan.planner.diff.tolerances import parse_rule
+from microplan.planner.plan.options import AXES, parse_vary
 from microplan.planner.task.presets import PRESETS
-from microplan.planner.tradeoff.vary import AXES, parse_vary
 from microplan.schemas.files.json_schema import NAMES
-from microplan.schemas.page.version_option import add_version
+from microplan.schemas.page.console import add_version
+
+T = TypeVar("T")
+
+
+def asked(convert: Callable[[str], T], allowed: str) -> Callable[[str], T]:
+    """Return a converter of an argument that tells what is allowed."""
+
+    def converted(text: str) -> T:
+        try:
+            return convert(text)
+        except ValueError as error:
+            said = f"{text[:80]!r}; allowed: {allowed}"
+            raise argparse.ArgumentTypeError(said) from error
+
+    return converted
+
+
+def count(text: str) -> int:
+    """Return a whole number from 1 on."""
+    value = int(text)
+    if not 1 <= value <= 256:
+        raise ValueError(text)
+    return value
+
+
+def share(text: str) -> float:
+    """Return a number above 0 and at most 1."""
+    value = float(text)
+    if not 0 < value <= 1:
+        raise ValueError(text)
+    return value
+
+
+def kinds(text: str) -> tuple[str, ...]:
+    """Return kinds of changes, and "worse"."""
+    found = tuple(text.split(","))
+    if not set(found) <= {"worse", *KINDS}:
+        raise ValueError(text)
+    return found
+
 
 Run = Callable[[argparse.Namespace], int]
 

@@ -27,8 +27,8 @@ if TYPE_CHECKING:
 
 def compile_task(call: argparse.Namespace) -> int:
     """Compile a task into a plan folder."""
-    from microplan.planner.diff.errors import DiffError
-    from microplan.planner.store.errors import OutputError
+    from microplan.planner.diff.diffing import DiffError
+    from microplan.planner.store.folder import OutputError
 
     if call.update and call.golden is None:
         tell("--update renews a golden plan: name it with --golden")
@@ -148,7 +148,7 @@ def _asking_for_all(call: argparse.Namespace, folder: Path) -> str:
 
 def _watch(call: argparse.Namespace) -> int:
     """Compile whenever a file changes; only Ctrl-C or an unusable call ends it."""
-    from microplan.planner.store.errors import OutputError
+    from microplan.planner.store.folder import OutputError
 
     if call.golden is not None or call.format != "text":
         tell("--watch goes with neither --golden nor --format")

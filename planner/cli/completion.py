@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Iterator
 from pathlib import Path
 
-from microplan.planner.cli.package_files import codes
+from microplan.planner.cli.shipped import codes
 
 FILES = ("task",)  # arguments that name files though they are kept as text
 CODES = ("code",)  # arguments that name a finding's code: any case will do

@@ -8,8 +8,7 @@ from pathlib import Path
 
 from microplan.planner.source.diagnostics import Report
 from microplan.planner.source.migrations import migrated
-from microplan.planner.store.errors import OutputError
-from microplan.planner.store.folder import replace_text
+from microplan.planner.store.folder import OutputError, replace_text
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

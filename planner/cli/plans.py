@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 def diff(call: argparse.Namespace) -> int:
     """Compare two plans: 0 for the same, 1 for different."""
     from microplan.planner.diff.change_text import findings_of, headline, verdicts_text
+    from microplan.planner.diff.diffing import DiffError
     from microplan.planner.diff.diffing import diff as compared
-    from microplan.planner.diff.errors import DiffError
 
     try:
         found = compared(_diff_call(call))
@@ -63,7 +63,7 @@ def export(call: argparse.Namespace) -> int:
     """Write a plan's looks in another tool's format."""
     from microplan.planner.export.export import export as exported
     from microplan.planner.export.folder import ExportError
-    from microplan.planner.store.errors import OutputError
+    from microplan.planner.store.folder import OutputError
 
     report, said = Report(), ""
     try:
@@ -91,9 +91,9 @@ def _export_call(call: argparse.Namespace) -> ExportCall:
 
 def report_plan(call: argparse.Namespace) -> int:
     """Write the report of a plan folder."""
-    from microplan.planner.diff.errors import DiffError
+    from microplan.planner.diff.diffing import DiffError
     from microplan.planner.report.report import write_report
-    from microplan.planner.store.errors import OutputError
+    from microplan.planner.store.folder import OutputError
 
     report, said = Report(), ""
     try:

@@ -29,7 +29,7 @@ def check(call: argparse.Namespace) -> int:
         return answer(call, report, "")
     said = [check_task(task, report), parts_summary(task.parts)]
     if call.out:
-        from microplan.planner.store.errors import OutputError
+        from microplan.planner.store.folder import OutputError
         from microplan.planner.task.drawn import write_drawings
 
         try:
@@ -41,7 +41,7 @@ def check(call: argparse.Namespace) -> int:
 
 def render(call: argparse.Namespace) -> int:
     """Render one step's image to a file."""
-    from microplan.planner.store.errors import OutputError
+    from microplan.planner.store.folder import OutputError
     from microplan.planner.task.read_task import load_task
     from microplan.planner.tradeoff.preview import RenderError, render_step
 
@@ -87,7 +87,7 @@ def tradeoff(call: argparse.Namespace) -> int:
 
 def _tradeoff_of_images(call: argparse.Namespace, task: Task, report: Report) -> int:
     """Render the images of steps in several ways."""
-    from microplan.planner.store.errors import OutputError
+    from microplan.planner.store.folder import OutputError
     from microplan.planner.tradeoff.preview import RenderError
     from microplan.planner.tradeoff.tradeoff import TradeoffCall, write_tradeoff
 
@@ -105,7 +105,7 @@ def _tradeoff_of_images(call: argparse.Namespace, task: Task, report: Report) ->
 
 def _tradeoff_of_task(call: argparse.Namespace, task: Task, report: Report) -> int:
     """Compile a whole task in several ways."""
-    from microplan.planner.store.errors import OutputError
+    from microplan.planner.store.folder import OutputError
     from microplan.planner.tradeoff.task_tradeoff import (
         TaskCall,
         VaryError,
@@ -139,7 +139,7 @@ def migrate(call: argparse.Namespace) -> int:
     """Rewrite a task or workcell of an older format."""
     from microplan.planner.cli.migrating import MigrateCall
     from microplan.planner.cli.migrating import migrate as migrated
-    from microplan.planner.store.errors import OutputError
+    from microplan.planner.store.folder import OutputError
 
     report = Report()
     asked = MigrateCall(file=call.task, out=call.out, in_place=call.in_place)

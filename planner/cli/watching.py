@@ -12,8 +12,7 @@ from typing import TypeAlias
 
 from microplan.planner.diff.change_text import headline
 from microplan.planner.diff.compare import compare_plans
-from microplan.planner.diff.diffing import read_plan
-from microplan.planner.diff.errors import DiffError
+from microplan.planner.diff.diffing import DiffError, read_plan
 from microplan.planner.source.diagnostics import Report
 from microplan.planner.store.summary import success
 from microplan.planner.store.whole import MOST_BYTES

@@ -13,11 +13,11 @@ from microplan.planner.diff.changes import (
     PlanChange,
     is_number,
     keys_of,
+    kind_of,
+    trend_of,
 )
 from microplan.planner.diff.identity import ORDERED, WHOLE, named
-from microplan.planner.diff.kinds import kind_of, trend_of
-from microplan.planner.diff.tolerances import Rule, rule_for
-from microplan.planner.diff.units import stated_unit, unit_of
+from microplan.planner.diff.tolerances import Rule, rule_for, stated_unit, unit_of
 from microplan.schemas.codec import to_data
 from microplan.schemas.plan import Plan
 

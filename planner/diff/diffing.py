@@ -1,4 +1,4 @@
-"""`microplan diff`: two plans read, compared, and told."""
+"""`microplan diff`: two plans read, compared, reported."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from pathlib import Path
 
 from microplan.planner.diff.changes import Kind, PlanChange
 from microplan.planner.diff.compare import compare_plans
-from microplan.planner.diff.errors import DiffError
 from microplan.planner.diff.pictures import compare_pictures
 from microplan.planner.diff.tolerances import Rule
 from microplan.planner.store.folder import (
@@ -20,6 +19,15 @@ from microplan.planner.store.folder import (
 )
 from microplan.schemas.codec import CodecError
 from microplan.schemas.plan import Plan, newer_note, parse_plan
+
+
+class DiffError(Exception):
+    """A plan that cannot be compared; carries the code of its finding."""
+
+    def __init__(self, code: str, message: str, file: str) -> None:
+        super().__init__(message)
+        self.code, self.file = code, file
+
 
 MOST_BYTES = 1 << 26  # of a plan.json: some 64 MiB
 

@@ -7,7 +7,31 @@ import math
 from collections.abc import Iterator
 from typing import Protocol
 
+import numpy as np
+
+from microplan.arrays import FloatArray
 from microplan.optics.outline.outline import Arc, Edge, Segment
+
+
+def fit_circle(corners: FloatArray) -> tuple[tuple[float, float], float]:
+    """Return centre and radius of the circle nearest to points, in least squares.
+
+    Minimises the sum of ((r_k^2 - R^2) / 2)^2, which is linear in the centre and in
+    R^2 (Kasa, IEEE Trans. Instrum. Meas. 25, 8, 1976).
+    """
+    mean = corners.mean(axis=0)
+    x, y = (corners - mean).T
+    rows = np.column_stack([2 * x, 2 * y, np.ones_like(x)])
+    (cx, cy, rest), *_ = np.linalg.lstsq(rows, x * x + y * y, rcond=None)
+    radius = math.sqrt(max(rest + cx * cx + cy * cy, 0.0))
+    center = (_rounded(mean[0] + cx), _rounded(mean[1] + cy))
+    return center, _rounded(radius)
+
+
+def _rounded(value: float) -> float:
+    """Return a length to 1e-9 um, so that a centre at 0 is at 0."""
+    return round(float(value), 9) + 0.0
+
 
 # How far a chain of arcs may be from its curve: 0.1 nm, and less for curves smaller
 # than 100 um. Areas are right to 1e-6 down to ellipses of 5 : 1, of some 230 arcs each.

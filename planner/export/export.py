@@ -20,7 +20,7 @@ from microplan.planner.export.writing import (
     write_folder,
 )
 from microplan.planner.source.diagnostics import Report, Span
-from microplan.planner.store.errors import OutputError
+from microplan.planner.store.folder import OutputError
 from microplan.schemas.codec import to_data
 from microplan.schemas.files.outlines import Outlines
 

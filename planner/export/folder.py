@@ -13,11 +13,10 @@ import cv2
 import numpy as np
 
 from microplan.optics.outline.outline import Arc, Edge, Outline, Ring, Segment
-from microplan.planner.diff.diffing import MOST_BYTES, plan_file, read_plan
-from microplan.planner.diff.errors import DiffError
+from microplan.planner.diff.diffing import MOST_BYTES, DiffError, plan_file, read_plan
 from microplan.planner.store.pictures import Picture, picture_sha256
 from microplan.schemas.codec import CodecError, from_data
-from microplan.schemas.files.scenes import LookScene, Scenes
+from microplan.schemas.files.evidence import LookScene, Scenes
 from microplan.schemas.files.world import World, WorldOutline, WorldRing
 from microplan.schemas.plan import Look, Plan, Step
 

@@ -18,9 +18,8 @@ from microplan.featuresel.routines.contour.polarity import (
 from microplan.featuresel.routines.sampling import STEP_PX, WIDTHS_PX, edge_kernel
 from microplan.optics.outline.outline import Edge, Ring, Segment
 from microplan.planner.export.folder import ExportedPlan, Viewed
-from microplan.planner.export.runs import SampleRun, border, runs
 from microplan.planner.export.sight import LookProjection, sight_of, target_rings
-from microplan.planner.export.tracks import RingTrack
+from microplan.planner.export.tracks import RingTrack, SampleRun, border, runs
 from microplan.planner.store.pictures import Picture
 from microplan.schemas.files.outlines import (
     ArcEdge,

@@ -12,7 +12,7 @@ import yaml
 from microplan.planner.export.folder import ExportedPlan, Viewed
 from microplan.planner.export.sight import microscope
 from microplan.schemas.codec import to_data
-from microplan.schemas.files.scenes import LookScene
+from microplan.schemas.files.evidence import LookScene
 
 MOST_PLANES = 25  # of a focus stack
 LEAST_PLANES = 3

@@ -18,7 +18,7 @@ from microplan.optics.outline.outline import Outline, Ring, place
 from microplan.optics.transfer.microscope import Microscope
 from microplan.planner.assembly.shapes import polygon
 from microplan.planner.export.folder import ExportedPlan, ExportError, Viewed
-from microplan.schemas.files.scenes import PlacedBody
+from microplan.schemas.files.evidence import PlacedBody
 from microplan.schemas.files.world import World
 from microplan.schemas.plan import Look
 

@@ -8,8 +8,7 @@ import re
 from collections.abc import Mapping
 from pathlib import Path
 
-from microplan.planner.store.errors import OutputError
-from microplan.planner.store.folder import replace_by, replace_bytes
+from microplan.planner.store.folder import OutputError, replace_by, replace_bytes
 
 INDEX = "export.json"  # by which a folder is known to be an export
 _STRANGE = re.compile(r"[^A-Za-z0-9_-]")

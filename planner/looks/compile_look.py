@@ -26,7 +26,7 @@ from microplan.planner.looks.look_record import (
     compiled,
     measured,
 )
-from microplan.planner.looks.rejections import commonest_hint, rejections
+from microplan.planner.looks.records import commonest_hint, rejections
 from microplan.planner.source.diagnostics import Report
 from microplan.planner.task.task import Task
 from microplan.planner.views.requests import Request

@@ -1,23 +1,175 @@
-"""A look's case, what was tried on it, and the arrays that its routines need."""
+"""Evaluations of a look's features, with the arrays they give the plan."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
+from microplan.featuresel.features.feature import Feature, contour_px
 from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.routines.contract import Artifact, Failure
 from microplan.featuresel.routines.registry import load
 from microplan.featuresel.selection.evaluate import RoutineComparison
 from microplan.featuresel.selection.select import Selection
+from microplan.featuresel.sets.criteria import (
+    Candidate,
+    Criteria,
+    criteria,
+    set_criteria,
+)
+from microplan.featuresel.sets.feature_set import FeatureSet
+from microplan.featuresel.sets.pose_covariance import FeatureMeasurement
 from microplan.featuresel.trials.outcomes import Outcomes
 from microplan.featuresel.trials.score import ChainScore
 from microplan.featuresel.trials.trials import PreparedRoutines
 from microplan.optics.render.fidelity import Fidelity
+from microplan.planner.views.targets import TargetShape
 from microplan.schemas import plan as p
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TestedFeature:
+    """A feature that was raced; its selection is that of one of several features."""
+
+    feature: Feature
+    shape: TargetShape
+    tried: Evaluation
+    visible: float | None  # share of its edges
+
+    @property
+    def chosen(self) -> ChainScore:
+        """Return the score of the chain that is best in a set.
+
+        Raises
+        ------
+        ValueError
+            If none passed.
+        """
+        if self.tried.selection.chosen is None:
+            raise ValueError(f"no chain of {self.shape.name} passed")
+        return self.tried.selection.chosen
+
+    @property
+    def passes(self) -> bool:
+        """Return whether a chain is good enough for one of several features."""
+        return self.tried.selection.chosen is not None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FeatureRanking:
+    """How the features of one look are compared."""
+
+    case: LookCase  # of the look's own target
+    radius_um: float  # scales the rotation
+
+    @property
+    def _angle(self) -> bool:
+        return self.case.tolerance_theta_rad is not None
+
+    def row(
+        self, raced: TestedFeature, sight: FeatureMeasurement | None, reason: str
+    ) -> p.FeatureRow:
+        """Return one feature by Feddema's criteria, as far as it passed."""
+        if sight is None:
+            return p.FeatureRow(
+                name=raced.shape.name,
+                kind=raced.shape.kind,
+                reason=reason,
+                completeness=raced.visible,
+            )
+        found = criteria(
+            _candidate(raced, sight),
+            radius_um=self.radius_um,
+            theta_range_rad=self.case.target.theta_range_rad,
+            angle=self._angle,
+        )
+        return _row(found, raced.shape.name, raced.shape.kind, reason)
+
+    def set_row(
+        self,
+        raced: Sequence[TestedFeature],
+        sights: Sequence[FeatureMeasurement],
+        sigma_um: float,
+    ) -> p.FeatureRow:
+        """Return a set that is used by Feddema's criteria."""
+        found = set_criteria(
+            [_candidate(r, s) for r, s in zip(raced, sights, strict=True)],
+            sigma_um,
+            radius_um=self.radius_um,
+            theta_range_rad=self.case.target.theta_range_rad,
+            angle=self._angle,
+        )
+        return _row(found, " + ".join(r.shape.name for r in raced), "set", "used")
+
+
+def unseen(case: LookCase) -> str:
+    """Return why a feature cannot be looked for in the region, "" if it can."""
+    target, window = case.target, case.window
+    if not target.contour:
+        return "its edges are not drawn"
+    column, row = contour_px(target)
+    room = [column.min(), row.min()]
+    room += [window.columns - 1 - column.max(), window.rows - 1 - row.max()]
+    if min(room) >= target.search_px:
+        return ""
+    return "not tried: it may lie outside the region of the look"
+
+
+def _candidate(raced: TestedFeature, sight: FeatureMeasurement) -> Candidate:
+    """Return a raced feature as criteria want it."""
+    return Candidate(
+        feature=raced.feature, score=raced.chosen, sight=sight, seen=raced.visible
+    )
+
+
+def _row(found: Criteria, name: str, kind: str, reason: str) -> p.FeatureRow:
+    """Return criteria as the plan has them; what is infinite is not known."""
+    return p.FeatureRow(
+        name=name,
+        kind=kind,
+        reason=reason,
+        chain=found.chain,
+        robustness=found.robustness,
+        uniqueness=found.uniqueness,
+        completeness=found.completeness,
+        cost=found.cost,
+        resolution_um=_finite(found.resolution_um),
+        rank=found.rank,
+        controllability=found.controllability,
+        conditioning=_finite(found.conditioning),
+    )
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChosenSet:
+    """The features that a look measures, the look's own target first if among them."""
+
+    raced: tuple[TestedFeature, ...]
+    sights: tuple[FeatureMeasurement, ...]
+    score: ChainScore  # of fresh trials of all of them
+    found: FeatureSet
+    least: int  # that must answer
+    shared_um: float  # one sigma of the target's place on the part, as made
+
+    @property
+    def sigma_um(self) -> float:
+        """Return the spread of the target's place; the worse of trials and model."""
+        seen = max(self.score.sigma_um or 0.0, self.found.known.sigma_um)
+        return math.hypot(seen, self.shared_um)
+
+    @property
+    def need_um(self) -> float:
+        """Return 2 sigma + |bias|, what a tolerance must hold."""
+        return 2 * self.sigma_um + math.hypot(*(self.score.bias_um or (0.0, 0.0)))
+
 
 Arrays = Mapping[str, Mapping[str, npt.NDArray[np.float32]]]
 

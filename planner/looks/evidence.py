@@ -1,8 +1,9 @@
-"""What a report shows of a look beside the plan: places, trials, images of trials."""
+"""Evidence of a look for its report: positions, trials, images of trials."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 
 from microplan.featuresel.look.design import design, rebuild
 from microplan.featuresel.look.perturb import image
@@ -12,7 +13,6 @@ from microplan.featuresel.trials.trials import is_wrong
 from microplan.planner.assembly.assembly import State, part_pose, robot_pose
 from microplan.planner.looks.evaluation import Evaluation
 from microplan.planner.looks.measures import MeasuredFeature
-from microplan.planner.looks.shot import LookFigures
 from microplan.planner.store.memo import Memo
 from microplan.planner.store.pictures import Picture, picture
 from microplan.planner.task.task import Task
@@ -25,6 +25,15 @@ from microplan.schemas.files.evidence import (
     TrialRecord,
 )
 from microplan.schemas.pose import Pose
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LookFigures:
+    """What reports show of a look, with its pictures by their path in the folder."""
+
+    evidence: LookEvidence
+    pictures: Mapping[str, Picture]
+
 
 _ENDS = ("focus", "focus", "magnification", "magnification")
 

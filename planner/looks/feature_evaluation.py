@@ -11,8 +11,7 @@ from microplan.featuresel.selection.evaluate import RoutineComparison, compare_r
 from microplan.featuresel.selection.select import select
 from microplan.featuresel.trials.trial_cache import Looks
 from microplan.featuresel.trials.trials import Map
-from microplan.planner.looks.evaluated_feature import TestedFeature, unseen
-from microplan.planner.looks.evaluation import Evaluation
+from microplan.planner.looks.evaluation import Evaluation, TestedFeature, unseen
 from microplan.planner.looks.look_problem import LookProblem, TargetResult
 from microplan.planner.looks.scenario import SHARE_TOGETHER, feature_case
 from microplan.planner.task.presets import Effort

@@ -10,15 +10,21 @@ from microplan.featuresel.look.design import design
 from microplan.featuresel.selection.constraints import Constraints, Limits
 from microplan.featuresel.selection.evaluate import has_margin
 from microplan.featuresel.sets.feature_set import FeatureSet, choose_set
-from microplan.featuresel.sets.pose_covariance import FeatureMeasurement, sight_of
-from microplan.featuresel.sets.pose_requirement import PoseRequirement
+from microplan.featuresel.sets.pose_covariance import (
+    FeatureMeasurement,
+    PoseRequirement,
+    sight_of,
+)
 from microplan.featuresel.sets.set_trials import Member, score_set
 from microplan.featuresel.trials.score import ChainScore
 from microplan.featuresel.trials.trials import PreparedRoutines
 from microplan.optics.outline.tolerant_order import at_most
-from microplan.planner.looks.chosen_sets import ChosenSet
-from microplan.planner.looks.evaluated_feature import FeatureRanking, TestedFeature
-from microplan.planner.looks.evaluation import Evaluation
+from microplan.planner.looks.evaluation import (
+    ChosenSet,
+    Evaluation,
+    FeatureRanking,
+    TestedFeature,
+)
 from microplan.planner.looks.feature_evaluation import Races
 from microplan.planner.looks.look_problem import LookProblem, TargetResult
 from microplan.planner.looks.scenario import MOST_TOGETHER

@@ -1,4 +1,4 @@
-"""A look that is decided, as the plan has it, with the files that belong to it."""
+"""The record of a decided look in the plan, with its effects ledger."""
 
 from __future__ import annotations
 
@@ -6,13 +6,24 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
-from microplan.featuresel.look.scenario import LookCase
+import numpy as np
+
+from microplan.featuresel.look.design import design
+from microplan.featuresel.look.scenario import LookCase, scene
 from microplan.featuresel.trials.bias_prediction import predict_bias
-from microplan.featuresel.trials.usable_range import usable_range
-from microplan.planner.looks.chosen_sets import ChosenSet
-from microplan.planner.looks.effects import effect_rows
-from microplan.planner.looks.evaluation import Arrays, Evaluation, arrays_of
-from microplan.planner.looks.evidence import evidence_of
+from microplan.featuresel.trials.score import ChainScore
+from microplan.featuresel.trials.tolerance_search import usable_range
+from microplan.featuresel.trials.trials import is_wrong
+from microplan.optics.layers.layer_error import (
+    TREATMENTS,
+    LayerChoice,
+    LayerRefusal,
+    layer_error,
+)
+from microplan.optics.ledger import Imaged, ledger
+from microplan.optics.lens.distorted_scene import lens_scene
+from microplan.planner.looks.evaluation import Arrays, ChosenSet, Evaluation, arrays_of
+from microplan.planner.looks.evidence import LookFigures, evidence_of
 from microplan.planner.looks.full_frames import frame, seen_scene
 from microplan.planner.looks.look_problem import LookProblem
 from microplan.planner.looks.measures import (
@@ -27,21 +38,126 @@ from microplan.planner.looks.records import (
     together_record,
     view_record,
 )
-from microplan.planner.looks.scale_free_sigma import sigma_without_scale_um
-from microplan.planner.looks.shot import LookFigures
 from microplan.planner.store.memo import EVERY_TIME, Memo
 from microplan.planner.store.pictures import Picture, picture
 from microplan.planner.task.task import Task
-from microplan.planner.views.lens_errors import middle_offset_um, middle_sigma_um
-from microplan.planner.views.look_scenes import look_scene
+from microplan.planner.views.lens_errors import (
+    NM_PER_UM,
+    lamp_aperture,
+    lens_rows,
+    middle_offset_um,
+    middle_sigma_um,
+)
 from microplan.planner.views.requests import Request
-from microplan.planner.views.scenes import world_scene
-from microplan.planner.views.target_views import target_pose
+from microplan.planner.views.scenes import look_scene, world_scene
+from microplan.planner.views.target_views import needed_shape, target_pose
 from microplan.planner.views.targets import TargetShape
 from microplan.planner.views.view_verdict import view_verdict
 from microplan.schemas import plan as p
-from microplan.schemas.files.scenes import LookScene
+from microplan.schemas.files.evidence import LookScene
 from microplan.schemas.plan.views import ZoomTried
+
+# Beyond this the target's frame is not the world's, in which a scale acts.
+SMALL_RAD = 0.2
+NOTHING = 0.1  # of sigma: half a percent of its square
+LEAST = 3  # answers from which a spread is worth having
+
+
+def sigma_without_scale_um(
+    tried: Evaluation, chosen: ChainScore, root_seed: int
+) -> float:
+    """Return one sigma of a chain's place, the larger axis, less the trials' scale.
+
+    A trial at the zoom ratio r shows a target at p from the axis at r p. Two looks at
+    one zoom share that error, so that a budget of both has it once, by the distance
+    between their places; here it is taken off, trial by trial.
+
+    Returns
+    -------
+    float
+        Infinite where it is not known, at any angle or of too few answers, and where
+        the scale makes next to nothing of the place.
+    """
+    case, place_um = tried.case, np.array([tried.case.x_um, tried.case.y_um])
+    scale_um = float(np.hypot(*place_um)) * case.spread.magnification_sigma
+    if chosen.sigma_um is None or scale_um < NOTHING * chosen.sigma_um:
+        return math.inf
+    if case.theta_any or case.spread.pose_sigma_theta_rad > SMALL_RAD:
+        return math.inf
+    right = tried.outcomes.by(chosen.chain).only(
+        lambda o: o.world_um is not None and not is_wrong(case, o)
+    )
+    if len(right) < LEAST:
+        return math.inf
+    trials = design(case, 1 + max(o.trial for o in right), root_seed)
+    zoom = np.array([trials[o.trial].magnification for o in right]) - 1
+    errors_um = np.array([o.world_um for o in right]) - zoom[:, None] * place_um
+    return float(errors_um.std(axis=0, ddof=1).max())
+
+
+def effect_rows(
+    task: Task, request: Request, tried: Evaluation, memo: Memo = EVERY_TIME
+) -> tuple[p.EffectRow, ...]:
+    """Return the effects ledger of a look."""
+    case, shape = tried.case, needed_shape(task, request)
+    spot = target_pose(task, request, shape)
+    rows = memo.call(
+        ledger,
+        _imaged(task, tried, memo),
+        lens_rows(task, request.state, shape, spot, case.microscope),
+        shift_limit_nm=NM_PER_UM * case.tolerance_um,
+    )
+    return tuple(
+        p.EffectRow(
+            effect=row.effect,
+            level=row.level,
+            predicted_error=row.predicted_error,
+            limit=row.limit,
+            unit=row.unit,
+            reason=row.reason,
+        )
+        for row in rows
+    )
+
+
+def _imaged(task: Task, tried: Evaluation, memo: Memo) -> Imaged:
+    """Return the nominal image of a look, and how it is computed."""
+    case, limit = tried.case, tried.fidelity.limit
+    shown = lens_scene(
+        scene(case, 0.0, 0.0, 0.0), case.microscope, case.lens, case.focus_um
+    )
+    errors = {
+        treatment: memo.call(
+            layer_error,
+            shown,
+            case.microscope,
+            focus_um=case.focus_um,
+            treatment=treatment,
+            window=case.window,
+        )
+        for treatment in TREATMENTS
+    }
+    layering = LayerChoice(
+        treatment=case.treatment,
+        predicted_error=errors[case.treatment],
+        limit=limit,
+        refused=tuple(
+            LayerRefusal(treatment=name, predicted_error=error)
+            for name, error in errors.items()
+            if name != case.treatment and errors[case.treatment] > limit
+        ),
+    )
+    return Imaged(
+        scene=shown,
+        microscope=case.microscope,
+        focus_um=case.focus_um,
+        window=case.window,
+        fidelity=tried.fidelity,
+        layering=layering,
+        coherence=task.workcell.optics.coherence,
+        lamp_aperture=lamp_aperture(task.workcell, case.microscope),
+        is_shaded=case.lamp_aperture is not None,
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

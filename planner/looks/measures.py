@@ -13,8 +13,8 @@ from microplan.featuresel.selection.constraints import Limits
 from microplan.featuresel.trials.bias import BiasCurve
 from microplan.featuresel.trials.gates import choose_gate
 from microplan.featuresel.trials.score import ChainScore
+from microplan.featuresel.trials.tolerance_search import UsableRange
 from microplan.featuresel.trials.trials import is_wrong
-from microplan.featuresel.trials.usable_range import UsableRange
 from microplan.optics.lens.jacobian import point_jacobian, to_px
 from microplan.planner.looks.evaluation import Evaluation, use_of
 from microplan.planner.views.features import offset_um

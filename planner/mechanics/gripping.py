@@ -13,11 +13,13 @@ from microplan.planner.assembly.assembly import locate_place, owner_of
 from microplan.planner.assembly.holding import between_jaws
 from microplan.planner.assembly.shapes import hull, squeeze_minima_rad, squeeze_width_um
 from microplan.planner.assembly.step_states import StepState
-from microplan.planner.mechanics.adhesion import ContactFace, forces, total
-from microplan.planner.mechanics.materials import (
+from microplan.planner.mechanics.adhesion import (
     Bounds,
+    ContactFace,
     conducts,
+    forces,
     in_liquid,
+    total,
     volume_um3,
     weight_un,
 )

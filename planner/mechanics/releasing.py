@@ -11,27 +11,23 @@ from microplan.planner.assembly.assembly import (
     owner_of,
     part_z_um,
 )
-from microplan.planner.assembly.contact import contact_um2
-from microplan.planner.assembly.jaw_sweep import jaw_hits
-from microplan.planner.assembly.mating import mating_of
+from microplan.planner.assembly.mating import contact_um2, mating_of
 from microplan.planner.assembly.shapes import polygon, squeeze_width_um
 from microplan.planner.assembly.step_states import StepState
-from microplan.planner.assembly.swept_volume import ROUNDING_UM, SIGMAS
+from microplan.planner.assembly.swept_volume import ROUNDING_UM, SIGMAS, jaw_hits
 from microplan.planner.mechanics.adhesion import (
+    Bounds,
     ContactFace,
     Sticks,
+    conducts,
     forces,
+    in_liquid,
     total,
     verdict,
-)
-from microplan.planner.mechanics.gripping import stiffness_un_per_um
-from microplan.planner.mechanics.materials import (
-    Bounds,
-    conducts,
-    in_liquid,
     volume_um3,
     weight_un,
 )
+from microplan.planner.mechanics.gripping import stiffness_un_per_um
 from microplan.planner.task.task import Part, Task, TaskStep
 from microplan.schemas.plan.verdicts import Force, ReleaseVerdict, Rung
 

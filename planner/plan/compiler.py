@@ -13,9 +13,8 @@ from dataclasses import replace
 from importlib.metadata import version
 
 from microplan.planner.assembly.assembly import State, initial
-from microplan.planner.assembly.solids import finger_solids, part_solids
 from microplan.planner.assembly.step_states import StepState, unfold
-from microplan.planner.assembly.world import build_world
+from microplan.planner.assembly.world import build_world, finger_solids, part_solids
 from microplan.planner.budget.insert_budget import share_of_goal
 from microplan.planner.budget.measurement_history import MeasurementHistory
 from microplan.planner.looks.look_problem import CompileContext
@@ -32,7 +31,7 @@ from microplan.planner.views.check_task import check_fits
 from microplan.planner.views.targets import middle_um
 from microplan.schemas import plan as p
 from microplan.schemas.codec import to_data
-from microplan.schemas.files.scenes import Scenes
+from microplan.schemas.files.evidence import Scenes
 from microplan.schemas.pose import Pose
 
 UNLIKELY = "MP602"  # every step can be done, together they succeed too rarely

@@ -10,13 +10,13 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from microplan.planner.looks.shot import LookFigures
+from microplan.planner.looks.evidence import LookFigures
 from microplan.planner.store.folder import PLAN, PlanBytes, json_bytes
 from microplan.planner.store.pictures import Picture
 from microplan.planner.store.summary import plan_summary
 from microplan.schemas.codec import to_data
 from microplan.schemas.files import evidence as shown
-from microplan.schemas.files.scenes import Scenes
+from microplan.schemas.files.evidence import Scenes
 from microplan.schemas.files.world import World
 from microplan.schemas.plan import Plan, dump_plan
 

@@ -10,18 +10,17 @@ from dataclasses import dataclass, replace
 
 from microplan.planner.assembly.assembly import axes_of, locate_place, owner_of
 from microplan.planner.assembly.step_states import StepState
-from microplan.planner.budget.admissible_look_error import bearable
+from microplan.planner.budget.allowable_errors import bearable
 from microplan.planner.budget.control import control_of, method_of, tolerance_um
-from microplan.planner.budget.handling import report_handling, verdicts_of
 from microplan.planner.budget.measurement_history import MeasurementHistory, remember
 from microplan.planner.budget.placement_budget import place_budget
-from microplan.planner.budget.step_budget import budget_of
+from microplan.planner.budget.step_budget import budget_of, report_handling, verdicts_of
 from microplan.planner.looks.coarse_to_fine import waits_between
 from microplan.planner.looks.look_problem import CompileContext
 from microplan.planner.looks.look_record import CompiledLook
 from microplan.planner.mechanics.mechanics import mechanical_rows
 from microplan.planner.plan.actions import action_of, axis_move
-from microplan.planner.plan.conditions import conditions_of
+from microplan.planner.plan.requirements import conditions_of
 from microplan.planner.plan.speculation import Ahead
 from microplan.planner.source.diagnostics import Report
 from microplan.planner.task.task import Task

@@ -7,10 +7,13 @@ from collections.abc import Iterator, Sequence
 from microplan.planner.report.budgets import fix, yield_figure
 from microplan.planner.report.errors import error_picture
 from microplan.planner.report.folder import ReportedPlan
-from microplan.planner.report.margins import Margin, margins, needed_probability
-from microplan.planner.report.methods import methods
-from microplan.planner.report.steps import step_id
-from microplan.planner.report.timeline import left_out
+from microplan.planner.report.margins import (
+    Margin,
+    margins,
+    methods,
+    needed_probability,
+)
+from microplan.planner.report.steps import left_out, step_id
 from microplan.schemas.files.evidence import LookEvidence
 from microplan.schemas.files.times import spans
 from microplan.schemas.page.axes import AxisScale, ChartField, around

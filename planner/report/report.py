@@ -7,10 +7,9 @@ from pathlib import Path
 from microplan.planner.diff.diffing import plan_file
 from microplan.planner.report.first_page import contents, first_page
 from microplan.planner.report.folder import ReportedPlan, read_folder
-from microplan.planner.report.methods import provenance
+from microplan.planner.report.margins import provenance
 from microplan.planner.report.outlines import definitions
-from microplan.planner.report.steps import step_section
-from microplan.planner.report.timeline import timeline
+from microplan.planner.report.steps import step_section, timeline
 from microplan.planner.store.folder import REPORT, replace_alike
 from microplan.schemas.page.elements import el
 from microplan.schemas.page.page import document, link

@@ -1,4 +1,4 @@
-"""Files and plan folders put into place: whole, or not at all."""
+"""Files or plan folders put into place: whole, or not at all."""
 
 from __future__ import annotations
 
@@ -14,7 +14,27 @@ from functools import partial
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
-from microplan.planner.store.errors import OutputError, not_written
+
+class OutputError(Exception):
+    """The output cannot be written; the message says why, `code` is MP7xx."""
+
+    def __init__(self, code: str, message: str, file: str | os.PathLike[str]) -> None:
+        super().__init__(message)
+        self.code, self.file = code, os.fspath(file)  # where it was to be written
+
+
+def not_written(
+    file: str | os.PathLike[str], error: OSError | ValueError
+) -> OutputError:
+    """Return MP702 for an error on the way: files that the user never named stay out.
+
+    An OSError's own words hold the path that failed, which may be of a file that is
+    put into place only when it is whole.
+    """
+    why = error.strerror if isinstance(error, OSError) else ""
+    path = os.fspath(file)
+    return OutputError("MP702", f"{path} cannot be written: {why or error}", path)
+
 
 if TYPE_CHECKING:
     from microplan.schemas.plan import Plan

@@ -1,16 +1,145 @@
-"""Values of a workcell that contradict each other."""
+"""Contradictions in a workcell, or of its limits with readings or part sizes."""
 
 from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from microplan.optics.outline.outline import Outline
+from microplan.planner.drawings.drawing_findings import UM_PER_UNIT
+from microplan.planner.drawings.dxf.drawing import Drawing
 from microplan.planner.source.diagnostics import Report, Span
 from microplan.planner.source.schema import Checked
-from microplan.planner.source.source import Source
+from microplan.planner.source.source import Key, Source
+from microplan.planner.task.task import Part
+from microplan.planner.task.workcell import Workcell
+
+LEAST_PX = 8.0  # of a part at the highest magnification: below it is a blot
+MOST_FIELDS = 20.0  # of a part at the lowest; plates may be large, this is a wafer
+
+
+def check_sizes(parts: Mapping[str, Part], cell: Workcell, report: Report) -> None:
+    """Report parts that no look can take in, where another unit would explain it.
+
+    GDSII files state their unit, so they are left alone.
+    """
+    for name in sorted(parts):
+        part = parts[name]
+        x0, y0, x1, y1 = part.outline.bounds_um
+        extent = max(x1 - x0, y1 - y0)
+        drawing = part.sheet.drawing
+        if not isinstance(drawing, Drawing):
+            continue
+        why, fits = likely_units(extent, drawing.units, cell)
+        if fits:
+            message = f"{drawing.file} is {extent:.6g} um large when read in "
+            message += f"{drawing.units}: {why}"
+            hint = f"is it drawn in {' or '.join(fits)}?"
+            report.error("MP216", drawing.at, message, hint)
+
+
+def likely_units(extent_um: float, units: str, cell: Workcell) -> tuple[str, list[str]]:
+    """Return why a part has an odd size for a cell, and the units that would fit.
+
+    Parameters
+    ----------
+    extent_um : float
+        The larger side of the part.
+    units : str
+        What it was read in.
+    cell : Workcell
+        Its field and the reach of its stage say what is odd.
+
+    Returns
+    -------
+    (str, list of str)
+        No units if the size is not odd, or none would make it less so.
+    """
+    low, high = cell.optics.magnification
+    camera = cell.camera
+    field = camera.pitch_um * max(camera.width_px, camera.height_px) / low
+    least = LEAST_PX * camera.pitch_um / high
+    limits = cell.stage.axes.limits
+    reach = max(limits[key][1] - limits[key][0] for key in ("x_um", "y_um")) + field
+    if extent_um < least:
+        why = f"less than {LEAST_PX:g} pixels at the highest magnification {high:g}"
+    elif extent_um > max(MOST_FIELDS * field, reach):
+        why = f"the field is {field:.4g} um wide, the stage reaches over {reach:.6g} um"
+    else:
+        return "", []
+    raw = extent_um / UM_PER_UNIT[units]
+    return why, [u for u, um in UM_PER_UNIT.items() if least <= raw * um <= field]
+
+
+_AXES = ("x_um", "y_um", "z_um", "theta_deg")
+
+
+def check_limits(task: Checked, cell: Checked | None, report: Report) -> None:
+    """Report axis readings and jaw openings that cannot be reached."""
+    if cell is None:
+        return
+    for where, axes in _readings(task):
+        limits = ("axes", axes, "limits")
+        for key in _AXES:
+            if task.good(*where, key) and cell.good(*limits, key):
+                name = f"{axes} {key}"
+                _check(task, (*where, key), cell, (*limits, key), name, report)
+    for where, tool in _openings(task):
+        allowed = ("tools", tool, "opening_um")
+        if task.good(*where) and cell.good(*allowed):
+            _check(task, where, cell, allowed, f"{tool} opening_um", report)
+
+
+def _check(
+    task: Checked, where: tuple[Key, ...], cell: Checked, limits: tuple[Key, ...],
+    name: str, report: Report,
+) -> None:  # fmt: skip
+    """Report the value at `where` if it is outside the interval at `limits`."""
+    value = task.source.get(*where)
+    low, high = cell.source.get(*limits)
+    if low <= high and not low <= value <= high:
+        span = cell.source.value(*limits)
+        message = f"{name} {value} is outside the workcell's {low} to {high}"
+        hint = f"the limits stand in {span.file}:{span.line}"
+        report.error("MP118", task.source.value(*where), message, hint)
+
+
+def _readings(task: Checked) -> Iterator[tuple[tuple[Key, ...], str]]:
+    """Yield where axis readings stand, and of which axes."""
+    yield ("start", "stage"), "stage"
+    for name in task.source.mapping("start"):
+        if task.source.get("start", name, "on") == "robot":
+            yield ("start", name), "robot"
+    for index, _ in _steps(task):
+        for number, move in enumerate(task.source.items("steps", index, "move")):
+            for axes in move if isinstance(move, dict) else ():
+                if axes in ("stage", "robot"):
+                    yield ("steps", index, "move", number, axes), axes
+
+
+def _openings(task: Checked) -> Iterator[tuple[tuple[Key, ...], str]]:
+    """Yield where jaw openings stand, and of which tool."""
+    tools = []
+    for name in task.source.mapping("start"):
+        if task.source.get("start", name, "on") == "robot":
+            tools.append(name)
+            yield ("start", name, "opening_um"), name
+    for index, step in _steps(task):
+        tool = step.get("with")
+        if step.get("do") == "release" and len(tools) == 1:
+            tool = tools[0]  # the only one that can hold anything
+        if isinstance(tool, str):
+            yield ("steps", index, "opening_um"), tool
+
+
+def _steps(task: Checked) -> Iterator[tuple[int, dict[str, Any]]]:
+    """Yield the steps that are mappings."""
+    for index, step in enumerate(task.source.items("steps")):
+        if isinstance(step, dict):
+            yield index, step
+
 
 MOST_SCALING = 0.25  # of the magnification, by all the travel of the focus
 FIT_UM = 0.01  # how far a finger's drawn tip and inner face may lie off

@@ -16,8 +16,7 @@ import numpy as np
 
 from microplan.arrays import FloatArray, Point
 from microplan.optics.outline.outline import Arc, Edge, Outline, Ring, flatten
-from microplan.planner.store.errors import not_written
-from microplan.planner.store.folder import replace_alike
+from microplan.planner.store.folder import not_written, replace_alike
 from microplan.planner.task.features import dominant_circle
 from microplan.planner.task.task import Part
 from microplan.schemas.page.labels import Box

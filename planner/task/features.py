@@ -12,7 +12,7 @@ import numpy as np
 
 from microplan.arrays import Point
 from microplan.optics.outline.outline import Arc, Edge, Outline, Ring
-from microplan.planner.drawings.circle_fit import fit_circle
+from microplan.planner.drawings.biarcs import fit_circle
 from microplan.planner.drawings.rings import SAME_UM, same_circle
 
 LEAST_CORNERS = 8  # of a polygon that may stand for a circle

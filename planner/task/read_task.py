@@ -12,9 +12,12 @@ from microplan.planner.source.files import named_file
 from microplan.planner.source.normalise import plain, plain_outline
 from microplan.planner.source.schema import Checked, check, with_defaults
 from microplan.planner.source.source import Source, read_source
-from microplan.planner.task.check_sizes import check_sizes
-from microplan.planner.task.check_workcell import check_workcell, report_backwards
-from microplan.planner.task.limits import check_limits
+from microplan.planner.task.check_workcell import (
+    check_limits,
+    check_sizes,
+    check_workcell,
+    report_backwards,
+)
 from microplan.planner.task.parts import read_parts
 from microplan.planner.task.read_workcell import build_workcell, places, read_fingers
 from microplan.planner.task.references import check_references

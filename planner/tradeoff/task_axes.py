@@ -1,4 +1,4 @@
-"""A task compiled by other presets, trials, frames and zooms."""
+"""Axes of a task tradeoff: presets, trials, frames, zooms by name."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
+from microplan.planner.plan.options import Axis, Vary
 from microplan.planner.task.presets import PRESETS, Effort, Preset
 from microplan.planner.task.task import Task
 from microplan.planner.task.workcell import CameraSpec
-from microplan.planner.tradeoff.vary import Axis, Vary
 from microplan.planner.views.zooms import ladder
 
 MOST_POINTS = 64

@@ -14,7 +14,7 @@ from pathlib import Path
 from microplan.featuresel.trials.bounds import failure_upper
 from microplan.planner.diff.compare import compare_plans
 from microplan.planner.plan.compiler import compile_task
-from microplan.planner.plan.options import Options
+from microplan.planner.plan.options import Options, Vary
 from microplan.planner.source.diagnostics import Report
 from microplan.planner.store.folder import write_files
 from microplan.planner.store.memo import EVERY_TIME
@@ -30,7 +30,6 @@ from microplan.planner.tradeoff.task_tradeoff_record import (
     points_table,
     times_json,
 )
-from microplan.planner.tradeoff.vary import Vary
 from microplan.schemas.files.times import spans
 from microplan.schemas.plan import Plan, Step
 

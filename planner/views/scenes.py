@@ -1,4 +1,4 @@
-"""What is in view: layers of a look's scene, and what higher bodies hide or shade."""
+"""Scenes of looks: layers in view, what higher bodies hide or shade."""
 
 from __future__ import annotations
 
@@ -12,11 +12,76 @@ from microplan.optics.outline.outline import Edge, Outline, Segment, place
 from microplan.optics.outline.tolerant_order import least
 from microplan.optics.render.scene import Layer, Scene, Window
 from microplan.optics.transfer.microscope import Microscope
-from microplan.planner.assembly.assembly import Body, Place, State, bodies
+from microplan.planner.assembly.assembly import (
+    Axis4,
+    Body,
+    Carrier,
+    Place,
+    State,
+    bodies,
+    part_pose,
+    robot_pose,
+)
 from microplan.planner.assembly.shapes import polygon
 from microplan.planner.task.task import Task
 from microplan.planner.views.targets import TargetShape, outline_of
-from microplan.schemas.plan import Shade
+from microplan.schemas.files.evidence import LookScene, PlacedBody, SeenTarget
+from microplan.schemas.plan import AxisMove, Shade
+from microplan.schemas.pose import Pose
+
+
+def look_scene(
+    task: Task, state: State, look: str, shape: TargetShape, spot: Place
+) -> LookScene:
+    """Return the assembly at a look, and which edges the look is at."""
+    return LookScene(
+        look=look,
+        target=_target(task, shape, spot),
+        stage=_readings("stage", state.stage),
+        robot=None if state.tool is None else _readings("robot", state.robot),
+        opening_um=None if state.tool is None else state.opening_um,
+        bodies=tuple(
+            PlacedBody(
+                name=body.name,
+                pose=_pose(task, state, body.owner, body.name),
+                z_um=body.z_high_um,
+            )
+            for body in bodies(task, state)
+        ),
+    )
+
+
+def _target(task: Task, shape: TargetShape, spot: Place) -> SeenTarget:
+    """Return whose edges a look is at; of a circle, those of the one ring."""
+    if shape.owner in task.workcell.tools:
+        names, ring = tuple(f"{shape.owner}.{side}" for side in ("left", "right")), None
+    else:
+        inner = shape.name.partition(".")[2].partition(".")[0]
+        posts = task.parts[shape.owner].posts
+        names = (f"{shape.owner}.{inner}" if inner in posts else shape.owner,)
+        ring = target_ring(outline_of(task, shape), shape)
+    return SeenTarget(name=shape.name, pose=spot.pose, bodies=names, ring=ring)
+
+
+def _pose(task: Task, state: State, owner: str, name: str) -> Pose:
+    """Return the pose of a body; jaws have moved by half the opening from closed."""
+    if owner != state.tool:
+        return part_pose(task, state, owner)
+    half = state.opening_um / 2
+    shift_um = -half if name.endswith(".left") else half
+    return robot_pose(state.robot).compose(Pose(x_um=shift_um, y_um=0.0))
+
+
+def _readings(name: Carrier, axes: Axis4) -> AxisMove:
+    """Return where one axis group stands."""
+    return AxisMove(
+        axes=name,
+        x_um=axes.x_um,
+        y_um=axes.y_um,
+        z_um=axes.z_um,
+        theta_rad=axes.theta_rad,
+    )
+
 
 # Points along all edges whose shade is counted. A stretch of edge that is hidden is
 # counted to within one point, so its share to within 1 / 2000.

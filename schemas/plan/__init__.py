@@ -9,6 +9,8 @@ from __future__ import annotations
 from microplan.schemas.plan.actions import (
     Action,
     AlignAction,
+    AxesName,
+    AxisMove,
     GraspAction,
     HeightSearch,
     InsertAction,
@@ -25,6 +27,10 @@ from microplan.schemas.plan.document import (
     Provenance,
     Reason,
     Requirements,
+    check_version,
+    dump_plan,
+    newer_note,
+    parse_plan,
 )
 from microplan.schemas.plan.evidence import Evidence, FeatureRow, Score, Together
 from microplan.schemas.plan.looks import (
@@ -44,7 +50,6 @@ from microplan.schemas.plan.measures import (
     Region,
     RoutineUse,
 )
-from microplan.schemas.plan.moves import AxesName, AxisMove
 from microplan.schemas.plan.steps import (
     Budget,
     BudgetRow,
@@ -53,7 +58,6 @@ from microplan.schemas.plan.steps import (
     OnFailure,
     Step,
 )
-from microplan.schemas.plan.text import check_version, dump_plan, newer_note, parse_plan
 
 __all__ = [
     "FORMAT_VERSION",

@@ -1,11 +1,23 @@
-"""What a step does: one action of seven, told apart by `kind`."""
+"""Actions of a step: one of seven, told apart by `kind`, with moves of the axes."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Literal
 
-from microplan.schemas.plan.moves import AxesName, AxisMove
+AxesName = Literal["stage", "robot"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AxisMove:
+    """Absolute targets of one axis group, moved together; None leaves an axis."""
+
+    axes: AxesName  # which group moves
+    x_um: float | None = None  # reading to go to
+    y_um: float | None = None  # reading to go to
+    z_um: float | None = None  # reading to go to
+    theta_rad: float | None = None  # reading to go to
+    speed_um_per_s: float | None = None  # None: the axes' own speed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

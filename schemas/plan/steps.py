@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from microplan.schemas.plan.actions import Action
+from microplan.schemas.plan.actions import Action, AxisMove
 from microplan.schemas.plan.looks import EffectRow, Look
-from microplan.schemas.plan.moves import AxisMove
 from microplan.schemas.plan.verdicts import (
     BudgetAnalysis,
     FitVerdict,

@@ -19,14 +19,14 @@ from microplan.featuresel.routines.contract import (
     Target,
     TargetKind,
 )
-from microplan.featuresel.routines.frame import RegionFrame
+from microplan.featuresel.routines.picture import RegionFrame
 from microplan.featuresel.routines.registry import load
 from microplan.optics.outline.outline import Arc, Outline, place
 from microplan.optics.render.render import render
 from microplan.optics.render.scene import Layer, Scene, Window
 from microplan.optics.transfer.microscope import Microscope
 from microplan.planner.assembly.shapes import squeeze_minima_rad
-from microplan.planner.assembly.solids import finger_solids, part_solids
+from microplan.planner.assembly.world import finger_solids, part_solids
 from microplan.planner.source.diagnostics import Report
 from microplan.planner.task.read_task import load_task
 from microplan.planner.task.task import Task
@@ -75,7 +75,7 @@ from microplan.schemas.plan import (
     View,
     dump_plan,
 )
-from microplan.schemas.plan.solids import Fingers, Solid
+from microplan.schemas.plan.views import Fingers, Solid
 from microplan.schemas.pose import Pose
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "gear_on_shaft" / "task.yaml"

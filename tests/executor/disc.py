@@ -14,7 +14,7 @@ from microplan.arrays import FloatArray
 from microplan.executor.devices.drivers import Counts, Frame
 from microplan.executor.motion.beliefs import Beliefs
 from microplan.executor.record.frames import Frames
-from microplan.executor.record.journal import Journal
+from microplan.executor.record.write_ahead_log import Journal
 from microplan.executor.run.artifacts import Artifacts
 from microplan.executor.run.run_context import Rig
 from microplan.executor.simulated.cell import Cell, build_cell

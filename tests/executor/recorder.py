@@ -11,8 +11,8 @@ from typing import Any
 from microplan.executor.devices.station import Station
 from microplan.executor.motion.beliefs import Beliefs
 from microplan.executor.record.frames import Frames
-from microplan.executor.record.journal import Journal
 from microplan.executor.record.outcome import RunResult
+from microplan.executor.record.write_ahead_log import Journal
 from microplan.executor.run.artifacts import Artifacts
 from microplan.executor.run.run import run_plan
 from microplan.executor.run.run_context import Rig

@@ -17,7 +17,7 @@ import microplan.planner.assembly.assembly
 from microplan.executor.devices.drivers import AxisReading
 from microplan.executor.simulated.cell import Cell, build_cell
 from microplan.featuresel.features.factorial_design import words
-from microplan.featuresel.routines.frame import RegionFrame
+from microplan.featuresel.routines.picture import RegionFrame
 from microplan.optics.lens.jacobian import to_px
 from microplan.optics.render.render import render
 from microplan.planner.assembly.assembly import Axis4, initial

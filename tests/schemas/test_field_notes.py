@@ -17,14 +17,12 @@ from microplan.schemas.plan import (
     evidence,
     looks,
     measures,
-    moves,
-    solids,
     steps,
     verdicts,
     views,
 )
 
-PLAN = (actions, document, evidence, looks, measures, moves, steps)
+PLAN = (actions, document, evidence, looks, measures, steps)
 
 
 def types_of(module: ModuleType) -> list[type]:
@@ -38,7 +36,7 @@ def types_of(module: ModuleType) -> list[type]:
     ]
 
 
-@pytest.mark.parametrize("module", [*PLAN, pose, solids, verdicts, views, world])
+@pytest.mark.parametrize("module", [*PLAN, pose, verdicts, views, world])
 def test_every_field_has_a_comment(module: ModuleType) -> None:
     found = types_of(module)
     assert found

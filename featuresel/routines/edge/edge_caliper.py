@@ -21,14 +21,12 @@ from microplan.featuresel.routines.contract import (
 )
 from microplan.featuresel.routines.edge.faces import (
     LINES_PX,
-    MeasuredFace,
-    measure_face,
-)
-from microplan.featuresel.routines.edge.jaw_faces import (
     SIDES,
     TIPS,
+    MeasuredFace,
     calibrate,
     in_view,
+    measure_face,
     predicted,
 )
 from microplan.featuresel.routines.picture import refused

@@ -20,9 +20,10 @@ from microplan.featuresel.routines.edge.faces import (
     LINES_PX,
     JawFace,
     MeasuredFace,
+    calibrate,
+    in_view,
     measure_face,
 )
-from microplan.featuresel.routines.edge.jaw_faces import calibrate, in_view
 from microplan.featuresel.routines.edge.straight_fit import (
     Fix,
     Numbers,

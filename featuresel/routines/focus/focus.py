@@ -9,8 +9,12 @@ import numpy as np
 from microplan.arrays import BoolArray, FloatArray
 from microplan.featuresel.routines.contract import Failure
 from microplan.featuresel.routines.focus.measures import MEASURES
-from microplan.featuresel.routines.focus.mirror import mirror_peak
-from microplan.featuresel.routines.focus.peak import FocusPeak, Numbers, gaussian_peak
+from microplan.featuresel.routines.focus.peak import (
+    FocusPeak,
+    Numbers,
+    gaussian_peak,
+    mirror_peak,
+)
 
 __all__ = ["FITS", "MEASURE", "Fit", "FocusPeak", "peak", "ring_mask", "score"]
 

@@ -11,7 +11,7 @@ import numpy as np
 from microplan.arrays import BoolArray, FloatArray
 from microplan.featuresel.routines.contract import CameraNoise, Failure
 from microplan.featuresel.routines.focus.measures import Measure
-from microplan.featuresel.routines.focus.mirror import mirror_error_um, mirror_peak
+from microplan.featuresel.routines.focus.peak import mirror_error_um, mirror_peak
 
 # Variance of the mirror fit over noise^2 x step x width for s = 1 / (1 + x^2), which is
 # what a squared gradient looks like, its half height at x = 1 = sqrt(2 ln 2) widths:

@@ -16,17 +16,19 @@ from microplan.featuresel.routines.contract import (
     LookModel,
     Target,
 )
-from microplan.featuresel.routines.likelihood.ambiguity import beside
 from microplan.featuresel.routines.likelihood.appearance import read_appearance
 from microplan.featuresel.routines.likelihood.comparison import (
     DefocusedImage,
     Free,
     ImageComparison,
 )
-from microplan.featuresel.routines.likelihood.foreground import Front
-from microplan.featuresel.routines.likelihood.foreground_model import front_maps
-from microplan.featuresel.routines.likelihood.occluder_modes import sway_maps
+from microplan.featuresel.routines.likelihood.foreground import (
+    Front,
+    front_maps,
+    sway_maps,
+)
 from microplan.featuresel.routines.likelihood.planes import FOCUS_SIGMAS, prepare_planes
+from microplan.featuresel.routines.likelihood.pose_start import beside
 from microplan.featuresel.routines.likelihood.spline import runout_coefficients
 
 _LEAST_SIGNAL = 0.03  # of full scale, that the target must vary by

@@ -25,12 +25,6 @@ from microplan.featuresel.routines.contract import (
     Target,
     TargetKind,
 )
-from microplan.featuresel.routines.likelihood.ambiguity import (
-    equal_turns,
-    is_marked,
-    marks,
-    other_turns,
-)
 from microplan.featuresel.routines.likelihood.appearance import ImagePose
 from microplan.featuresel.routines.likelihood.comparison import (
     DefocusedImage,
@@ -38,7 +32,13 @@ from microplan.featuresel.routines.likelihood.comparison import (
 )
 from microplan.featuresel.routines.likelihood.fit_problem import prepare_job, read_job
 from microplan.featuresel.routines.likelihood.pose_fit import PoseFit, fit_pose
-from microplan.featuresel.routines.likelihood.pose_start import start_pose
+from microplan.featuresel.routines.likelihood.pose_start import (
+    equal_turns,
+    is_marked,
+    marks,
+    other_turns,
+    start_pose,
+)
 from microplan.featuresel.routines.picture import refused
 
 NAME = "likelihood"

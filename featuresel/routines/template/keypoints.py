@@ -24,8 +24,7 @@ from microplan.featuresel.routines.contract import (
     Target,
     TargetKind,
 )
-from microplan.featuresel.routines.extent import half_px
-from microplan.featuresel.routines.picture import refused
+from microplan.featuresel.routines.picture import half_px, refused
 
 NAME = "keypoints"
 VERSION = "1"

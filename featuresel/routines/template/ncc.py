@@ -20,9 +20,8 @@ from microplan.featuresel.routines.contract import (
     Target,
     TargetKind,
 )
-from microplan.featuresel.routines.extent import cut, half_px
 from microplan.featuresel.routines.peak import find_peak
-from microplan.featuresel.routines.picture import refused
+from microplan.featuresel.routines.picture import cut, half_px, refused
 from microplan.featuresel.routines.template.template_fit import (
     SCALE_OFF,
     SURE_SCORE,

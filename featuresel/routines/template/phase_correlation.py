@@ -24,8 +24,7 @@ from microplan.featuresel.routines.contract import (
     Target,
     TargetKind,
 )
-from microplan.featuresel.routines.extent import cut, half_px
-from microplan.featuresel.routines.picture import refused
+from microplan.featuresel.routines.picture import cut, half_px, refused
 
 NAME = "phase_correlation"
 VERSION = "1"

@@ -10,8 +10,7 @@ import math
 from dataclasses import replace
 
 from microplan.planner.assembly.assembly import Carrier, State, owner_of
-from microplan.planner.assembly.moves import apply_reading
-from microplan.planner.assembly.step_states import StepState
+from microplan.planner.assembly.step_states import StepState, apply_reading
 from microplan.planner.assembly.swept_volume import SURFACE, Hit, sweep_gaps
 from microplan.planner.task.task import Task
 from microplan.schemas.plan import Budget, BudgetRow

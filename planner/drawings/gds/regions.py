@@ -13,7 +13,7 @@ from shapely.geometry.base import BaseGeometry
 
 from microplan.arrays import FloatArray
 from microplan.optics.outline.outline import Arc, Ring, Segment
-from microplan.planner.drawings.circle_fit import fit_circle
+from microplan.planner.drawings.biarcs import fit_circle
 from microplan.planner.drawings.gds.cells import MAX_UNITS, AffineMap, PlacedShape
 from microplan.planner.drawings.gds.paths import sagitta
 from microplan.planner.drawings.gds.polygons import BATCH, polygons, too_many_meetings

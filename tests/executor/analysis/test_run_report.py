@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from microplan.executor.analysis.run_artifacts import read_left, real
 from microplan.executor.analysis.run_frames import small
 from microplan.executor.analysis.run_report import run_report, write_report
+from microplan.executor.analysis.run_summaries import read_left, real
 from microplan.executor.cli.main import main
 from microplan.executor.record.plan_file import world_beside
 from microplan.schemas.files.times import spans

@@ -10,7 +10,7 @@ import pytest
 
 from microplan.executor.cli.main import _answer, _asker, _question, _teller
 from microplan.executor.cli.options import parse
-from microplan.executor.record.summary import injected
+from microplan.executor.record.outcome import injected
 from microplan.executor.simulated.faults import Faults
 from microplan.schemas.plan import MoveAction
 from tests.executor.bench import plan_of, stage_to, step

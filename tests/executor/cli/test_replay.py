@@ -22,12 +22,11 @@ from microplan.executor.devices.drivers import Clock
 from microplan.executor.devices.station import Offer, Station
 from microplan.executor.motion.beliefs import Beliefs
 from microplan.executor.record.frames import Frames, read_png, write_png
-from microplan.executor.record.journal import Journal
 from microplan.executor.record.plan_file import PlanFile
 from microplan.executor.record.recorded_calls import Tape, read_record
 from microplan.executor.record.recording import CallRecorder, plain
 from microplan.executor.record.replay_station import tape_station
-from microplan.executor.record.write_ahead_log import FileStore
+from microplan.executor.record.write_ahead_log import FileStore, Journal
 from microplan.executor.run.artifacts import Artifacts
 from microplan.executor.run.run import run_plan
 from microplan.executor.run.run_context import Rig

@@ -19,10 +19,10 @@ from microplan.executor.devices.errors import ExecutorError
 from microplan.executor.devices.station import Station
 from microplan.executor.motion.beliefs import Beliefs
 from microplan.executor.record.frames import Frames
-from microplan.executor.record.journal import Journal
 from microplan.executor.record.plan_file import PlanFile
 from microplan.executor.record.recording import CallRecorder
 from microplan.executor.record.run_folder import RunFolder
+from microplan.executor.record.write_ahead_log import Journal
 from microplan.executor.run.artifacts import Artifacts
 from microplan.executor.run.run import run_plan
 from microplan.executor.run.run_context import Rig

@@ -10,10 +10,14 @@ import numpy as np
 import pytest
 
 from benchmarks.executing.servo_gain import GAINS, course
-from microplan.executor.devices.calibration import Calibration, ZoomPoint
+from microplan.executor.devices.calibration import (
+    Calibration,
+    ZoomPoint,
+    check_gains,
+    stable_gain,
+)
 from microplan.executor.devices.drivers import Counts
 from microplan.executor.devices.errors import ExecutorError
-from microplan.executor.devices.gain import check_gains, stable_gain
 from microplan.executor.run.servo import align
 from microplan.executor.simulated.cell import Cell
 from microplan.schemas.plan import AlignAction, Plan, Region

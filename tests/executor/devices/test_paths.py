@@ -8,7 +8,7 @@ import pytest
 
 from microplan.executor.cli.main import main
 from microplan.executor.devices.errors import ExecutorError
-from microplan.executor.devices.paths import is_file, is_folder, stays_in
+from microplan.executor.devices.station_file import is_file, is_folder, stays_in
 from microplan.executor.record.plan_file import read_plan
 from microplan.schemas.plan import MoveAction, Step, dump_plan
 from tests.executor.bench import plan_of, stage_to, step

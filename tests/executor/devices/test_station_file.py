@@ -16,7 +16,7 @@ from microplan.executor.cli.main import main
 from microplan.executor.devices.errors import ExecutorError
 from microplan.executor.devices.safety import Rules
 from microplan.executor.devices.station_file import Loaded, read_station
-from microplan.executor.devices.wall_clock import WallClock
+from microplan.executor.devices.timeouts import WallClock
 from microplan.executor.simulated.cell import Cell, offer_of, rules_of
 from microplan.schemas.codec import to_data
 from tests.executor.bench import Folder, assembly, quiet, world

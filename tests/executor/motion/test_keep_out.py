@@ -33,7 +33,7 @@ from microplan.schemas.plan import (
     MoveAction,
     Plan,
 )
-from microplan.schemas.plan.solids import Fingers, Prism, Solid
+from microplan.schemas.plan.views import Fingers, Prism, Solid
 from microplan.schemas.pose import Pose
 from tests.executor.bench import plan_of, step
 

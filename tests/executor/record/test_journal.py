@@ -12,7 +12,7 @@ import pytest
 
 from microplan.executor.cli.session import _open
 from microplan.executor.record.frames import Frames, read_png
-from microplan.executor.record.journal import Journal
+from microplan.executor.record.write_ahead_log import Journal
 from microplan.executor.simulated.cell import build_cell
 from tests.executor.bench import world
 

@@ -11,12 +11,12 @@ from pathlib import Path
 import pytest
 
 from microplan.executor.devices.errors import ExecutorError
-from microplan.executor.record.lock import held
+from microplan.executor.record.run_folder import held
 
 HOLD = """
 import sys, time
 from pathlib import Path
-from microplan.executor.record.lock import held
+from microplan.executor.record.run_folder import held
 with held(Path(sys.argv[1]), "it"):
     print("held", flush=True)
     time.sleep(60)

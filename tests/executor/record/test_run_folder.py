@@ -18,7 +18,7 @@ import pytest
 
 from microplan.executor.cli.main import main
 from microplan.executor.devices.errors import CODES
-from microplan.executor.record.lock import held
+from microplan.executor.record.run_folder import held
 from microplan.executor.record.write_ahead_log import FileStore
 from tests.executor.bench import Folder, assembly, world
 from tests.executor.cli.test_main import STATION, events, summary

@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 from microplan.arrays import FloatArray
 from microplan.executor.devices.drivers import Counts
 from microplan.executor.devices.errors import ExecutorError
-from microplan.executor.record.journal import Journal
+from microplan.executor.record.write_ahead_log import Journal
 from microplan.executor.run.artifacts import Artifacts
 from microplan.executor.run.measure_feature import bias_at
 from microplan.executor.run.measure_target import look_at

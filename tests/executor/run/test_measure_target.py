@@ -15,7 +15,7 @@ import pytest
 from microplan.arrays import FloatArray
 from microplan.executor.devices.drivers import Counts
 from microplan.executor.devices.errors import ExecutorError
-from microplan.executor.record.journal import Journal
+from microplan.executor.record.write_ahead_log import Journal
 from microplan.executor.run.artifacts import Artifacts
 from microplan.executor.run.measure_target import look_at, look_near, to_unit
 from microplan.executor.run.run_context import Rig

@@ -16,8 +16,7 @@ from microplan.executor.devices.errors import ExecutorError
 from microplan.executor.devices.safety import PhaseLimit
 from microplan.executor.devices.station import ALIGNED
 from microplan.executor.run.image_jacobian import LIMIT, followed
-from microplan.executor.run.probe import look_probed
-from microplan.executor.run.probe_limits import axis_sigma_um
+from microplan.executor.run.probe import axis_sigma_um, look_probed
 from microplan.executor.run.run_context import Rig
 from microplan.executor.simulated.cell import Cell, build_cell
 from microplan.schemas.plan import AlignAction, AxisMove, Look, Plan, Region

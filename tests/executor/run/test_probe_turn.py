@@ -14,7 +14,7 @@ from microplan.executor.devices.drivers import AxisReading
 from microplan.executor.devices.errors import ExecutorError
 from microplan.executor.motion.beliefs import Beliefs
 from microplan.executor.record.frames import Frames
-from microplan.executor.record.journal import Journal
+from microplan.executor.record.write_ahead_log import Journal
 from microplan.executor.run.artifacts import Artifacts
 from microplan.executor.run.image_jacobian import check_turn
 from microplan.executor.run.probe import look_probed

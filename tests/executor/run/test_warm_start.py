@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from microplan.executor.devices.drivers import Counts
-from microplan.executor.record.journal import Journal
+from microplan.executor.record.write_ahead_log import Journal
 from microplan.executor.run.artifacts import Artifacts
 from microplan.executor.run.run_context import Rig
 from microplan.executor.run.servo import align

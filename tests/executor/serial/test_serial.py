@@ -22,12 +22,19 @@ from hypothesis import strategies as st
 from microplan.executor.devices.errors import ExecutorError
 from microplan.executor.devices.station import Station
 from microplan.executor.devices.station_file import read_station
-from microplan.executor.devices.wall_clock import WallClock
+from microplan.executor.devices.timeouts import WallClock
 from microplan.executor.motion.motion import Motion
 from microplan.executor.serial.devices import Controller
-from microplan.executor.serial.link import TRIES, Link
-from microplan.executor.serial.port import Port
-from microplan.executor.serial.protocol import LONGEST, Answer, answer, crc8, question
+from microplan.executor.serial.link import (
+    LONGEST,
+    TRIES,
+    Answer,
+    Link,
+    Port,
+    answer,
+    crc8,
+    question,
+)
 from microplan.executor.simulated.cell import build_cell
 from microplan.executor.simulated.controller import (
     FAULTS,

@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from microplan.executor.devices.timeouts import Caller
-from microplan.executor.devices.wall_clock import WallClock
+from microplan.executor.devices.timeouts import Caller, WallClock
 from microplan.executor.simulated.cell import Cell, build_cell
 from microplan.executor.testing import Bench, ConformanceError, conforms, failures
 from microplan.executor.testing.__main__ import main

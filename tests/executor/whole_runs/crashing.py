@@ -20,9 +20,8 @@ from microplan.executor.devices.timeouts import Caller
 from microplan.executor.motion.beliefs import Beliefs
 from microplan.executor.motion.motion import Motion
 from microplan.executor.record.frames import Frames
-from microplan.executor.record.journal import Journal
 from microplan.executor.record.recovery import Header, ReadJournal, past_in
-from microplan.executor.record.write_ahead_log import WriteAheadLog
+from microplan.executor.record.write_ahead_log import Journal, WriteAheadLog
 from microplan.executor.run.artifacts import Artifacts
 from microplan.executor.run.resume import begin, take_up
 from microplan.executor.run.run import run_plan

@@ -18,8 +18,8 @@ from microplan.executor.devices.safety import AXES, Phase, PhaseLimit
 from microplan.executor.devices.station import Station
 from microplan.executor.motion.beliefs import Beliefs
 from microplan.executor.record.frames import Frames
-from microplan.executor.record.journal import Journal
 from microplan.executor.record.outcome import RunResult
+from microplan.executor.record.write_ahead_log import Journal
 from microplan.executor.run.run import run_plan
 from microplan.executor.run.run_context import Rig
 from microplan.executor.simulated.cell import Cell, build_cell

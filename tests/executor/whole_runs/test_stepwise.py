@@ -15,7 +15,7 @@ import pytest
 from microplan.executor.cli.main import main
 from microplan.executor.motion.beliefs import Beliefs
 from microplan.executor.record.frames import Frames
-from microplan.executor.record.journal import Journal
+from microplan.executor.record.write_ahead_log import Journal
 from microplan.executor.run.artifacts import Artifacts
 from microplan.executor.run.run import run_plan
 from microplan.executor.run.run_context import Rig

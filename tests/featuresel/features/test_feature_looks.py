@@ -8,19 +8,21 @@ from dataclasses import replace
 
 import pytest
 
-from microplan.featuresel.features.completeness import seen_share
-from microplan.featuresel.features.feature import Feature
+from microplan.featuresel.features.feature import Feature, seen_share
 from microplan.featuresel.features.features import propose
 from microplan.featuresel.look.design import design
 from microplan.featuresel.look.nominal import nominal_render
-from microplan.featuresel.look.reference_point import Located, along, located
 from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.look.templates import Located, along, located
 from microplan.featuresel.routines.chain import measure_chain
 from microplan.featuresel.routines.contract import Artifact, Measurement
 from microplan.featuresel.selection.select import select
 from microplan.featuresel.sets.feature_set import choose_set
-from microplan.featuresel.sets.pose_covariance import FeatureMeasurement, sight_of
-from microplan.featuresel.sets.pose_requirement import PoseRequirement
+from microplan.featuresel.sets.pose_covariance import (
+    FeatureMeasurement,
+    PoseRequirement,
+    sight_of,
+)
 from microplan.featuresel.trials.chains import Chain, chains
 from microplan.featuresel.trials.score import score
 from microplan.featuresel.trials.trials import prepare, run, start

@@ -8,8 +8,8 @@ from dataclasses import fields, replace
 
 import pytest
 
-from microplan.featuresel.look.reference_point import Located, along, located
 from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.look.templates import Located, along, located
 from microplan.featuresel.routines.contract import Failure, Measurement
 
 Look = Callable[[str], LookCase]

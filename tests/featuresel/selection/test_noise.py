@@ -11,8 +11,10 @@ import pytest
 
 from microplan.featuresel.selection.select import select
 from microplan.featuresel.sets.feature_set import choose_set
-from microplan.featuresel.sets.pose_covariance import FeatureMeasurement
-from microplan.featuresel.sets.pose_requirement import PoseRequirement
+from microplan.featuresel.sets.pose_covariance import (
+    FeatureMeasurement,
+    PoseRequirement,
+)
 from microplan.featuresel.trials.score import ChainScore
 from microplan.schemas import plan as p
 

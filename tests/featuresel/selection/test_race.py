@@ -169,7 +169,7 @@ def test_the_rounds_of_another_race_widen_the_bounds(
     assert found.interim_tests == 5
     fine = next(s for s in found.scores if s.chain == FINE)
     assert fine.success_lower == pytest.approx((0.05 / 5) ** (1 / 20))
-    with pytest.raises(ValueError, match="a peek for each of 2 rounds"):
+    with pytest.raises(ValueError, match="a test for each of 2 rounds"):
         race(post, ready, root_seed=5, most=20, rounds=(16,), interim_tests=1)
 
 

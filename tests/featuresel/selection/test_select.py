@@ -9,8 +9,7 @@ from dataclasses import replace
 import pytest
 
 from microplan.featuresel.routines.contract import Target
-from microplan.featuresel.selection.constraints import Limits
-from microplan.featuresel.selection.pareto import front
+from microplan.featuresel.selection.constraints import Limits, front
 from microplan.featuresel.selection.select import select
 from microplan.featuresel.trials.score import ChainScore, failure_upper, success_lower
 

@@ -14,10 +14,8 @@ from microplan.featuresel.look.design import Trial, design
 from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.selection.constraints import Constraints
 from microplan.featuresel.selection.evaluate import compare_routines
-from microplan.featuresel.selection.race import race
-from microplan.featuresel.selection.race_schedule import SHOWN, Heats
+from microplan.featuresel.selection.race import SHOWN, Heats, chains_ahead, race
 from microplan.featuresel.selection.select import Selection, select
-from microplan.featuresel.selection.undecided import chains_ahead
 from microplan.featuresel.trials.chains import Chain
 from microplan.featuresel.trials.outcomes import Outcome
 from microplan.featuresel.trials.score import ChainScore

@@ -9,8 +9,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from microplan.featuresel.features.completeness import seen_share
-from microplan.featuresel.features.feature import Feature
+from microplan.featuresel.features.feature import Feature, seen_share
 from microplan.featuresel.features.features import propose
 from microplan.featuresel.look.nominal import nominal_render
 from microplan.featuresel.look.scenario import LookCase

@@ -15,8 +15,11 @@ from microplan.featuresel.look.design import design
 from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.routines.contract import Failure
 from microplan.featuresel.sets.feature_set import choose_set
-from microplan.featuresel.sets.pose_covariance import FeatureMeasurement, sight_of
-from microplan.featuresel.sets.pose_requirement import PoseRequirement
+from microplan.featuresel.sets.pose_covariance import (
+    FeatureMeasurement,
+    PoseRequirement,
+    sight_of,
+)
 from microplan.featuresel.sets.set_trials import Member, score_set
 from microplan.featuresel.trials.score import ChainScore, score
 from microplan.featuresel.trials.trials import prepare, run

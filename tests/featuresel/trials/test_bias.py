@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from microplan.featuresel.look.design import design
-from microplan.featuresel.look.reference_point import Located
 from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.look.templates import Located
 from microplan.featuresel.trials.bias import BiasCurve, unbiased
 from microplan.featuresel.trials.bias_prediction import default_heights, predict_bias
 from microplan.featuresel.trials.trials import PreparedRoutines, prepare, run

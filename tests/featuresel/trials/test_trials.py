@@ -19,8 +19,8 @@ from microplan.featuresel.selection.select import select
 from microplan.featuresel.trials.bias import BiasCurve
 from microplan.featuresel.trials.chains import chains
 from microplan.featuresel.trials.score import score
+from microplan.featuresel.trials.tolerance_search import usable_range
 from microplan.featuresel.trials.trials import is_wrong, prepare, run, start
-from microplan.featuresel.trials.usable_range import usable_range
 
 Look = Callable[[str], LookCase]
 

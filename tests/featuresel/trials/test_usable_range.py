@@ -19,9 +19,9 @@ from microplan.featuresel.trials.tolerance_search import (
     Direction,
     ToleranceSearch,
     last_held,
+    usable_range,
 )
 from microplan.featuresel.trials.trials import prepare
-from microplan.featuresel.trials.usable_range import usable_range
 
 Look = Callable[[str], LookCase]
 

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from microplan.optics.coherence.coherence import render_coherent
-from microplan.optics.coherence.coherence_bound import (
+from microplan.optics.coherence.edge_offsets import (
     CLOSE_EDGES,
     NARROW_EDGES,
+    coherence_error,
     mean_width_um,
     scene_error,
 )
-from microplan.optics.coherence.edge_offsets import coherence_error
 from microplan.optics.outline.outline import Outline
 from microplan.optics.render.render import render
 from microplan.optics.render.scene import Layer, Scene, Window

@@ -30,8 +30,7 @@ from microplan.optics.lens.sensor import Sensor, expose
 from microplan.optics.render.render import render
 from microplan.optics.render.spectrum import Tile, spectrum
 from microplan.optics.transfer import otf
-from microplan.optics.transfer.model_error import law_error
-from microplan.optics.transfer.models import tabulate, transfer
+from microplan.optics.transfer.models import law_error, tabulate, transfer
 from tests.optics.extremes.extreme_chains import CHAINS
 from tests.optics.extremes.extreme_givens import Given, optics_of, scene_of, shape_of
 

@@ -23,9 +23,8 @@ from benchmarks.optics.law_outlines import trials
 from microplan.optics.outline.outline import Outline
 from microplan.optics.render.render import render
 from microplan.optics.render.sampling import Sampling
-from microplan.optics.transfer.model_error import law_error
 from microplan.optics.transfer.model_error_table import BOUND, PIXEL, STEEPNESS, WAVES
-from microplan.optics.transfer.models import MODELS, TABLE_ERROR
+from microplan.optics.transfer.models import MODELS, TABLE_ERROR, law_error
 from tests.optics.shapes import circle, disc, gear, microscope, one_layer, rectangle
 
 # drawn once: places between the nodes of the table

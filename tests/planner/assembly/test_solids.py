@@ -9,11 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from microplan.planner.assembly.shapes import polygon
-from microplan.planner.assembly.solids import few_corners, finger_solids, part_solids
+from microplan.planner.assembly.world import few_corners, finger_solids, part_solids
 from microplan.planner.source.diagnostics import Report
 from microplan.planner.task.read_task import load_task
 from microplan.planner.task.task import Task
-from microplan.schemas.plan.solids import MOST_CORNERS, Prism
+from microplan.schemas.plan.views import MOST_CORNERS, Prism
 from tests.planner.examples import EXAMPLE
 
 

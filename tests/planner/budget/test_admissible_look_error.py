@@ -7,11 +7,10 @@ from dataclasses import replace
 import pytest
 
 from microplan.planner.assembly.step_states import unfold
-from microplan.planner.budget.admissible_look_error import AdmissibleError, bearable
 from microplan.planner.budget.alignment_residual import residual_after
+from microplan.planner.budget.allowable_errors import AdmissibleError, bearable
 from microplan.planner.budget.budget import PastMeasurement
-from microplan.planner.budget.insert_budget import share_of_goal
-from microplan.planner.budget.insertion_problem import insertion_of
+from microplan.planner.budget.insert_budget import insertion_of, share_of_goal
 from microplan.planner.source.diagnostics import Report
 from microplan.planner.task.task import Task
 from tests.planner.examples import ROOT

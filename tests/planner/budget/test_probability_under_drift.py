@@ -11,9 +11,9 @@ from scipy.stats import ncx2
 
 from microplan.featuresel.trials.outcomes import Outcome
 from microplan.planner.budget.budget import FOCUS_TERM
+from microplan.planner.budget.drift_since_look import Borne, is_placed
 from microplan.planner.budget.insertion import Insertion
 from microplan.planner.budget.probability.fit_probability import Residual, RoundFit
-from microplan.planner.budget.probability_under_drift import Borne, is_placed
 from microplan.schemas.plan import BudgetRow
 
 LOOK = "measurement of gear.bore"

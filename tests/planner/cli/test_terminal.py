@@ -13,7 +13,7 @@ from typing import get_args
 
 import pytest
 
-from microplan.planner.cli.terminal import in_colour, painted
+from microplan.planner.cli.answering import in_colour, painted
 from microplan.planner.source.diagnostics import Diagnostic, Severity, Span, render_text
 from tests.planner.examples import ROOT
 

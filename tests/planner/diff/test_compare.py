@@ -11,8 +11,7 @@ import pytest
 
 from microplan.planner.diff.changes import ABOUT, KINDS, PlanChange, is_number
 from microplan.planner.diff.compare import compare_plans
-from microplan.planner.diff.tolerances import parse_rule
-from microplan.planner.diff.units import unit_of
+from microplan.planner.diff.tolerances import parse_rule, unit_of
 from microplan.schemas.plan import Plan, parse_plan
 from tests.planner.examples import ROOT
 

@@ -16,8 +16,8 @@ from microplan.optics.outline.outline import Arc, Outline, Ring, Segment
 from microplan.planner.export.folder import ExportedPlan, Viewed, read_folder
 from microplan.planner.export.pieces import look_outlines
 from microplan.planner.store.pictures import picture, picture_sha256
+from microplan.schemas.files.evidence import PlacedBody
 from microplan.schemas.files.outlines import ArcEdge, LookOutlines
-from microplan.schemas.files.scenes import PlacedBody
 from microplan.schemas.pose import Pose
 
 LOOK = "check_seated.seat"  # a post of 22 um at the origin, nothing over it

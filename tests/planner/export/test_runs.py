@@ -11,9 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from microplan.optics.outline.outline import Arc, Ring, Segment, flatten
-from microplan.planner.export.runs import border, runs
 from microplan.planner.export.sequence import MOST_PLANES, planes_um
-from microplan.planner.export.tracks import RingTrack
+from microplan.planner.export.tracks import RingTrack, border, runs
 
 PIE = Ring(  # a half disc: an arc and a chord
     edges=(

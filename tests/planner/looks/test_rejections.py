@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from microplan.featuresel.trials.score import ChainScore
-from microplan.planner.looks.rejections import commonest_hint, rejections
+from microplan.planner.looks.records import commonest_hint, rejections
 
 FEW = "rejected: success {}% of 24 trials, at least 98% ({})"
 WIDE = "rejected: 2 sigma + |bias| is {} um, tolerance 1 um"

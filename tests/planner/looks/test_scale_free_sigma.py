@@ -14,7 +14,7 @@ from microplan.featuresel.trials.score import ChainScore, score_chain
 from microplan.featuresel.trials.trials import PreparedRoutines
 from microplan.planner.assembly.step_states import unfold
 from microplan.planner.looks.evaluation import Evaluation
-from microplan.planner.looks.scale_free_sigma import sigma_without_scale_um
+from microplan.planner.looks.look_record import sigma_without_scale_um
 from microplan.planner.looks.scenario import build_case
 from microplan.planner.source.diagnostics import Report
 from microplan.planner.views.requests import requests

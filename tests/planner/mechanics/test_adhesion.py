@@ -15,7 +15,7 @@ from scipy import constants, integrate
 
 from microplan.planner.assembly.shapes import squeeze_width_um
 from microplan.planner.assembly.step_states import StepState, unfold
-from microplan.planner.budget.handling import report_handling, verdicts_of
+from microplan.planner.budget.step_budget import report_handling, verdicts_of
 from microplan.planner.mechanics.adhesion import (
     CONTACT_UM,
     DRY,

@@ -10,10 +10,10 @@ import pytest
 from scipy.integrate import solve_bvp
 
 from microplan.planner.assembly.assembly import with_part
-from microplan.planner.assembly.jaw_sweep import jaw_hits, report_jaws
 from microplan.planner.assembly.shapes import squeeze_width_um
 from microplan.planner.assembly.step_states import StepState, unfold
-from microplan.planner.budget.handling import report_handling
+from microplan.planner.assembly.swept_volume import jaw_hits, report_jaws
+from microplan.planner.budget.step_budget import report_handling
 from microplan.planner.mechanics.gripping import (
     grasp_verdict,
     holding_un,

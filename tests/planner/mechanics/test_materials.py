@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from microplan.planner.mechanics.materials import (
+from microplan.planner.mechanics.adhesion import (
     CONDUCTORS,
     DENSITY,
     conducts,

@@ -15,8 +15,7 @@ from microplan.planner.plan.compiler import compile_task
 from microplan.planner.plan.emit import PlanFiles, plan_bytes
 from microplan.planner.plan.options import Options
 from microplan.planner.source.diagnostics import Report
-from microplan.planner.store.errors import OutputError
-from microplan.planner.store.folder import write_files, write_folder
+from microplan.planner.store.folder import OutputError, write_files, write_folder
 from microplan.schemas.plan import dump_plan
 from tests.planner.examples import GRASP, between_jaws, copy_example, cut, read
 

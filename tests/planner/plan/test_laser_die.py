@@ -12,7 +12,7 @@ import pytest
 
 from microplan.planner.assembly.assembly import locate_place, part_z_um
 from microplan.planner.assembly.step_states import unfold
-from microplan.planner.looks.evaluated_feature import unseen
+from microplan.planner.looks.evaluation import unseen
 from microplan.planner.looks.scenario import build_case, feature_case
 from microplan.planner.source.diagnostics import Report
 from microplan.planner.task.read_task import load_task

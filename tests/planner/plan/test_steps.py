@@ -12,7 +12,7 @@ from microplan.planner.assembly.step_states import StepState, unfold
 from microplan.planner.budget.alignment_residual import moved_by, residual_of
 from microplan.planner.budget.budget import PastMeasurement
 from microplan.planner.budget.control import control_of, tolerance_um
-from microplan.planner.budget.insertion_problem import apart
+from microplan.planner.budget.insert_budget import apart
 from microplan.planner.budget.measurement_history import MeasurementHistory
 from microplan.planner.looks.look_problem import CompileContext
 from microplan.planner.plan.steps import CompiledStep, compile_step

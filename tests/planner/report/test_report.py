@@ -15,8 +15,7 @@ from microplan.planner.cli.main import main
 from microplan.planner.report.budgets import yield_advice
 from microplan.planner.report.errors import ellipse, sigmas
 from microplan.planner.report.folder import ReportedPlan, read_folder
-from microplan.planner.report.margins import margins
-from microplan.planner.report.methods import methods
+from microplan.planner.report.margins import margins, methods
 from microplan.planner.report.pictures import place_id
 from microplan.planner.report.report import plan_report, write_report
 from microplan.planner.report.trials import accuracy

@@ -13,7 +13,7 @@ import pytest
 
 from microplan.planner.assembly.step_states import StepState, unfold
 from microplan.planner.budget.control import method_of, tolerance_um
-from microplan.planner.budget.handling import report_handling, verdicts_of
+from microplan.planner.budget.step_budget import report_handling, verdicts_of
 from microplan.planner.cli.main import main
 from microplan.planner.source.diagnostics import TITLES, Report
 from microplan.planner.task.presets import PRESETS

@@ -8,7 +8,7 @@ import pytest
 
 from benchmarks.executing.drawings_located import Job, write
 from microplan.planner.source.diagnostics import Report
-from microplan.planner.task.check_sizes import likely_units
+from microplan.planner.task.check_workcell import likely_units
 from microplan.planner.task.read_task import load_task
 from tests.planner.drawings.dxf_text import box, dxf
 from tests.planner.examples import EXAMPLE, read

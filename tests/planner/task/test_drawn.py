@@ -15,7 +15,7 @@ import pytest
 
 from microplan.optics.outline.outline import Arc, Outline, Ring
 from microplan.planner.source.diagnostics import Report
-from microplan.planner.store.errors import OutputError
+from microplan.planner.store.folder import OutputError
 from microplan.planner.task.drawn import svg, write_drawings
 from microplan.planner.task.part_summary import part_lines, parts_summary
 from microplan.planner.task.read_task import load_task

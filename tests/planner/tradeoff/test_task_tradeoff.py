@@ -18,6 +18,7 @@ import pytest
 from microplan.featuresel.trials.bounds import failure_upper
 from microplan.optics.lens.sensor import Sensor, expose, to_unit
 from microplan.planner.cli.main import main
+from microplan.planner.plan.options import parse_vary
 from microplan.planner.source.diagnostics import Report
 from microplan.planner.task.presets import PRESETS
 from microplan.planner.tradeoff.task_axes import averaged, compile_methods
@@ -30,7 +31,6 @@ from microplan.planner.tradeoff.task_tradeoff import (
     with_fronts,
 )
 from microplan.planner.tradeoff.task_tradeoff_record import Spent, TradeoffPoint
-from microplan.planner.tradeoff.vary import parse_vary
 from microplan.schemas.plan import Plan, parse_plan
 from tests.planner.examples import EXAMPLE, change, copy_example, one_look, read
 

@@ -12,8 +12,12 @@ from hypothesis import strategies as st
 
 from microplan.featuresel.routines.contract import Failure
 from microplan.featuresel.routines.focus.focus import FITS
-from microplan.featuresel.routines.focus.mirror import mirror_error_um, mirror_peak
-from microplan.featuresel.routines.focus.peak import FocusPeak, gaussian_peak
+from microplan.featuresel.routines.focus.peak import (
+    FocusPeak,
+    gaussian_peak,
+    mirror_error_um,
+    mirror_peak,
+)
 
 Fit = Callable[..., FocusPeak | Failure]
 BOTH = pytest.mark.parametrize("fit", list(FITS.values()), ids=list(FITS))

@@ -14,8 +14,7 @@ from microplan.featuresel.look.nominal import nominal_render
 from microplan.featuresel.look.scenario import LookCase, scene
 from microplan.featuresel.routines.contract import Failure
 from microplan.featuresel.routines.focus.measures import tenengrad
-from microplan.featuresel.routines.focus.mirror import mirror_peak
-from microplan.featuresel.routines.focus.peak import FocusPeak
+from microplan.featuresel.routines.focus.peak import FocusPeak, mirror_peak
 from microplan.featuresel.routines.focus.sweep import (
     FocusCurve,
     Sweep,

@@ -9,8 +9,7 @@ from scipy.ndimage import map_coordinates
 
 from microplan.featuresel.look.nominal import nominal_render
 from microplan.featuresel.routines.likelihood.appearance import ImagePose, Veiling
-from microplan.featuresel.routines.likelihood.foreground import Front
-from microplan.featuresel.routines.likelihood.foreground_model import front_maps
+from microplan.featuresel.routines.likelihood.foreground import Front, front_maps
 from tests.featuresel.fits import Drawn, artifact, case, job, render
 
 REACH_UM = 12.0  # three deviations of the focus

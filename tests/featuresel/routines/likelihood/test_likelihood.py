@@ -14,7 +14,7 @@ from microplan.arrays import FloatArray
 from microplan.featuresel.look.nominal import NominalRender, nominal_render
 from microplan.featuresel.routines.contract import Failure, Guess, Measurement
 from microplan.featuresel.routines.likelihood import likelihood
-from microplan.featuresel.routines.likelihood.ambiguity import other_turns
+from microplan.featuresel.routines.likelihood.pose_start import other_turns
 from microplan.optics.outline.outline import Outline
 from microplan.optics.render.scene import Layer
 from tests.featuresel.conftest import TEETH, disc, gear, noisy

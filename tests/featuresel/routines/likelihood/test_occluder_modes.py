@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from microplan.arrays import FloatArray
-from microplan.featuresel.limits.place_limit import place_limits_um
+from microplan.featuresel.limits.crlb import place_limits_um
 from microplan.featuresel.look.design import design
 from microplan.featuresel.look.disturb import shifted, turned
 from microplan.featuresel.look.nominal import nominal_render, swayed
 from microplan.featuresel.look.perturb import image
-from microplan.featuresel.look.reference_point import Located, located
 from microplan.featuresel.look.scenario import LookCase, UnknownRotation
+from microplan.featuresel.look.templates import Located, located
 from microplan.featuresel.routines.contract import Artifact, Guess, Measurement
 from microplan.featuresel.routines.likelihood import likelihood
 from microplan.featuresel.routines.likelihood.comparison import (
@@ -24,7 +24,7 @@ from microplan.featuresel.routines.likelihood.comparison import (
     ImageComparison,
 )
 from microplan.featuresel.routines.likelihood.fit_problem import read_job
-from microplan.featuresel.routines.likelihood.occluder_modes import principal, sway_maps
+from microplan.featuresel.routines.likelihood.foreground import principal, sway_maps
 from microplan.featuresel.routines.likelihood.pose_fit import PoseFit, fit_pose
 from microplan.optics.render.scene import Window
 from tests.featuresel.conftest import CASES, on_target

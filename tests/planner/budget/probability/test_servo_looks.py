@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from microplan.planner.budget.probability.servo_looks import Loop, expected_looks
+from microplan.planner.budget.probability.servo_landing import Loop, expected_looks
 
 RUNS = 20_000
 
