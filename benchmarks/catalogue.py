@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from benchmarks import house
 from benchmarks.compiling import fit, imports, machines, memory, stages, times
 from benchmarks.executing import (
     control,
@@ -31,6 +32,7 @@ from benchmarks.robustness import hostile, same_meaning
 from benchmarks.selection import feature_sets, promises
 
 BENCHMARKS: tuple[Benchmark, ...] = (
+    house.BENCHMARK,
     vectors.BENCHMARK,
     extremes.BENCHMARK,
     error_maps.BENCHMARK,

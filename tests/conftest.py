@@ -29,8 +29,12 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "steady"))
 
 @pytest.fixture(scope="session", autouse=True)
 def own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """Keep what compiles leave behind out of the user's own cache."""
-    folder = tmp_path_factory.mktemp("cache")
+    """Keep what compiles leave behind out of the user's own cache.
+
+    All workers of one test run share it: what one has compiled no other compiles again.
+    """
+    folder = _shared(tmp_path_factory) / "cache"
+    folder.mkdir(exist_ok=True)
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_CACHE_HOME", str(folder))
         yield folder

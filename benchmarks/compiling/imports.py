@@ -1,4 +1,4 @@
-"""What starting the executor and `microplan check` cost, next to importing numpy."""
+"""Start-up times: the package itself, the executor, `microplan check`."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ NAMES = (
     "planner.check_s",
     "planner.second_reader_s",
     "planner.second_reader_most_s",
+    "microplan.import_ms",
 )
 
 
@@ -26,12 +27,18 @@ def _measure(_options: Options) -> Iterator[Figure]:
         ["-c", "import microplan.executor.cli.main"],
         ["-m", "microplan.planner.cli.main", "check", str(TASK)],
         ["-c", "import numpy"],
+        ["-c", "import microplan"],
+        ["-c", "pass"],
     )
     # taken in turns, so that a busy moment meets all
     rounds = [[python_s(call) for call in calls] for _ in range(REPEATS)]
-    executor, check, numpy = (min(times) for times in zip(*rounds, strict=True))
+    executor, check, numpy, package, python = (
+        min(times) for times in zip(*rounds, strict=True)
+    )
     yield Figure(name=NAMES[0], value=executor / numpy, unit="1")
     yield Figure(name=NAMES[1], value=check - numpy, unit="s")  # beyond numpy
+    # beyond Python itself
+    yield Figure(name=NAMES[4], value=(package - python) * 1e3, unit="ms")
     task = load_task(TASK, Report())
     if task is None:
         raise RuntimeError("the example cannot be read")
