@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import sys
+import textwrap
 import tomllib
 from collections import defaultdict
 from collections.abc import Callable, Mapping
@@ -35,6 +36,7 @@ FOLDER = ROOT / "docs" / "reference"
 EXAMPLES = ROOT / "examples"
 TASKS = ("gear_on_shaft", "laser_die")  # examples of keys come from the first
 GOLDEN = ROOT / "tests" / "golden" / "gear_on_shaft.fast.json"
+WIDTH = 120  # of lines of prose
 MADE = "<!-- written by docs/reference.py: change that, or what it reads -->"
 SUBJECTS = (
     ("MP0", "Files and syntax"), ("MP1", "Task and workcell"), ("MP2", "Drawings"),
@@ -156,11 +158,28 @@ def _page(title: str, text: str, schema: Mapping[str, Any], data: list[Any]) -> 
     return "\n\n".join(blocks) + "\n"
 
 
+def _wrapped(page: str) -> str:
+    """Return a page whose lines of prose are at most `WIDTH` characters long."""
+    lines: list[str] = []
+    fenced = False
+    for line in page.split("\n"):
+        fenced ^= line.startswith("```")
+        if fenced or len(line) <= WIDTH or line.startswith("|"):
+            lines.append(line)
+        else:
+            indent = "  " if line.startswith("- ") else ""
+            lines += textwrap.wrap(
+                line, WIDTH, subsequent_indent=indent,
+                break_long_words=False, break_on_hyphens=False,
+            )  # fmt: skip
+    return "\n".join(lines)
+
+
 def main() -> int:
     """Write the pages, or tell which are not what they should be."""
     wrong = []
     for name, page in PAGES.items():
-        file, text = FOLDER / f"{name}.md", page()
+        file, text = FOLDER / f"{name}.md", _wrapped(page())
         if "--check" not in sys.argv:
             FOLDER.mkdir(exist_ok=True)
             file.write_text(text, encoding="utf-8", newline="\n")

@@ -75,7 +75,7 @@ def test_the_catalogue_is_the_registry() -> None:
         assert needs == ", ".join(routine.REQUIRES)
         reach = routine.CAPTURE_PX
         assert captures == ("search" if math.isinf(reach) else f"{reach:g} px")
-        roles = ("control", routine.BASELINE), ("dear", routine.EXPENSIVE)
+        roles = ("baseline", routine.BASELINE), ("expensive", routine.EXPENSIVE)
         assert role == ", ".join(word for word, holds in roles if holds)
         assert good
         assert bad

@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import math
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -77,16 +77,33 @@ def points() -> tuple[Point, ...]:
 
 
 def table_rows() -> list[str]:
-    """Return the list as rows of a Markdown table."""
+    """Return one row of a Markdown table for each kind of point."""
+    kinds: dict[str, list[Point]] = {}
+    for point in points():
+        kinds.setdefault(point.call, []).append(point)
     return [
-        f"| `{p.call}` | {_words(p.given)} | {p.expected:.17g} | {p.allowed:.2g} "
-        f"| {p.source} |"
-        for p in points()
+        f"| `{call}` | {len(some)} | {_range(some)} "
+        f"| {max(point.allowed for point in some):.2g} | {_sources(some)} |"
+        for call, some in kinds.items()
     ]
 
 
-def _words(given: Given) -> str:
-    return ", ".join(f"{key} = {value}" for key, value in given.items())
+def _range(some: Sequence[Point]) -> str:
+    """Return each given number with its least and largest value."""
+    numbers: dict[str, list[float]] = {}
+    for point in some:
+        for key, value in point.given.items():
+            if isinstance(value, (int, float)):
+                numbers.setdefault(key, []).append(value)
+    ranges = ((key, min(values), max(values)) for key, values in numbers.items())
+    return ", ".join(
+        f"{key} {low:g}" + (f" to {high:g}" if high > low else "")
+        for key, low, high in ranges
+    )
+
+
+def _sources(some: Sequence[Point]) -> str:
+    return "; ".join(dict.fromkeys(point.source for point in some))
 
 
 def _x(g: Given) -> FloatArray:

@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from tests.optics.extremes.extreme_entries import RENDERED, ROUNDING, Entry, entry
-from tests.optics.extremes.extreme_points import LIST, table_rows
+from tests.optics.extremes.extreme_points import LIST, points, table_rows
 from tests.optics.extremes.high_precision import (
     Number,
     diffraction,
@@ -36,10 +36,11 @@ INTRODUCTION = """\
 # Extreme points
 
 {count} points at the ends of what `optics` accepts, each with the value that must come
-out, the largest error allowed (absolute) and where both come from. A nan, an infinity
-or a warning is a failure too. `tests/optics/extremes/test_extremes.py` checks them one
-by one, and `make bench` counts failures as `optics.extremes_failed`. Made by
-`python -m tests.optics.extremes.make_extremes`.
+out, the largest error allowed (absolute) and the source of both, are listed in
+[extremes.json](../tests/optics/extremes/extremes.json). A nan, an infinity or a
+warning is a failure too. `tests/optics/extremes/test_extremes.py` checks them one by
+one, and `make bench` counts failures as `optics.extremes_failed`. List and page are
+written by `python -m tests.optics.extremes.make_extremes`.
 
 Where nothing else is said A = .42, n = 1, the wavelength is .6 um, the magnification
 10, the pitch 7.5 um and the frame 31 x 31 pixels; lengths of parts are um."""
@@ -417,14 +418,13 @@ def entries() -> list[Entry]:
 
 
 def page() -> str:
-    """Return the page that lists the points."""
-    rows = table_rows()
+    """Return the page with a row for each kind of point."""
     lines = [
-        *INTRODUCTION.format(count=len(rows)).splitlines(),
+        *INTRODUCTION.format(count=len(points())).splitlines(),
         "",
-        "| what | at | expected | allowed | from |",
+        "| what | points | numbers given | largest error allowed | source |",
         "|---|---|---|---|---|",
-        *rows,
+        *table_rows(),
     ]
     return "\n".join(lines) + "\n"
 
