@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
-
-from microplan.optics.render.scene import Illumination
-from microplan.optics.transfer.microscope import Microscope
 
 # A barrel distortion of -1/3 at the corner would fold the image there.
 MAX_DISTORTION = 0.25
@@ -111,28 +108,3 @@ def _check_apertures(table: tuple[tuple[float, float], ...]) -> None:
         raise ValueError(
             f"apertures need two entries or more, magnifications rising, got {table}"
         )
-
-
-def with_aperture(microscope: Microscope, errors: LensErrors) -> Microscope:
-    """Return the setting with the aperture its zoom has; the same if none is known.
-
-    Raises
-    ------
-    ValueError
-        If the magnification is outside the table, or the aperture not below the index.
-    """
-    if not errors.apertures:
-        return microscope
-    aperture = errors.aperture_at(microscope.magnification)
-    return replace(microscope, aperture=aperture)
-
-
-def with_gradient(light: Illumination, errors: LensErrors) -> Illumination:
-    """Return the light with the errors' gradient added; the same if there is none."""
-    if not (errors.gradient_x or errors.gradient_y):
-        return light
-    return replace(
-        light,
-        gradient_x=light.gradient_x + errors.gradient_x,
-        gradient_y=light.gradient_y + errors.gradient_y,
-    )

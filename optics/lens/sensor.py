@@ -35,11 +35,6 @@ class Sensor:
             raise ValueError(f"gain must be positive and finite, got {self.gain}")
 
     @property
-    def counts_per_e(self) -> float:
-        """Return the counts that one electron gives, before rounding."""
-        return self.gain * self.top_count / self.full_well_e
-
-    @property
     def top_count(self) -> int:
         """Return the largest count, 2**bits - 1."""
         return int(2**self.bits - 1)

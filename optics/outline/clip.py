@@ -38,16 +38,6 @@ class EdgeArrays:
         x, y = boxes[:, 0::2], boxes[:, 1::2]
         return (float(x.min()), float(y.min()), float(x.max()), float(y.max()))
 
-    def placed(self, x_um: float, y_um: float, theta_rad: float = 0.0) -> EdgeArrays:
-        """Return the edges turned about the origin, then shifted."""
-        c, s = math.cos(theta_rad), math.sin(theta_rad)
-        turn, shift = np.array([[c, s], [-s, c]]), np.array([x_um, y_um])  # of rows
-        arcs = self.arcs.copy()
-        arcs[:, :2] = arcs[:, :2] @ turn + shift
-        arcs[:, 3] += theta_rad
-        ends = self.segments.reshape(-1, 2) @ turn + shift
-        return EdgeArrays(segments=ends.reshape(-1, 4), arcs=arcs)
-
 
 def to_edges(outline: Outline) -> EdgeArrays:
     """Return the edges of `outline` as they are."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -28,10 +28,7 @@ class PreparedScene:
     microscope: Microscope
     window: Window
     reach: Range
-    model: str
-    sampling: Sampling
     parts: tuple[TiledLayer, ...]  # those that come near the window
-    shift_um: tuple[float, float]
 
     def image(
         self,
@@ -111,53 +108,6 @@ class PreparedScene:
             microscope=self.microscope, focus_um=focus_um, shift_um=shift_um, zoom=zoom
         )
 
-    def under(self, model: str) -> PreparedScene:
-        """Return the scene under another defocus law, with the same spectra.
-
-        Raises
-        ------
-        ValueError
-            If the law is unknown, or reaches beyond the band as it does not diffract.
-        """
-        if find_model(self.model).diffracts and not find_model(model).diffracts:
-            raise ValueError(f"prepared for {self.model}, the band of {model} is wider")
-        parts = tuple(part.under(model) for part in self.parts)
-        return replace(self, model=model, parts=parts)
-
-    def turned(
-        self, theta_rad: float, *, names: Collection[str] | None = None
-    ) -> PreparedScene:
-        """Return the scene with layers turned about the world's origin.
-
-        Their edges are turned and transformed again, the others' spectra are kept.
-
-        Parameters
-        ----------
-        theta_rad : float
-            Counter-clockwise.
-        names : collection of str, optional
-            Of the layers that turn. Default: all.
-        """
-        parts = []
-        for layer in self.scene.layers:
-            old = [part for part in self.parts if part.layer is layer]
-            if names is not None and layer.name not in names:
-                parts += old
-                continue
-            edges = old[0].edges if old else to_edges(layer.outline)
-            new = make_part(
-                layer,
-                edges.placed(0.0, 0.0, theta_rad),
-                self.microscope,
-                reach=self.reach,
-                model=self.model,
-                window=self.window,
-                sampling=self.sampling,
-                shift_um=self.shift_um,
-            )
-            parts += [new] if new else []
-        return replace(self, parts=tuple(parts))
-
 
 def prepare(
     scene: Scene,
@@ -222,8 +172,5 @@ def prepare(
         microscope=microscope,
         window=frame,
         reach=reach,
-        model=model,
-        sampling=chosen,
         parts=tuple(part for part in found if part is not None),
-        shift_um=shift_um,
     )

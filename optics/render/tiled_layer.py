@@ -81,10 +81,6 @@ class TiledLayer:
         coverage = self._coverage(view, rows, columns)
         return Patch(layer=self.layer, rows=r, columns=c, coverage=coverage)
 
-    def under(self, model: str) -> TiledLayer:
-        """Return the part under another defocus law, with the same spectrum."""
-        return replace(self, model=model, last=_Last(), space=Space())
-
     def _coverage(
         self, view: ImageView, rows: FloatArray, columns: FloatArray
     ) -> Samples:

@@ -9,7 +9,7 @@ import numpy as np
 from microplan.arrays import FloatArray
 from microplan.optics.layers.occlusion import occluded
 from microplan.optics.lens.distorted_scene import lens_scene
-from microplan.optics.lens.lens import LensErrors, with_aperture, with_gradient
+from microplan.optics.lens.lens import LensErrors
 from microplan.optics.oracle import Oracle
 from microplan.optics.outline.outline import Outline
 from microplan.optics.render.fidelity import LADDER, Fidelity, choose
@@ -80,9 +80,9 @@ def _lens_change(g: Given) -> float:
     errors, optics, scene = LensErrors(**g["errors"]), optics_of(g), scene_of(g)
     seen = render(
         lens_scene(scene, optics, errors, 0.0),
-        with_aperture(optics, errors),
+        optics,
         focus_um=0.0,
-        light=with_gradient(Illumination(), errors),
+        light=Illumination(gradient_x=errors.gradient_x, gradient_y=errors.gradient_y),
     )
     return float(np.abs(seen - render(scene, optics, focus_um=0.0)).max())
 

@@ -12,13 +12,13 @@ import pytest
 from microplan.arrays import FloatArray
 from microplan.optics.layers.coaxial_light import Irradiance, lights
 from microplan.optics.layers.occlusion import occluded
-from microplan.optics.layers.shade import bore_brightness
 from microplan.optics.layers.shading import render_coaxial, shade_error
 from microplan.optics.outline.outline import Outline, place
 from microplan.optics.render.render import Covered, cover, render
 from microplan.optics.render.sampling import margin_error
 from microplan.optics.render.scene import Illumination, Layer, Scene, Window
 from microplan.optics.transfer.microscope import Microscope
+from tests.optics.bore import bore_brightness
 from tests.optics.shapes import circle, disc, gear, microscope, rectangle
 
 LAMP = 0.42
