@@ -19,13 +19,14 @@ from scipy.interpolate import CubicSpline
 from microplan.arrays import Box, FloatArray
 from microplan.optics.layers.occlusion import Tracing, cell_um
 from microplan.optics.layers.rays import slopes
-from microplan.optics.outline.clip import EdgeArrays, clip, to_edges
+from microplan.optics.outline.clip import EdgeArrays, clip, common, grown, to_edges
 from microplan.optics.outline.fourier_integral import transform
 from microplan.optics.outline.outline import Outline
 from microplan.optics.render.pixels import axis_px
 from microplan.optics.render.render import Covered
 from microplan.optics.render.scene import Scene, Window
 from microplan.optics.render.spectrum import Tile, band_orders
+from microplan.optics.render.view_range import full
 from microplan.optics.transfer.microscope import Microscope
 from microplan.optics.transfer.models import find_model
 
@@ -85,14 +86,14 @@ class Oracle:
         rings, (wavelength / A) / (2 pi**3 r**3), at most twice that. Repetitions in
         rings of 8 k at k times the least distance d sum up to 8 zeta(2) / d**3.
         """
-        frame = window or _full(microscope)
+        frame = window or full(microscope)
         airy = microscope.wavelength_um / microscope.aperture
         blur = microscope.blur_diameter_um(deepest_um) / 2
         reach = blur + CUT * airy
-        box = _grown(_box(microscope, frame), reach)
+        box = grown(_box(microscope, frame), reach)
         edges, bounds, cut = to_edges(outline), outline.bounds_um, 0.0
         if not _holds(box, bounds):
-            edges, bounds = clip(outline, box), _common(box, bounds)
+            edges, bounds = clip(outline, box), common(box, bounds)
             cut = 4 / (np.pi**3 * CUT)  # four sides
         each = abs(edges.area_um2) * airy / np.pi**3 * 8 * np.pi**2 / 6
         apart = blur + max((each / wrap_error) ** (1 / 3), 20 * airy)
@@ -187,7 +188,7 @@ def oracle_image(
         and cells cost: `benchmarks.optics.layers`; what rays lack:
         `microplan.optics.layers.layer_error`.
     """
-    frame = window or _full(microscope)
+    frame = window or full(microscope)
 
     def blurred(fine: Microscope, cut: Window) -> list[Covered]:
         found = []
@@ -229,12 +230,6 @@ def tabulated(model: str, microscope: Microscope, z_um: float) -> Table:
     return read
 
 
-def _full(microscope: Microscope) -> Window:
-    return Window(
-        row=0, column=0, rows=microscope.height_px, columns=microscope.width_px
-    )
-
-
 def _centers(microscope: Microscope, window: Window) -> tuple[FloatArray, FloatArray]:
     """Return x (columns,) and y (rows,) of the pixels' centres, um."""
     cx, cy = axis_px(microscope)
@@ -250,16 +245,8 @@ def _box(microscope: Microscope, window: Window) -> Box:
     return (float(x[0]), float(y[-1]), float(x[-1]), float(y[0]))
 
 
-def _grown(box: Box, by_um: float) -> Box:
-    return (box[0] - by_um, box[1] - by_um, box[2] + by_um, box[3] + by_um)
-
-
 def _holds(box: Box, bounds: Box) -> bool:
-    return _common(box, bounds) == bounds
-
-
-def _common(a: Box, b: Box) -> Box:
-    return (max(a[0], b[0]), max(a[1], b[1]), min(a[2], b[2]), min(a[3], b[3]))
+    return common(box, bounds) == bounds
 
 
 def _tile(seen: Box, body: Box, apart_um: float) -> Tile:

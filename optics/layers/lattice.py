@@ -14,6 +14,7 @@ from scipy.interpolate import CubicSpline
 
 from microplan.arrays import Float32Array, FloatArray
 from microplan.optics.outline.scanlines import cells
+from microplan.optics.render.pruned_ifft import fast_length
 from microplan.optics.render.scene import Layer, Window
 from microplan.optics.transfer.microscope import Microscope
 from microplan.optics.transfer.models import tabulate
@@ -126,12 +127,6 @@ class Lattice:
         return found
 
 
-def _fast(least: int) -> int:
-    """Return the next length that transforms fast."""
-    size = fft.next_fast_len(least, real=True)
-    return least if size is None else size
-
-
 def _blocks(
     points: int, places: Places, beyond: float
 ) -> Iterator[tuple[slice, slice, FloatArray]]:
@@ -203,7 +198,7 @@ def blur(
         As in `microplan.optics.transfer.models.transfer`.
     """
     rows, columns = values.shape[-2:]
-    wide = _fast(rows), _fast(columns)
+    wide = fast_length(rows), fast_length(columns)
     v, u = (np.arange(size) / (2 * size * step_um) for size in wide)
     x = np.hypot(u, v[:, None]) / microscope.cutoff_per_um
     top = min(float(x.max()), 1.0)

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from microplan.arrays import Box, FloatArray
-from microplan.optics.outline.clip import EdgeArrays, clip
+from microplan.optics.outline.clip import EdgeArrays, clip, grown
 from microplan.optics.render.fidelity import steps
 from microplan.optics.render.pixels import axis_px
 from microplan.optics.render.scene import Layer, Scene, Window
@@ -119,11 +119,6 @@ def seen_um(microscope: Microscope, window: Window) -> Box:
     p = microscope.um_per_px
     left, top = (window.column - 0.5 - cx) * p, (cy - window.row + 0.5) * p
     return (left, top - window.rows * p, left + window.columns * p, top)
-
-
-def grown(box: Box, by_um: float) -> Box:
-    """Return a box with `by_um` more on every side."""
-    return (box[0] - by_um, box[1] - by_um, box[2] + by_um, box[3] + by_um)
 
 
 def _spread(away: FloatArray, near: float) -> npt.NDArray[np.intp]:

@@ -20,6 +20,7 @@ from microplan.optics.layers.rays import (
     Grid,
     LayerSheet,
     Traced,
+    extent,
     hard,
     laid,
     reach_cells,
@@ -31,6 +32,7 @@ from microplan.optics.layers.shade import light_share
 from microplan.optics.render.pixels import axis_px
 from microplan.optics.render.render import Covered, cover, render
 from microplan.optics.render.scene import Illumination, Layer, Scene, Window
+from microplan.optics.render.view_range import full
 from microplan.optics.transfer.microscope import Microscope
 from microplan.optics.transfer.models import tabulate
 from microplan.optics.transfer.otf import diffraction
@@ -96,9 +98,7 @@ def occluded(
     uniform; D[layers laid over each other] where all are in focus; and M for a
     wavelength of 0.
     """
-    frame = window or Window(
-        row=0, column=0, rows=microscope.height_px, columns=microscope.width_px
-    )
+    frame = window or full(microscope)
 
     def blurred(setting: Microscope, cut: Window) -> Sequence[Covered]:
         return cover(
@@ -212,11 +212,7 @@ def meeting(stack: Sequence[LayerSheet]) -> tuple[slice, slice] | None:
     if len(stack) < 2:
         return None
     edges = [(s.covers > _UNIFORM) & (s.covers < 1 - _UNIFORM) for s in stack]
-    both = np.sum(edges, axis=0) >= 2
-    if not both.any():
-        return None
-    rows, columns = np.flatnonzero(both.any(axis=1)), np.flatnonzero(both.any(axis=0))
-    return slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
+    return extent(np.sum(edges, axis=0) >= 2)
 
 
 def _all(image: FloatArray, stack: Sequence[LayerSheet]) -> tuple[slice, slice] | None:

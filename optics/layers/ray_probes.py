@@ -13,8 +13,9 @@ from scipy.special import j0, j1
 from scipy.stats import qmc
 
 from microplan.arrays import BoolArray, Float32Array, FloatArray
-from microplan.optics.layers.layer_edges import LayerFace, grown
+from microplan.optics.layers.layer_edges import LayerFace
 from microplan.optics.layers.rays import sheets
+from microplan.optics.outline.clip import grown
 from microplan.optics.outline.scanlines import cells
 from microplan.optics.transfer.microscope import Microscope
 

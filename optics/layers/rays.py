@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from microplan.arrays import Float32Array, FloatArray
+from microplan.arrays import BoolArray, Float32Array, FloatArray
 from microplan.optics.outline.scanlines import cells
 from microplan.optics.render.scene import Layer
 from microplan.optics.transfer.microscope import Microscope
@@ -130,6 +130,14 @@ class Traced:
 
     image: FloatArray  # of the layers, each hiding those below
     stack: tuple[LayerSheet, ...]  # of each sheet alone
+
+
+def extent(where: BoolArray) -> tuple[slice, slice] | None:
+    """Return the rows and columns of the true samples of (rows, columns), or None."""
+    if not where.any():
+        return None
+    rows, columns = np.flatnonzero(where.any(axis=1)), np.flatnonzero(where.any(axis=0))
+    return slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
 
 
 def reach_cells(z_um: float, microscope: Microscope, step_um: float) -> int:

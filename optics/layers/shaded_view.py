@@ -16,6 +16,7 @@ from microplan.optics.layers.coaxial_light import (
     places_um,
 )
 from microplan.optics.layers.lattice import Lattice, blur
+from microplan.optics.layers.rays import extent
 from microplan.optics.layers.shade_and_occlusion import crossed
 from microplan.optics.render.render import Covered
 from microplan.optics.render.scene import Scene, Window
@@ -188,8 +189,4 @@ class ShadedView:
 def _edges(coverages: Sequence[FloatArray]) -> tuple[slice, slice] | None:
     """Return the rows and columns where layers cover in part, None if they do not."""
     partly = [(c > _UNIFORM) & (c < 1 - _UNIFORM) for c in coverages]
-    if not partly or not np.any(partly):
-        return None
-    both = np.any(partly, axis=0)
-    rows, columns = np.flatnonzero(both.any(axis=1)), np.flatnonzero(both.any(axis=0))
-    return slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
+    return extent(np.any(partly, axis=0)) if partly else None

@@ -54,6 +54,21 @@ def to_edges(outline: Outline) -> EdgeArrays:
     )
 
 
+def grown(box: Box, by_um: float) -> Box:
+    """Return a box with `by_um` more on every side."""
+    return (box[0] - by_um, box[1] - by_um, box[2] + by_um, box[3] + by_um)
+
+
+def common(one: Box, other: Box) -> Box:
+    """Return the common part of two boxes that overlap."""
+    return (
+        max(one[0], other[0]),
+        max(one[1], other[1]),
+        min(one[2], other[2]),
+        min(one[3], other[3]),
+    )
+
+
 def clip(outline: Outline | EdgeArrays, box: Box) -> EdgeArrays:
     """Return the edges of an outline cut to a rectangle.
 

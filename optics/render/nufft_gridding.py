@@ -7,10 +7,10 @@ from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
-from scipy import fft
 from scipy.special import i0
 
 from microplan.arrays import FloatArray
+from microplan.optics.render.pruned_ifft import fast_length
 
 _WIDTH = 8  # grid points under the spreading kernel
 _OVERSAMPLING = 1.25  # of the band grid
@@ -23,11 +23,7 @@ _DEGREE = 14  # of the kernel's polynomials: 4e-15 off it, as it is entire
 
 def grid_size(order: int) -> int:
     """Return a fast grid length for orders up to `order`."""
-    wanted = max(math.ceil(_OVERSAMPLING * (2 * order + 1)), 2 * _WIDTH)
-    size = fft.next_fast_len(wanted, real=True)
-    if size is None:  # only if the length overflowed
-        raise ValueError(f"no transform of length {wanted}")
-    return size
+    return fast_length(max(_OVERSAMPLING * (2 * order + 1), 2 * _WIDTH))
 
 
 def spread(place: FloatArray, size: int) -> tuple[npt.NDArray[np.intp], FloatArray]:
@@ -42,19 +38,17 @@ def spread(place: FloatArray, size: int) -> tuple[npt.NDArray[np.intp], FloatArr
     return grid.astype(np.intp) % size, share
 
 
-def kernel_transform(order: npt.NDArray[np.intp], size: int) -> FloatArray:
-    """Return the transform of the kernel at `order` cycles a grid, same shape."""
-    root = np.sqrt(_BETA**2 - (np.pi * _WIDTH * order / size) ** 2)
-    transform: FloatArray = _WIDTH * np.sinh(root) / (root * i0(_BETA))
-    return transform
-
-
 @lru_cache(maxsize=256)  # tiles have few sizes
 def kernel_transforms(highest: int, size: int) -> FloatArray:
-    """Return the transform at 0..`highest` cycles a grid, not to be changed."""
-    found = kernel_transform(np.arange(highest + 1), size)
-    found.setflags(write=False)
-    return found
+    """Return the kernel's transform at 0..`highest` cycles a grid, (highest + 1,).
+
+    Dimensionless; not to be changed.
+    """
+    order = np.arange(highest + 1)
+    root = np.sqrt(_BETA**2 - (np.pi * _WIDTH * order / size) ** 2)
+    transform: FloatArray = _WIDTH * np.sinh(root) / (root * i0(_BETA))
+    transform.setflags(write=False)
+    return transform
 
 
 def deposit(

@@ -6,7 +6,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import fft
 
 from microplan.arrays import Box
 from microplan.optics.outline.clip import EdgeArrays
@@ -16,6 +15,7 @@ from microplan.optics.render.pruned_ifft import (
     Factors,
     Samples,
     Space,
+    fast_length,
     fold,
     waves_at,
     weigh,
@@ -118,9 +118,11 @@ def _span(
     right = max(min(high, last + apart), first - apart)
     start = math.floor(min(left, first))
     if left > low and right < high:  # the body fills the period and runs on
-        return PixelAxis(start=start, count=_fast(right - start), seen=seen, cut=None)
+        return PixelAxis(
+            start=start, count=fast_length(right - start), seen=seen, cut=None
+        )
     period = max(right - first, last - left) + apart
-    count = _fast(max(period, max(right, last) - start + 2))
+    count = fast_length(max(period, max(right, last) - start + 2))
     whole = left == low and right == high
     cut = None if whole else (left, right)
     return PixelAxis(start=start, count=count, seen=seen, cut=cut)
@@ -210,14 +212,6 @@ def _is_empty(outline: Outline | EdgeArrays) -> bool:
     if isinstance(outline, Outline):
         return not outline.rings
     return not (outline.segments.size or outline.arcs.size)
-
-
-def _fast(least: float) -> int:
-    """Return the next length that transforms fast."""
-    size = fft.next_fast_len(math.ceil(least), real=True)
-    if size is None:  # only if the length overflowed
-        raise ValueError(f"no transform of length {least}")
-    return size
 
 
 def _by_product_is_cheaper(

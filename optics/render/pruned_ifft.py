@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
@@ -35,6 +36,14 @@ class Space:
             held = np.empty(shape, dtype=like.dtype)
             self._held[name] = held
         return held  # type: ignore[return-value]  # its dtype is that of `like`
+
+
+def fast_length(least: float) -> int:
+    """Return the next length whose real transform is fast."""
+    size = fft.next_fast_len(math.ceil(least), real=True)
+    if size is None:  # only if the length overflowed
+        raise ValueError(f"no transform of length {least}")
+    return size
 
 
 def waves_at(

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import fft
 
-from microplan.arrays import Box, ComplexArray, FloatArray
+from microplan.arrays import Box, FloatArray
 from microplan.optics.outline.clip import EdgeArrays, clip, to_edges
 from microplan.optics.outline.outline import Outline
 from microplan.optics.render.nufft_gridding import (
@@ -172,42 +172,6 @@ def _transformed(
     values[0, 0] = share
     values.setflags(write=False)
     return Spectrum(tile=tile, values=values)
-
-
-def direct(
-    outline: Outline, u_per_um: FloatArray, v_per_um: FloatArray
-) -> ComplexArray:
-    """Return the Fourier integral of an outline node by node, slowly.
-
-    Parameters
-    ----------
-    outline : Outline
-        Closed rings, um.
-    u_per_um, v_per_um : (...) float arrays
-        Frequencies along x and y, cycles/um.
-
-    Returns
-    -------
-    (...) complex array
-        Integral of exp(-2 pi i (u x + v y)) over the outline, um2.
-    """
-    u, v = np.broadcast_arrays(u_per_um, v_per_um)
-    top = float(max(np.hypot(u, v).max(), 1e-3))
-    edges = clip(outline, outline.bounds_um)
-    x, y, dx, dy = boundary_nodes(edges, top)
-    reach = max(float(np.abs(x).max()), float(np.abs(y).max()))
-    result = np.empty(u.shape, dtype=np.complex128)
-    for index in np.ndindex(u.shape):
-        p, q = u[index], v[index]
-        if math.hypot(p, q) * reach < 1e-9:  # the phase is nowhere felt
-            result[index] = edges.area_um2
-            continue
-        wave = np.exp(-2j * np.pi * (p * x + q * y))
-        # divergence theorem with the field along whichever axis divides safely
-        along_x = abs(p) >= abs(q)
-        sums = wave @ dy if along_x else -(wave @ dx)
-        result[index] = sums * 1j / (2 * np.pi * (p if along_x else q))
-    return result
 
 
 def boundary_nodes(

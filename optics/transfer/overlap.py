@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -35,27 +34,6 @@ _STEEP_RAD = 60.0
 _FLAT_NODES, _FLAT_WEIGHTS = roots_genlaguerre(10, 0.0)  # where m is smooth
 _ROOT_NODES, _ROOT_WEIGHTS = roots_genlaguerre(10, 0.5)  # where m goes like a root
 _ROOT_WEIGHTS = _ROOT_WEIGHTS / np.sqrt(_ROOT_NODES)
-
-
-class Overlap(Protocol):
-    """The overlap of two pupils at frequencies s = x, (N, 1), by its coordinate t."""
-
-    def top(self, s: FloatArray) -> FloatArray:
-        """Return T, the largest t of the overlap, (N, 1)."""
-        ...
-
-    def rise(self, s: FloatArray, t: FloatArray, dt: Values, /) -> Values:
-        """Return the change of e from t to t + dt; e runs from 0 to 1 - s."""
-        ...
-
-    def density(self, s: FloatArray, t: Values, half: Values, /) -> Values:
-        """Return m at t, where the overlap is `half` = sqrt(1 - (s + e)**2) high."""
-        ...
-
-    @property
-    def scale(self) -> float:
-        """Return the distance in t from 0 to the nearest pole of m."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,6 +111,9 @@ class HighAperture:
         bent = (s * t) ** 2 * angle / (4 * A**2 * root)
         density: Values = flat - bent
         return density
+
+
+Overlap = Paraxial | HighAperture  # two pupils' overlap by its coordinate t
 
 
 def overlap(law: Overlap, s: FloatArray, phase: FloatArray) -> FloatArray:

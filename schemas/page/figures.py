@@ -47,11 +47,11 @@ def um(value: float | None, digits: int = 3) -> str:
     return quantity(value, "\u00b5m", digits)
 
 
-def degrees(value_rad: float | None, digits: int = 3) -> str:
+def degrees(value_rad: float | None) -> str:
     """Return an angle given in rad."""
     if value_rad is None:
         return "\u2013"
-    return f"{number(math.degrees(value_rad), digits)}\u00b0"
+    return f"{number(math.degrees(value_rad))}\u00b0"
 
 
 def span(low: float, high: float, unit: str) -> str:

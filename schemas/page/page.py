@@ -45,7 +45,7 @@ class Caption:
     do: Node  # what to do
 
 
-def figure(caption: Caption, *content: Node, id_: str | None = None) -> Element:
+def figure(caption: Caption, *content: Node) -> Element:
     """Return a figure with its caption."""
     said = el(
         "figcaption",
@@ -56,7 +56,7 @@ def figure(caption: Caption, *content: Node, id_: str | None = None) -> Element:
         " ",
         el("span", caption.do, class_="do"),
     )
-    return el("figure", content, said, id=id_)
+    return el("figure", content, said)
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +74,6 @@ def table(
     columns: Sequence[Column],
     rows: Sequence[Row],
     *,
-    caption: str = "",
     ids: Sequence[str] = (),
     label: str = "",
 ) -> Element:
@@ -98,7 +97,6 @@ def table(
     ]
     content = el(
         "table",
-        el("caption", caption) if caption else None,
         el("thead", head, role="rowgroup"),
         el("tbody", body, role="rowgroup"),
         class_="stack",
