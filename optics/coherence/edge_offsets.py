@@ -39,7 +39,7 @@ def scene_error(
     focus_um : float
         World height of the plane in focus.
     coherence : float
-        Aperture of the condenser over that of the objective; 0 stands for incoherent
+        Aperture of the condenser over that of the objective; 0 means incoherent
         light, as in a workcell.
 
     Returns
@@ -126,7 +126,7 @@ def edge_offset_um(
     Parameters
     ----------
     coherence : float
-        Aperture of the condenser over that of the objective; 0 stands for incoherent
+        Aperture of the condenser over that of the objective; 0 means incoherent
         light, as in a workcell, whose edges stay.
     microscope : Microscope
         The optical setting.
@@ -272,7 +272,7 @@ def _checked(
 
 
 def _around(axis: tuple[float, ...], value: float) -> slice:
-    """Return the one or two places of `axis` at or about a value."""
+    """Return the one or two indices of `axis` at or about a value."""
     below = int(np.searchsorted(axis, value, side="right")) - 1
     return slice(below, below + (1 if axis[below] == value else 2))
 

@@ -1,4 +1,4 @@
-"""Where edges of layers of different height come near each other in an image."""
+"""Points of an image where edges of layers of different height come close."""
 
 from __future__ import annotations
 
@@ -170,7 +170,7 @@ def _nodes(
 def _places(
     lengths: FloatArray, spacing: float
 ) -> tuple[npt.NDArray[np.intp], FloatArray]:
-    """Return the edge and the place 0..1 on it of each node."""
+    """Return the edge and the position 0..1 on it of each node."""
     count = np.maximum(np.ceil(lengths / spacing), 1).astype(np.intp)
     edge = np.repeat(np.arange(len(count)), count)
     index = np.arange(len(edge)) - (np.cumsum(count) - count)[edge]

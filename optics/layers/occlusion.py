@@ -1,4 +1,4 @@
-"""Layers that hide one another ray by ray, where blending blurred layers is not enough.
+"""Ray-traced occlusion between layers, where blending blurred layers is not enough.
 
 Blending takes the mean over the pupil of a product of two layers for the product of
 their means. Here the difference is traced along rays and put in where blurred edges of
@@ -20,9 +20,9 @@ from microplan.optics.layers.rays import (
     Grid,
     LayerSheet,
     Traced,
+    composite,
     extent,
     hard,
-    laid,
     reach_cells,
     sheets,
     slopes,
@@ -37,7 +37,7 @@ from microplan.optics.transfer.microscope import Microscope
 from microplan.optics.transfer.models import tabulate
 from microplan.optics.transfer.otf import diffraction
 
-# the layers blurred by the law at the pixels of a finer microscope
+# the layers blurred by the model at the pixels of a finer microscope
 Blurred = Callable[[Microscope, Window], Sequence[Covered]]
 
 SAMPLES = 256  # rays a cell
@@ -63,7 +63,7 @@ def occluded(
     step_um: float | None = None,
     lamp_aperture: float | None = None,
 ) -> FloatArray:
-    """Return the noise-free image of a scene whose layers hide one another.
+    """Return the noise-free image of a scene whose layers occlude one another.
 
     Parameters
     ----------
@@ -92,11 +92,10 @@ def occluded(
 
     Notes
     -----
-    With B the layers blurred by the law, G their means over rays, M the mean over rays
-    of the hard layers laid over each other, and D the in-focus filter, the image is
-    blend(B) + D[M] - blend(D[G]). That is blend(B) wherever only one layer is not
-    uniform; D[layers laid over each other] where all are in focus; and M for a
-    wavelength of 0.
+    With B the layers blurred by the model, G their means over rays, M the mean over
+    rays of the composited hard layers, and D the in-focus filter, the image is blend(B)
+    + D[M] - blend(D[G]). That is blend(B) wherever only one layer is not uniform;
+    D[composited layers] where all are in focus; and M for a wavelength of 0.
     """
     frame = window or full(microscope)
 
@@ -119,7 +118,7 @@ def occluded(
         light=light,
     )
     stack = _sheets(blurred(microscope, frame))
-    image = laid(stack, scene.background, (frame.rows, frame.columns))
+    image = composite(stack, scene.background, (frame.rows, frame.columns))
     part = meeting(stack) if lamp_aperture is None else _all(image, stack)
     if part is not None:
         tracing = Tracing(
@@ -150,7 +149,7 @@ class Tracing:
     lamp_aperture: float | None = None
 
     def image(self, crop: Window, blurred: Blurred) -> FloatArray:
-        """Return the image of a crop, (rows, columns), all of it traced."""
+        """Return the traced image of a crop, (rows, columns), share of full scale."""
         m, scene = self.microscope, self.scene
         cut = _cut(m, crop, self.step_um, self.shift_um)
         h = cut.grid.step_um
@@ -158,13 +157,13 @@ class Tracing:
         wide = cut.grid.grown(rim)
         inner = (slice(rim, -rim), slice(rim, -rim))
         stack = hard(scene.layers, wide, m, self.focus_um)
-        law = _sheets(blurred(cut.fine, cut.window))
+        blended = _sheets(blurred(cut.fine, cut.window))
         if self.lamp_aperture is not None:
             lamp = replace(m, aperture=self.lamp_aperture)
             dark = self._shaded(stack, wide, lamp)
-            law = [
+            blended = [
                 replace(sheet, sends=sheet.sends - self._blur(loss, sheet.z_um, rim, h))
-                for sheet, loss in zip(law, dark, strict=True)
+                for sheet, loss in zip(blended, dark, strict=True)
             ]
             stack = [
                 replace(sheet, sends=sheet.sends - loss)
@@ -174,7 +173,7 @@ class Tracing:
             stack, scene.background, wide.shape, h, self.tangents, self.focus_um
         )
         extra = _hidden(found, scene.background, m, h)[inner]
-        image = laid(law, scene.background, extra.shape) + extra
+        image = composite(blended, scene.background, extra.shape) + extra
         return _pixels(image, cut.per_px, m)
 
     def _shaded(
@@ -197,7 +196,7 @@ class Tracing:
     def _blur(
         self, values: FloatArray, z_um: float, rim: int, step_um: float
     ) -> FloatArray:
-        """Blur a raster by the law; what lies `rim` cells within the crop's grid."""
+        """Blur a raster by the model; what lies `rim` cells within the crop's grid."""
         m = self.microscope
         z_um -= self.focus_um
         table = tabulate(self.model, m, z_um)
@@ -237,7 +236,7 @@ def _sheets(covered: Sequence[Covered]) -> list[LayerSheet]:
 
 
 def cell_um(layers: Sequence[Layer], microscope: Microscope) -> float:
-    """Return the largest side of a cell that a scene bears, um."""
+    """Return the largest admissible side of a cell, um."""
     airy = microscope.wavelength_um / microscope.aperture
     heights = sorted({layer.z_um for layer in layers})
     gaps = np.diff(np.array(heights, dtype=np.float64))
@@ -301,7 +300,9 @@ def _hidden(
         )
         for sheet in found.stack
     ]
-    return _filtered(found.image, gain) - laid(alone, background, found.image.shape)
+    return _filtered(found.image, gain) - composite(
+        alone, background, found.image.shape
+    )
 
 
 def _frequencies(shape: tuple[int, ...], step_um: float) -> FloatArray:

@@ -1,4 +1,4 @@
-"""What blending costs at single points: rays through hard layers, and their means."""
+"""Blending error at single points, by rays through hard layers."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ class Probed:
         return np.asarray(one + right * (other - one), dtype=np.float64)
 
     def _at(self, row: IntArray, column: IntArray) -> IntArray:
-        """Return flat places of cells; the border goes on outside."""
+        """Return flat indices of cells; the border goes on outside."""
         rows, columns = self.covers.shape
         inside = np.minimum(np.maximum(column, 0), columns - 1)
         at: IntArray = np.minimum(np.maximum(row, 0), rows - 1) * columns + inside
@@ -118,7 +118,7 @@ def probe_error(
     *,
     fine: bool,
 ) -> FloatArray:
-    """Return what blending errs by at points, by rays.
+    """Return the blending error at points, by rays.
 
     Parameters
     ----------
@@ -139,7 +139,8 @@ def probe_error(
     -------
     (N,) float64 array
         |mean of what rays see - blend of the means of each face|, >= 0. Rays fill the
-        pupil, and start from points spread like the Airy pattern around each point.
+        pupil, and start from points distributed like the Airy pattern around each
+        point.
     """
     slope, spread = rays(microscope, count)
     seen = np.full((len(at_um), count), background, dtype=np.float32)
@@ -157,10 +158,11 @@ def probe_error(
 
 @lru_cache(maxsize=8)
 def rays(microscope: Microscope, count: int) -> tuple[FloatArray, FloatArray]:
-    """Return slopes of rays and displacements of where they start, (count, 2) each.
+    """Return slopes of rays and displacements of their origins, (N, 2) each.
 
-    Slopes fill the pupil by its area; displacements, um, follow the Airy pattern, of
-    which 1 - J0(v)**2 - J1(v)**2 lies within v = 2 pi A r / wavelength.
+    There are N = `count`. Slopes, dimensionless, fill the pupil by its area;
+    displacements, um, follow the Airy pattern, of which 1 - J0(v)**2 - J1(v)**2 lies
+    within v = 2 pi A r / wavelength.
 
     References
     ----------

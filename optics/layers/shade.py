@@ -1,10 +1,9 @@
-"""Light through the objective, and the shade that higher bodies throw on lower faces.
+"""Shade of higher bodies on lower faces in coaxial light, by rays.
 
 Coaxial light reaches a face through the pupil of the lamp, and what the face sends back
 leaves through that of the objective. A body h above shades the face within h times the
-slope of the marginal ray: once on the way down, once more on the way up. The way up is
-what `microplan.optics.layers.occlusion` traces; here is the way down, and both in
-closed form for the floor of a round bore.
+slope of the marginal ray: once as illumination, once more as image. The image is what
+`microplan.optics.layers.occlusion` traces; here is the illumination.
 """
 
 from __future__ import annotations

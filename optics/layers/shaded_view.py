@@ -13,18 +13,18 @@ from microplan.optics.layers.coaxial_light import (
     Irradiance,
     area_um,
     fine_um,
-    places_um,
+    pixel_axes_um,
 )
 from microplan.optics.layers.lattice import Lattice, blur
 from microplan.optics.layers.rays import extent
-from microplan.optics.layers.shade_and_occlusion import crossed
+from microplan.optics.layers.shade_and_occlusion import joint_shading_residual
 from microplan.optics.render.render import Covered
 from microplan.optics.render.scene import Scene, Window
 from microplan.optics.transfer.microscope import Microscope
 
 # Points of the rays' lattice: this many in the blur's radius of what hides, and of what
-# is shaded, where 64 rays lie no closer; `benchmarks/optics/shading.py` tells what they
-# leave.
+# is shaded, where 64 rays lie no closer; `benchmarks/optics/shading.py` measures what
+# they leave.
 _HIDING, _SHADED = 3, 8
 _WIDEST = 300  # points aside that a ray may meet a layer: a limit to memory
 _STEPS = 4  # an octave of distances between points
@@ -67,11 +67,11 @@ class ShadedView:
         )
 
     def lit(self, covered: Covered, face: ShadedFace) -> FloatArray:
-        """Return a layer blurred together with the light on it, at the pixels.
+        """Return a layer blurred with the light on it, (rows, columns), 0..1.
 
         The blur of the product is that of each multiplied, and on the lattice what it
         differs by, if the light changes within what a pixel or the lens resolves. Of
-        faces far out of focus `lacking` has that.
+        faces far out of focus `shading_residual` has that.
         """
         found = covered.coverage * face.seen
         step = face.lattice.step_um
@@ -89,10 +89,13 @@ class ShadedView:
         found += self._at_pixels(both - alone * face.blurred, face.lattice)
         return found
 
-    def lacking(
+    def shading_residual(
         self, scene: Scene, covered: Sequence[Covered], faces: Sequence[ShadedFace]
     ) -> FloatArray:
-        """Return what shaded layers lack if each is blended alone, at the pixels."""
+        """Return the residual of blending shaded layers, (rows, columns).
+
+        Share of full scale, at the pixels.
+        """
         lights = [face.light for face in faces]
         traced = [each for each in lights if self._is_wide(each) or self._is_thin(each)]
         low = [light for light in traced if light.z_um < self.focus_um]
@@ -107,18 +110,18 @@ class ShadedView:
     def _on_one_side(
         self, scene: Scene, seen: Sequence[Covered], traced: Sequence[Irradiance]
     ) -> FloatArray:
-        """Return what faces on one side of the focus lack.
+        """Return the residual of faces on one side of the focus.
 
-        What lies near the focus hides sharply on points as far apart as the faces bear;
-        finer ones are taken about its edges alone.
+        What lies near the focus hides sharply on points as far apart as the faces
+        allow; finer ones are taken about its edges alone.
         """
         fine = 2 * fine_um(self.microscope)
         step = min(
             max(light.step_um, self._reach_um(light.z_um) / _SHADED) for light in traced
         )
         if step <= fine:
-            return self.blended_lacks(scene, seen, traced, -1.0, step)
-        change = self.blended_lacks(scene, seen, traced, step, step)
+            return self.blending_residual(scene, seen, traced, -1.0, step)
+        change = self.blending_residual(scene, seen, traced, step, step)
         near = [c for c in seen if fine < self._reach_um(c.layer.z_um) <= step]
         part = _edges([c.coverage for c in near])
         if part is None:
@@ -132,10 +135,10 @@ class ShadedView:
         )
         cut = [replace(c, coverage=c.coverage[part]) for c in seen]
         about = replace(self, frame=window)
-        change[part] = about.blended_lacks(scene, cut, traced, fine, step)
+        change[part] = about.blending_residual(scene, cut, traced, fine, step)
         return change
 
-    def blended_lacks(
+    def blending_residual(
         self,
         scene: Scene,
         seen: Sequence[Covered],
@@ -143,7 +146,10 @@ class ShadedView:
         sharp_um: float,
         step_um: float,
     ) -> FloatArray:
-        """Return what faces lack if what is blurred by `sharp_um` hides sharply."""
+        """Return the residual if faces blurred by `sharp_um` hide sharply.
+
+        (rows, columns), share of full scale.
+        """
         m = self.microscope
         soft = [c.layer for c in seen if self._reach_um(c.layer.z_um) > sharp_um]
         heights = [layer.z_um for layer in soft]
@@ -158,7 +164,7 @@ class ShadedView:
             plane = scene.background, scene.background_z_um
         found = {light.z_um: light for light in traced}
         thin = {light.z_um for light in traced if self._is_thin(light)}
-        values = crossed(
+        values = joint_shading_residual(
             soft, plane, found, lattice, m, focus_um=self.focus_um, known=thin
         )
         change = self._at_pixels(values, lattice)
@@ -169,12 +175,12 @@ class ShadedView:
         return change
 
     def _is_wide(self, light: Irradiance) -> bool:
-        """Tell whether rays from one point meet different light at a height."""
+        """Return whether rays from one point meet different light at a height."""
         least = max(light.step_um / 2, 2 * fine_um(self.microscope))
         return self._reach_um(light.z_um) > least
 
     def _is_thin(self, light: Irradiance) -> bool:
-        """Tell whether the light changes within what a pixel or the lens resolves."""
+        """Return whether the light changes within what a pixel or the lens resolves."""
         return light.step_um < 2 * fine_um(self.microscope) and not self._is_wide(light)
 
     def _reach_um(self, z_um: float) -> float:
@@ -182,7 +188,7 @@ class ShadedView:
         return self.microscope.blur_diameter_um(z_um - self.focus_um) / 2
 
     def _at_pixels(self, values: FloatArray, lattice: Lattice) -> FloatArray:
-        x, y = places_um(self.microscope, self.frame, self.shift_um)
+        x, y = pixel_axes_um(self.microscope, self.frame, self.shift_um)
         return lattice.read(values, x, y)
 
 

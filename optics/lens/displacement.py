@@ -1,6 +1,6 @@
-"""Where an imperfect lens shows points: the map, its inverse and its Jacobian.
+"""Displacement of image points by an imperfect lens.
 
-Everything is in object space: the image of a point is said as the object point at
+Everything is in object space: the image of a point is given as the object point at
 which an ideal lens would have shown it, (x, y) um from the optical axis.
 """
 
@@ -78,7 +78,7 @@ def displaced_far(
     *,
     defocus_um: npt.ArrayLike = 0.0,
 ) -> FloatArray:
-    """Return `displaced`, which goes on straight beyond `REACH` corner radii.
+    """Return points (..., 2) um `displaced`, linearly beyond `REACH` corner radii.
 
     One to one everywhere and smooth, for outlines that reach far out of the field.
     """

@@ -35,7 +35,7 @@ def point_jacobian(
     microscope : Microscope
         The optical setting.
     axis_um : (x, y)
-        World point the body turns about. Where the stage turns, this is the stage's
+        World point of the body's rotation. Where the stage rotates, this is the stage's
         axis, not the middle of the image.
 
     Returns

@@ -1,4 +1,4 @@
-"""Systematic errors of a lens: what is known of them, and how well."""
+"""Systematic errors of a lens, each with its uncertainty."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class LensErrors:
     # 1 / R: a point r off the axis is imaged as one higher by r**2 / (2 R)
     field_curvature_per_um: float = 0.0
     field_curvature_sigma_per_um: float = 0.0
-    # edges as made minus edges as drawn, positive where there is more material
+    # edges as fabricated minus edges as drawn, positive where there is more material
     edge_offset_um: float = 0.0
     edge_offset_sigma_um: float = 0.0
     # relative change of brightness across the field, as in `Illumination`; the sigma

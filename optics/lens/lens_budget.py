@@ -1,4 +1,4 @@
-"""What each error of a lens does to a target: its level, and its shift in nm."""
+"""Shifts of a target by the errors of a lens, nm."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from microplan.optics.outline.outline import Outline
 from microplan.optics.transfer.microscope import Microscope
 
 LEVELS = ("off", "modelled", "charged from sigma", "not modelled")
-# Edge finders smooth by at least this, and by the spread of a blur circle.
+# Edge finders smooth by at least this, and by the standard deviation of a blur circle.
 _SMOOTHING_PX = 0.8
 _NM = 1000.0
 
@@ -53,7 +53,7 @@ def predict(
     outline: Outline | None = None,
     levels: tuple[float, float] = (0.0, 1.0),
 ) -> tuple[LensRow, ...]:
-    """Return what the errors of a lens do to a target.
+    """Return the shifts of a target by the errors of a lens.
 
     Images, and what is measured in them, are taken to be of
     `microplan.optics.lens.distorted_scene.lens_scene` with the light's gradient.

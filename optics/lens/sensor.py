@@ -76,7 +76,7 @@ def expose(image: FloatArray, sensor: Sensor, rng: np.random.Generator) -> Count
 
 
 def to_unit(counts: CountArray, bits: int) -> FloatArray:
-    """Return counts as float64 shares of full scale, 0..1."""
+    """Return counts (...) as float64 shares of full scale, 0..1."""
     if not 1 <= bits <= 16:
         raise ValueError(f"bits must be in 1..16, got {bits}")
     unit: FloatArray = np.asarray(counts, dtype=np.float64) / (2**bits - 1)

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from microplan.arrays import Box, FloatArray
 from microplan.optics.outline.outline import Arc, Outline, Segment
 
-# Of radius and place: so near to a side an arc touches it, wherever rounding puts it.
+# Of radius and position: so near to a side an arc touches it, whatever the rounding.
 _TOUCHING = 1e-14
 
 
@@ -88,7 +88,7 @@ def clip(outline: Outline | EdgeArrays, box: Box) -> EdgeArrays:
     Notes
     -----
     Every edge is split where it meets a side's line, and what lies beyond a side is
-    moved onto it. No point of a ring crosses the inside of the box on its way there,
+    moved onto it. No point of a ring crosses the inside of the box on its path there,
     so windings about points inside stay, and double edges along the box cancel in
     every boundary integral, as after Sutherland & Hodgman (1974), Commun. ACM 17, 32.
     """
@@ -164,7 +164,7 @@ def _split(arc: FloatArray, box: Box) -> tuple[FloatArray, FloatArray]:
 def _crossings(arc: FloatArray, sides: FloatArray) -> FloatArray:
     """Return the angles at which an arc starts, meets the sides' lines, and ends.
 
-    `sides` are the places of two lines across x, and of two across y, (2, 2) um.
+    `sides` are the positions of two lines across x, and of two across y, (2, 2) um.
     """
     radius, start, sweep = (float(value) for value in arc[2:])
     share = (sides - arc[:2, None]) / radius

@@ -217,7 +217,7 @@ def _is_empty(outline: Outline | EdgeArrays) -> bool:
 def _by_product_is_cheaper(
     shape: tuple[int, ...], tile: PixelTile, rows: int, columns: int
 ) -> bool:
-    """Compare operation counts of the two ways to sample."""
+    """Compare operation counts of the two methods of sampling."""
     product = rows * shape[1] * (shape[0] + columns / 2)
     upwards = shape[1] * tile.rows.count * math.log2(max(tile.rows.count, 2))
     along = rows * tile.columns.count * math.log2(max(tile.columns.count, 2)) / 2

@@ -90,7 +90,7 @@ class PreparedScene:
     def draw(
         self, image: FloatArray, view: ImageView, also: Sequence[Patch] = ()
     ) -> None:
-        """Write the unlit image of a view into (rows, columns), in place."""
+        """Write the unlit image of a view into (rows, columns), share of full scale."""
         found = (part.patch(self.window, view) for part in self.parts)
         fresh = [patch for patch in found if patch is not None]
         blend_layers(image, [*also, *fresh], self.scene.background)
@@ -131,7 +131,7 @@ def prepare(
         Focus heights, shifts and zooms that will be asked for: they decide about tile
         and band, so a wide range makes every image slower.
     model : str
-        The defocus law, a key of `microplan.optics.transfer.models.MODELS`.
+        The OTF model of defocus, a key of `microplan.optics.transfer.models.MODELS`.
     window : Window, optional
         The part of the frame wanted. Default: all.
     sampling : Sampling, optional
@@ -142,7 +142,7 @@ def prepare(
 
     Returns
     -------
-    Prepared
+    PreparedScene
         One spectrum for each layer near the window. A focus plane is another gain, a
         shift a phase ramp, a zoom other sampling points of that spectrum.
 

@@ -1,4 +1,4 @@
-"""Exact area coverage of pixels: masks, previews, and images where blur is nothing."""
+"""Exact area coverage of pixels by an outline, without blur."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def coverage(
     window : Window, optional
         The part of the frame wanted; it may reach beyond the frame. Default: all.
     chord_um : float
-        Largest distance between an arc and the chords that stand for it, > 0.
+        Largest distance between an arc and the chords that replace it, > 0.
 
     Returns
     -------

@@ -21,7 +21,7 @@ from microplan.optics.render.nufft_gridding import (
     deposit,
     grid_size,
     kernel_transforms,
-    spread,
+    kernel_weights,
 )
 from microplan.optics.transfer.lru import Recent
 
@@ -37,7 +37,7 @@ _NODES = tuple(np.polynomial.legendre.leggauss(size) for size, _ in RULES)
 _LIMITS = np.array([limit for _, limit in RULES])
 
 
-# Looks ask for the same layers at several heights and beside different things.
+# Looks ask for the same layers at several heights and with other layers.
 _RECENT_BYTES = 1 << 26
 
 
@@ -189,7 +189,7 @@ def boundary_nodes(
     Returns
     -------
     x, y, dx, dy : (N,) float64 arrays
-        Points on the boundary and the vectors of length they stand for, um.
+        Points on the boundary and the boundary vectors they represent, um.
     """
     parts = [_line_nodes(edges.segments, f_per_um), _arc_nodes(edges.arcs, f_per_um)]
     x, y, dx, dy = (np.concatenate(column) for column in zip(*parts, strict=True))
@@ -226,7 +226,8 @@ def _panels(
 ) -> tuple[npt.NDArray[np.intp], FloatArray, FloatArray]:
     """Choose Gauss rules for edges of half phase (E,), rad, `least` panels an edge.
 
-    Returns for each node its edge, its place 0..1 along it and its weight, (N,) each.
+    Returns for each node its edge, its position 0..1 along it and its weight, (N,)
+    each.
     """
     if not half.size:
         return np.empty(0, np.intp), np.empty(0), np.empty(0)
@@ -261,8 +262,8 @@ def _fill(values: Coefficients, nodes: Nodes, tile: Tile) -> None:
     X = (x - tile.left_um) / tile.width_um
     Y = (y - tile.bottom_um) / tile.height_um
     gx, gy = grid_size(J), grid_size(K)
-    at_x, share_x = spread(X, gx)
-    at_y, share_y = spread(Y, gy)
+    at_x, share_x = kernel_weights(X, gx)
+    at_y, share_y = kernel_weights(Y, gy)
     level = kernel_transforms(K, gy)
     level = np.concatenate([level, level[:0:-1]])
     if J > 0:

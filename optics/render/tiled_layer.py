@@ -106,7 +106,7 @@ class TiledLayer:
         rows: FloatArray,
         columns: FloatArray,
     ) -> Samples:
-        """Return samples at any places, wave by wave."""
+        """Return samples at any points, wave by wave."""
         x, y = self.tile.columns, self.tile.rows
         up = (y.start + y.count - 1 - rows) / y.count
         found = waves_at(weigh(self.values, gain), up, (columns - x.start) / x.count)
@@ -253,7 +253,7 @@ def _samples(tile: PixelTile) -> int:
 
 
 def _within(places: FloatArray, seen: range) -> slice:
-    """Return which of rising places lie in a range of pixels."""
+    """Return which of rising positions lie in a range of pixels."""
     first = np.searchsorted(places, seen.start - ROUNDING_PX)
     last = np.searchsorted(places, seen.stop - 1 + ROUNDING_PX, side="right")
     return slice(int(first), int(last))

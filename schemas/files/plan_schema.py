@@ -40,8 +40,9 @@ def plan_schema() -> Rule:
     """Return the JSON Schema (draft 2020-12) of `plan.json` as it is written now.
 
     Every key that the types have without a default is required and no other key is
-    allowed; a reader is more patient (`microplan.schemas.codec`). Variants are told
-    apart by `kind` with `if`/`then`, so that a validator's errors name the exact key.
+    allowed; a reader is more patient (`microplan.schemas.codec`). Variants are
+    distinguished by `kind` with `if`/`then`, so that a validator's errors name the
+    exact key.
     """
     return _versioned(Plan, "microplan plan", "format_version", FORMAT_VERSION)
 
@@ -94,7 +95,7 @@ def _rule(kind: Any, defs: dict[str, Rule]) -> Rule:
 
 
 def _union(args: tuple[Any, ...], defs: dict[str, Rule]) -> Rule:
-    """Return the rule of an optional, or of dataclasses told apart by `kind`."""
+    """Return the rule of an optional, or of dataclasses distinguished by `kind`."""
     rest = [a for a in args if a is not type(None)]
     if len(rest) > 1:
         return _variants(rest, defs)

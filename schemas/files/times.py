@@ -1,4 +1,4 @@
-"""When each step of a plan happens, as far as the plan and its world tell times."""
+"""Predicted times of a plan's steps, as far as plan and world state them."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ def probes(plan: Plan, step: Step) -> bool:
     """Return whether a step's look is the first that leads to motions at its zoom.
 
     Then the axes that carry its target are moved, to see how they do; how far hangs on
-    where the target is found, so that nobody knows how long that takes.
+    where the target is found, so that its time is not known.
     """
     before: set[float] = set()
     for other in plan.steps:

@@ -46,7 +46,7 @@ class Bar:
 
     label: str
     pieces: tuple[tuple[float, str], ...]  # size, class
-    said: str  # the size in words; stands at the right
+    said: str  # the size in words, at the right
     start: float = 0.0
 
 
@@ -174,13 +174,13 @@ def bars(
 
 
 def _label(row: Bar) -> str:
-    """Return a bar's label, cut where its size in words stands."""
+    """Return a bar's label, cut where its size in words begins."""
     room = WIDTH - _LEFT - _RIGHT - width(visible(row.said), _SMALL) - 2 * _GAP
     return shortened(visible(row.label), _SIZE, room)
 
 
 def _words(label: str, row: Bar, top: float) -> tuple[LabelBox, LabelBox]:
-    """Return the places of a bar's label and of its size in words."""
+    """Return the boxes of a bar's label and of its size in words."""
     right, bottom = WIDTH - _RIGHT, top + _LINE
     ends = _LEFT + width(label, _SIZE), right - width(visible(row.said), _SMALL)
     return (
@@ -240,9 +240,9 @@ def _limit_name(
     paths: Sequence[Segment],
     taken: Sequence[LabelBox] = (),
 ) -> tuple[Element, LabelBox]:
-    """Return a limit's name beside its line, and its place: where no path crosses it.
+    """Return a limit's name at its line, with its box: where no path crosses it.
 
-    It covers nothing that is `taken` either, as far as there is such a place.
+    It covers nothing that is `taken` either, as far as possible.
     """
     (x0, y), (x1, _) = _limit_ends(axes, limit)
     wide, share = width(visible(name), _SIZE), axes.up.share(limit)
@@ -268,7 +268,7 @@ def _limit_name(
 
 
 def _point(axes: ChartField, point: ChartPoint) -> Element:
-    """Return a point that tells its name when pointed at."""
+    """Return a point that shows its name to a pointing device."""
     x, y = axes.x(point.x), axes.y(point.y)
     if point.kind == "cross":
         path = f"M{x - 3.4:.1f} {y - 3.4:.1f}l6.8 6.8m0 -6.8l-6.8 6.8"

@@ -57,7 +57,7 @@ class OutputLostError(Exception):
 def say(text: str) -> None:
     """Print results on standard output.
 
-    A reader that has left, as `head` does, is no fault: nobody wants the rest.
+    A reader that has left, as `head` does, is no fault: the rest is not wanted.
 
     Raises
     ------

@@ -68,7 +68,7 @@ def signed(value: float) -> str:
 def chance(value: float | None) -> str:
     """Return a probability; what four digits would make 1 is never written as 1.
 
-    A plan keeps six digits, so that its own 1 may stand for a little less.
+    A plan keeps six digits, so that its own 1 may mean a little less.
     """
     if value is None:
         return "\u2013"

@@ -1,4 +1,4 @@
-"""The frame of a page, and what it is made of: figures, tables, facts, links."""
+"""Pages of HTML: frame, figures, tables, facts, links."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def document(title: str, *body: Node) -> str:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Caption:
-    """What stands below a figure: a title and three sentences."""
+    """The caption of a figure: a title and three sentences."""
 
     title: str
     shows: str

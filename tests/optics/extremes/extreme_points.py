@@ -22,7 +22,7 @@ from microplan.optics.lens.sensor import Sensor, expose
 from microplan.optics.render.render import render
 from microplan.optics.render.spectrum import Tile, spectrum
 from microplan.optics.transfer import otf
-from microplan.optics.transfer.models import law_error, tabulate, transfer
+from microplan.optics.transfer.models import model_error_bound, tabulate, transfer
 from tests.optics.extremes.extreme_chains import CHAINS
 from tests.optics.extremes.extreme_givens import Given, optics_of, scene_of, shape_of
 
@@ -189,7 +189,7 @@ CALLS: Mapping[str, Callable[[Given], float]] = {
     "exact": _exact,
     "transfer": _transfer,
     "table": _table,
-    "law_error": lambda g: law_error(g["model"], optics_of(g), g["z_um"]),
+    "law_error": lambda g: model_error_bound(g["model"], optics_of(g), g["z_um"]),
     **{
         name: _number(name)
         for name in (
