@@ -57,12 +57,6 @@ def intensity(
         From the lowest to the highest; at least one.
     background : float
         Amplitude of the uniform plane below, at the height of the lowest sheet.
-    tile : Tile
-        The period.
-    microscope : Microscope
-        The optical setting.
-    source : LightSource
-        Points of the condenser's aperture.
 
     Returns
     -------

@@ -60,8 +60,6 @@ def render_coherent(
         in a workcell.
     window : Window, optional
         The part of the frame wanted. Default: all.
-    light : Illumination, optional
-        Gain and gradient of the light.
     shift_um : (x, y)
         Displacement of the whole image, um in object space.
     samples : int

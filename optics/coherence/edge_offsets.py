@@ -32,10 +32,6 @@ def scene_error(
 
     Parameters
     ----------
-    scene : Scene
-        What is rendered.
-    microscope : Microscope
-        The optical setting.
     focus_um : float
         World height of the plane in focus.
     coherence : float
@@ -128,8 +124,6 @@ def edge_offset_um(
     coherence : float
         Aperture of the condenser over that of the objective; 0 means incoherent
         light, as in a workcell, whose edges stay.
-    microscope : Microscope
-        The optical setting.
     contrast : float
         Of the amplitudes, see `amplitude_contrast`; 0..1.
     defocus_um : float
@@ -196,8 +190,6 @@ def feature_offsets(
 
     Parameters
     ----------
-    outline : Outline
-        The body, um.
     coherence, microscope, defocus_um
         As in `edge_offset_um`.
     reflectance, background : float

@@ -112,8 +112,6 @@ def irradiances(
         Possible occluders.
     heights_um : sequence of float
         World heights of the faces.
-    microscope : Microscope
-        The optical setting.
     lamp_aperture : float
         Of the light through the objective, evenly filled by area, in (0, n).
     focus_um : sequence of float

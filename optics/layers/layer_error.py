@@ -127,10 +127,6 @@ def layer_error(
 
     Parameters
     ----------
-    scene : Scene
-        What is rendered.
-    microscope : Microscope
-        The optical setting.
     focus_um : float
         World height of the plane in focus.
     treatment : str
@@ -203,8 +199,6 @@ def diffraction_error(
         The scene's faces, the lowest first.
     points : Points
         Where edges meet.
-    microscope : Microscope
-        The optical setting.
     traced : bool
         Whether to add what the number of rays and the cells of `occluded` cost.
 

@@ -124,10 +124,6 @@ def probe_error(
     ----------
     rasters : sequence of Probed
         The lowest first.
-    background : float
-        Reflectance below everything.
-    microscope : Microscope
-        The optical setting.
     at_um : (N, 2) float array
         Points in the plane in focus.
     count : int

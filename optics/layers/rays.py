@@ -58,8 +58,6 @@ def slopes(microscope: Microscope, count: int) -> FloatArray:
 
     Parameters
     ----------
-    microscope : Microscope
-        The optical setting.
     count : int
         How many, at least 1.
 
@@ -181,8 +179,6 @@ def trace(
     ----------
     stack : sequence of LayerSheet
         From `hard`, the lowest first.
-    background : float
-        Reflectance below everything.
     shape : (rows, columns)
         The grid.
     step_um : float

@@ -53,16 +53,12 @@ def joint_shading_residual(
 
     Parameters
     ----------
-    layers : sequence of Layer
-        Those in view.
     background : (reflectance, z_um), optional
         Of the plane below, if it has a height.
     found : mapping of float to Irradiance
         By height, where faces are shaded.
     lattice : Lattice
         Points in the plane in focus.
-    microscope : Microscope
-        The optical setting.
     focus_um : float
         World height of that plane.
     known : collection of float

@@ -30,8 +30,6 @@ def lens_scene(
     ----------
     scene : Scene
         The scene in the world frame.
-    microscope : Microscope
-        The optical setting.
     errors : LensErrors
         The lens; only what is known of it is applied.
     focus_um : float

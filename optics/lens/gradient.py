@@ -22,8 +22,6 @@ def slope_per_um(microscope: Microscope, defocus_um: float) -> float:
 
     Parameters
     ----------
-    microscope : Microscope
-        The optical setting.
     defocus_um : float
         Height of the edge minus that of the plane in focus.
 

@@ -32,8 +32,6 @@ def point_jacobian(
     ----------
     points_px : (N, 2) float array
         Columns and rows, measured.
-    microscope : Microscope
-        The optical setting.
     axis_um : (x, y)
         World point of the body's rotation. Where the stage rotates, this is the stage's
         axis, not the middle of the image.

@@ -60,8 +60,6 @@ def predict(
 
     Parameters
     ----------
-    errors : LensErrors
-        The lens.
     microscope : Microscope
         The optical setting in use.
     points_um : (N, 2) float array

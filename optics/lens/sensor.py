@@ -47,8 +47,6 @@ def expose(image: FloatArray, sensor: Sensor, rng: np.random.Generator) -> Count
     ----------
     image : (...) float array
         Share of full well; below 0 counts as 0, above 1 saturates.
-    sensor : Sensor
-        The sensor.
     rng : numpy.random.Generator
         Source of the noise; two arrays of the image's size are drawn from it.
 

@@ -74,8 +74,6 @@ def clip(outline: Outline | EdgeArrays, box: Box) -> EdgeArrays:
 
     Parameters
     ----------
-    outline : Outline or Edges
-        Closed rings, um.
     box : (x_min, y_min, x_max, y_max)
         The rectangle, um.
 

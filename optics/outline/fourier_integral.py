@@ -26,8 +26,6 @@ def transform(
 
     Parameters
     ----------
-    edges : Edges
-        Closed rings, um.
     u_per_um : (J,) float array
         Frequencies along x, cycles/um.
     v_per_um : (K,) float array

@@ -183,8 +183,6 @@ def flatten(ring: Ring, chord_um: float) -> FloatArray:
 
     Parameters
     ----------
-    ring : Ring
-        Closed chain of edges, um.
     chord_um : float
         Largest distance between an arc and its chord (sagitta), um, > 0.
 

@@ -24,8 +24,6 @@ def cells(
 
     Parameters
     ----------
-    outline : Outline
-        Closed rings, um.
     left_um, top_um : float
         The upper left corner of the first cell.
     step_um : float

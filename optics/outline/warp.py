@@ -64,8 +64,6 @@ def warped(outline: Outline, mapping: Map, *, error_um: float = WARP_UM) -> Outl
 
     Parameters
     ----------
-    outline : Outline
-        Closed rings, um.
     mapping : callable
         Points (N, 2) um to points (N, 2) um; keeps the plane's orientation.
     error_um : float

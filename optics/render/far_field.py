@@ -140,10 +140,6 @@ def make_far(
 
     Parameters
     ----------
-    edges : Edges
-        The outline, um.
-    microscope : Microscope
-        The optical setting.
     near : (PixelTile, Spectrum)
         The small tile with its spectrum.
     wide : PixelTile

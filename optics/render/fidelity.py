@@ -74,10 +74,6 @@ def choose(
 
     Parameters
     ----------
-    scene : Scene
-        What is rendered.
-    microscope : Microscope
-        The optical setting.
     focus_um : sequence of float
         World heights in focus that the choice must hold for, at least one.
     limit : float

@@ -62,8 +62,6 @@ def choose_tile(
     ----------
     outline : Outline or Edges
         The body, um; its image is displaced by `shift_um`.
-    microscope : Microscope
-        The optical setting.
     margin_um : float
         How far light spreads.
     frame : Window

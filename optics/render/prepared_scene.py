@@ -50,8 +50,6 @@ class PreparedScene:
         zoom : float
             Magnification over that of the microscope; other zooms than 1 take a few
             times as long, as no fast transform fits their pixels.
-        light : Illumination
-            Gain and gradient of the light.
         also : sequence of Patch
             More layers, by `patches` of another scene at the same focus and zoom.
 

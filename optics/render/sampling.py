@@ -44,8 +44,6 @@ class Quadrant:
 
         Parameters
         ----------
-        table : RadialTable
-            The transfer.
         orders : (J, K)
             At most those of the quadrant.
         single : bool
@@ -156,8 +154,6 @@ def band_error(model: str, microscope: Microscope, z_um: float) -> FloatArray:
     ----------
     model : str
         A key of `microplan.optics.transfer.models.MODELS`.
-    microscope : Microscope
-        The optical setting.
     z_um : float
         Defocus of the layer.
 

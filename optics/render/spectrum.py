@@ -113,10 +113,6 @@ def spectrum(
 
     Parameters
     ----------
-    outline : Outline or Edges
-        Closed rings, um.
-    tile : Tile
-        The period.
     cut_per_um : float
         Highest radial frequency, cycles/um; the corners beyond it are filled, badly.
     box : (x_min, y_min, x_max, y_max), optional
@@ -181,8 +177,6 @@ def boundary_nodes(
 
     Parameters
     ----------
-    edges : Edges
-        Closed rings, um.
     f_per_um : float
         Highest radial frequency of the integrand, cycles/um.
 

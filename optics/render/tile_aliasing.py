@@ -43,8 +43,6 @@ def wrap_error(
     ----------
     outline : Outline
         The layer's outline, world frame.
-    microscope : Microscope
-        The optical setting.
     margin : float
         Distance to repetitions and to cuts beyond the blur, in wavelengths / A.
     window : Window, optional

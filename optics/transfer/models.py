@@ -174,8 +174,6 @@ def transfer(
     ----------
     model : str
         A key of `MODELS`.
-    microscope : Microscope
-        The optical setting.
     z_um : float
         Height of the object minus that of the plane in focus.
     f_per_um : (...) float array
