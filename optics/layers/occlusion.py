@@ -131,7 +131,7 @@ def occluded(
             shift_um=shift_um,
             lamp_aperture=lamp_aperture,
         )
-        image[part] = tracing.image(_piece(frame, part), blurred)
+        image[part] = tracing.image(frame.part(*part), blurred)
     return image * lit
 
 
@@ -155,7 +155,6 @@ class Tracing:
         h = cut.grid.step_um
         rim = math.ceil(_TAIL * m.wavelength_um / m.aperture / h)
         wide = cut.grid.grown(rim)
-        inner = (slice(rim, -rim), slice(rim, -rim))
         stack = hard(scene.layers, wide, m, self.focus_um)
         blended = _sheets(blurred(cut.fine, cut.window))
         if self.lamp_aperture is not None:
@@ -172,7 +171,7 @@ class Tracing:
         found = trace(
             stack, scene.background, wide.shape, h, self.tangents, self.focus_um
         )
-        extra = _hidden(found, scene.background, m, h)[inner]
+        extra = _hidden(found, scene.background, m, h)[rim:-rim, rim:-rim]
         image = composite(blended, scene.background, extra.shape) + extra
         return _pixels(image, cut.per_px, m)
 
@@ -221,16 +220,6 @@ def _all(image: FloatArray, stack: Sequence[LayerSheet]) -> tuple[slice, slice] 
     return slice(0, image.shape[0]), slice(0, image.shape[1])
 
 
-def _piece(frame: Window, part: tuple[slice, slice]) -> Window:
-    """Return a part of a window's rows and columns as a window."""
-    return Window(
-        row=frame.row + part[0].start,
-        column=frame.column + part[1].start,
-        rows=part[0].stop - part[0].start,
-        columns=part[1].stop - part[1].start,
-    )
-
-
 def _sheets(covered: Sequence[Covered]) -> list[LayerSheet]:
     return sheets([c.layer for c in covered], [c.coverage for c in covered])
 
@@ -275,15 +264,20 @@ def _cut(
         rows=crop.rows * n,
         columns=crop.columns * n,
     )
+    grid = _grid(fine, window, shift_um)
+    return _Cells(per_px=n, fine=fine, window=window, grid=grid)
+
+
+def _grid(fine: Microscope, window: Window, shift_um: tuple[float, float]) -> Grid:
+    """Return the pixels of a window as cells before the image's displacement."""
     cx, cy = axis_px(fine)
     h = fine.um_per_px
-    grid = Grid(
+    return Grid(
         left_um=(window.column - 0.5 - cx) * h - shift_um[0],
         top_um=(cy - window.row + 0.5) * h - shift_um[1],
         step_um=h,
         shape=(window.rows, window.columns),
     )
-    return _Cells(per_px=n, fine=fine, window=window, grid=grid)
 
 
 def _hidden(

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from scipy.special import j0, j1
 from scipy.stats import qmc
 
-from microplan.arrays import BoolArray, Float32Array, FloatArray
+from microplan.arrays import BoolArray, Box, Float32Array, FloatArray
 from microplan.optics.layers.layer_edges import LayerFace
 from microplan.optics.layers.rays import sheets
 from microplan.optics.outline.clip import grown
@@ -81,32 +81,34 @@ def probes(
     airy = microscope.wavelength_um / microscope.aperture
     x, y = at_um.T
     box = (float(x.min()), float(y.min()), float(x.max()), float(y.max()))
-    rasters = []
-    for face in found:
-        left, bottom, right, top = grown(box, face.blur_um + _AROUND * airy)
-        area = (right - left) * (top - bottom)
-        fine = max(_FINE * airy, 2 * face.blur_um * _OF_BLUR, math.sqrt(area / _CELLS))
-        shape = (math.ceil((top - bottom) / fine), math.ceil((right - left) / fine))
-        hard = [cells(o.outline, left, top, fine, shape) for o in face.layers]
-        (sheet,) = sheets(face.layers, hard)
-        rasters.append(
-            Probed(
-                z_um=face.z_um,
-                left_um=left,
-                top_um=top,
-                step_um=fine,
-                covers=np.asarray(sheet.covers, dtype=np.float32),
-                tone=np.divide(
-                    sheet.sends,
-                    sheet.covers,
-                    dtype=np.float32,
-                    casting="same_kind",
-                    out=np.full(shape, face.layers[0].reflectance, dtype=np.float32),
-                    where=sheet.covers > 0,
-                ),
-            )
-        )
-    return rasters
+    return [
+        _raster(face, airy, grown(box, face.blur_um + _AROUND * airy)) for face in found
+    ]
+
+
+def _raster(face: LayerFace, airy: float, box: Box) -> Probed:
+    """Return the raster of a face over a box."""
+    left, bottom, right, top = box
+    area = (right - left) * (top - bottom)
+    fine = max(_FINE * airy, 2 * face.blur_um * _OF_BLUR, math.sqrt(area / _CELLS))
+    shape = (math.ceil((top - bottom) / fine), math.ceil((right - left) / fine))
+    hard = [cells(o.outline, left, top, fine, shape) for o in face.layers]
+    (sheet,) = sheets(face.layers, hard)
+    return Probed(
+        z_um=face.z_um,
+        left_um=left,
+        top_um=top,
+        step_um=fine,
+        covers=np.asarray(sheet.covers, dtype=np.float32),
+        tone=np.divide(
+            sheet.sends,
+            sheet.covers,
+            dtype=np.float32,
+            casting="same_kind",
+            out=np.full(shape, face.layers[0].reflectance, dtype=np.float32),
+            where=sheet.covers > 0,
+        ),
+    )
 
 
 def probe_error(

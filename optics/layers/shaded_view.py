@@ -126,15 +126,8 @@ class ShadedView:
         part = _edges([c.coverage for c in near])
         if part is None:
             return change
-        rows, columns = part
-        window = Window(
-            row=self.frame.row + rows.start,
-            column=self.frame.column + columns.start,
-            rows=rows.stop - rows.start,
-            columns=columns.stop - columns.start,
-        )
         cut = [replace(c, coverage=c.coverage[part]) for c in seen]
-        about = replace(self, frame=window)
+        about = replace(self, frame=self.frame.part(*part))
         change[part] = about.blending_residual(scene, cut, traced, fine, step)
         return change
 
@@ -152,13 +145,7 @@ class ShadedView:
         """
         m = self.microscope
         soft = [c.layer for c in seen if self._reach_um(c.layer.z_um) > sharp_um]
-        heights = [layer.z_um for layer in soft]
-        steps = [self._reach_um(z_um) / _HIDING for z_um in heights]
-        widest = max(self._reach_um(z) for z in (*heights, *(x.z_um for x in traced)))
-        step = max(min(step_um, *steps, math.inf), 2 * fine_um(m), widest / _WIDEST)
-        # images of nearly the same blur share their points
-        step = 2.0 ** (math.floor(_STEPS * math.log2(step)) / _STEPS)
-        lattice = Lattice.over(area_um(m, self.frame, self.shift_um, 0.0), step)
+        lattice = self._lattice([layer.z_um for layer in soft], traced, step_um)
         plane = None
         if scene.background_z_um is not None:
             plane = scene.background, scene.background_z_um
@@ -173,6 +160,19 @@ class ShadedView:
             if self._reach_um(z_um) <= sharp_um and z_um > traced[-1].z_um:
                 change *= 1 - each.coverage
         return change
+
+    def _lattice(
+        self, heights_um: Sequence[float], traced: Sequence[Irradiance], step_um: float
+    ) -> Lattice:
+        """Return points `step_um` apart, or as blurs of heights and faces allow."""
+        m = self.microscope
+        hiding = [self._reach_um(z_um) for z_um in heights_um]
+        widest = max(*hiding, *(self._reach_um(each.z_um) for each in traced), 0.0)
+        steps = [reach / _HIDING for reach in hiding]
+        step = max(min(step_um, *steps, math.inf), 2 * fine_um(m), widest / _WIDEST)
+        # images of nearly the same blur share their points
+        step = 2.0 ** (math.floor(_STEPS * math.log2(step)) / _STEPS)
+        return Lattice.over(area_um(m, self.frame, self.shift_um, 0.0), step)
 
     def _is_wide(self, light: Irradiance) -> bool:
         """Return whether rays from one point meet different light at a height."""

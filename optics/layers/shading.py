@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -192,33 +193,7 @@ def shade_error(
     x, y = pixel_axes_um(microscope, frame, (0.0, 0.0))
     middle = -(x[0] + x[1] * (x[2] - 1) / 2), -(y[0] + y[1] * (y[2] - 1) / 2)
 
-    def change(
-        setting: Microscope, cut: Window, shift: tuple[float, float]
-    ) -> FloatArray:
-        still = cover(
-            scene.layers,
-            setting,
-            focus_um=focus_um,
-            window=cut,
-            shift_um=shift,
-            sampling=_ROUGH,
-        )
-        bare = replace(scene, layers=())
-        return np.abs(
-            render_coaxial(
-                bare,
-                setting,
-                focus_um=focus_um,
-                lamp_aperture=lamp_aperture,
-                window=cut,
-                shift_um=shift,
-                also=still,
-            )
-            - render(
-                bare, setting, focus_um=focus_um, window=cut, shift_um=shift, also=still
-            )
-        )
-
+    change = partial(_shading_change, scene, focus_um, lamp_aperture)
     found = change(large, full(large), middle)
     most = float(found.max())
     if every > 1 and most > 0:
@@ -234,6 +209,41 @@ def shade_error(
         )
         most = max(most, float(change(microscope, near, (0.0, 0.0)).max()))
     return rounded_up(most)
+
+
+def _shading_change(
+    scene: Scene,
+    focus_um: float,
+    lamp_aperture: float,
+    setting: Microscope,
+    cut: Window,
+    shift_um: tuple[float, float],
+) -> FloatArray:
+    """Return what shade changes at the pixels of a window, (rows, columns)."""
+    still = cover(
+        scene.layers,
+        setting,
+        focus_um=focus_um,
+        window=cut,
+        shift_um=shift_um,
+        sampling=_ROUGH,
+    )
+    bare = replace(scene, layers=())
+    shaded = render_coaxial(
+        bare,
+        setting,
+        focus_um=focus_um,
+        lamp_aperture=lamp_aperture,
+        window=cut,
+        shift_um=shift_um,
+        also=still,
+    )
+    return np.abs(
+        shaded
+        - render(
+            bare, setting, focus_um=focus_um, window=cut, shift_um=shift_um, also=still
+        )
+    )
 
 
 def _heights(scene: Scene, covered: Sequence[Covered]) -> list[float]:

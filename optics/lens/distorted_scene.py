@@ -117,20 +117,16 @@ def curvature_um(
     group = list(range(len(layers)))
     while True:
         up = _raised(spans, group, errors.field_curvature_per_um)
-        pairs = itertools.combinations(range(len(layers)), 2)
-        clash = next(
-            (
-                (i, j)
-                for i, j in pairs
-                if group[i] != group[j]
-                and _near(boxes[i], boxes[j], gap)
-                and _reordered(layers[i].z_um, layers[j].z_um, up[i], up[j])
-            ),
-            None,
+        clashes = (
+            (group[i], group[j])
+            for i, j in itertools.combinations(range(len(layers)), 2)
+            if group[i] != group[j]
+            and _near(boxes[i], boxes[j], gap)
+            and _reordered(layers[i].z_um, layers[j].z_um, up[i], up[j])
         )
-        if clash is None:
+        keep, drop = next(clashes, (None, None))
+        if keep is None:
             return tuple(up)
-        keep, drop = (group[k] for k in clash)
         group = [keep if g == drop else g for g in group]
 
 

@@ -165,6 +165,8 @@ def centroid_shift_um(
 ) -> tuple[float, float]:
     """Return how far a gradient moves the centroid of the light of a body, um.
 
+    ValueError if the outline has no area, or the light is not positive at its centroid.
+
     Parameters
     ----------
     outline : Outline
@@ -180,11 +182,6 @@ def centroid_shift_um(
         M g, with M the second central moments over the area and g the relative change
         of the light per um at the centroid. Exact for a sharp image; blur adds its own
         second moment to M.
-
-    Raises
-    ------
-    ValueError
-        If the outline has no area, or the light is not positive at its centroid.
     """
     area, (x, y), second = moments(outline)
     g = np.array(relative_gradient(microscope, gradient, (x, y)))

@@ -43,6 +43,8 @@ class Sensor:
 def expose(image: FloatArray, sensor: Sensor, rng: np.random.Generator) -> CountArray:
     """Return one noisy frame.
 
+    ValueError if the image holds a nan or infinity.
+
     Parameters
     ----------
     image : (...) float array
@@ -55,11 +57,6 @@ def expose(image: FloatArray, sensor: Sensor, rng: np.random.Generator) -> Count
     (...) uint8 or uint16 array
         Counts 0..2**bits - 1, uint8 up to 8 bits. Above gain 1 the top count is reached
         at 1 / gain of full well; below it the well is full at gain times the top.
-
-    Raises
-    ------
-    ValueError
-        If the image holds a nan or infinity.
     """
     if not np.isfinite(image).all():
         raise ValueError("image must be finite")

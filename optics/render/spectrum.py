@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import fft
 
-from microplan.arrays import Box, FloatArray
+from microplan.arrays import Box, ComplexArray, FloatArray
 from microplan.optics.outline.clip import EdgeArrays, clip, to_edges
 from microplan.optics.outline.outline import Outline
 from microplan.optics.render.nufft_gridding import (
@@ -275,12 +275,16 @@ def _fill(values: Coefficients, nodes: Nodes, tile: Tile) -> None:
         np.multiply(lines[: K + 1], inverse[: K + 1], out=values[: K + 1, 1:])
         np.multiply(lines[gy - K :], inverse[K + 1 :], out=values[K + 1 :, 1:])
     if K > 0:  # along u = 0 the field must point along y
-        line = np.bincount(
-            at_y.ravel(),
-            weights=(share_y * (dx / tile.width_um)[:, None]).ravel(),
-            minlength=gy,
-        )
-        waves, k = fft.fft(line), np.arange(1, K + 1)
-        k = np.concatenate([k, -k[::-1]])
-        waves = np.concatenate([waves[1 : K + 1], waves[gy - K :]])
-        values[1:, 0] = waves / level[1:] * -1j / (2 * np.pi * k)
+        weights = share_y * (dx / tile.width_um)[:, None]
+        line = np.bincount(at_y.ravel(), weights=weights.ravel(), minlength=gy)
+        values[1:, 0] = _mean_column(np.asarray(line, dtype=np.float64), level)
+
+
+def _mean_column(line: FloatArray, level: FloatArray) -> ComplexArray:
+    """Return orders 1..K, -K..-1 along y from gridded dx (N,) and kernel (2 K + 1,)."""
+    K = level.size // 2
+    waves, k = fft.fft(line), np.arange(1, K + 1)
+    k = np.concatenate([k, -k[::-1]])
+    waves = np.concatenate([waves[1 : K + 1], waves[line.size - K :]])
+    column: ComplexArray = waves / level[1:] * -1j / (2 * np.pi * k)
+    return column

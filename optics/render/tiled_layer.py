@@ -204,13 +204,12 @@ def make_part(
         values = values.astype(np.complex64, copy=False)
     far = None
     if tile is not wide:
-        reach_um = margin_um(microscope, 0.0, sampling.near)
         far = make_far(
             edges,
             microscope,
             (tile, found),
             wide,
-            reach_um=reach_um,
+            reach_um=margin_um(microscope, 0.0, sampling.near),
             shift_um=shift_um,
             single=sampling.single,
         )

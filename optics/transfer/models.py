@@ -170,6 +170,8 @@ def transfer(
 ) -> FloatArray:
     """Return the transfer of `model` for a defocus, without table or interpolation.
 
+    ValueError if the model is unknown or an argument holds a nan.
+
     Parameters
     ----------
     model : str
@@ -184,11 +186,6 @@ def transfer(
     (...) float64 array
         1 at frequency 0. `product` and `geometric` take the paraxial W20, as the
         paper does, the others the rim-matched one.
-
-    Raises
-    ------
-    ValueError
-        If the model is unknown or an argument holds a nan.
     """
     return find_model(model).curve(microscope, z_um)(
         np.asarray(f_per_um, dtype=np.float64) / microscope.cutoff_per_um

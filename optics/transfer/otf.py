@@ -103,6 +103,8 @@ def stokseth(x: FloatArray, w: float) -> FloatArray:
 def hopkins(x: FloatArray, w: float) -> FloatArray:
     """Return the OTF of a circular pupil with a quadratic defocus phase.
 
+    ValueError if an argument holds a nan or `w` is infinite.
+
     Parameters
     ----------
     x : (...) float array
@@ -114,11 +116,6 @@ def hopkins(x: FloatArray, w: float) -> FloatArray:
     -------
     (...) float64 array
         1 at 0, 0 at 1 and beyond; `diffraction` where w = 0. Error below 1e-13.
-
-    Raises
-    ------
-    ValueError
-        If an argument holds a nan or `w` is infinite.
 
     References
     ----------
