@@ -1,4 +1,4 @@
-"""Table of edges in partly coherent light, from `benchmarks.optics.edge_table`."""
+"""Edges in partly coherent light, from `benchmarks.optics.edge_table`."""
 
 from __future__ import annotations
 

@@ -24,7 +24,6 @@ from microplan.schemas.plan import (
 _AXES = ("x_um", "y_um", "z_um", "theta_rad")
 JAWS, PROBE, SWEEP = "jaws", "probing moves", "the focus sweep"  # what a time lacks
 LOOKS, MOVES = "its looks", "moves from where no plan knows"
-Readings = Mapping[str, Mapping[str, float | None]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

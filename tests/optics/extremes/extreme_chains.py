@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
+from benchmarks.optics.raster import coverage
 from microplan.arrays import FloatArray
 from microplan.optics.layers.occlusion import occluded
 from microplan.optics.lens.distorted_scene import lens_scene
@@ -13,7 +14,6 @@ from microplan.optics.lens.lens import LensErrors
 from microplan.optics.oracle import Oracle
 from microplan.optics.outline.outline import Outline
 from microplan.optics.render.fidelity import LADDER, Fidelity, choose
-from microplan.optics.render.raster import coverage
 from microplan.optics.render.render import render
 from microplan.optics.render.sampling import band_cut, margin_error, margin_um
 from microplan.optics.render.scene import Illumination, Scene

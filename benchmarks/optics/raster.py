@@ -1,4 +1,4 @@
-"""Exact area coverage of pixels by an outline, without blur."""
+"""Exact area coverage of pixels: input of rivals, second road of tests."""
 
 from __future__ import annotations
 
