@@ -1,4 +1,4 @@
-"""Image formation of a microscope: outlines and optics in, noise-free images out.
+"""Image formation of a microscope, from outlines to noise-free images.
 
 In: dimensions and settings from planner.views and featuresel.look, as numbers.
 Out: images, transfer functions and predicted errors, to featuresel and planner.

@@ -1,4 +1,4 @@
-"""Ledger of optical effects: how each is modelled, and the error that remains."""
+"""Ledger of optical effects with the error that each model leaves."""
 
 from __future__ import annotations
 

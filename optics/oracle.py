@@ -1,4 +1,4 @@
-"""Reference images by plain sums over waves, which fast ones are measured against.
+"""Reference images by plain sums over waves, the judge of faster ones.
 
 The transfer is 0 beyond the cutoff, so the image on a periodic tile is a finite sum of
 waves. Here every coefficient comes from the outline's Fourier transform in closed form

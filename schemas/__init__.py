@@ -1,4 +1,4 @@
-"""File formats and pages that compiler and runtime share.
+"""File formats, pages: what compiler shares with runtime.
 
 In: plans from planner.plan, world and evidence from planner.looks. Out: JSON text and
 HTML pages, to both commands, and the same types read back by the executor.

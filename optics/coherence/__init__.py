@@ -1,4 +1,4 @@
-"""Partially coherent light: Abbe images, and what incoherent ones leave out.
+"""Partially coherent light: Abbe images, errors of incoherent ones.
 
 In: `Scene`, `Microscope`, the condenser's aperture over the objective's. Out: images by
 Abbe's sum, and edge offsets and errors from tables, to optics.ledger and planner.views.

@@ -1,4 +1,4 @@
-"""Edge offsets in partly coherent light: how far edges move, what ignoring it costs."""
+"""Edge offsets in partially coherent light, from a table."""
 
 from __future__ import annotations
 

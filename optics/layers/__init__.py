@@ -1,4 +1,4 @@
-"""Occlusion and coaxial light between layers of different height.
+"""Layers of different height: occlusion, coaxial light.
 
 In: `Scene` with layers at several heights, `Microscope`, aperture of the lamp; blurred
 layers (`Covered`) from optics.render. Out: images with occlusion and shade, the error

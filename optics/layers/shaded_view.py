@@ -1,4 +1,4 @@
-"""How shaded faces are seen: blurred together with the light on them, at the pixels."""
+"""Shaded faces in an image, blurred together with the light on them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Errors of lens and sensor: distortion, field curvature, gradients, noise.
+"""Lens errors: distortion, field curvature, gradients, noise of the sensor.
 
 In: `LensErrors` from planner.task, scenes of an ideal lens. Out: distorted scenes,
 shifts of targets in nm, frames with noise, the image Jacobian, to featuresel and

@@ -1,4 +1,4 @@
-"""Image Jacobian: how image points move with the pose of a body and with the zoom.
+"""Image Jacobian: motion of image points with pose, zoom.
 
 Image points are (column, row) pixels; rows go down. It replaces eqs. (13, 14, 16) of
 the paper, whose printed rotation column is no rotation.

@@ -1,4 +1,4 @@
-"""The camera's sensor: image to counts, with shot noise, read noise and saturation."""
+"""The camera's sensor: image to counts, with noise."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Fourier integrals of outlines in closed form: slow, and right to rounding."""
+"""Fourier integrals of outlines in closed form, exact to rounding."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Coverage of fine cells by an outline, scan line by scan line."""
+"""Coverage of fine cells by an outline, by scan lines."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Ties: numbers that differ by no more than machines do, decided by declared order.
+"""Tolerant order of numbers that differ by no more than machines do.
 
 Another processor, BLAS, FFT or libm changes the last digits of a number. Where one of
 several candidates is chosen by a number, all within a margin of the best are equal, and

@@ -1,4 +1,4 @@
-"""Light from beyond a tile: a smooth correction that lets the tile be small.
+"""Far-field correction of a small tile by light from beyond it.
 
 Repetitions and cuts of an outline nearer than the margin wanted leave an error in a
 tile's image. At the pixels seen it has no detail finer than their distance, so low

@@ -1,4 +1,4 @@
-"""The cheapest model of an image within an error budget, and its predicted error.
+"""The cheapest model of an image within an error budget.
 
 The error is predicted on the scene itself: its cheap image is compared
 with one of the exact model, a wider band and a wider margin, and bounds of what the

@@ -1,4 +1,4 @@
-"""Tiles of whole camera pixels: where they lie, and sampling spectra at pixels."""
+"""Tiles of whole camera pixels, at which spectra are sampled."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Scenes transformed once for many images: focus, shift and zoom change, parts stay."""
+"""Prepared scenes: one spectrum a layer for many focus heights, shifts, zooms."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Inverse transforms of coefficients at the pixels of a tile, pruned to those seen."""
+"""Inverse transforms of coefficients, pruned to the pixels seen."""
 
 from __future__ import annotations
 

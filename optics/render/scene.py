@@ -1,4 +1,4 @@
-"""The language the renderer accepts: layers by height, background, light, window."""
+"""Scenes for the renderer: layers by height, background, light, window."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a finite tile costs: light of repetitions, and light that is cut off.
+"""Error of a finite tile: light of repetitions, light cut off.
 
 Far from an edge the image of a point falls like K / r**3, in focus and out of it, since
 the transfer starts with a kink of slope -4 / pi in x whatever the defocus. That gives

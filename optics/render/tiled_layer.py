@@ -1,4 +1,4 @@
-"""A layer's spectrum on its tile, and its image in any view of a range."""
+"""A layer's spectrum on its tile, imaged in any view of a range."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Ranges of views of a prepared scene, and the pixels of one view."""
+"""Ranges of views of a prepared scene."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Models of the defocus OTF by name, with bounds of their errors in an image."""
+"""Models of the defocus OTF by name, with bounds of their image errors."""
 
 from __future__ import annotations
 

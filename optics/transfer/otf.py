@@ -1,4 +1,4 @@
-"""Optical transfer functions of a circular pupil, in focus and out of it.
+"""Optical transfer functions of a circular pupil by defocus.
 
 All are functions of x, the radial frequency over the cutoff 2 A / wavelength, and of
 w, the defocus coefficient W20 in waves, or, where that is not enough, of the

@@ -1,4 +1,4 @@
-"""JSON Schemas of what microplan writes, made from the types of plan and outlines.
+"""JSON Schemas of written files, made from the types of plan or outlines.
 
 A key's description is the comment of its field in the source.
 `python -m microplan.schemas.files.plan_schema` writes them to `plan.schema.json` and

@@ -1,4 +1,4 @@
-"""Predicted times of a plan's steps, as far as plan and world state them."""
+"""Predicted times of a plan's steps, as far as its world states them."""
 
 from __future__ import annotations
 

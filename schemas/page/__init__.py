@@ -1,4 +1,4 @@
-"""Pages in HTML and SVG, text on the console, formats of numbers.
+"""Pages in HTML with SVG charts, text on the console, formats of numbers.
 
 In: texts, numbers and points from planner.report, executor.analysis and the commands.
 Out: elements, escaped on writing, and lines on standard output or standard error.

@@ -1,4 +1,4 @@
-"""Charts as SVG: a curve, points with a front, bars with a limit, spans, times."""
+"""Charts as SVG: curve, scatter with a front, bars with a limit."""
 
 from __future__ import annotations
 

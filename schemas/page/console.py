@@ -1,4 +1,4 @@
-"""Console output of both commands, as any terminal, pipe or full disk takes it."""
+"""Console output of both commands, for any terminal, pipe or full disk."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Elements of HTML and SVG, whose text is escaped when it is written.
+"""Elements of HTML or SVG, whose text is escaped when it is written.
 
 There is no way to put markup in as text: a part that is called `<script>` stays a name.
 What could run, or fetch anything, is refused.

@@ -1,4 +1,4 @@
-"""Numbers as people read them: three digits, with their unit."""
+"""Number formats for readers: three digits, with their unit."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Boxes of words in charts: how wide text is, what it covers, where numbers go.
+"""Boxes of words in charts: width of text, free boxes for numbers.
 
 Lengths are those of the picture, x to the right and y down.
 """

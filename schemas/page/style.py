@@ -1,4 +1,4 @@
-"""The style sheet of all pages: light and dark, screen and paper, wide and narrow."""
+"""Style sheet of all pages, for any screen or paper, light or dark."""
 
 from __future__ import annotations
 
