@@ -1,4 +1,4 @@
-"""The effects ledger: which optical effect is modelled, at what level and cost."""
+"""Ledger of optical effects with the error that each model leaves."""
 
 from __future__ import annotations
 
@@ -35,8 +35,8 @@ _LEVELS = {
 class LedgerRow:
     """One effect, how it is treated, and what leaving the rest out costs.
 
-    `predicted_error` and `limit` are in the unit that `unit` names; None where nobody
-    predicts it yet, and then `level` says `not modelled`.
+    `predicted_error` and `limit` are in the unit that `unit` names; None where it is
+    not predicted, and then `level` says `not modelled`.
     """
 
     effect: str
@@ -84,7 +84,7 @@ def ledger(
         they do not add up to a bound of the image.
     """
     return (
-        _law_row(imaged.fidelity),
+        _model_row(imaged.fidelity),
         _layer_row(imaged.layering),
         _shade_row(imaged),
         *_sampling_rows(imaged.fidelity),
@@ -100,8 +100,8 @@ def ledger(
     )
 
 
-def _law_row(fidelity: Fidelity) -> LedgerRow:
-    """Return the row of law and sampling, with the cheaper laws that were refused."""
+def _model_row(fidelity: Fidelity) -> LedgerRow:
+    """Return the row of the OTF model, with the cheaper models that were refused."""
     refused = ", ".join(
         f"{r.model} errs by {r.predicted_error:.2g}" for r in fidelity.refused
     )

@@ -1,8 +1,8 @@
-"""The slow reference image of an outline, which every fast path is measured against.
+"""Reference images by plain sums over waves, the judge of faster ones.
 
 The transfer is 0 beyond the cutoff, so the image on a periodic tile is a finite sum of
 waves. Here every coefficient comes from the outline's Fourier transform in closed form
-(arcs by Gauss panels), and every pixel is a plain sum over all waves: no spreading, no
+(arcs by Gauss panels), and every pixel is a plain sum over all waves: no gridding, no
 cut of the band, no fast transform, no coarse table.
 """
 
@@ -19,13 +19,14 @@ from scipy.interpolate import CubicSpline
 from microplan.arrays import Box, FloatArray
 from microplan.optics.layers.occlusion import Tracing, cell_um
 from microplan.optics.layers.rays import slopes
-from microplan.optics.outline.clip import EdgeArrays, clip, to_edges
+from microplan.optics.outline.clip import EdgeArrays, clip, common, grown, to_edges
 from microplan.optics.outline.fourier_integral import transform
 from microplan.optics.outline.outline import Outline
 from microplan.optics.render.pixels import axis_px
 from microplan.optics.render.render import Covered
 from microplan.optics.render.scene import Scene, Window
 from microplan.optics.render.spectrum import Tile, band_orders
+from microplan.optics.render.view_range import full
 from microplan.optics.transfer.microscope import Microscope
 from microplan.optics.transfer.models import find_model
 
@@ -70,8 +71,8 @@ class Oracle:
         deepest_um : float
             The largest defocus asked for, of either sign.
         wrap_error : float
-            What the tile's repetitions may add, of unit contrast; the tile is made
-            large enough. A body that is cut costs more, see the field.
+            What the tile's repetitions may add, of unit contrast; the tile is
+            large enough for that. A body that is cut costs more, see the field.
 
         Returns
         -------
@@ -85,14 +86,14 @@ class Oracle:
         rings, (wavelength / A) / (2 pi**3 r**3), at most twice that. Repetitions in
         rings of 8 k at k times the least distance d sum up to 8 zeta(2) / d**3.
         """
-        frame = window or _full(microscope)
+        frame = window or full(microscope)
         airy = microscope.wavelength_um / microscope.aperture
         blur = microscope.blur_diameter_um(deepest_um) / 2
         reach = blur + CUT * airy
-        box = _grown(_box(microscope, frame), reach)
+        box = grown(_box(microscope, frame), reach)
         edges, bounds, cut = to_edges(outline), outline.bounds_um, 0.0
         if not _holds(box, bounds):
-            edges, bounds = clip(outline, box), _common(box, bounds)
+            edges, bounds = clip(outline, box), common(box, bounds)
             cut = 4 / (np.pi**3 * CUT)  # four sides
         each = abs(edges.area_um2) * airy / np.pi**3 * 8 * np.pi**2 / 6
         apart = blur + max((each / wrap_error) ** (1 / 3), 20 * airy)
@@ -107,39 +108,40 @@ class Oracle:
         )
 
     def image(self, model: str, z_um: float) -> FloatArray:
-        """Return the image of a white body over black, (rows, columns).
+        """Return the image of a white body over black, (rows, columns), 0..1.
 
         See `images`, which shares the work of several.
         """
         found: FloatArray = self.images([(model, z_um)])[0]
         return found
 
-    def images(self, laws: Sequence[tuple[str, float]]) -> FloatArray:
-        """Return images by law and defocus.
+    def images(self, models: Sequence[tuple[str, float]]) -> FloatArray:
+        """Return images by model and defocus.
 
         Parameters
         ----------
-        laws : sequence of (model, z_um)
+        models : sequence of (model, z_um)
             A key of `microplan.optics.transfer.models.MODELS` each, and the height of
-            the body minus that of the plane in focus, um. Every law ends at the cutoff.
+            the body minus that of the plane in focus, um. Every model ends at the
+            cutoff.
 
         Returns
         -------
         (N, rows, columns) float64 array
-            Coverage of the pixels, within `wrap_error` and some 1e-9 of the law's.
+            Coverage of the pixels, within `wrap_error` and some 1e-9 of the model's.
 
         Raises
         ------
         ValueError
             If a model is unknown or a defocus beyond `deepest_um`.
         """
-        for _, z_um in laws:
+        for _, z_um in models:
             if not abs(z_um) <= self.deepest_um:
                 raise ValueError(
                     f"defocus must be within {self.deepest_um} um, got {z_um}"
                 )
         m, tile = self.microscope, self.tile
-        tables = [tabulated(model, m, z_um) for model, z_um in laws]
+        tables = [tabulated(model, m, z_um) for model, z_um in models]
         J, K = band_orders(tile, m.cutoff_per_um)
         u = np.arange(J + 1) / tile.width_um
         side = m.um_per_px * math.sqrt(m.fill_factor)
@@ -147,7 +149,7 @@ class Oracle:
         right = np.exp(2j * np.pi * u[:, None] * x)
         right[1:] *= 2  # the other half of the waves is the conjugate
         right *= (np.sinc(u * side) / (tile.width_um * tile.height_um))[:, None]
-        total = np.zeros((len(laws), y.size, x.size))
+        total = np.zeros((len(models), y.size, x.size))
         step = max(1, _BLOCK // (J + 1))
         for start in range(-K, K + 1, step):
             v = np.arange(start, min(start + step, K + 1)) / tile.height_um
@@ -183,11 +185,11 @@ def oracle_image(
     Returns
     -------
     (rows, columns) float64 array
-        Share of full scale. Layers blurred by the law come from `Oracle`. What rays
+        Share of full scale. Layers blurred by the model come from `Oracle`. What rays
         and cells cost: `benchmarks.optics.layers`; what rays lack:
         `microplan.optics.layers.layer_error`.
     """
-    frame = window or _full(microscope)
+    frame = window or full(microscope)
 
     def blurred(fine: Microscope, cut: Window) -> list[Covered]:
         found = []
@@ -212,9 +214,9 @@ Table = Callable[[FloatArray], FloatArray]  # share of the cutoff (...) -> trans
 
 
 def tabulated(model: str, microscope: Microscope, z_um: float) -> Table:
-    """Return a law as a fine table: 0 from the cutoff on, else within 1e-9.
+    """Return a model's OTF as a fine table: 0 from the cutoff on, else within 1e-9.
 
-    Knots lie evenly in sqrt(1 - x), where every law is smooth to the end.
+    Knots lie evenly in sqrt(1 - x), where every model is smooth to the end.
     """
     waves = abs(microscope.rim_w20_um(z_um)) / microscope.wavelength_um
     count = 2000 + math.ceil(16 * np.pi * waves / _TABLE_RAD)
@@ -227,12 +229,6 @@ def tabulated(model: str, microscope: Microscope, z_um: float) -> Table:
         return np.where(x < 1, value, 0.0)
 
     return read
-
-
-def _full(microscope: Microscope) -> Window:
-    return Window(
-        row=0, column=0, rows=microscope.height_px, columns=microscope.width_px
-    )
 
 
 def _centers(microscope: Microscope, window: Window) -> tuple[FloatArray, FloatArray]:
@@ -250,16 +246,8 @@ def _box(microscope: Microscope, window: Window) -> Box:
     return (float(x[0]), float(y[-1]), float(x[-1]), float(y[0]))
 
 
-def _grown(box: Box, by_um: float) -> Box:
-    return (box[0] - by_um, box[1] - by_um, box[2] + by_um, box[3] + by_um)
-
-
 def _holds(box: Box, bounds: Box) -> bool:
-    return _common(box, bounds) == bounds
-
-
-def _common(a: Box, b: Box) -> Box:
-    return (max(a[0], b[0]), max(a[1], b[1]), min(a[2], b[2]), min(a[3], b[3]))
+    return common(box, bounds) == bounds
 
 
 def _tile(seen: Box, body: Box, apart_um: float) -> Tile:

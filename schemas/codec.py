@@ -1,8 +1,8 @@
 """JSON for frozen dataclasses: field order is key order, unions carry a `kind`.
 
 Understands what the plan's types use: float, int, str, bool, None, tuples, mappings
-with string keys, dataclasses, optionals, literals, and unions of dataclasses told apart
-by a `kind` field with a literal type.
+with string keys, dataclasses, optionals, literals, and unions of dataclasses
+distinguished by a `kind` field with a literal type.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ def _decode(kind: Any, data: Any, path: str) -> Any:
 
 
 def _decode_scalar(kind: Any, data: Any, path: str) -> Any:
-    """Return a float, int, str, bool or None; an int may stand for a float."""
+    """Return a float, int, str, bool or None; an int may replace a float."""
     if kind is float:
         ok = isinstance(data, (int, float)) and not isinstance(data, bool)
         return float(_checked(ok and _fits(data), data, path, "a number"))

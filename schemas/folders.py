@@ -1,4 +1,4 @@
-"""Files of a folder that anybody may have spoilt: regular ones, up to a size."""
+"""Regular files of an untrusted folder, up to a size."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Versions of file formats, "major.minor", and which of them a reader takes.
+"""Versions of file formats, "major.minor", that a reader takes.
 
 A newer minor adds keys that an older reader may pass over; a newer major changes what
 is there. `docs/formats.md` has the rules.

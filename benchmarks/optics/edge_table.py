@@ -38,7 +38,7 @@ _FEW, _MANY = 28, 40  # nodes of the source: the others agree within 1e-4, and f
 _MANY_WAVES = 1.5  # here on they take the many
 
 _INDENT = "    "
-_HEAD = '''"""Edges in partly coherent light: made by `benchmarks.optics.edge_table`."""
+_HEAD = '''"""Edges in partly coherent light, from `benchmarks.optics.edge_table`."""
 
 from __future__ import annotations
 

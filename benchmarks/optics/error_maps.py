@@ -33,7 +33,7 @@ from microplan.optics.transfer.microscope import Microscope
 from microplan.optics.transfer.models import (
     MODELS,
     TABLE_ERROR,
-    law_error,
+    model_error_bound,
     tabulate,
     transfer,
 )
@@ -80,7 +80,7 @@ def errors(waves: float, steepness: float) -> dict[str, float]:
     }
     # of width d, at x: the edge's error at x + d / 2 less that at x - d / 2; it is odd
     found["slot"] = 2 * found["edge"]
-    predicted = [law_error(law, optics, z_um) for law in LAWS]
+    predicted = [model_error_bound(law, optics, z_um) for law in LAWS]
     found["predicted"] = np.array(predicted)
     return {
         f"{law}.{kind}": float(found[kind][k])
@@ -143,8 +143,8 @@ def bound_shares(count: int) -> FloatArray:
         alone = bounds(waves, steepness)
         averaged = pixel_bounds(waves, steepness, np.array([pixel]))
         for share, law in zip(place, LAWS, strict=True):
-            share[0] = _share(alone[law], law_error(law, optics, z_um))
-            share[1] = _share(averaged[law][0], law_error(law, coarse, z_um))
+            share[0] = _share(alone[law], model_error_bound(law, optics, z_um))
+            share[1] = _share(averaged[law][0], model_error_bound(law, coarse, z_um))
     return shares
 
 

@@ -174,7 +174,7 @@ def main() -> None:
     waves = ", ".join(f"{value:.17g}" for value in WAVES)
     steep = ", ".join(f"{value:g}" for value in STEEPNESS)
     lines = [
-        '"""Bounds of the laws\' errors, made by `benchmarks/optics/law_bounds.py`."""',
+        '"""Error bounds of OTF models, from `benchmarks/optics/law_bounds.py`."""',
         "",
         "from collections.abc import Mapping",
         "from types import MappingProxyType",
@@ -185,7 +185,9 @@ def main() -> None:
         "# fmt: off",
         f"WAVES = ({waves})",
         f"STEEPNESS = ({steep})",
-        *_lines("BOUND", "Half the integral of |difference of point spreads|.", plain),
+        *_lines(
+            "BOUND", "Half the integral of |difference of point responses|.", plain
+        ),
         *_lines("PIXEL", "That times the pixel in wavelength / A, largest.", pixel),
         "# fmt: on",
     ]

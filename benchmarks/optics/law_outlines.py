@@ -20,7 +20,7 @@ from microplan.optics.outline.outline import Outline, place
 from microplan.optics.render.render import render
 from microplan.optics.render.sampling import Sampling
 from microplan.optics.transfer.microscope import Microscope
-from microplan.optics.transfer.models import TABLE_ERROR, law_error
+from microplan.optics.transfer.models import TABLE_ERROR, model_error_bound
 from tests.optics.shapes import circle, disc, gear, one_layer, polygon, rectangle
 
 Draw = Callable[[np.random.Generator, float], Outline]
@@ -81,7 +81,7 @@ def _judged(
     for law in LAWS:
         image = render(scene, optics, focus_um=0.0, model=law, sampling=_WHOLE)
         error = float(np.abs(image - exact).max())
-        predicted = law_error(law, optics, z_um)
+        predicted = model_error_bound(law, optics, z_um)
         yield Trial(law=law, shape=shape, error=error, predicted=predicted)
 
 

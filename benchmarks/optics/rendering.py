@@ -14,12 +14,12 @@ import numpy as np
 from scipy import fft
 
 from benchmarks.figures import Benchmark, Figure, Options
+from benchmarks.optics.raster import coverage
 from benchmarks.rivals import peers
 from benchmarks.rivals.naive import Naive
 from benchmarks.timing import cpu_s
 from microplan.arrays import FloatArray
 from microplan.optics.oracle import Oracle
-from microplan.optics.render.raster import coverage
 from microplan.optics.render.render import render, render_stack
 from microplan.optics.transfer.microscope import Microscope
 from tests.optics.shapes import gear, microscope, one_layer, polygon

@@ -19,9 +19,9 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import numpy.typing as npt
 
+from benchmarks.optics.raster import coverage
 from microplan.arrays import FloatArray
 from microplan.optics.outline.outline import Outline
-from microplan.optics.render.raster import coverage
 from microplan.optics.render.scene import Window
 from microplan.optics.transfer.microscope import Microscope
 

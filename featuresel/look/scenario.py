@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from microplan.arrays import FloatArray
 from microplan.featuresel.routines.contract import Target
 from microplan.featuresel.routines.picture import RegionFrame
-from microplan.optics.layers.coaxial_light import Irradiance, lights
+from microplan.optics.layers.coaxial_light import Irradiance, irradiances
 from microplan.optics.layers.occlusion import occluded
 from microplan.optics.layers.shading import render_coaxial
 from microplan.optics.lens.distorted_scene import lens_scene
@@ -277,7 +277,7 @@ def still_lights(
     heights = {layer.z_um for layer in (*case.static, *case.moving)}
     if case.background_z_um is not None:
         heights.add(case.background_z_um)
-    return lights(
+    return irradiances(
         case.static,
         sorted(heights),
         microscope,

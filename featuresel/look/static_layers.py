@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 
 from microplan.featuresel.look.scenario import LookCase
-from microplan.optics.layers.coaxial_light import Irradiance, lights
+from microplan.optics.layers.coaxial_light import Irradiance, irradiances
 from microplan.optics.outline.outline import place
 from microplan.optics.render.prepared_scene import PreparedScene, prepare
 from microplan.optics.render.render import Covered, cover
@@ -140,7 +140,7 @@ def fresh(case: LookCase, layers: Sequence[Layer]) -> Backdrop:
     )
     under = None
     if case.lamp_aperture is not None and layers:
-        under = lights(
+        under = irradiances(
             layers,
             _heights_um(case),
             case.microscope,
@@ -172,7 +172,7 @@ def _ready(
     """Return layers ready for images, and the light that they leave at heights."""
     found = None
     if lamp_aperture is not None and heights_um:
-        found = lights(
+        found = irradiances(
             layers,
             heights_um,
             microscope,

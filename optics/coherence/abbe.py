@@ -25,9 +25,9 @@ class TransmissionSheet:
 
 
 def centred(values: ComplexArray) -> ComplexArray:
-    """Return a `Spectrum`'s (2 K + 1, J + 1) values as (2 K + 1, 2 J + 1), all there.
+    """Return the orders (2 K + 1, 2 J + 1) of values (2 K + 1, J + 1), dimensionless.
 
-    Orders run from -K to K and from -J to J.
+    Values are those of a `Spectrum`; orders run from -K to K and from -J to J.
     """
     J, K = values.shape[1] - 1, values.shape[0] // 2
     found = np.empty((2 * K + 1, 2 * J + 1), dtype=np.complex128)
@@ -53,16 +53,10 @@ def intensity(
 
     Parameters
     ----------
-    sheets : list of Sheet
+    sheets : list of TransmissionSheet
         From the lowest to the highest; at least one.
     background : float
         Amplitude of the uniform plane below, at the height of the lowest sheet.
-    tile : Tile
-        The period.
-    microscope : Microscope
-        The optical setting.
-    source : Source
-        Points of the condenser's aperture.
 
     Returns
     -------
@@ -112,7 +106,7 @@ class _OrderGrid:
         return found
 
     def cover(self, sheet: TransmissionSheet, microscope: Microscope) -> FloatArray:
-        """Return a sheet's indicator as far as it can turn light within the pupil."""
+        """Return a sheet's indicator as far as it diffracts light within the pupil."""
         cutoff = microscope.cutoff_per_um
         block = self.block(sheet.cover, 0, 0, 2)
         u = np.arange(-2 * self.J, 2 * self.J + 1) / (self.tile.width_um * cutoff)
@@ -151,12 +145,12 @@ class _OrderGrid:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _SourcePoint:
-    """One source point: which orders pass the pupil, and how defocus turns them."""
+    """One source point: the orders that pass the pupil and their defocus phase."""
 
     order: tuple[int, int]  # (k, j) of the block's middle, near the pupil's
     pupil: npt.NDArray[np.bool_]  # (2 K + 1, 2 J + 1)
     path: FloatArray  # same: phase of a um of defocus, rad
-    light: float  # the same for the light on its way down
+    light: float  # the same for the illumination
 
     @classmethod
     def of(

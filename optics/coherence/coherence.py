@@ -22,6 +22,7 @@ from microplan.optics.render.render import render
 from microplan.optics.render.sampling import margin_um
 from microplan.optics.render.scene import Illumination, Layer, Scene, Window
 from microplan.optics.render.spectrum import Spectrum, spectrum
+from microplan.optics.render.view_range import full
 from microplan.optics.transfer.microscope import Microscope
 from microplan.optics.transfer.otf import diffraction
 
@@ -59,8 +60,6 @@ def render_coherent(
         in a workcell.
     window : Window, optional
         The part of the frame wanted. Default: all.
-    light : Illumination, optional
-        Gain and gradient of the light.
     shift_um : (x, y)
         Displacement of the whole image, um in object space.
     samples : int
@@ -96,9 +95,7 @@ def render_coherent(
     10.6.3; normalisation by the uniform field is ours.
     """
     _check(focus_um, coherence, shift_um, samples)
-    frame = window or Window(
-        row=0, column=0, rows=microscope.height_px, columns=microscope.width_px
-    )
+    frame = window or full(microscope)
     share = min(1.0, FULL_COHERENCE / coherence) if coherence > 0 else 0.0
     image = np.zeros((frame.rows, frame.columns))
     if share < 1:
@@ -106,9 +103,14 @@ def render_coherent(
             scene, microscope, focus_um=focus_um, window=frame, shift_um=shift_um
         )
     if share > 0:
-        full = min(coherence, FULL_COHERENCE)
         image += share * _full(
-            scene, microscope, focus_um, full, frame, shift_um, samples
+            scene,
+            microscope,
+            focus_um,
+            min(coherence, FULL_COHERENCE),
+            frame,
+            shift_um,
+            samples,
         )
     white = Scene(layers=(), background=1.0)
     return image * render(white, microscope, focus_um=0.0, window=frame, light=light)

@@ -1,4 +1,4 @@
-"""Edge offsets in partly coherent light: how far edges move, what ignoring it costs."""
+"""Edge offsets in partially coherent light, from a table."""
 
 from __future__ import annotations
 
@@ -32,14 +32,10 @@ def scene_error(
 
     Parameters
     ----------
-    scene : Scene
-        What is rendered.
-    microscope : Microscope
-        The optical setting.
     focus_um : float
         World height of the plane in focus.
     coherence : float
-        Aperture of the condenser over that of the objective; 0 stands for incoherent
+        Aperture of the condenser over that of the objective; 0 means incoherent
         light, as in a workcell.
 
     Returns
@@ -126,10 +122,8 @@ def edge_offset_um(
     Parameters
     ----------
     coherence : float
-        Aperture of the condenser over that of the objective; 0 stands for incoherent
+        Aperture of the condenser over that of the objective; 0 means incoherent
         light, as in a workcell, whose edges stay.
-    microscope : Microscope
-        The optical setting.
     contrast : float
         Of the amplitudes, see `amplitude_contrast`; 0..1.
     defocus_um : float
@@ -196,8 +190,6 @@ def feature_offsets(
 
     Parameters
     ----------
-    outline : Outline
-        The body, um.
     coherence, microscope, defocus_um
         As in `edge_offset_um`.
     reflectance, background : float
@@ -272,7 +264,7 @@ def _checked(
 
 
 def _around(axis: tuple[float, ...], value: float) -> slice:
-    """Return the one or two places of `axis` at or about a value."""
+    """Return the one or two indices of `axis` at or about a value."""
     below = int(np.searchsorted(axis, value, side="right")) - 1
     return slice(below, below + (1 if axis[below] == value else 2))
 

@@ -1,4 +1,4 @@
-"""Edges in partly coherent light: made by `benchmarks.optics.edge_table`."""
+"""Edges in partly coherent light, from `benchmarks.optics.edge_table`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Points of the condenser's aperture that stand for all of it."""
+"""Quadrature points of the condenser's aperture."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import numpy as np
 
 from microplan.arrays import FloatArray
 
-SAMPLES = 16  # rings to a radius of the pupil, unless told
-_GOLDEN = (math.sqrt(5) - 1) / 2  # of a step: no two rings stand alike
+SAMPLES = 16  # rings to a radius of the pupil by default
+_GOLDEN = (math.sqrt(5) - 1) / 2  # of a step: no two rings have the same angles
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,10 +49,10 @@ def disc_source(coherence: float, samples: int, *, half: bool = False) -> LightS
 
     Returns
     -------
-    Source
+    LightSource
         Gauss nodes over the squared radius, from 0 to 1 and from there on, as the
         direct light ends at 1; the points of a ring are even in number and equally far
-        apart, and each ring is turned against the last.
+        apart, and each ring is rotated against the last.
 
     Raises
     ------

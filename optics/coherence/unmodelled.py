@@ -1,4 +1,4 @@
-"""What the model leaves out of the light: its spectrum and its polarisation.
+"""Errors of a monochromatic, scalar model of the light at a straight edge.
 
 Both are predicted as the largest error in the image of a straight edge, of its step.
 """
@@ -20,13 +20,13 @@ _WAVELENGTHS = 16  # Gauss nodes over the band
 _FREQUENCIES = 128  # Gauss nodes up to the cutoff
 _PLACES = 200  # where the edge is looked at, up to `_REACH` wavelength / A from it
 _REACH = 8.0
-_OVERLAP = 32  # Gauss nodes each way over two pupils' overlap
+_OVERLAP = 32  # Gauss nodes along each axis of two pupils' overlap
 
 
 def spectrum_error(
     microscope: Microscope, z_um: float, bandwidth: float = FLAT_BAND
 ) -> float:
-    """Return what one wavelength for all of the light errs by, of an edge's step.
+    """Return the image error of a single wavelength, of an edge's step.
 
     Parameters
     ----------
@@ -63,11 +63,11 @@ def spectrum_error(
 
 
 def vectorial_error(microscope: Microscope) -> float:
-    """Return what a scalar field errs by in focus, of an edge's step.
+    """Return the image error of a scalar field in focus, of an edge's step.
 
     Unpolarised light through an aplanatic objective into a camera of small aperture,
     its amplitude as in Richards and Wolf, Proc. R. Soc. A 253 (1959) 358; against the
-    even pupil of the scalar laws.
+    even pupil of the scalar models.
     """
     return _vectorial_error(microscope.aperture / microscope.medium_index)
 
@@ -86,15 +86,16 @@ def vectorial_otf(x: FloatArray, sine: float) -> FloatArray:
 
     Parameters
     ----------
-    x : float array
-        Frequency over the cutoff, 0..1.
+    x : (...) float array
+        Frequency over the cutoff, 0..1 [1].
     sine : float
         Of the largest angle to the axis, aperture over index, 0 < sine < 1.
 
     Notes
     -----
     The sum over the field's three components of the autocorrelations of their pupils.
-    Components of x- and y-polarised light that differ by a quarter turn are averaged.
+    Components of x- and y-polarised light that differ by a quarter rotation are
+    averaged.
     """
     if not 0 < sine < 1:
         raise ValueError(f"sine must be between 0 and 1, got {sine}")
@@ -121,13 +122,13 @@ def _autocorrelation(shift: float, sine: float) -> float:
 def _product(
     x: FloatArray, other: FloatArray, y: FloatArray, sine: float
 ) -> FloatArray:
-    """Return the scalar product of the fields at two places of the pupil."""
+    """Return the scalar product of the fields at two points of the pupil."""
     one, two = _components(x, y, sine), _components(other, y, sine)
     return sum((a * b for a, b in zip(one, two, strict=True)), np.zeros_like(x))
 
 
 def _components(x: FloatArray, y: FloatArray, sine: float) -> tuple[FloatArray, ...]:
-    """Return the field at a place of the pupil for x- and then y-polarised light."""
+    """Return the field at a point of the pupil for x- and then y-polarised light."""
     sx, sy = sine * x, sine * np.broadcast_to(y, x.shape)
     cosine = np.sqrt(np.maximum(1 - sx**2 - sy**2, 1e-300))
     apodised = 1 / np.sqrt(cosine)

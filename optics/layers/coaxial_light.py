@@ -1,9 +1,9 @@
-"""The share of coaxial light that reaches a height, on points as far apart as it bears.
+"""Relative irradiance of coaxial light at a height, on as coarse a grid as allowed.
 
 A point of a face sees the objective's pupil through the layers above it, and the lamp's
-light comes the same way. So the share that a layer keeps from the face is its image in
-a microscope with the lamp's aperture, focused on the face; where layers of several
-heights do, what they leave is taken for the product.
+light comes along the same path. So the share that a layer keeps from the face is its
+image in a microscope with the lamp's aperture, focused on the face; where layers of
+several heights do, what they leave is taken for the product.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from microplan.arrays import FloatArray
-from microplan.optics.layers.lattice import MORE, Area, Lattice, Places
+from microplan.optics.layers.lattice import MORE, Area, EvenPoints, Lattice
 from microplan.optics.render.pixels import axis_px
 from microplan.optics.render.render import cover
 from microplan.optics.render.sampling import Sampling
@@ -25,11 +25,11 @@ from microplan.optics.render.view_range import full
 from microplan.optics.transfer.microscope import Microscope
 
 # Points a radius of the shade's soft rim, which rises as the overlap of two discs, and
-# of the blur by which it is seen: `benchmarks/optics/shading.py` tells what they leave.
+# of the blur by which it is seen: `benchmarks/optics/shading.py` measures the rest.
 _A_RIM, _A_BLUR = 8, 16
 _POINT = 1e-9  # a pixel's light-sensitive share that makes it a point
-# Rays do not diffract on their way to a face. The Airy pattern that a transfer brings
-# with it is made so small a share of the rim, but not far below a point's share.
+# Rays do not diffract between lamp and face. The Airy pattern that a transfer brings
+# with it is set to so small a share of the rim, but not far below a point's share.
 _AIRY, _AIRY_FINE = 1 / 200, 1 / 8
 # A shade is soft: neither its band nor its margin need be those of an image.
 _COARSE = Sampling(band_error=1e-3, margin=12.0, near=12.0)
@@ -45,7 +45,7 @@ class LayerShade:
     by_um: tuple[float, float] = (0.0, 0.0)  # how far it lies from the lattice's points
 
     def on(self, other: Lattice) -> FloatArray:
-        """Return what is kept from the points of another lattice."""
+        """Return the share kept from another lattice, (rows, columns), 0..1."""
         if other == self.lattice and self.by_um == (0.0, 0.0):
             return self.kept
         (x, y), step = other.corner_um, other.step_um
@@ -71,7 +71,7 @@ class Irradiance:
         return min((s.lattice.step_um for s in self.shades), default=math.inf)
 
     def on(self, lattice: Lattice) -> FloatArray:
-        """Return the share of the lamp's light at the points of a lattice, 0..1."""
+        """Return the share of the lamp's light at a lattice, (rows, columns), 0..1."""
         share = np.ones(lattice.shape)
         for shade in self.shades:
             share *= 1 - np.clip(shade.on(lattice), 0.0, 1.0)
@@ -94,7 +94,7 @@ class Irradiance:
         return replace(self, shades=tuple(_sum(list(group)) for _, group in groups))
 
 
-def lights(
+def irradiances(
     layers: Sequence[Layer],
     heights_um: Sequence[float],
     microscope: Microscope,
@@ -104,16 +104,14 @@ def lights(
     window: Window | None = None,
     shift_um: tuple[float, float] = (0.0, 0.0),
 ) -> tuple[Irradiance, ...]:
-    """Return how much of the lamp's light reaches each height through layers above it.
+    """Return the relative irradiance at each height below the layers.
 
     Parameters
     ----------
     layers : sequence of Layer
-        What may throw shade.
+        Possible occluders.
     heights_um : sequence of float
         World heights of the faces.
-    microscope : Microscope
-        The optical setting.
     lamp_aperture : float
         Of the light through the objective, evenly filled by area, in (0, n).
     focus_um : sequence of float
@@ -125,7 +123,7 @@ def lights(
 
     Returns
     -------
-    tuple of Light
+    tuple of Irradiance
         One for each different height, rising. They serve for images at any of the
         focus heights, and at other zooms and shifts where they reach as far.
 
@@ -154,7 +152,7 @@ def lights(
 
 
 def fine_um(microscope: Microscope) -> float:
-    """Return the distance of points below which pixels or the lens tell nothing."""
+    """Return the distance of points below which pixels or the lens resolve nothing."""
     return max(microscope.um_per_px / 2, microscope.airy_radius_um / 4)
 
 
@@ -163,7 +161,7 @@ def area_um(
 ) -> Area:
     """Return what the pixels of a window see of a height `z_um` out of focus, um."""
     rim_um = microscope.blur_diameter_um(z_um) / 2
-    x, y = places_um(microscope, frame, shift_um)
+    x, y = pixel_axes_um(microscope, frame, shift_um)
     low = y[0] + y[1] * (y[2] - 1)
     return (
         x[0] - rim_um,
@@ -173,10 +171,10 @@ def area_um(
     )
 
 
-def places_um(
+def pixel_axes_um(
     microscope: Microscope, frame: Window, shift_um: tuple[float, float]
-) -> tuple[Places, Places]:
-    """Return where the columns and rows of a window lie, (first, step, count), um."""
+) -> tuple[EvenPoints, EvenPoints]:
+    """Return the positions of a window's columns and rows, (first, step, count), um."""
     cx, cy = axis_px(microscope)
     p = microscope.um_per_px
     x = ((frame.column - cx) * p - shift_um[0], p, frame.columns)
@@ -186,7 +184,7 @@ def places_um(
 def _sum(shades: Sequence[LayerShade]) -> LayerShade:
     """Return what layers of one height keep together, on the points of one of them.
 
-    One that was not displaced, if there is one: it was made for the image at hand.
+    One that was not displaced, if there is one: it belongs to the image at hand.
     """
     if len(shades) == 1:
         return shades[0]

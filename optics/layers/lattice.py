@@ -1,4 +1,4 @@
-"""Square lattices for what changes slowly: reading between points, and blurring."""
+"""Square lattices of slowly varying values: interpolation between points, blur."""
 
 from __future__ import annotations
 
@@ -14,12 +14,13 @@ from scipy.interpolate import CubicSpline
 
 from microplan.arrays import Float32Array, FloatArray
 from microplan.optics.outline.scanlines import cells
+from microplan.optics.render.pruned_ifft import fast_length
 from microplan.optics.render.scene import Layer, Window
 from microplan.optics.transfer.microscope import Microscope
 from microplan.optics.transfer.models import tabulate
 
 Area = tuple[float, float, float, float]  # x_min, y_min, x_max, y_max, um
-Places = tuple[float, float, int]  # the first, the step, how many
+EvenPoints = tuple[float, float, int]  # the first, the step, how many
 
 MORE = 3  # points beyond all that is read: a spline is worse near its ends
 _ROUNDING = 1e-6  # of a step
@@ -71,13 +72,13 @@ class Lattice:
         return replace(self, window=wide)
 
     def cells(self, layer: Layer) -> FloatArray:
-        """Return which share of the square about each point a layer covers."""
+        """Return the coverage of the square about each point, (rows, columns), 0..1."""
         x, y = self.corner_um
         half = self.step_um / 2
         return cells(layer.outline, x - half, y + half, self.step_um, self.shape)
 
     def held_cells(self, layer: Layer) -> Float32Array:
-        """Return the same in single precision, not to be changed.
+        """Return `cells` in single precision, (rows, columns), 0..1, not to be changed.
 
         What was asked for not long ago of this lattice or of one a little larger or
         smaller is given again.
@@ -94,9 +95,14 @@ class Lattice:
         return found[down : down + w.rows, right : right + w.columns]
 
     def read(
-        self, values: FloatArray, x: Places, y: Places, *, beyond_um: float = 0.0
+        self,
+        values: FloatArray,
+        x: EvenPoints,
+        y: EvenPoints,
+        *,
+        beyond_um: float = 0.0,
     ) -> FloatArray:
-        """Return values at places between the points, by cubic splines.
+        """Return values between the points, by cubic splines.
 
         Parameters
         ----------
@@ -105,12 +111,12 @@ class Lattice:
         x, y : (first, step, count)
             Where the columns and the rows wanted lie, um; y falls if its step does.
         beyond_um : float
-            How far beyond the points places may lie; the last ones' values hold there.
+            Reach of extrapolation beyond the points, with the last ones' values.
 
         Raises
         ------
         ValueError
-            If a place lies farther outside.
+            If a position lies farther outside.
         """
         (left, top), step = self.corner_um, self.step_um
         rows, columns = self.shape
@@ -126,16 +132,10 @@ class Lattice:
         return found
 
 
-def _fast(least: int) -> int:
-    """Return the next length that transforms fast."""
-    size = fft.next_fast_len(least, real=True)
-    return least if size is None else size
-
-
 def _blocks(
-    points: int, places: Places, beyond: float
+    points: int, places: EvenPoints, beyond: float
 ) -> Iterator[tuple[slice, slice, FloatArray]]:
-    """Yield places, points and the weights between them: all, or those that count."""
+    """Yield slices of positions and points, and the weights between them."""
     first, step, count = places
     if points <= _AT_ONCE:
         yield slice(None), slice(None), _spline(points, first, step, count, beyond)
@@ -161,7 +161,7 @@ def _held_cells(layer: Layer, lattice: Lattice) -> Float32Array:
 def _spline(
     points: int, first: float, step: float, count: int, beyond: float
 ) -> FloatArray:
-    """Return weights (count, points) of values at 0, 1, ... for even places."""
+    """Return weights (count, points) of values at 0, 1, ... for even positions."""
     at = first + step * np.arange(count)
     if at.min() < -beyond or at.max() > points - 1 + beyond:
         raise ValueError("the light was not computed for so wide a window or defocus")
@@ -194,7 +194,7 @@ def blur(
 
     Parameters
     ----------
-    values : (..., rows, columns) float64 array
+    values : (N, rows, columns) or (rows, columns) float64 array
         At points `step_um` apart, continued by their mirror images, or first by the
         last ones' values to a length that transforms fast.
     step_um : float
@@ -203,7 +203,7 @@ def blur(
         As in `microplan.optics.transfer.models.transfer`.
     """
     rows, columns = values.shape[-2:]
-    wide = _fast(rows), _fast(columns)
+    wide = fast_length(rows), fast_length(columns)
     v, u = (np.arange(size) / (2 * size * step_um) for size in wide)
     x = np.hypot(u, v[:, None]) / microscope.cutoff_per_um
     top = min(float(x.max()), 1.0)

@@ -1,4 +1,4 @@
-"""Where edges of layers of different height come near each other in an image."""
+"""Points of an image where edges of layers of different height come close."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from microplan.arrays import Box, FloatArray
-from microplan.optics.outline.clip import EdgeArrays, clip
+from microplan.optics.outline.clip import EdgeArrays, clip, grown
 from microplan.optics.render.fidelity import steps
 from microplan.optics.render.pixels import axis_px
 from microplan.optics.render.scene import Layer, Scene, Window
@@ -121,11 +121,6 @@ def seen_um(microscope: Microscope, window: Window) -> Box:
     return (left, top - window.rows * p, left + window.columns * p, top)
 
 
-def grown(box: Box, by_um: float) -> Box:
-    """Return a box with `by_um` more on every side."""
-    return (box[0] - by_um, box[1] - by_um, box[2] + by_um, box[3] + by_um)
-
-
 def _spread(away: FloatArray, near: float) -> npt.NDArray[np.intp]:
     """Return nodes up to `near`: the nearest, and as many evenly among the others."""
     order = np.argsort(np.round(away / near, 9), kind="stable")  # equals in order
@@ -175,7 +170,7 @@ def _nodes(
 def _places(
     lengths: FloatArray, spacing: float
 ) -> tuple[npt.NDArray[np.intp], FloatArray]:
-    """Return the edge and the place 0..1 on it of each node."""
+    """Return the edge and the position 0..1 on it of each node."""
     count = np.maximum(np.ceil(lengths / spacing), 1).astype(np.intp)
     edge = np.repeat(np.arange(len(count)), count)
     index = np.arange(len(edge)) - (np.cumsum(count) - count)[edge]

@@ -1,8 +1,8 @@
-"""What layers of different height cost an image, by how they are laid over each other.
+"""Image error of layers of different height, by the treatment of their overlap.
 
 Blending errs where the same rays pass near edges of two layers. That is measured here
 on the scene itself, at points where such edges meet, by rays that are displaced by the
-Airy pattern as well. Rays know nothing of diffraction on the way from one layer to the
+Airy pattern as well. Rays neglect diffraction between one layer and the
 next; a bound of that comes on top.
 """
 
@@ -52,7 +52,7 @@ class LayerRefusal:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LayerChoice:
-    """How layers are laid over each other, and the largest error that makes."""
+    """The treatment of overlapping layers, and its largest image error."""
 
     treatment: str  # one of `TREATMENTS`
     predicted_error: float  # share of full scale
@@ -82,7 +82,7 @@ def choose_layers(
     focus_um : sequence of float
         World heights in focus that the choice must hold for, at least one.
     limit : float
-        Image error that may be made, share of full scale.
+        Admissible image error, share of full scale.
 
     Raises
     ------
@@ -127,10 +127,6 @@ def layer_error(
 
     Parameters
     ----------
-    scene : Scene
-        What is rendered.
-    microscope : Microscope
-        The optical setting.
     focus_um : float
         World height of the plane in focus.
     treatment : str
@@ -195,18 +191,21 @@ def _blend_error(
 def diffraction_error(
     found: Sequence[LayerFace], points: Points, microscope: Microscope, *, traced: bool
 ) -> FloatArray:
-    """Return a bound of what traced rays lack, at points near edges, (N,).
+    """Return the diffraction error of traced rays at points near edges.
 
     Parameters
     ----------
-    found : sequence of Face
+    found : sequence of LayerFace
         The scene's faces, the lowest first.
     points : Points
         Where edges meet.
-    microscope : Microscope
-        The optical setting.
     traced : bool
         Whether to add what the number of rays and the cells of `occluded` cost.
+
+    Returns
+    -------
+    (N,) float64 array
+        A bound, share of full scale.
     """
     airy = microscope.wavelength_um / microscope.aperture
     total = np.zeros(len(points.at_um))

@@ -1,4 +1,4 @@
-"""Layers that hide one another ray by ray, where blending blurred layers is not enough.
+"""Ray-traced occlusion between layers, where blending blurred layers is not enough.
 
 Blending takes the mean over the pupil of a product of two layers for the product of
 their means. Here the difference is traced along rays and put in where blurred edges of
@@ -20,8 +20,9 @@ from microplan.optics.layers.rays import (
     Grid,
     LayerSheet,
     Traced,
+    composite,
+    extent,
     hard,
-    laid,
     reach_cells,
     sheets,
     slopes,
@@ -31,11 +32,12 @@ from microplan.optics.layers.shade import light_share
 from microplan.optics.render.pixels import axis_px
 from microplan.optics.render.render import Covered, cover, render
 from microplan.optics.render.scene import Illumination, Layer, Scene, Window
+from microplan.optics.render.view_range import full
 from microplan.optics.transfer.microscope import Microscope
 from microplan.optics.transfer.models import tabulate
 from microplan.optics.transfer.otf import diffraction
 
-# the layers blurred by the law at the pixels of a finer microscope
+# the layers blurred by the model at the pixels of a finer microscope
 Blurred = Callable[[Microscope, Window], Sequence[Covered]]
 
 SAMPLES = 256  # rays a cell
@@ -61,7 +63,7 @@ def occluded(
     step_um: float | None = None,
     lamp_aperture: float | None = None,
 ) -> FloatArray:
-    """Return the noise-free image of a scene whose layers hide one another.
+    """Return the noise-free image of a scene whose layers occlude one another.
 
     Parameters
     ----------
@@ -90,15 +92,12 @@ def occluded(
 
     Notes
     -----
-    With B the layers blurred by the law, G their means over rays, M the mean over rays
-    of the hard layers laid over each other, and D the in-focus filter, the image is
-    blend(B) + D[M] - blend(D[G]). That is blend(B) wherever only one layer is not
-    uniform; D[layers laid over each other] where all are in focus; and M for a
-    wavelength of 0.
+    With B the layers blurred by the model, G their means over rays, M the mean over
+    rays of the composited hard layers, and D the in-focus filter, the image is blend(B)
+    + D[M] - blend(D[G]). That is blend(B) wherever only one layer is not uniform;
+    D[composited layers] where all are in focus; and M for a wavelength of 0.
     """
-    frame = window or Window(
-        row=0, column=0, rows=microscope.height_px, columns=microscope.width_px
-    )
+    frame = window or full(microscope)
 
     def blurred(setting: Microscope, cut: Window) -> Sequence[Covered]:
         return cover(
@@ -119,7 +118,7 @@ def occluded(
         light=light,
     )
     stack = _sheets(blurred(microscope, frame))
-    image = laid(stack, scene.background, (frame.rows, frame.columns))
+    image = composite(stack, scene.background, (frame.rows, frame.columns))
     part = meeting(stack) if lamp_aperture is None else _all(image, stack)
     if part is not None:
         tracing = Tracing(
@@ -132,7 +131,7 @@ def occluded(
             shift_um=shift_um,
             lamp_aperture=lamp_aperture,
         )
-        image[part] = tracing.image(_piece(frame, part), blurred)
+        image[part] = tracing.image(frame.part(*part), blurred)
     return image * lit
 
 
@@ -150,21 +149,20 @@ class Tracing:
     lamp_aperture: float | None = None
 
     def image(self, crop: Window, blurred: Blurred) -> FloatArray:
-        """Return the image of a crop, (rows, columns), all of it traced."""
+        """Return the traced image of a crop, (rows, columns), share of full scale."""
         m, scene = self.microscope, self.scene
         cut = _cut(m, crop, self.step_um, self.shift_um)
         h = cut.grid.step_um
         rim = math.ceil(_TAIL * m.wavelength_um / m.aperture / h)
         wide = cut.grid.grown(rim)
-        inner = (slice(rim, -rim), slice(rim, -rim))
         stack = hard(scene.layers, wide, m, self.focus_um)
-        law = _sheets(blurred(cut.fine, cut.window))
+        blended = _sheets(blurred(cut.fine, cut.window))
         if self.lamp_aperture is not None:
             lamp = replace(m, aperture=self.lamp_aperture)
             dark = self._shaded(stack, wide, lamp)
-            law = [
+            blended = [
                 replace(sheet, sends=sheet.sends - self._blur(loss, sheet.z_um, rim, h))
-                for sheet, loss in zip(law, dark, strict=True)
+                for sheet, loss in zip(blended, dark, strict=True)
             ]
             stack = [
                 replace(sheet, sends=sheet.sends - loss)
@@ -173,8 +171,8 @@ class Tracing:
         found = trace(
             stack, scene.background, wide.shape, h, self.tangents, self.focus_um
         )
-        extra = _hidden(found, scene.background, m, h)[inner]
-        image = laid(law, scene.background, extra.shape) + extra
+        extra = _hidden(found, scene.background, m, h)[rim:-rim, rim:-rim]
+        image = composite(blended, scene.background, extra.shape) + extra
         return _pixels(image, cut.per_px, m)
 
     def _shaded(
@@ -197,7 +195,7 @@ class Tracing:
     def _blur(
         self, values: FloatArray, z_um: float, rim: int, step_um: float
     ) -> FloatArray:
-        """Blur a raster by the law; what lies `rim` cells within the crop's grid."""
+        """Blur a raster by the model; what lies `rim` cells within the crop's grid."""
         m = self.microscope
         z_um -= self.focus_um
         table = tabulate(self.model, m, z_um)
@@ -212,11 +210,7 @@ def meeting(stack: Sequence[LayerSheet]) -> tuple[slice, slice] | None:
     if len(stack) < 2:
         return None
     edges = [(s.covers > _UNIFORM) & (s.covers < 1 - _UNIFORM) for s in stack]
-    both = np.sum(edges, axis=0) >= 2
-    if not both.any():
-        return None
-    rows, columns = np.flatnonzero(both.any(axis=1)), np.flatnonzero(both.any(axis=0))
-    return slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
+    return extent(np.sum(edges, axis=0) >= 2)
 
 
 def _all(image: FloatArray, stack: Sequence[LayerSheet]) -> tuple[slice, slice] | None:
@@ -226,22 +220,12 @@ def _all(image: FloatArray, stack: Sequence[LayerSheet]) -> tuple[slice, slice] 
     return slice(0, image.shape[0]), slice(0, image.shape[1])
 
 
-def _piece(frame: Window, part: tuple[slice, slice]) -> Window:
-    """Return a part of a window's rows and columns as a window."""
-    return Window(
-        row=frame.row + part[0].start,
-        column=frame.column + part[1].start,
-        rows=part[0].stop - part[0].start,
-        columns=part[1].stop - part[1].start,
-    )
-
-
 def _sheets(covered: Sequence[Covered]) -> list[LayerSheet]:
     return sheets([c.layer for c in covered], [c.coverage for c in covered])
 
 
 def cell_um(layers: Sequence[Layer], microscope: Microscope) -> float:
-    """Return the largest side of a cell that a scene bears, um."""
+    """Return the largest admissible side of a cell, um."""
     airy = microscope.wavelength_um / microscope.aperture
     heights = sorted({layer.z_um for layer in layers})
     gaps = np.diff(np.array(heights, dtype=np.float64))
@@ -280,15 +264,20 @@ def _cut(
         rows=crop.rows * n,
         columns=crop.columns * n,
     )
+    grid = _grid(fine, window, shift_um)
+    return _Cells(per_px=n, fine=fine, window=window, grid=grid)
+
+
+def _grid(fine: Microscope, window: Window, shift_um: tuple[float, float]) -> Grid:
+    """Return the pixels of a window as cells before the image's displacement."""
     cx, cy = axis_px(fine)
     h = fine.um_per_px
-    grid = Grid(
+    return Grid(
         left_um=(window.column - 0.5 - cx) * h - shift_um[0],
         top_um=(cy - window.row + 0.5) * h - shift_um[1],
         step_um=h,
         shape=(window.rows, window.columns),
     )
-    return _Cells(per_px=n, fine=fine, window=window, grid=grid)
 
 
 def _hidden(
@@ -305,7 +294,9 @@ def _hidden(
         )
         for sheet in found.stack
     ]
-    return _filtered(found.image, gain) - laid(alone, background, found.image.shape)
+    return _filtered(found.image, gain) - composite(
+        alone, background, found.image.shape
+    )
 
 
 def _frequencies(shape: tuple[int, ...], step_um: float) -> FloatArray:

@@ -1,4 +1,4 @@
-"""What blending costs at single points: rays through hard layers, and their means."""
+"""Blending error at single points, by rays through hard layers."""
 
 from __future__ import annotations
 
@@ -12,9 +12,10 @@ import numpy.typing as npt
 from scipy.special import j0, j1
 from scipy.stats import qmc
 
-from microplan.arrays import BoolArray, Float32Array, FloatArray
-from microplan.optics.layers.layer_edges import LayerFace, grown
+from microplan.arrays import BoolArray, Box, Float32Array, FloatArray
+from microplan.optics.layers.layer_edges import LayerFace
 from microplan.optics.layers.rays import sheets
+from microplan.optics.outline.clip import grown
 from microplan.optics.outline.scanlines import cells
 from microplan.optics.transfer.microscope import Microscope
 
@@ -66,7 +67,7 @@ class Probed:
         return np.asarray(one + right * (other - one), dtype=np.float64)
 
     def _at(self, row: IntArray, column: IntArray) -> IntArray:
-        """Return flat places of cells; the border goes on outside."""
+        """Return flat indices of cells; the border goes on outside."""
         rows, columns = self.covers.shape
         inside = np.minimum(np.maximum(column, 0), columns - 1)
         at: IntArray = np.minimum(np.maximum(row, 0), rows - 1) * columns + inside
@@ -80,32 +81,34 @@ def probes(
     airy = microscope.wavelength_um / microscope.aperture
     x, y = at_um.T
     box = (float(x.min()), float(y.min()), float(x.max()), float(y.max()))
-    rasters = []
-    for face in found:
-        left, bottom, right, top = grown(box, face.blur_um + _AROUND * airy)
-        area = (right - left) * (top - bottom)
-        fine = max(_FINE * airy, 2 * face.blur_um * _OF_BLUR, math.sqrt(area / _CELLS))
-        shape = (math.ceil((top - bottom) / fine), math.ceil((right - left) / fine))
-        hard = [cells(o.outline, left, top, fine, shape) for o in face.layers]
-        (sheet,) = sheets(face.layers, hard)
-        rasters.append(
-            Probed(
-                z_um=face.z_um,
-                left_um=left,
-                top_um=top,
-                step_um=fine,
-                covers=np.asarray(sheet.covers, dtype=np.float32),
-                tone=np.divide(
-                    sheet.sends,
-                    sheet.covers,
-                    dtype=np.float32,
-                    casting="same_kind",
-                    out=np.full(shape, face.layers[0].reflectance, dtype=np.float32),
-                    where=sheet.covers > 0,
-                ),
-            )
-        )
-    return rasters
+    return [
+        _raster(face, airy, grown(box, face.blur_um + _AROUND * airy)) for face in found
+    ]
+
+
+def _raster(face: LayerFace, airy: float, box: Box) -> Probed:
+    """Return the raster of a face over a box."""
+    left, bottom, right, top = box
+    area = (right - left) * (top - bottom)
+    fine = max(_FINE * airy, 2 * face.blur_um * _OF_BLUR, math.sqrt(area / _CELLS))
+    shape = (math.ceil((top - bottom) / fine), math.ceil((right - left) / fine))
+    hard = [cells(o.outline, left, top, fine, shape) for o in face.layers]
+    (sheet,) = sheets(face.layers, hard)
+    return Probed(
+        z_um=face.z_um,
+        left_um=left,
+        top_um=top,
+        step_um=fine,
+        covers=np.asarray(sheet.covers, dtype=np.float32),
+        tone=np.divide(
+            sheet.sends,
+            sheet.covers,
+            dtype=np.float32,
+            casting="same_kind",
+            out=np.full(shape, face.layers[0].reflectance, dtype=np.float32),
+            where=sheet.covers > 0,
+        ),
+    )
 
 
 def probe_error(
@@ -117,16 +120,12 @@ def probe_error(
     *,
     fine: bool,
 ) -> FloatArray:
-    """Return what blending errs by at points, by rays.
+    """Return the blending error at points, by rays.
 
     Parameters
     ----------
     rasters : sequence of Probed
         The lowest first.
-    background : float
-        Reflectance below everything.
-    microscope : Microscope
-        The optical setting.
     at_um : (N, 2) float array
         Points in the plane in focus.
     count : int
@@ -138,7 +137,8 @@ def probe_error(
     -------
     (N,) float64 array
         |mean of what rays see - blend of the means of each face|, >= 0. Rays fill the
-        pupil, and start from points spread like the Airy pattern around each point.
+        pupil, and start from points distributed like the Airy pattern around each
+        point.
     """
     slope, spread = rays(microscope, count)
     seen = np.full((len(at_um), count), background, dtype=np.float32)
@@ -156,10 +156,11 @@ def probe_error(
 
 @lru_cache(maxsize=8)
 def rays(microscope: Microscope, count: int) -> tuple[FloatArray, FloatArray]:
-    """Return slopes of rays and displacements of where they start, (count, 2) each.
+    """Return slopes of rays and displacements of their origins, (N, 2) each.
 
-    Slopes fill the pupil by its area; displacements, um, follow the Airy pattern, of
-    which 1 - J0(v)**2 - J1(v)**2 lies within v = 2 pi A r / wavelength.
+    There are N = `count`. Slopes, dimensionless, fill the pupil by its area;
+    displacements, um, follow the Airy pattern, of which 1 - J0(v)**2 - J1(v)**2 lies
+    within v = 2 pi A r / wavelength.
 
     References
     ----------

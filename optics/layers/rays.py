@@ -1,4 +1,4 @@
-"""Rays through a pupil: where each meets the layers of a scene, and what it sees.
+"""Rays through a pupil, traced to the layers of a scene.
 
 A ray through a point of the plane in focus meets a layer `z` above it at z times its
 slope to the side. The layers are hard here, rasters of area coverage on fine cells.
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from microplan.arrays import Float32Array, FloatArray
+from microplan.arrays import BoolArray, Float32Array, FloatArray
 from microplan.optics.outline.scanlines import cells
 from microplan.optics.render.scene import Layer
 from microplan.optics.transfer.microscope import Microscope
@@ -58,8 +58,6 @@ def slopes(microscope: Microscope, count: int) -> FloatArray:
 
     Parameters
     ----------
-    microscope : Microscope
-        The optical setting.
     count : int
         How many, at least 1.
 
@@ -78,16 +76,16 @@ def slopes(microscope: Microscope, count: int) -> FloatArray:
     i = np.arange(count) + 0.5
     s = microscope.aperture * np.sqrt(i / count)
     tangent = s / np.sqrt(microscope.medium_index**2 - s**2)
-    turn = _GOLDEN_RAD * i
-    return np.stack([tangent * np.cos(turn), tangent * np.sin(turn)], axis=1)
+    angle = _GOLDEN_RAD * i
+    return np.stack([tangent * np.cos(angle), tangent * np.sin(angle)], axis=1)
 
 
 def sheets(
     layers: Sequence[Layer], covers: Sequence[FloatArray | Float32Array]
 ) -> list[LayerSheet]:
-    """Gather layers and their coverages by height, the lowest first.
+    """Gather layers and coverages (rows, columns), 0..1, by height, the lowest first.
 
-    Where bodies of one height overlap, the last by name is in front.
+    Where bodies of one height overlap, the last by name is the upper one.
     """
     pairs = sorted(
         zip(layers, covers, strict=True), key=lambda p: (p[0].z_um, p[0].name)
@@ -113,10 +111,13 @@ def _joined(
     return LayerSheet(z_um=z_um, covers=covers, sends=sends)
 
 
-def laid(
+def composite(
     stack: Sequence[LayerSheet], background: float, shape: tuple[int, ...]
 ) -> FloatArray:
-    """Return sheets laid over a background from the lowest to the highest."""
+    """Return sheets composited over a background, (rows, columns), share of full scale.
+
+    From the lowest to the highest.
+    """
     image = np.full(shape, background)
     for sheet in stack:
         image *= 1 - sheet.covers
@@ -130,6 +131,14 @@ class Traced:
 
     image: FloatArray  # of the layers, each hiding those below
     stack: tuple[LayerSheet, ...]  # of each sheet alone
+
+
+def extent(where: BoolArray) -> tuple[slice, slice] | None:
+    """Return the rows and columns of the true samples of (rows, columns), or None."""
+    if not where.any():
+        return None
+    rows, columns = np.flatnonzero(where.any(axis=1)), np.flatnonzero(where.any(axis=0))
+    return slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
 
 
 def reach_cells(z_um: float, microscope: Microscope, step_um: float) -> int:
@@ -168,10 +177,8 @@ def trace(
 
     Parameters
     ----------
-    stack : sequence of Sheet
+    stack : sequence of LayerSheet
         From `hard`, the lowest first.
-    background : float
-        Reflectance below everything.
     shape : (rows, columns)
         The grid.
     step_um : float

@@ -1,8 +1,8 @@
-"""What hiding and shading do together where both are blurred, by rays on few points.
+"""Joint effect of occlusion with shade where both are blurred, by rays on few points.
 
 Of the rays from one point of the image those that pass a higher body meet other parts
 of the shade on a lower face than those that do not. The mean of a product is not that
-of the means then; the difference is smooth, and traced on the points that bear the
+of the means then; the difference is smooth, and traced on the lattice of the
 shade.
 """
 
@@ -24,7 +24,7 @@ from microplan.optics.layers.rays import slopes
 from microplan.optics.render.scene import Layer
 from microplan.optics.transfer.microscope import Microscope
 
-_RAYS = 64  # a point: `benchmarks/optics/shading.py` tells what they leave
+_RAYS = 64  # a point: `benchmarks/optics/shading.py` measures the rest
 _AT_ONCE = 1 << 16  # values of one array: they stay in the cache
 
 
@@ -39,7 +39,7 @@ class _Face:
     dark: Float32Array | None  # the share of light that is kept off; None: nothing
 
 
-def crossed(
+def joint_shading_residual(
     layers: Sequence[Layer],
     background: tuple[float, float] | None,
     found: Mapping[float, Irradiance],
@@ -49,20 +49,16 @@ def crossed(
     focus_um: float,
     known: Collection[float] = (),
 ) -> FloatArray:
-    """Return what blending shaded layers lacks, on the points of a lattice.
+    """Return the residual of blending shaded layers, on the points of a lattice.
 
     Parameters
     ----------
-    layers : sequence of Layer
-        Those in view.
     background : (reflectance, z_um), optional
         Of the plane below, if it has a height.
-    found : mapping of float to Light
+    found : mapping of float to Irradiance
         By height, where faces are shaded.
     lattice : Lattice
         Points in the plane in focus.
-    microscope : Microscope
-        The optical setting.
     focus_um : float
         World height of that plane.
     known : collection of float

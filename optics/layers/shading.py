@@ -1,4 +1,4 @@
-"""Images in light that comes through the objective, where higher bodies shade lower.
+"""Images in coaxial light, where higher bodies shade lower ones.
 
 `microplan.optics.layers.occlusion` traces such images ray by ray; here each layer is
 blurred together with the light that reaches it, and blended as in
@@ -10,11 +10,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from microplan.arrays import FloatArray
-from microplan.optics.layers.coaxial_light import Irradiance, lights, places_um
+from microplan.optics.layers.coaxial_light import Irradiance, irradiances, pixel_axes_um
 from microplan.optics.layers.shaded_view import ShadedFace, ShadedView
 from microplan.optics.outline.tolerant_order import MARGIN
 from microplan.optics.render.fidelity import rounded_up
@@ -56,9 +57,9 @@ def render_coaxial(
     lamp_aperture : float
         Numerical aperture of the light through the objective, in (0, n); None for
         light from elsewhere, whose image is that of `render`.
-    under : sequence of Light, optional
+    under : sequence of Irradiance, optional
         The light that the layers of `also` leave at every height that is seen, by
-        `microplan.optics.layers.coaxial_light.lights`. Default: it is computed.
+        `microplan.optics.layers.coaxial_light.irradiances`. Default: it is computed.
 
     Returns
     -------
@@ -70,19 +71,19 @@ def render_coaxial(
     ------
     ValueError
         As in `render`, if the aperture is not in (0, n), or if `under` lacks a height
-        or was made for a smaller window or less defocus.
+        or belongs to a smaller window or less defocus.
 
     Notes
     -----
     With B the blur of a layer's height, 1 its indicator and S the share of light that
-    reaches it, a layer adds B[1 S] in place of B[1], which is B[1] B[S] and little
+    reaches it, a layer adds B[1 S] instead of B[1], which is B[1] B[S] and little
     else. That, and what shading and hiding do together, is added from rays on few
     points. As in `render`, a ray that passes bodies of two heights takes the product
     of what they leave. Against traced images shade differs by `SHADED_ERROR` at most,
     .0017 rms (`benchmarks/optics/shading.py`), but for edges where blending itself
     errs: by as much of that error as is shaded. Shade in a layer of a pixel or less
-    about an edge is treated as a mean over the pixel. Diffraction on the lamp's way is
-    left out.
+    about an edge is treated as a mean over the pixel. Diffraction of the lamp's light
+    is left out.
     """
     if lamp_aperture is None:
         return render(
@@ -106,7 +107,7 @@ def render_coaxial(
         shift_um=shift_um,
         sampling=sampling,
     )
-    sight = ShadedView(
+    view = ShadedView(
         microscope=microscope,
         focus_um=focus_um,
         model=model,
@@ -116,7 +117,7 @@ def render_coaxial(
     everything = (*also, *fresh)
     heights = _heights(scene, everything)
     throwing = everything if under is None else fresh
-    found = lights(
+    found = irradiances(
         [c.layer for c in throwing],
         heights,
         microscope,
@@ -127,7 +128,7 @@ def render_coaxial(
     )
     if under is not None:
         found = _joined(found, under)
-    faces = {each.z_um: sight.face(each) for each in found if each.shades}
+    faces = {each.z_um: view.face(each) for each in found if each.shades}
     whole = slice(None)
     patches = [
         Patch(
@@ -135,13 +136,13 @@ def render_coaxial(
             rows=whole,
             columns=whole,
             coverage=c.coverage,
-            lit=sight.lit(c, faces[c.layer.z_um]) if c.layer.z_um in faces else None,
+            lit=view.lit(c, faces[c.layer.z_um]) if c.layer.z_um in faces else None,
         )
         for c in everything
     ]
     image = np.empty((frame.rows, frame.columns))
     blend_layers(image, patches, _background(scene, faces))
-    image += sight.lacking(scene, everything, tuple(faces.values()))
+    image += view.shading_residual(scene, everything, tuple(faces.values()))
     light_up(image, microscope, frame, light or Illumination())
     return image
 
@@ -162,7 +163,7 @@ def shade_error(
     lamp_aperture: float,
     window: Window | None = None,
 ) -> float:
-    """Return what an image errs by at most if shade is left out.
+    """Return the largest image error of leaving out the shade.
 
     Parameters
     ----------
@@ -174,7 +175,7 @@ def shade_error(
     float
         Share of full scale, two digits, rounded up: the largest difference between
         `render_coaxial` and `render` on some 64 x 64 large pixels, and on the true ones
-        about its place. 0 where nothing is shaded.
+        about its maximum. 0 where nothing is shaded.
 
     Raises
     ------
@@ -189,36 +190,10 @@ def shade_error(
         width_px=math.ceil(frame.columns / every),
         height_px=math.ceil(frame.rows / every),
     )
-    x, y = places_um(microscope, frame, (0.0, 0.0))
+    x, y = pixel_axes_um(microscope, frame, (0.0, 0.0))
     middle = -(x[0] + x[1] * (x[2] - 1) / 2), -(y[0] + y[1] * (y[2] - 1) / 2)
 
-    def change(
-        setting: Microscope, cut: Window, shift: tuple[float, float]
-    ) -> FloatArray:
-        still = cover(
-            scene.layers,
-            setting,
-            focus_um=focus_um,
-            window=cut,
-            shift_um=shift,
-            sampling=_ROUGH,
-        )
-        bare = replace(scene, layers=())
-        return np.abs(
-            render_coaxial(
-                bare,
-                setting,
-                focus_um=focus_um,
-                lamp_aperture=lamp_aperture,
-                window=cut,
-                shift_um=shift,
-                also=still,
-            )
-            - render(
-                bare, setting, focus_um=focus_um, window=cut, shift_um=shift, also=still
-            )
-        )
-
+    change = partial(_shading_change, scene, focus_um, lamp_aperture)
     found = change(large, full(large), middle)
     most = float(found.max())
     if every > 1 and most > 0:
@@ -236,6 +211,41 @@ def shade_error(
     return rounded_up(most)
 
 
+def _shading_change(
+    scene: Scene,
+    focus_um: float,
+    lamp_aperture: float,
+    setting: Microscope,
+    cut: Window,
+    shift_um: tuple[float, float],
+) -> FloatArray:
+    """Return what shade changes at the pixels of a window, (rows, columns)."""
+    still = cover(
+        scene.layers,
+        setting,
+        focus_um=focus_um,
+        window=cut,
+        shift_um=shift_um,
+        sampling=_ROUGH,
+    )
+    bare = replace(scene, layers=())
+    shaded = render_coaxial(
+        bare,
+        setting,
+        focus_um=focus_um,
+        lamp_aperture=lamp_aperture,
+        window=cut,
+        shift_um=shift_um,
+        also=still,
+    )
+    return np.abs(
+        shaded
+        - render(
+            bare, setting, focus_um=focus_um, window=cut, shift_um=shift_um, also=still
+        )
+    )
+
+
 def _heights(scene: Scene, covered: Sequence[Covered]) -> list[float]:
     """Return the heights of what sends light to an image."""
     found = {c.layer.z_um for c in covered if c.layer.reflectance and c.coverage.any()}
@@ -249,7 +259,7 @@ def _joined(
 ) -> tuple[Irradiance, ...]:
     """Return each light found dimmed by that under the other layers too."""
     known = {each.z_um: each for each in under}
-    lacking = [each.z_um for each in found if each.z_um not in known]
-    if lacking:
-        raise ValueError(f"under must hold heights {lacking}, has {sorted(known)}")
+    missing = [each.z_um for each in found if each.z_um not in known]
+    if missing:
+        raise ValueError(f"under must hold heights {missing}, has {sorted(known)}")
     return tuple(each.with_(known[each.z_um]) for each in found)

@@ -1,6 +1,6 @@
-"""Where an imperfect lens shows points: the map, its inverse and its Jacobian.
+"""Displacement of image points by an imperfect lens.
 
-Everything is in object space: the image of a point is said as the object point at
+Everything is in object space: the image of a point is given as the object point at
 which an ideal lens would have shown it, (x, y) um from the optical axis.
 """
 
@@ -78,7 +78,7 @@ def displaced_far(
     *,
     defocus_um: npt.ArrayLike = 0.0,
 ) -> FloatArray:
-    """Return `displaced`, which goes on straight beyond `REACH` corner radii.
+    """Return points (..., 2) um `displaced`, linearly beyond `REACH` corner radii.
 
     One to one everywhere and smooth, for outlines that reach far out of the field.
     """
@@ -92,73 +92,6 @@ def displaced_far(
     straight = (1 + 3 * d * REACH**2) - 2 * d * REACH**3 / far
     factor = np.where(share <= REACH, 1 + d * near**2, straight)
     return moved * factor[..., None]
-
-
-def undisplaced(
-    image_um: npt.ArrayLike,
-    errors: LensErrors,
-    microscope: Microscope,
-    *,
-    defocus_um: npt.ArrayLike = 0.0,
-) -> FloatArray:
-    """Return which points the lens shows at `image_um`: the inverse of `displaced`.
-
-    Parameters
-    ----------
-    image_um : (..., 2) float array
-        What was measured, as object points of an ideal lens, um.
-    errors, microscope, defocus_um
-        As in `displaced`.
-
-    Returns
-    -------
-    (..., 2) float64 array
-        Points, um; by the closed root of the cubic, so no iteration can fail.
-
-    Raises
-    ------
-    ValueError
-        As `displaced`; also where no point is shown.
-    """
-    shown = _points(image_um)
-    lateral, scale = _lateral(errors, defocus_um)
-    d = errors.distortion
-    if d != 0:
-        s = _length(shown) / corner_um(microscope)
-        shown = shown * _shrink(s, d)[..., None]
-    return _finite("points", (shown - lateral) / scale)
-
-
-def displacement_jacobian(
-    points_um: npt.ArrayLike,
-    errors: LensErrors,
-    microscope: Microscope,
-    *,
-    defocus_um: npt.ArrayLike = 0.0,
-) -> FloatArray:
-    """Return how the image of points moves with them and with their height.
-
-    Arguments and errors as in `displaced`.
-
-    Returns
-    -------
-    (..., 2, 3) float64 array
-        Rows x and y of the image; columns x, y and defocus of the point, um per um.
-    """
-    points = _points(points_um)
-    moved = _moved(points, errors, defocus_um)
-    _, scale = _lateral(errors, defocus_um)
-    displaced(points, errors, microscope, defocus_um=defocus_um)  # refuses what folds
-    at = moved / corner_um(microscope)
-    d = errors.distortion
-    outer = at[..., :, None] * at[..., None, :]
-    radial = (1 + d * (at**2).sum(axis=-1))[..., None, None] * np.eye(2) + 2 * d * outer
-    slope = errors.scale_per_um * points + (errors.lateral_x, errors.lateral_y)
-    inner = np.empty((*moved.shape, 3))
-    inner[..., :2] = np.eye(2) * scale[..., None]
-    inner[..., 2] = slope
-    jacobian: FloatArray = radial @ inner
-    return jacobian
 
 
 def _moved(
@@ -182,24 +115,6 @@ def _lateral(
             f"scale_per_um {errors.scale_per_um} leaves no image at {z.min()} um"
         )
     return z * np.array([errors.lateral_x, errors.lateral_y]), scale
-
-
-def _shrink(share: FloatArray, distortion: float) -> FloatArray:
-    """Return object over image radius at image radii (...) in corners.
-
-    The root of r + d r**3 = s, by hyperbolic or circular functions of a third.
-    """
-    k = math.sqrt(3 * abs(distortion))
-    s = np.where(share > 1e-100, share, 1e-100)  # there the ratio is 1 already
-    if distortion > 0:
-        ratio: FloatArray = 2 / k * np.sinh(np.arcsinh(1.5 * k * s) / 3) / s
-        return ratio
-    if not (1.5 * k * s <= 1).all():
-        raise ValueError(
-            f"nothing is shown at {share.max():.4g} corner radii with a distortion "
-            f"of {distortion}"
-        )
-    return np.asarray(2 / k * np.sin(np.arcsin(1.5 * k * s) / 3) / s)
 
 
 def _length(points: FloatArray) -> FloatArray:

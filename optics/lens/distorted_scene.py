@@ -1,4 +1,4 @@
-"""Scenes as an imperfect lens images them, in the language the renderer accepts."""
+"""Scenes distorted by an imperfect lens, for the renderer of an ideal one."""
 
 from __future__ import annotations
 
@@ -29,9 +29,7 @@ def lens_scene(
     Parameters
     ----------
     scene : Scene
-        What lies in front of the lens, in the world frame.
-    microscope : Microscope
-        The optical setting.
+        The scene in the world frame.
     errors : LensErrors
         The lens; only what is known of it is applied.
     focus_um : float
@@ -44,8 +42,7 @@ def lens_scene(
         displaced as in `microplan.optics.lens.displacement.displaced_far`, by arcs
         within `microplan.optics.outline.warp.WARP_UM` unless the map is a similarity,
         which keeps every edge; and layers are raised by `curvature_um`. Aperture and
-        light are not of the scene: `microplan.optics.lens.lens.with_aperture`,
-        `with_gradient`.
+        light are not of the scene: `microplan.optics.lens.lens.LensErrors`.
 
     Raises
     ------
@@ -72,7 +69,7 @@ def lens_scene(
 def _imaged(
     layer: Layer, microscope: Microscope, errors: LensErrors, z_um: float
 ) -> Outline:
-    """Return a layer's outline as made and as displaced."""
+    """Return a layer's outline as fabricated and as displaced."""
     try:
         made = offset(layer.outline, errors.edge_offset_um)
     except ValueError as error:
@@ -106,7 +103,7 @@ def curvature_um(
     """Return how much higher each layer is imaged by the curved field, um.
 
     Half the sum of the least and the largest r**2 / (2 R) over the layer's edges in the
-    field, which leaves `curvature_rest_um` on both sides. Layers over or beside one
+    field, which leaves `curvature_rest_um` on both sides. Layers over or next to one
     another are raised alike where they would else change their order, or where those of
     one height would else be blended and no longer added.
     """
@@ -120,20 +117,16 @@ def curvature_um(
     group = list(range(len(layers)))
     while True:
         up = _raised(spans, group, errors.field_curvature_per_um)
-        pairs = itertools.combinations(range(len(layers)), 2)
-        clash = next(
-            (
-                (i, j)
-                for i, j in pairs
-                if group[i] != group[j]
-                and _near(boxes[i], boxes[j], gap)
-                and _reordered(layers[i].z_um, layers[j].z_um, up[i], up[j])
-            ),
-            None,
+        clashes = (
+            (group[i], group[j])
+            for i, j in itertools.combinations(range(len(layers)), 2)
+            if group[i] != group[j]
+            and _near(boxes[i], boxes[j], gap)
+            and _reordered(layers[i].z_um, layers[j].z_um, up[i], up[j])
         )
-        if clash is None:
+        keep, drop = next(clashes, (None, None))
+        if keep is None:
             return tuple(up)
-        keep, drop = (group[k] for k in clash)
         group = [keep if g == drop else g for g in group]
 
 
@@ -158,13 +151,13 @@ def _raised(
 
 
 def _reordered(z: float, other_z: float, up: float, other_up: float) -> bool:
-    """Tell whether two heights change their order, or one of two equal ones moves."""
+    """Return whether two heights change their order, or one of two equal ones moves."""
     before, after = z - other_z, (z + up) - (other_z + other_up)
     return before * after <= 0 and (before != 0 or after != 0)
 
 
 def _near(one: Box | None, other: Box | None, gap_um: float) -> bool:
-    """Tell whether two boxes come within a gap of each other."""
+    """Return whether two boxes come within a gap of each other."""
     if one is None or other is None:
         return False
     return (
@@ -203,6 +196,6 @@ def _distances(edge: Edge) -> tuple[float, float]:
 
 
 def _passes(arc: Arc, angle: float) -> bool:
-    """Tell whether an arc passes a direction from its centre."""
+    """Return whether an arc passes a direction from its centre."""
     sign = math.copysign(1.0, arc.sweep_rad)
     return (sign * (angle - arc.start_rad)) % (2 * math.pi) <= abs(arc.sweep_rad)

@@ -1,4 +1,4 @@
-"""How far uneven light moves what is measured in an image: edges and centroids."""
+"""Shifts of edges and centroids in an image by a gradient of the light."""
 
 from __future__ import annotations
 
@@ -22,8 +22,6 @@ def slope_per_um(microscope: Microscope, defocus_um: float) -> float:
 
     Parameters
     ----------
-    microscope : Microscope
-        The optical setting.
     defocus_um : float
         Height of the edge minus that of the plane in focus.
 
@@ -31,7 +29,7 @@ def slope_per_um(microscope: Microscope, defocus_um: float) -> float:
     -------
     float
         Of unit contrast: the integral of transfer times pixel over all frequencies
-        across the edge, which runs along rows or columns; law `hopkins`.
+        across the edge, which runs along rows or columns; model `hopkins`.
     """
     slope, _ = _edge(microscope, defocus_um, 0.0)
     return slope
@@ -85,25 +83,26 @@ def threshold_shift_um(
     *,
     lever_um: float,
 ) -> float:
-    """Return how far a gradient moves the place where an edge crosses a threshold, um.
+    """Return how far a gradient moves an edge's crossing of a threshold, um.
 
     Parameters
     ----------
     gradient_per_um : float
-        Relative change of the light at the place where the threshold is half-way
+        Relative change of the light where the threshold is half-way
         between the levels of both sides.
     slope : float
         Of the edge, of unit contrast per um: `slope_per_um`.
     levels : (dark, bright)
         Reflectances on both sides.
     lever_um : float
-        How far up the gradient from that place the edge is.
+        How far up the gradient from that point the edge is.
 
     Returns
     -------
     float
         Towards the dark side: g lever (d + b) / (2 (b - d) slope). To first order in
-        g lever. Opposite edges of a body lit evenly about its middle move the same way.
+        g lever. Opposite edges of a body lit evenly about its middle move in the same
+        direction.
 
     Raises
     ------
@@ -166,6 +165,8 @@ def centroid_shift_um(
 ) -> tuple[float, float]:
     """Return how far a gradient moves the centroid of the light of a body, um.
 
+    ValueError if the outline has no area, or the light is not positive at its centroid.
+
     Parameters
     ----------
     outline : Outline
@@ -181,11 +182,6 @@ def centroid_shift_um(
         M g, with M the second central moments over the area and g the relative change
         of the light per um at the centroid. Exact for a sharp image; blur adds its own
         second moment to M.
-
-    Raises
-    ------
-    ValueError
-        If the outline has no area, or the light is not positive at its centroid.
     """
     area, (x, y), second = moments(outline)
     g = np.array(relative_gradient(microscope, gradient, (x, y)))

@@ -1,15 +1,12 @@
-"""Systematic errors of a lens: what is known of them, and how well."""
+"""Systematic errors of a lens, each with its uncertainty."""
 
 from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
-
-from microplan.optics.render.scene import Illumination
-from microplan.optics.transfer.microscope import Microscope
 
 # A barrel distortion of -1/3 at the corner would fold the image there.
 MAX_DISTORTION = 0.25
@@ -37,7 +34,7 @@ class LensErrors:
     # 1 / R: a point r off the axis is imaged as one higher by r**2 / (2 R)
     field_curvature_per_um: float = 0.0
     field_curvature_sigma_per_um: float = 0.0
-    # edges as made minus edges as drawn, positive where there is more material
+    # edges as fabricated minus edges as drawn, positive where there is more material
     edge_offset_um: float = 0.0
     edge_offset_sigma_um: float = 0.0
     # relative change of brightness across the field, as in `Illumination`; the sigma
@@ -111,28 +108,3 @@ def _check_apertures(table: tuple[tuple[float, float], ...]) -> None:
         raise ValueError(
             f"apertures need two entries or more, magnifications rising, got {table}"
         )
-
-
-def with_aperture(microscope: Microscope, errors: LensErrors) -> Microscope:
-    """Return the setting with the aperture its zoom has; the same if none is known.
-
-    Raises
-    ------
-    ValueError
-        If the magnification is outside the table, or the aperture not below the index.
-    """
-    if not errors.apertures:
-        return microscope
-    aperture = errors.aperture_at(microscope.magnification)
-    return replace(microscope, aperture=aperture)
-
-
-def with_gradient(light: Illumination, errors: LensErrors) -> Illumination:
-    """Return the light with the errors' gradient added; the same if there is none."""
-    if not (errors.gradient_x or errors.gradient_y):
-        return light
-    return replace(
-        light,
-        gradient_x=light.gradient_x + errors.gradient_x,
-        gradient_y=light.gradient_y + errors.gradient_y,
-    )

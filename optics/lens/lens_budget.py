@@ -1,4 +1,4 @@
-"""What each error of a lens does to a target: its level, and its shift in nm."""
+"""Shifts of a target by the errors of a lens, nm."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from microplan.optics.outline.outline import Outline
 from microplan.optics.transfer.microscope import Microscope
 
 LEVELS = ("off", "modelled", "charged from sigma", "not modelled")
-# Edge finders smooth by at least this, and by the spread of a blur circle.
+# Edge finders smooth by at least this, and by the standard deviation of a blur circle.
 _SMOOTHING_PX = 0.8
 _NM = 1000.0
 
@@ -52,14 +52,14 @@ def predict(
     defocus_um: float = 0.0,
     outline: Outline | None = None,
     levels: tuple[float, float] = (0.0, 1.0),
-    modelled: bool = True,
 ) -> tuple[LensRow, ...]:
-    """Return what the errors of a lens do to a target.
+    """Return the shifts of a target by the errors of a lens.
+
+    Images, and what is measured in them, are taken to be of
+    `microplan.optics.lens.distorted_scene.lens_scene` with the light's gradient.
 
     Parameters
     ----------
-    errors : LensErrors
-        The lens.
     microscope : Microscope
         The optical setting in use.
     points_um : (N, 2) float array
@@ -71,10 +71,6 @@ def predict(
         it are predicted, and what one height for all of it leaves out.
     levels : (dark, bright)
         Reflectances on both sides of its edges.
-    modelled : bool
-        Whether images, and what is measured in them, are of
-        `microplan.optics.lens.distorted_scene.lens_scene` with the light of
-        `microplan.optics.lens.lens.with_gradient`.
 
     Returns
     -------
@@ -98,7 +94,6 @@ def predict(
         z_um=defocus_um,
         outline=outline,
         levels=levels,
-        modelled=modelled,
     )
     return (
         _distortion(errors, target),
@@ -107,7 +102,7 @@ def predict(
         _curvature(errors, target),
         _aperture(errors, target),
         *_light(errors, target),
-        _offset(errors, target),
+        _offset(errors),
     )
 
 
@@ -120,7 +115,6 @@ class _Target:
     z_um: float
     outline: Outline | None
     levels: tuple[float, float]
-    modelled: bool
 
     @property
     def farthest_um(self) -> float:
@@ -133,7 +127,6 @@ def _distortion(errors: LensErrors, target: _Target) -> LensRow:
     at_corner = r * (r / corner_um(target.microscope)) ** 2
     return _row(
         "radial distortion",
-        target,
         abs(errors.distortion) * at_corner,
         errors.distortion_sigma * at_corner,
         f"d r (r / r_corner)**2 at r = {r:.4g} um",
@@ -144,7 +137,6 @@ def _shift(errors: LensErrors, target: _Target) -> LensRow:
     z = abs(target.z_um)
     return _row(
         "lateral shift with focus",
-        target,
         math.hypot(errors.lateral_x, errors.lateral_y) * z,
         errors.lateral_sigma * z,
         f"{z:.4g} um out of focus",
@@ -155,7 +147,6 @@ def _scale(errors: LensErrors, target: _Target) -> LensRow:
     lever = target.farthest_um * abs(target.z_um)
     return _row(
         "scale with focus",
-        target,
         abs(errors.scale_per_um) * lever,
         errors.scale_sigma_per_um * lever,
         f"at {target.farthest_um:.4g} um, {abs(target.z_um):.4g} um out of focus",
@@ -169,7 +160,6 @@ def _curvature(errors: LensErrors, target: _Target) -> LensRow:
         rest = curvature_rest_um(target.outline, target.microscope, errors)
     return _row(
         "field curvature",
-        target,
         abs(errors.field_curvature_per_um) * sag,
         errors.field_curvature_sigma_per_um * sag,
         "r**2 / (2 R); one height for the whole body leaves half its range",
@@ -212,9 +202,7 @@ def _light(errors: LensErrors, target: _Target) -> list[LensRow]:
         if not off:
             axes = (known, (sigma, 0.0), (0.0, sigma))
             shifts = [shift_um(target, gradient) for gradient in axes]
-        rows.append(
-            _row(effect, target, shifts[0], max(shifts[1:]), "of this gradient alone")
-        )
+        rows.append(_row(effect, shifts[0], max(shifts[1:]), "of this gradient alone"))
     return rows
 
 
@@ -250,10 +238,9 @@ def _centroid_um(target: _Target, gradient: tuple[float, float]) -> float:
     return math.hypot(*centroid_shift_um(target.outline, gradient, target.microscope))
 
 
-def _offset(errors: LensErrors, target: _Target) -> LensRow:
+def _offset(errors: LensErrors) -> LensRow:
     return _row(
         "edge offset, made against drawn",
-        target,
         abs(errors.edge_offset_um),
         errors.edge_offset_sigma_um,
         "of every edge, outwards; opposite edges cancel in a centre",
@@ -263,7 +250,6 @@ def _offset(errors: LensErrors, target: _Target) -> LensRow:
 
 def _row(
     effect: str,
-    target: _Target,
     known_um: float,
     sigma_um: float,
     reason: str,
@@ -272,17 +258,13 @@ def _row(
     rest_um: float = 0.0,
 ) -> LensRow:
     """Return a row with its level; `rest_um` stays where the effect is modelled."""
-    if known_um:
-        level = "modelled" if target.modelled else "not modelled"
-    else:
-        level = "charged from sigma" if sigma_um else "off"
-    left = rest_um if target.modelled else known_um
+    unknown = "charged from sigma" if sigma_um else "off"
     return LensRow(
         effect=effect,
-        level=level,
+        level="modelled" if known_um else unknown,
         axis=axis,
         known_nm=known_um * _NM,
-        left_nm=left * _NM,
+        left_nm=rest_um * _NM,
         sigma_nm=sigma_um * _NM,
         reason=reason,
     )

@@ -1,4 +1,4 @@
-"""The camera's sensor: image to counts, with shot noise, read noise and saturation."""
+"""The camera's sensor: image to counts, with noise."""
 
 from __future__ import annotations
 
@@ -35,11 +35,6 @@ class Sensor:
             raise ValueError(f"gain must be positive and finite, got {self.gain}")
 
     @property
-    def counts_per_e(self) -> float:
-        """Return the counts that one electron gives, before rounding."""
-        return self.gain * self.top_count / self.full_well_e
-
-    @property
     def top_count(self) -> int:
         """Return the largest count, 2**bits - 1."""
         return int(2**self.bits - 1)
@@ -48,12 +43,12 @@ class Sensor:
 def expose(image: FloatArray, sensor: Sensor, rng: np.random.Generator) -> CountArray:
     """Return one noisy frame.
 
+    ValueError if the image holds a nan or infinity.
+
     Parameters
     ----------
     image : (...) float array
         Share of full well; below 0 counts as 0, above 1 saturates.
-    sensor : Sensor
-        The sensor.
     rng : numpy.random.Generator
         Source of the noise; two arrays of the image's size are drawn from it.
 
@@ -62,11 +57,6 @@ def expose(image: FloatArray, sensor: Sensor, rng: np.random.Generator) -> Count
     (...) uint8 or uint16 array
         Counts 0..2**bits - 1, uint8 up to 8 bits. Above gain 1 the top count is reached
         at 1 / gain of full well; below it the well is full at gain times the top.
-
-    Raises
-    ------
-    ValueError
-        If the image holds a nan or infinity.
     """
     if not np.isfinite(image).all():
         raise ValueError("image must be finite")
@@ -81,7 +71,7 @@ def expose(image: FloatArray, sensor: Sensor, rng: np.random.Generator) -> Count
 
 
 def to_unit(counts: CountArray, bits: int) -> FloatArray:
-    """Return counts as float64 shares of full scale, 0..1."""
+    """Return counts (...) as float64 shares of full scale, 0..1."""
     if not 1 <= bits <= 16:
         raise ValueError(f"bits must be in 1..16, got {bits}")
     unit: FloatArray = np.asarray(counts, dtype=np.float64) / (2**bits - 1)

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from microplan.arrays import Box, FloatArray
 from microplan.optics.outline.outline import Arc, Outline, Segment
 
-# Of radius and place: so near to a side an arc touches it, wherever rounding puts it.
+# Of radius and position: so near to a side an arc touches it, whatever the rounding.
 _TOUCHING = 1e-14
 
 
@@ -38,16 +38,6 @@ class EdgeArrays:
         x, y = boxes[:, 0::2], boxes[:, 1::2]
         return (float(x.min()), float(y.min()), float(x.max()), float(y.max()))
 
-    def placed(self, x_um: float, y_um: float, theta_rad: float = 0.0) -> EdgeArrays:
-        """Return the edges turned about the origin, then shifted."""
-        c, s = math.cos(theta_rad), math.sin(theta_rad)
-        turn, shift = np.array([[c, s], [-s, c]]), np.array([x_um, y_um])  # of rows
-        arcs = self.arcs.copy()
-        arcs[:, :2] = arcs[:, :2] @ turn + shift
-        arcs[:, 3] += theta_rad
-        ends = self.segments.reshape(-1, 2) @ turn + shift
-        return EdgeArrays(segments=ends.reshape(-1, 4), arcs=arcs)
-
 
 def to_edges(outline: Outline) -> EdgeArrays:
     """Return the edges of `outline` as they are."""
@@ -64,13 +54,26 @@ def to_edges(outline: Outline) -> EdgeArrays:
     )
 
 
+def grown(box: Box, by_um: float) -> Box:
+    """Return a box with `by_um` more on every side."""
+    return (box[0] - by_um, box[1] - by_um, box[2] + by_um, box[3] + by_um)
+
+
+def common(one: Box, other: Box) -> Box:
+    """Return the common part of two boxes that overlap."""
+    return (
+        max(one[0], other[0]),
+        max(one[1], other[1]),
+        min(one[2], other[2]),
+        min(one[3], other[3]),
+    )
+
+
 def clip(outline: Outline | EdgeArrays, box: Box) -> EdgeArrays:
     """Return the edges of an outline cut to a rectangle.
 
     Parameters
     ----------
-    outline : Outline or Edges
-        Closed rings, um.
     box : (x_min, y_min, x_max, y_max)
         The rectangle, um.
 
@@ -83,7 +86,7 @@ def clip(outline: Outline | EdgeArrays, box: Box) -> EdgeArrays:
     Notes
     -----
     Every edge is split where it meets a side's line, and what lies beyond a side is
-    moved onto it. No point of a ring crosses the inside of the box on its way there,
+    moved onto it. No point of a ring crosses the inside of the box on its path there,
     so windings about points inside stay, and double edges along the box cancel in
     every boundary integral, as after Sutherland & Hodgman (1974), Commun. ACM 17, 32.
     """
@@ -159,7 +162,7 @@ def _split(arc: FloatArray, box: Box) -> tuple[FloatArray, FloatArray]:
 def _crossings(arc: FloatArray, sides: FloatArray) -> FloatArray:
     """Return the angles at which an arc starts, meets the sides' lines, and ends.
 
-    `sides` are the places of two lines across x, and of two across y, (2, 2) um.
+    `sides` are the positions of two lines across x, and of two across y, (2, 2) um.
     """
     radius, start, sweep = (float(value) for value in arc[2:])
     share = (sides - arc[:2, None]) / radius

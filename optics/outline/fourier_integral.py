@@ -1,4 +1,4 @@
-"""Fourier integrals of outlines in closed form: slow, and right to rounding."""
+"""Fourier integrals of outlines in closed form, exact to rounding."""
 
 from __future__ import annotations
 
@@ -26,8 +26,6 @@ def transform(
 
     Parameters
     ----------
-    edges : Edges
-        Closed rings, um.
     u_per_um : (J,) float array
         Frequencies along x, cycles/um.
     v_per_um : (K,) float array

@@ -1,4 +1,4 @@
-"""Outlines grown or shrunk by a distance: edges as made against edges as drawn."""
+"""Offset outlines: edges as fabricated against edges as drawn."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from microplan.optics.outline.outline import (
     edge_bounds,
 )
 
-# Edges that meet at a smaller turn are smooth: a gap of 1e-6 of the offset opens.
+# Edges that meet at a smaller angle are smooth: a gap of 1e-6 of the offset opens.
 _SMOOTH_RAD = 1e-6
-_SAMPLES = 9  # points of each new edge, or of each quarter turn, that are checked
+_SAMPLES = 9  # points of each new edge, or of each quarter circle, that are checked
 # A new edge may come this much closer to an old one than the offset: as much as two
 # old edges may miss each other where they meet.
 _SLACK_UM = 2 * JOIN_UM
@@ -223,7 +223,7 @@ def _trimmed(edge: Edge, begin: Point | None, end: Point | None) -> Edge:
 
 
 def _angle_from(arc: Arc, point: Point, sweep_rad: float) -> float:
-    """Return the angle of a point from a place on the arc, -pi..pi."""
+    """Return the angle of a point from a point on the arc, -pi..pi."""
     angle = math.atan2(point[1] - arc.center[1], point[0] - arc.center[0])
     return math.remainder(angle - arc.start_rad - sweep_rad, 2 * math.pi)
 

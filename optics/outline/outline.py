@@ -115,7 +115,7 @@ class Ring:
         return sum(_swept_area(edge) for edge in self.edges)
 
     def reversed(self) -> Ring:
-        """Return the same ring run the other way."""
+        """Return the ring in the opposite direction."""
         return Ring(
             edges=tuple(_reverse(edge) for edge in reversed(self.edges)),
             layer=self.layer,
@@ -153,7 +153,7 @@ class Outline:
 def place(
     outline: Outline, x_um: float, y_um: float, theta_rad: float = 0.0
 ) -> Outline:
-    """Return `outline` turned about its origin by `theta_rad`, then shifted."""
+    """Return `outline` rotated about its origin by `theta_rad`, then shifted."""
     c, s = math.cos(theta_rad), math.sin(theta_rad)
 
     def moved(point: Point) -> Point:
@@ -183,8 +183,6 @@ def flatten(ring: Ring, chord_um: float) -> FloatArray:
 
     Parameters
     ----------
-    ring : Ring
-        Closed chain of edges, um.
     chord_um : float
         Largest distance between an arc and its chord (sagitta), um, > 0.
 

@@ -1,4 +1,4 @@
-"""Coverage of fine cells by an outline, scan line by scan line."""
+"""Coverage of fine cells by an outline, by scan lines."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from microplan.arrays import FloatArray
 from microplan.optics.outline.clip import EdgeArrays, clip
 from microplan.optics.outline.outline import Outline
 
-CHORD_UM = 1e-3  # sagitta of the chords that stand for arcs
+CHORD_UM = 1e-3  # sagitta of the chords that replace arcs
 _LINES = 8  # scan lines a cell: exact along a line, a sixteenth of a cell across
 
 
@@ -24,8 +24,6 @@ def cells(
 
     Parameters
     ----------
-    outline : Outline
-        Closed rings, um.
     left_um, top_um : float
         The upper left corner of the first cell.
     step_um : float
@@ -36,7 +34,7 @@ def cells(
     Returns
     -------
     (rows, columns) float64 array
-        0..1, rings counted by their turns.
+        0..1, rings counted by their winding number.
     """
     rows, columns = shape
     right, bottom = left_um + columns * step_um, top_um - rows * step_um

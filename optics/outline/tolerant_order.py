@@ -1,7 +1,7 @@
-"""Ties: numbers that differ by no more than machines do, decided by declared order.
+"""Tolerant order of numbers that differ by no more than machines do.
 
-Another processor, BLAS, FFT or libm turns the last digits of a number. Where one of
-several things is chosen by a number, all within a margin of the best are equal, and
+Another processor, BLAS, FFT or libm changes the last digits of a number. Where one of
+several candidates is chosen by a number, all within a margin of the best are equal, and
 what is declared first is taken. `docs/determinism.md` says how wide the noise is.
 """
 
@@ -43,7 +43,7 @@ def least(items: Iterable[T], size: Callable[[T], float], *, scale: float = 0.0)
     size : callable
         What is to be small; not nan.
     scale : float
-        What sizes are made of, where they may nearly vanish: the margin is of that,
+        Terms of the sizes, where these may nearly vanish: the margin is of that,
         too.
 
     Raises

@@ -15,7 +15,7 @@ from microplan.optics.outline.outline import Arc, Edge, Outline, Ring, Segment
 IndexArray = npt.NDArray[np.intp]
 Map = Callable[[FloatArray], FloatArray]  # (..., 2) um to (..., 2) um
 
-# Largest distance between a mapped edge and the arcs that stand for it: at an edge in
+# Largest distance between a mapped edge and the arcs that replace it: at an edge in
 # focus, 16 A / (3 pi wavelength) per um steep, 1.2e-5 of unit contrast at A = .42.
 WARP_UM = 1e-5
 _LONGEST_UM = 500.0  # of a piece: keeps its radius, < 1e10 um, clear of rounding
@@ -64,12 +64,10 @@ def warped(outline: Outline, mapping: Map, *, error_um: float = WARP_UM) -> Outl
 
     Parameters
     ----------
-    outline : Outline
-        Closed rings, um.
     mapping : callable
         Points (N, 2) um to points (N, 2) um; keeps the plane's orientation.
     error_um : float
-        Largest distance between a mapped edge and what stands for it, > 0.
+        Largest distance between a mapped edge and its replacement, > 0.
 
     Returns
     -------

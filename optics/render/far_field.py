@@ -1,8 +1,8 @@
-"""Light from beyond a tile: a smooth correction that lets the tile be small.
+"""Far-field correction of a small tile by light from beyond it.
 
 Repetitions and cuts of an outline nearer than the margin wanted leave an error in a
 tile's image. At the pixels seen it has no detail finer than their distance, so low
-orders on the small tile and on one with the whole margin tell it. This is the splitting
+orders on the small tile and on one with the whole margin give it. This is the splitting
 of Ewald (1921), Ann. Phys. 369, 253, between two periods instead of two spaces.
 """
 
@@ -105,7 +105,7 @@ class Far:
         cut_per_um : float
             Highest frequency of the image, cycles/um.
         rows, columns : float arrays
-            Places, px of the frame as prepared, a step apart.
+            Positions, px of the frame as prepared, a step apart.
 
         Returns
         -------
@@ -140,10 +140,6 @@ def make_far(
 
     Parameters
     ----------
-    edges : Edges
-        The outline, um.
-    microscope : Microscope
-        The optical setting.
     near : (PixelTile, Spectrum)
         The small tile with its spectrum.
     wide : PixelTile
@@ -178,7 +174,7 @@ def _share(low: Spectrum, reach_um: float) -> FloatArray:
 
 
 def _terms(places: FloatArray, reach_px: float) -> int:
-    """Return how many terms a polynomial over even places needs."""
+    """Return how many terms a polynomial over even positions needs."""
     half = (places[-1] - places[0]) / 2
     if half == 0:
         return 1
@@ -189,7 +185,7 @@ def _terms(places: FloatArray, reach_px: float) -> int:
 
 
 def _nodes(places: FloatArray, terms: int) -> FloatArray:
-    """Return Chebyshev's points of the interval that even places cover."""
+    """Return Chebyshev's points of the interval that even positions cover."""
     low, high = places[0], places[-1]
     nodes: FloatArray = (low + high) / 2 + (high - low) / 2 * _points(terms)
     return nodes
@@ -203,7 +199,7 @@ def _points(terms: int) -> FloatArray:
 
 @lru_cache(maxsize=64)
 def _polynomials(count: int, terms: int) -> FloatArray:
-    """Return values at even places from those at Chebyshev's points, (count, terms)."""
+    """Return values at even positions by those at Chebyshev's points, (count, N)."""
     inverse = np.polynomial.chebyshev.chebvander(_points(terms), terms - 1).T
     inverse *= 2 / terms
     inverse[0] /= 2

@@ -1,7 +1,7 @@
-"""The cheapest way to an image that keeps an error budget, and the error it will make.
+"""The cheapest model of an image within an error budget.
 
-The error is predicted on the scene itself: its image computed the cheap way is compared
-with one that has the exact law, a wider band and a wider margin, and bounds of what the
+The error is predicted on the scene itself: its cheap image is compared
+with one of the exact model, a wider band and a wider margin, and bounds of what the
 second image still lacks are added.
 """
 
@@ -22,8 +22,8 @@ from microplan.optics.render.tile_aliasing import MARGINS, margin_for, wrap_erro
 from microplan.optics.transfer.microscope import Microscope
 from microplan.optics.transfer.models import TABLE_ERROR, find_model
 
-LADDER = ("stokseth", "hopkins", "exact")  # defocus laws, the cheapest table first
-# Shares of the limit that band, margin and single precision may take; the law has
+LADDER = ("stokseth", "hopkins", "exact")  # OTF models, the cheapest table first
+# Shares of the limit that band, margin and single precision may take; the model has
 # what they leave.
 _BAND_SHARE = 0.25
 _WRAP_SHARE = 0.25
@@ -38,7 +38,7 @@ _WIDER = 2.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Refusal:
-    """A cheaper law that was tried and not taken."""
+    """A cheaper model that was tried and not taken."""
 
     model: str
     predicted_error: float  # of unit contrast
@@ -50,8 +50,8 @@ class Fidelity:
 
     model: str  # a key of `microplan.optics.transfer.models.MODELS`
     sampling: Sampling
-    predicted_error: float  # law, band, margin and tables together
-    sampling_error: float  # the part of it that stays with the exact law
+    predicted_error: float  # model, band, margin and tables together
+    sampling_error: float  # the part of it that stays with the exact model
     limit: float
     refused: tuple[Refusal, ...]
 
@@ -70,33 +70,29 @@ def choose(
     window: Window | None = None,
     ladder: Sequence[str] = LADDER,
 ) -> Fidelity:
-    """Return the cheapest law, band and margin whose predicted error fits.
+    """Return the cheapest model, band and margin whose predicted error fits.
 
     Parameters
     ----------
-    scene : Scene
-        What is rendered.
-    microscope : Microscope
-        The optical setting.
     focus_um : sequence of float
         World heights in focus that the choice must hold for, at least one.
     limit : float
-        Image error that may be made, of unit contrast.
+        Admissible image error, of unit contrast.
     window : Window, optional
         The part of the frame that matters; default all.
     ladder : sequence of str
-        Laws to choose from, the cheapest first. If none fits, the last is taken.
+        Models to choose from, the cheapest first. If none fits, the last is taken.
 
     Returns
     -------
     Fidelity
-        The prediction is of law and sampling; what blending layers costs comes on
+        The prediction is of model and sampling; what blending layers costs comes on
         top, see `microplan.optics.ledger`.
 
     Raises
     ------
     ValueError
-        If a law is unknown, `limit` is not positive and finite, or no focus is given.
+        If a model is unknown, `limit` is not positive and finite, or no focus is given.
     """
     if not (limit > 0 and math.isfinite(limit)):
         raise ValueError(f"limit must be positive and finite, got {limit}")
@@ -130,7 +126,7 @@ def choose(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pilot:
-    """Images of one scene, to compare ways of computing them."""
+    """Images of one scene, to compare methods of computing them."""
 
     scene: Scene
     microscope: Microscope
@@ -149,14 +145,14 @@ class Pilot:
         )
 
     def error(self, model: str, sampling: Sampling, focus_um: float) -> float:
-        """Return the predicted error of one way of computing, of unit contrast."""
+        """Return the predicted error of one method of computing, of unit contrast."""
         finer = Sampling(band_error=_FINE, margin=sampling.margin * _WIDER)
         found = self._image(model, sampling, focus_um)
         better = self._image("exact", finer, focus_um)
         return float(np.abs(found - better).max()) + self.rest(finer.margin)
 
     def rest(self, margin: float) -> float:
-        """Return a bound of what the exact law with a fine band still lacks."""
+        """Return a bound of what the exact model with a fine band still lacks."""
         rest = 0.0
         for layer, step in zip(self.scene.layers, steps(self.scene), strict=True):
             wrap = wrap_error(

@@ -1,4 +1,4 @@
-"""Blurred layers laid over a background from the lowest to the highest, and lit."""
+"""Blending of blurred layers over a background, from the lowest to the highest."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Patch:
 def blend_layers(
     image: FloatArray, patches: Sequence[Patch], background: float | FloatArray
 ) -> None:
-    """Fill an image with a background and the layers over it, in place."""
+    """Fill an image (rows, columns), share of full scale, in place."""
     ordered = sorted(patches, key=lambda p: (p.layer.z_um, p.layer.name))
     if not ordered:
         image[...] = background
@@ -56,7 +56,10 @@ def blend_layers(
 def light_up(
     images: FloatArray, microscope: Microscope, frame: Window, light: Illumination
 ) -> None:
-    """Multiply images (..., rows, columns) by the light's intensity, in place."""
+    """Multiply images (N, rows, columns), of full scale, by the light's intensity.
+
+    In place; one image may be (rows, columns).
+    """
     if light.gradient_x or light.gradient_y:
         images *= _light(microscope, frame, light)
     elif light.gain != 1:
@@ -89,7 +92,7 @@ def _change(patch: Patch, seen: FloatArray) -> FloatArray:
 
 
 def _side_by_side(shape: tuple[int, ...], group: Sequence[Patch]) -> bool:
-    """Tell whether layers of one height nowhere cover more than all."""
+    """Return whether layers of one height nowhere cover more than all."""
     total = np.zeros(shape)
     for patch in group:
         total[patch.rows, patch.columns] += patch.coverage

@@ -1,4 +1,4 @@
-"""Spreading of points onto a grid whose transform is theirs: a Kaiser-Bessel kernel."""
+"""Gridding of a nonuniform Fourier transform with a Kaiser-Bessel kernel."""
 
 from __future__ import annotations
 
@@ -7,33 +7,31 @@ from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
-from scipy import fft
 from scipy.special import i0
 
 from microplan.arrays import FloatArray
+from microplan.optics.render.pruned_ifft import fast_length
 
-_WIDTH = 8  # grid points under the spreading kernel
+_WIDTH = 8  # grid points under the gridding kernel
 _OVERSAMPLING = 1.25  # of the band grid
 # What the kernel folds in, exp(-pi width sqrt(1 - 1 / oversampling)), of the length of
 # all edges; in an image of a gear 1e-6.
 KERNEL_ERROR = math.exp(-math.pi * _WIDTH * math.sqrt(1 - 1 / _OVERSAMPLING))
-_BATCH = 1 << 10  # nodes spread at once: their 64 products each stay in the cache
+_BATCH = 1 << 10  # nodes gridded at once: their 64 products each stay in the cache
 _DEGREE = 14  # of the kernel's polynomials: 4e-15 off it, as it is entire
 
 
 def grid_size(order: int) -> int:
     """Return a fast grid length for orders up to `order`."""
-    wanted = max(math.ceil(_OVERSAMPLING * (2 * order + 1)), 2 * _WIDTH)
-    size = fft.next_fast_len(wanted, real=True)
-    if size is None:  # only if the length overflowed
-        raise ValueError(f"no transform of length {wanted}")
-    return size
+    return fast_length(max(_OVERSAMPLING * (2 * order + 1), 2 * _WIDTH))
 
 
-def spread(place: FloatArray, size: int) -> tuple[npt.NDArray[np.intp], FloatArray]:
-    """Return grid indices and kernel values of points 0..1, (N, width) each.
+def kernel_weights(
+    place: FloatArray, size: int
+) -> tuple[npt.NDArray[np.intp], FloatArray]:
+    """Return grid indices and kernel values of points (N,) in 0..1, (N, M) each.
 
-    The kernel is read from polynomials, faster than from `kernel`.
+    M is the width in samples; polynomials are faster than `kernel`.
     """
     exact = place * size
     first = np.ceil(exact - _WIDTH / 2)
@@ -42,19 +40,17 @@ def spread(place: FloatArray, size: int) -> tuple[npt.NDArray[np.intp], FloatArr
     return grid.astype(np.intp) % size, share
 
 
-def kernel_transform(order: npt.NDArray[np.intp], size: int) -> FloatArray:
-    """Return the transform of the kernel at `order` cycles a grid, same shape."""
-    root = np.sqrt(_BETA**2 - (np.pi * _WIDTH * order / size) ** 2)
-    transform: FloatArray = _WIDTH * np.sinh(root) / (root * i0(_BETA))
-    return transform
-
-
 @lru_cache(maxsize=256)  # tiles have few sizes
 def kernel_transforms(highest: int, size: int) -> FloatArray:
-    """Return the transform at 0..`highest` cycles a grid, not to be changed."""
-    found = kernel_transform(np.arange(highest + 1), size)
-    found.setflags(write=False)
-    return found
+    """Return the kernel's transform at 0..`highest` cycles a grid, (N,), dimensionless.
+
+    N is `highest` + 1; not to be changed.
+    """
+    order = np.arange(highest + 1)
+    root = np.sqrt(_BETA**2 - (np.pi * _WIDTH * order / size) ** 2)
+    transform: FloatArray = _WIDTH * np.sinh(root) / (root * i0(_BETA))
+    transform.setflags(write=False)
+    return transform
 
 
 def deposit(
@@ -65,7 +61,7 @@ def deposit(
     weight: FloatArray,
     shape: tuple[int, int],
 ) -> FloatArray:
-    """Add weighted kernels (N,) to a grid of `shape`."""
+    """Return a grid (rows, columns): kernels (N, M), M samples, by weights (N,)."""
     grid = np.zeros(shape[0] * shape[1])
     for begin in range(0, weight.size, _BATCH):
         part = slice(begin, begin + _BATCH)
@@ -77,7 +73,7 @@ def deposit(
 
 
 def kernel(offset: FloatArray) -> FloatArray:
-    """Return the spreading kernel `offset` grid points from its middle; 1 there."""
+    """Return the kernel (...) at `offset` (...) samples from its middle; 1 there."""
     t = offset / (_WIDTH / 2)
     value: FloatArray = i0(_BETA * np.sqrt(np.maximum(1 - t**2, 0))) / i0(_BETA)
     return value
@@ -93,7 +89,7 @@ _BETA = _beta(_OVERSAMPLING)
 
 
 def _powers(share: FloatArray) -> FloatArray:
-    """Return powers of places between grid points as -1..1, (N, degree + 1)."""
+    """Return powers of positions between grid points as -1..1, (N, degree + 1)."""
     powers = np.ones((_DEGREE + 1, share.size))
     np.multiply(share, 2, out=powers[1])
     powers[1] -= 1
@@ -104,7 +100,7 @@ def _powers(share: FloatArray) -> FloatArray:
 
 
 def _kernel_table() -> FloatArray:
-    """Return the kernel at each of its grid points as a polynomial of the place.
+    """Return the kernel at each of its grid points as a polynomial of the position.
 
     In powers, which err by as little as Chebyshev's polynomials at so low a degree.
     """

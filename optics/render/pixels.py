@@ -1,4 +1,4 @@
-"""Tiles of whole camera pixels: where they lie, and sampling spectra at pixels."""
+"""Tiles of whole camera pixels, at which spectra are sampled."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import fft
 
 from microplan.arrays import Box
 from microplan.optics.outline.clip import EdgeArrays
@@ -16,6 +15,7 @@ from microplan.optics.render.pruned_ifft import (
     Factors,
     Samples,
     Space,
+    fast_length,
     fold,
     waves_at,
     weigh,
@@ -62,8 +62,6 @@ def choose_tile(
     ----------
     outline : Outline or Edges
         The body, um; its image is displaced by `shift_um`.
-    microscope : Microscope
-        The optical setting.
     margin_um : float
         How far light spreads.
     frame : Window
@@ -118,9 +116,11 @@ def _span(
     right = max(min(high, last + apart), first - apart)
     start = math.floor(min(left, first))
     if left > low and right < high:  # the body fills the period and runs on
-        return PixelAxis(start=start, count=_fast(right - start), seen=seen, cut=None)
+        return PixelAxis(
+            start=start, count=fast_length(right - start), seen=seen, cut=None
+        )
     period = max(right - first, last - left) + apart
-    count = _fast(max(period, max(right, last) - start + 2))
+    count = fast_length(max(period, max(right, last) - start + 2))
     whole = left == low and right == high
     cut = None if whole else (left, right)
     return PixelAxis(start=start, count=count, seen=seen, cut=cut)
@@ -212,18 +212,10 @@ def _is_empty(outline: Outline | EdgeArrays) -> bool:
     return not (outline.segments.size or outline.arcs.size)
 
 
-def _fast(least: float) -> int:
-    """Return the next length that transforms fast."""
-    size = fft.next_fast_len(math.ceil(least), real=True)
-    if size is None:  # only if the length overflowed
-        raise ValueError(f"no transform of length {least}")
-    return size
-
-
 def _by_product_is_cheaper(
     shape: tuple[int, ...], tile: PixelTile, rows: int, columns: int
 ) -> bool:
-    """Compare operation counts of the two ways to sample."""
+    """Compare operation counts of the two methods of sampling."""
     product = rows * shape[1] * (shape[0] + columns / 2)
     upwards = shape[1] * tile.rows.count * math.log2(max(tile.rows.count, 2))
     along = rows * tile.columns.count * math.log2(max(tile.columns.count, 2)) / 2

@@ -1,8 +1,8 @@
-"""Scenes transformed once for many images: focus, shift and zoom change, parts stay."""
+"""Prepared scenes: one spectrum a layer for many focus heights, shifts, zooms."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -28,10 +28,7 @@ class PreparedScene:
     microscope: Microscope
     window: Window
     reach: Range
-    model: str
-    sampling: Sampling
     parts: tuple[TiledLayer, ...]  # those that come near the window
-    shift_um: tuple[float, float]
 
     def image(
         self,
@@ -53,8 +50,6 @@ class PreparedScene:
         zoom : float
             Magnification over that of the microscope; other zooms than 1 take a few
             times as long, as no fast transform fits their pixels.
-        light : Illumination
-            Gain and gradient of the light.
         also : sequence of Patch
             More layers, by `patches` of another scene at the same focus and zoom.
 
@@ -93,7 +88,7 @@ class PreparedScene:
     def draw(
         self, image: FloatArray, view: ImageView, also: Sequence[Patch] = ()
     ) -> None:
-        """Write the unlit image of a view into (rows, columns), in place."""
+        """Write the unlit image of a view into (rows, columns), share of full scale."""
         found = (part.patch(self.window, view) for part in self.parts)
         fresh = [patch for patch in found if patch is not None]
         blend_layers(image, [*also, *fresh], self.scene.background)
@@ -110,53 +105,6 @@ class PreparedScene:
         return ImageView(
             microscope=self.microscope, focus_um=focus_um, shift_um=shift_um, zoom=zoom
         )
-
-    def under(self, model: str) -> PreparedScene:
-        """Return the scene under another defocus law, with the same spectra.
-
-        Raises
-        ------
-        ValueError
-            If the law is unknown, or reaches beyond the band as it does not diffract.
-        """
-        if find_model(self.model).diffracts and not find_model(model).diffracts:
-            raise ValueError(f"prepared for {self.model}, the band of {model} is wider")
-        parts = tuple(part.under(model) for part in self.parts)
-        return replace(self, model=model, parts=parts)
-
-    def turned(
-        self, theta_rad: float, *, names: Collection[str] | None = None
-    ) -> PreparedScene:
-        """Return the scene with layers turned about the world's origin.
-
-        Their edges are turned and transformed again, the others' spectra are kept.
-
-        Parameters
-        ----------
-        theta_rad : float
-            Counter-clockwise.
-        names : collection of str, optional
-            Of the layers that turn. Default: all.
-        """
-        parts = []
-        for layer in self.scene.layers:
-            old = [part for part in self.parts if part.layer is layer]
-            if names is not None and layer.name not in names:
-                parts += old
-                continue
-            edges = old[0].edges if old else to_edges(layer.outline)
-            new = make_part(
-                layer,
-                edges.placed(0.0, 0.0, theta_rad),
-                self.microscope,
-                reach=self.reach,
-                model=self.model,
-                window=self.window,
-                sampling=self.sampling,
-                shift_um=self.shift_um,
-            )
-            parts += [new] if new else []
-        return replace(self, parts=tuple(parts))
 
 
 def prepare(
@@ -181,7 +129,7 @@ def prepare(
         Focus heights, shifts and zooms that will be asked for: they decide about tile
         and band, so a wide range makes every image slower.
     model : str
-        The defocus law, a key of `microplan.optics.transfer.models.MODELS`.
+        The OTF model of defocus, a key of `microplan.optics.transfer.models.MODELS`.
     window : Window, optional
         The part of the frame wanted. Default: all.
     sampling : Sampling, optional
@@ -192,7 +140,7 @@ def prepare(
 
     Returns
     -------
-    Prepared
+    PreparedScene
         One spectrum for each layer near the window. A focus plane is another gain, a
         shift a phase ramp, a zoom other sampling points of that spectrum.
 
@@ -222,8 +170,5 @@ def prepare(
         microscope=microscope,
         window=frame,
         reach=reach,
-        model=model,
-        sampling=chosen,
         parts=tuple(part for part in found if part is not None),
-        shift_um=shift_um,
     )

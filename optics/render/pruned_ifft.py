@@ -1,7 +1,8 @@
-"""Inverse transforms of coefficients at the pixels of a tile, pruned to those seen."""
+"""Inverse transforms of coefficients, pruned to the pixels seen."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
@@ -37,17 +38,25 @@ class Space:
         return held  # type: ignore[return-value]  # its dtype is that of `like`
 
 
+def fast_length(least: float) -> int:
+    """Return the next length whose real transform is fast."""
+    size = fft.next_fast_len(math.ceil(least), real=True)
+    if size is None:  # only if the length overflowed
+        raise ValueError(f"no transform of length {least}")
+    return size
+
+
 def waves_at(
     values: Coefficients, y: npt.NDArray[np.float64], x: npt.NDArray[np.float64]
 ) -> Samples:
-    """Sum the waves at any places.
+    """Return the sum of the waves at any points.
 
     Parameters
     ----------
     values : (2 K + 1, J + 1) complex array
         Coefficients as in `microplan.optics.render.spectrum.Spectrum`.
     y, x : (R,), (C,) float64 arrays
-        Heights from the bottom and places from the left, in tiles.
+        Heights from the bottom and distances from the left, in tiles.
 
     Returns
     -------
@@ -75,7 +84,7 @@ def _turned(
     highest: int,
     kind: np.dtype[np.float32] | np.dtype[np.float64],
 ) -> tuple[Samples, Samples]:
-    """Return cosines and sines (N, highest + 1) of all orders at places, in tiles.
+    """Return cosines and sines (N, highest + 1) of all orders at points, in tiles.
 
     Turns are counted in doubles, so that a single one keeps its 1e-7 at any order.
     """
@@ -210,7 +219,7 @@ def _fill_half(half: Coefficients, lines: Coefficients, columns: int) -> None:
 
 
 def _laps(start: int, count: int, period: int) -> Iterator[tuple[int, int, int]]:
-    """Cut `count` orders from `start` on where they wrap; yield place, first, count."""
+    """Cut `count` orders from `start` on where they wrap; yield to, first, count."""
     done = 0
     while done < count:
         place = (start + done) % period

@@ -23,7 +23,7 @@ from microplan.optics.transfer.models import find_model
 
 _USUAL = Sampling()
 _SINGLE = Sampling(single=True)
-_RECENT_BYTES = 1 << 24  # of blurred layers: images of one pose beside other things
+_RECENT_BYTES = 1 << 24  # of blurred layers: images of one pose with other layers
 
 
 def render(
@@ -49,7 +49,7 @@ def render(
     focus_um : float
         World height of the plane in focus.
     model : str
-        The defocus law, a key of `microplan.optics.transfer.models.MODELS`.
+        The OTF model of defocus, a key of `microplan.optics.transfer.models.MODELS`.
     window : Window, optional
         The part of the frame wanted; it may reach beyond the frame. Default: all.
     light : Illumination, optional
@@ -174,12 +174,12 @@ def render_stack(
     sampling: Sampling = _SINGLE,
     out: FloatArray | None = None,
 ) -> FloatArray:
-    """Return images of a scene at several focus heights, (planes, rows, columns).
+    """Return images of a scene at several focus heights, (N, rows, columns).
 
-    They are put into `out` if that is given: a new array's pages take time. Spectra are
-    computed once for all planes; else like `render`. The margin is that of the plane
-    most out of focus and the precision single, so a plane agrees with `render` within
-    the predicted errors, not bit by bit.
+    Share of full scale. They are put into `out` if that is given: a new array's pages
+    take time. Spectra are computed once for all planes; else like `render`. The margin
+    is that of the plane most out of focus and the precision single, so a plane agrees
+    with `render` within the predicted errors, not bit by bit.
     """
     find_model(model)
     _check(focus_um, shift_um)

@@ -1,4 +1,4 @@
-"""Sampling of an image: band, margin, the transfer of pixels at all frequencies."""
+"""Sampling of an image: band, margin, transfer of pixels."""
 
 from __future__ import annotations
 
@@ -44,8 +44,6 @@ class Quadrant:
 
         Parameters
         ----------
-        table : RadialTable
-            The transfer.
         orders : (J, K)
             At most those of the quadrant.
         single : bool
@@ -72,9 +70,10 @@ class Quadrant:
 
 
 def _read(cubics: Samples, t: FloatArray, out: Samples) -> None:
-    """Write cubics (N, 4) at places t >= 0 in steps into `out`, same shape as t.
+    """Write cubics (N, 4) at positions t >= 0 in steps into `out`, same shape as t.
 
-    From the double's place: a single one would blur the phase of large defocus.
+    From the position in double precision: a single one would blur the phase of large
+    defocus.
     """
     i = t.astype(np.intp)
     np.minimum(i, len(cubics) - 1, out=i)
@@ -90,7 +89,7 @@ def _read(cubics: Samples, t: FloatArray, out: Samples) -> None:
 def pixel_gain(
     microscope: Microscope, tile: Tile, orders: tuple[int, int]
 ) -> tuple[FloatArray, FloatArray]:
-    """Return what a pixel's area does to orders along x (J + 1,) and y (K + 1,)."""
+    """Return the pixels' transfer [1] at orders along x (J + 1,) and y (K + 1,)."""
     side = microscope.um_per_px * math.sqrt(microscope.fill_factor)
     across = np.sinc(np.arange(orders[0] + 1) / tile.width_um * side)
     along = np.sinc(np.arange(orders[1] + 1) / tile.height_um * side)
@@ -105,7 +104,7 @@ def _cubics(table: RadialTable) -> FloatArray:
 
 
 BAND_ERROR = 5e-4  # of unit contrast, what cutting the band may cost by `band_error`
-# The edge spread of an Airy pattern nears its end as (wavelength / A) / (pi**3 d):
+# The edge response of an Airy pattern nears its end as (wavelength / A) / (pi**3 d):
 # at 40 wavelength / A it is 8e-4 away from it, for an endless straight edge.
 MARGIN = 40.0
 NEAR = 10.0  # wavelengths / A, the part of the margin that a transform's period has
@@ -122,7 +121,7 @@ class Sampling:
     """How much band and how much margin an image is computed with."""
 
     band_error: float = BAND_ERROR  # of unit contrast, what cutting the band may cost
-    margin: float = MARGIN  # around all that spreads light, in wavelengths / A
+    margin: float = MARGIN  # around all sources of light, in wavelengths / A
     single: bool = False  # transforms in single precision: `SINGLE_ERROR` more
     # the margin beyond it is made up for by `microplan.optics.render.far_field`
     near: float = NEAR
@@ -155,8 +154,6 @@ def band_error(model: str, microscope: Microscope, z_um: float) -> FloatArray:
     ----------
     model : str
         A key of `microplan.optics.transfer.models.MODELS`.
-    microscope : Microscope
-        The optical setting.
     z_um : float
         Defocus of the layer.
 
@@ -173,15 +170,15 @@ def band_error(model: str, microscope: Microscope, z_um: float) -> FloatArray:
     A prediction for edges, corners and slots, no bound: in the middle of a circle what
     is cut off comes from all of the rim in phase and adds up, to 1.75 times the
     prediction for a disc of 2 um at 20 x (A .42, pixels of 7.5 um, 5e-3 asked for).
-    Where that matters an image of all of the band tells, as in
+    Where that matters an image of all of the band decides, as in
     `microplan.optics.render.fidelity`.
     """
-    rung = find_model(model)
+    found = find_model(model)
     # the smaller W20 of the two, and x (1 - x) for the product too: the safe side
     waves = abs(microscope.paraxial_w20_um(z_um)) / microscope.wavelength_um
-    q = 8 * np.pi * waves * CUTS * (1 - CUTS if rung.diffracts else 1.0)
+    q = 8 * np.pi * waves * CUTS * (1 - CUTS if found.diffracts else 1.0)
     envelope = 1 / np.maximum(1.0, q**1.5 / 1.6)
-    if rung.diffracts:
+    if found.diffracts:
         envelope = envelope * diffraction(CUTS)
     a = CUTS * microscope.cutoff_per_um * microscope.um_per_px
     a = a * np.sqrt(microscope.fill_factor)

@@ -1,4 +1,4 @@
-"""The language the renderer accepts: layers by height, background, light, window."""
+"""Scenes for the renderer: layers by height, background, light, window."""
 
 from __future__ import annotations
 
@@ -72,3 +72,12 @@ class Window:
     def __post_init__(self) -> None:
         if self.rows < 1 or self.columns < 1:
             raise ValueError(f"a window needs at least one pixel, got {self}")
+
+    def part(self, rows: slice, columns: slice) -> Window:
+        """Return some of the window's own rows and columns as a window."""
+        return Window(
+            row=self.row + rows.start,
+            column=self.column + columns.start,
+            rows=rows.stop - rows.start,
+            columns=columns.stop - columns.start,
+        )

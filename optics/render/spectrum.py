@@ -21,7 +21,7 @@ from microplan.optics.render.nufft_gridding import (
     deposit,
     grid_size,
     kernel_transforms,
-    spread,
+    kernel_weights,
 )
 from microplan.optics.transfer.lru import Recent
 
@@ -37,7 +37,7 @@ _NODES = tuple(np.polynomial.legendre.leggauss(size) for size, _ in RULES)
 _LIMITS = np.array([limit for _, limit in RULES])
 
 
-# Looks ask for the same layers at several heights and beside different things.
+# Looks ask for the same layers at several heights and with other layers.
 _RECENT_BYTES = 1 << 26
 
 
@@ -113,10 +113,6 @@ def spectrum(
 
     Parameters
     ----------
-    outline : Outline or Edges
-        Closed rings, um.
-    tile : Tile
-        The period.
     cut_per_um : float
         Highest radial frequency, cycles/um; the corners beyond it are filled, badly.
     box : (x_min, y_min, x_max, y_max), optional
@@ -174,42 +170,6 @@ def _transformed(
     return Spectrum(tile=tile, values=values)
 
 
-def direct(
-    outline: Outline, u_per_um: FloatArray, v_per_um: FloatArray
-) -> ComplexArray:
-    """Return the Fourier integral of an outline node by node, slowly.
-
-    Parameters
-    ----------
-    outline : Outline
-        Closed rings, um.
-    u_per_um, v_per_um : (...) float arrays
-        Frequencies along x and y, cycles/um.
-
-    Returns
-    -------
-    (...) complex array
-        Integral of exp(-2 pi i (u x + v y)) over the outline, um2.
-    """
-    u, v = np.broadcast_arrays(u_per_um, v_per_um)
-    top = float(max(np.hypot(u, v).max(), 1e-3))
-    edges = clip(outline, outline.bounds_um)
-    x, y, dx, dy = boundary_nodes(edges, top)
-    reach = max(float(np.abs(x).max()), float(np.abs(y).max()))
-    result = np.empty(u.shape, dtype=np.complex128)
-    for index in np.ndindex(u.shape):
-        p, q = u[index], v[index]
-        if math.hypot(p, q) * reach < 1e-9:  # the phase is nowhere felt
-            result[index] = edges.area_um2
-            continue
-        wave = np.exp(-2j * np.pi * (p * x + q * y))
-        # divergence theorem with the field along whichever axis divides safely
-        along_x = abs(p) >= abs(q)
-        sums = wave @ dy if along_x else -(wave @ dx)
-        result[index] = sums * 1j / (2 * np.pi * (p if along_x else q))
-    return result
-
-
 def boundary_nodes(
     edges: EdgeArrays, f_per_um: float
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
@@ -217,15 +177,13 @@ def boundary_nodes(
 
     Parameters
     ----------
-    edges : Edges
-        Closed rings, um.
     f_per_um : float
         Highest radial frequency of the integrand, cycles/um.
 
     Returns
     -------
     x, y, dx, dy : (N,) float64 arrays
-        Points on the boundary and the vectors of length they stand for, um.
+        Points on the boundary and the boundary vectors they represent, um.
     """
     parts = [_line_nodes(edges.segments, f_per_um), _arc_nodes(edges.arcs, f_per_um)]
     x, y, dx, dy = (np.concatenate(column) for column in zip(*parts, strict=True))
@@ -262,7 +220,8 @@ def _panels(
 ) -> tuple[npt.NDArray[np.intp], FloatArray, FloatArray]:
     """Choose Gauss rules for edges of half phase (E,), rad, `least` panels an edge.
 
-    Returns for each node its edge, its place 0..1 along it and its weight, (N,) each.
+    Returns for each node its edge, its position 0..1 along it and its weight, (N,)
+    each.
     """
     if not half.size:
         return np.empty(0, np.intp), np.empty(0), np.empty(0)
@@ -297,8 +256,8 @@ def _fill(values: Coefficients, nodes: Nodes, tile: Tile) -> None:
     X = (x - tile.left_um) / tile.width_um
     Y = (y - tile.bottom_um) / tile.height_um
     gx, gy = grid_size(J), grid_size(K)
-    at_x, share_x = spread(X, gx)
-    at_y, share_y = spread(Y, gy)
+    at_x, share_x = kernel_weights(X, gx)
+    at_y, share_y = kernel_weights(Y, gy)
     level = kernel_transforms(K, gy)
     level = np.concatenate([level, level[:0:-1]])
     if J > 0:
@@ -316,12 +275,16 @@ def _fill(values: Coefficients, nodes: Nodes, tile: Tile) -> None:
         np.multiply(lines[: K + 1], inverse[: K + 1], out=values[: K + 1, 1:])
         np.multiply(lines[gy - K :], inverse[K + 1 :], out=values[K + 1 :, 1:])
     if K > 0:  # along u = 0 the field must point along y
-        line = np.bincount(
-            at_y.ravel(),
-            weights=(share_y * (dx / tile.width_um)[:, None]).ravel(),
-            minlength=gy,
-        )
-        waves, k = fft.fft(line), np.arange(1, K + 1)
-        k = np.concatenate([k, -k[::-1]])
-        waves = np.concatenate([waves[1 : K + 1], waves[gy - K :]])
-        values[1:, 0] = waves / level[1:] * -1j / (2 * np.pi * k)
+        weights = share_y * (dx / tile.width_um)[:, None]
+        line = np.bincount(at_y.ravel(), weights=weights.ravel(), minlength=gy)
+        values[1:, 0] = _mean_column(np.asarray(line, dtype=np.float64), level)
+
+
+def _mean_column(line: FloatArray, level: FloatArray) -> ComplexArray:
+    """Return orders 1..K, -K..-1 along y from gridded dx (N,) and kernel (2 K + 1,)."""
+    K = level.size // 2
+    waves, k = fft.fft(line), np.arange(1, K + 1)
+    k = np.concatenate([k, -k[::-1]])
+    waves = np.concatenate([waves[1 : K + 1], waves[line.size - K :]])
+    column: ComplexArray = waves / level[1:] * -1j / (2 * np.pi * k)
+    return column

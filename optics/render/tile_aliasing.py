@@ -1,4 +1,4 @@
-"""What a finite tile costs: light of repetitions, and light that is cut off.
+"""Error of a finite tile: light of repetitions, light cut off.
 
 Far from an edge the image of a point falls like K / r**3, in focus and out of it, since
 the transfer starts with a kink of slope -4 / pi in x whatever the defocus. That gives
@@ -12,10 +12,11 @@ import math
 import numpy as np
 
 from microplan.arrays import Box, FloatArray
-from microplan.optics.outline.clip import clip
+from microplan.optics.outline.clip import clip, common, grown
 from microplan.optics.outline.outline import Outline
 from microplan.optics.render.pixels import PixelTile, axis_px, choose_tile
 from microplan.optics.render.scene import Window
+from microplan.optics.render.view_range import full
 from microplan.optics.transfer.microscope import Microscope
 
 MARGINS: FloatArray = np.geomspace(5.0, 160.0, 21)  # wavelengths / A worth choosing
@@ -42,8 +43,6 @@ def wrap_error(
     ----------
     outline : Outline
         The layer's outline, world frame.
-    microscope : Microscope
-        The optical setting.
     margin : float
         Distance to repetitions and to cuts beyond the blur, in wavelengths / A.
     window : Window, optional
@@ -58,14 +57,14 @@ def wrap_error(
     """
     if not outline.rings:
         return 0.0
-    frame = window or _full(microscope)
+    frame = window or full(microscope)
     unit = microscope.wavelength_um / microscope.aperture
     d = margin * unit
     tile = choose_tile(outline, microscope, d, frame, (0.0, 0.0))
     if tile is None:
         return _outside(outline, _frame_box(microscope, frame), unit, blur_um, d)
     seen = _seen_box(microscope, tile)
-    covered = _covered(outline, _grown(seen, d))
+    covered = _covered(outline, grown(seen, d))
     if covered is None:
         found = _cut_or_repeated(outline, microscope, tile, d)
     else:  # what is cut off begins at the first edge
@@ -100,7 +99,7 @@ def _cut_or_repeated(
     """
     seen = _seen_box(microscope, tile)
     bounds = outline.bounds_um
-    is_whole = _common(bounds, _grown(seen, d_um)) == bounds
+    is_whole = common(bounds, grown(seen, d_um)) == bounds
     lacks = 0.0 if is_whole else _beyond(bounds, seen, d_um)
     comes = min(_repeated(outline, microscope, tile, d_um), _beyond(_PLANE, seen, d_um))
     return max(lacks, comes)
@@ -114,7 +113,7 @@ def _repeated(
     Infinite where they are too close together for this bound.
     """
     seen = _seen_box(microscope, tile)
-    held = _common(outline.bounds_um, _grown(seen, d_um))
+    held = common(outline.bounds_um, grown(seen, d_um))
     area_um2 = clip(outline, held).area_um2
     radius = math.hypot(held[2] - held[0], held[3] - held[1]) / 2
     x0, y0, x1, y1 = seen
@@ -137,13 +136,13 @@ def _nearest_um(outline: Outline, seen: Box, d_um: float) -> float:
     Half of the distance of the first edge at least, and most often near it.
     """
     for _ in range(_DOUBLINGS):
-        if _covered(outline, _grown(seen, 2 * d_um)) is None:
+        if _covered(outline, grown(seen, 2 * d_um)) is None:
             break
         d_um *= 2
     low, high = d_um, 2 * d_um
     for _ in range(_HALVINGS):
         middle = (low + high) / 2
-        if _covered(outline, _grown(seen, middle)) is None:
+        if _covered(outline, grown(seen, middle)) is None:
             high = middle
         else:
             low = middle
@@ -157,7 +156,7 @@ def _beyond(bounds: Box, seen: Box, d_um: float) -> float:
     than a half plane, 2 / far. A pixel in a corner has two sides near. Two opposite
     sides take in the corners beyond, whichever two have less.
     """
-    near = _common(bounds, _grown(seen, d_um))
+    near = common(bounds, grown(seen, d_um))
     sizes = (seen[2] - seen[0], seen[3] - seen[1])
     whole = (bounds[2] - bounds[0], bounds[3] - bounds[1])
     between = (near[2] - near[0], near[3] - near[1])
@@ -194,12 +193,6 @@ def _covered(outline: Outline, box: Box) -> bool | None:
     return True if abs(share - 1) < 1e-12 else None
 
 
-def _full(microscope: Microscope) -> Window:
-    return Window(
-        row=0, column=0, rows=microscope.height_px, columns=microscope.width_px
-    )
-
-
 def _seen_box(microscope: Microscope, tile: PixelTile) -> Box:
     """Return the box of the centres of pixels seen."""
     columns, rows = tile.columns.seen, tile.rows.seen
@@ -217,17 +210,3 @@ def _box(microscope: Microscope, left: int, right: int, above: int, below: int) 
     cx, cy = axis_px(microscope)
     p = microscope.um_per_px
     return ((left - cx) * p, (cy - below) * p, (right - cx) * p, (cy - above) * p)
-
-
-def _grown(box: Box, by_um: float) -> Box:
-    return (box[0] - by_um, box[1] - by_um, box[2] + by_um, box[3] + by_um)
-
-
-def _common(one: Box, other: Box) -> Box:
-    """Return the common part of two boxes that overlap."""
-    return (
-        max(one[0], other[0]),
-        max(one[1], other[1]),
-        min(one[2], other[2]),
-        min(one[3], other[3]),
-    )

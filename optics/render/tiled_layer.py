@@ -1,4 +1,4 @@
-"""A layer's spectrum on its tile, and its image in any view of a range."""
+"""A layer's spectrum on its tile, imaged in any view of a range."""
 
 from __future__ import annotations
 
@@ -81,10 +81,6 @@ class TiledLayer:
         coverage = self._coverage(view, rows, columns)
         return Patch(layer=self.layer, rows=r, columns=c, coverage=coverage)
 
-    def under(self, model: str) -> TiledLayer:
-        """Return the part under another defocus law, with the same spectrum."""
-        return replace(self, model=model, last=_Last(), space=Space())
-
     def _coverage(
         self, view: ImageView, rows: FloatArray, columns: FloatArray
     ) -> Samples:
@@ -110,7 +106,7 @@ class TiledLayer:
         rows: FloatArray,
         columns: FloatArray,
     ) -> Samples:
-        """Return samples at any places, wave by wave."""
+        """Return samples at any points, wave by wave."""
         x, y = self.tile.columns, self.tile.rows
         up = (y.start + y.count - 1 - rows) / y.count
         found = waves_at(weigh(self.values, gain), up, (columns - x.start) / x.count)
@@ -208,13 +204,12 @@ def make_part(
         values = values.astype(np.complex64, copy=False)
     far = None
     if tile is not wide:
-        reach_um = margin_um(microscope, 0.0, sampling.near)
         far = make_far(
             edges,
             microscope,
             (tile, found),
             wide,
-            reach_um=reach_um,
+            reach_um=margin_um(microscope, 0.0, sampling.near),
             shift_um=shift_um,
             single=sampling.single,
         )
@@ -257,7 +252,7 @@ def _samples(tile: PixelTile) -> int:
 
 
 def _within(places: FloatArray, seen: range) -> slice:
-    """Return which of rising places lie in a range of pixels."""
+    """Return which of rising positions lie in a range of pixels."""
     first = np.searchsorted(places, seen.start - ROUNDING_PX)
     last = np.searchsorted(places, seen.stop - 1 + ROUNDING_PX, side="right")
     return slice(int(first), int(last))

@@ -1,4 +1,4 @@
-"""What images a prepared scene is for, and where the pixels of one of them lie."""
+"""Ranges of views of a prepared scene."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Range:
     def holds(
         self, focus_um: float, shift_um: tuple[float, float], zoom: float
     ) -> bool:
-        """Tell whether an image lies in the range."""
+        """Return whether an image lies in the range."""
         return (
             self.focus_um[0] <= focus_um <= self.focus_um[1]
             and max(abs(shift_um[0]), abs(shift_um[1])) <= self.shift_um
@@ -85,7 +85,7 @@ class ImageView:
         return replace(m, magnification=m.magnification * self.zoom)
 
     def places(self, frame: Window) -> tuple[FloatArray, FloatArray]:
-        """Return where a window's rows and columns lie, px of the prepared frame."""
+        """Return positions of a window's rows (R,) and columns (C,), px as prepared."""
         cx, cy = axis_px(self.microscope)
         k = self.microscope.px_per_um
         rows = (np.arange(frame.rows) + (frame.row - cy)) / self.zoom

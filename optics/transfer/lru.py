@@ -1,4 +1,4 @@
-"""Results of pure functions that were made last, within some bytes."""
+"""Cache of a pure function's latest results, within some bytes."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True)
 class Recent(Generic[T]):
-    """Values by what they were made from; those asked for longest ago are forgotten.
+    """Values by their inputs; those asked for longest ago are forgotten.
 
     They are given again, not copied: arrays in them must not be writable. Changes no
     result.
@@ -23,7 +23,7 @@ class Recent(Generic[T]):
     _bytes: dict[Hashable, int] = field(default_factory=dict)
 
     def get(self, key: Hashable, make: Callable[[], T]) -> T:
-        """Return the value of a key, made now unless it is held."""
+        """Return the value of a key, computed unless it is held."""
         if key in self._held:
             found = self._held.pop(key)
             self._held[key] = found  # the last one asked for

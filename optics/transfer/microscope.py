@@ -118,7 +118,7 @@ def paper_depth_of_field_um(microscope: Microscope) -> float:
     """Return the paper's depth of field, kept for comparison only, um.
 
     The paper puts the pixel for the blur (12.45 um) and 1.5 for the index. The
-    formula takes one blur width from another, which is not how they add: it turns
+    formula takes one blur width from another, which is not how they add: it becomes
     negative at high magnification. Use `Microscope.wave_depth_um`.
 
     References

@@ -1,4 +1,4 @@
-"""Bounds of the laws' errors, made by `benchmarks/optics/law_bounds.py`."""
+"""Error bounds of OTF models, from `benchmarks/optics/law_bounds.py`."""
 
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -9,7 +9,7 @@ Table = tuple[tuple[float, ...], ...]  # a row per W20, a column per A / n
 # fmt: off
 WAVES = (0.01, 0.017782794100389229, 0.031622776601683791, 0.056234132519034905, 0.10000000000000001, 0.17782794100389229, 0.31622776601683794, 0.56234132519034907, 1, 1.7782794100389228, 3.1622776601683795, 5.6234132519034903, 10, 17.782794100389228, 31.622776601683793, 56.234132519034908, 100, 177.82794100389228, 316.2277660168379, 562.34132519034904, 1000)
 STEEPNESS = (0.05, 0.1, 0.2, 0.3, 0.45, 0.6, 0.75, 0.85, 0.95, 0.99)
-# Half the integral of |difference of point spreads|.
+# Half the integral of |difference of point responses|.
 BOUND: Mapping[str, Table] = MappingProxyType(
     {
         "geometric": (

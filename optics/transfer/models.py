@@ -1,4 +1,4 @@
-"""Models of the defocus OTF by name, with bounds of their errors in an image."""
+"""Models of the defocus OTF by name, with bounds of their image errors."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ _RAYS_WAVES = 0.5  # W20 below which rays alone predict nothing
 _WIDEST_PIXEL = 32.0  # in wavelength / A; `PIXEL` is the largest up to there
 
 
-def law_error(model: str, microscope: Microscope, z_um: float) -> float:
-    """Return the most that a defocus law can err by in the image of any outline.
+def model_error_bound(model: str, microscope: Microscope, z_um: float) -> float:
+    """Return the largest image error of a defocus OTF's model, for any outline.
 
     Parameters
     ----------
@@ -48,13 +48,13 @@ def law_error(model: str, microscope: Microscope, z_um: float) -> float:
     -------
     float
         Image error against the exact phase, of unit contrast, 0..1: half the integral
-        of |difference of the two point spreads|, or the same for point spreads
+        of |difference of the two point responses|, or the same for responses
         averaged over a pixel where that is less. Concentric rings reach the integral.
         Of what is returned a disc of the worst size comes to .53, a grating to .29, a
         slot to .23 and a lone straight edge to .12 (medians over W20 and A / n;
         `benchmarks/optics/error_maps.py`), an outline drawn at random to .17
-        (`benchmarks/optics/law_outlines.py`). 1 where nobody has
-        measured it, from A = .99 n on. For `exact` the error of its table.
+        (`benchmarks/optics/law_outlines.py`). 1 where it has not
+        been measured, from A = .99 n on. For `exact` the error of its table.
 
     Raises
     ------
@@ -102,7 +102,7 @@ def _read(table: Table, waves: float, steepness: float) -> float:
 Curve = Callable[[FloatArray], FloatArray]  # x -> transfer
 
 # What cubic interpolation errs by at most, as a transfer, up to z = 1e6 um and
-# A = .999 n (`benchmarks/optics/error_maps.py`), if a step turns the marginal ray's
+# A = .999 n (`benchmarks/optics/error_maps.py`), if a step changes the marginal ray's
 # phase by:
 TABLE_ERROR = 2e-5
 _STEP_RAD = 0.36
@@ -129,7 +129,7 @@ def _exact(microscope: Microscope, z_um: float) -> Curve:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DefocusModel:
-    """One rung of the ladder of defocus laws."""
+    """One model of the defocus OTF."""
 
     curve: Callable[[Microscope, float], Curve]  # (microscope, z_um) -> x -> transfer
     diffracts: bool  # 0 beyond the cutoff
@@ -159,7 +159,7 @@ MODELS: Mapping[str, DefocusModel] = MappingProxyType(
 
 
 def find_model(model: str) -> DefocusModel:
-    """Return the rung called `model`; ValueError with the known names otherwise."""
+    """Return the model of a name; ValueError with the known names otherwise."""
     if model not in MODELS:
         raise ValueError(f"model must be one of {', '.join(MODELS)}, got {model!r}")
     return MODELS[model]
@@ -170,12 +170,12 @@ def transfer(
 ) -> FloatArray:
     """Return the transfer of `model` for a defocus, without table or interpolation.
 
+    ValueError if the model is unknown or an argument holds a nan.
+
     Parameters
     ----------
     model : str
         A key of `MODELS`.
-    microscope : Microscope
-        The optical setting.
     z_um : float
         Height of the object minus that of the plane in focus.
     f_per_um : (...) float array
@@ -186,11 +186,6 @@ def transfer(
     (...) float64 array
         1 at frequency 0. `product` and `geometric` take the paraxial W20, as the
         paper does, the others the rim-matched one.
-
-    Raises
-    ------
-    ValueError
-        If the model is unknown or an argument holds a nan.
     """
     return find_model(model).curve(microscope, z_um)(
         np.asarray(f_per_um, dtype=np.float64) / microscope.cutoff_per_um
@@ -212,7 +207,7 @@ class RadialTable:
     def through(
         cls, first: float, step: float, values: FloatArray, slopes: FloatArray
     ) -> Self:
-        """Return the table of Hermite's cubics through values at the nodes (N + 1,)."""
+        """Return Hermite's cubics through values (N + 1,) [1] with slopes (N + 1,)."""
         rise = np.diff(values) / step
         before, after = slopes[:-1], slopes[1:]
         bend = (3 * rise - 2 * before - after) / step
@@ -222,7 +217,7 @@ class RadialTable:
         return cls(first=first, step=step, pieces=pieces)
 
     def read(self, x: FloatArray) -> FloatArray:
-        """Return the transfer at `x` (...), held at the ends outside the table."""
+        """Return the transfer [1] at `x` (...), held at the ends outside the table."""
         t = (np.sqrt(np.maximum(1 - x, 0)) - self.first) / self.step
         i = np.clip(t.astype(np.intp), 0, self.pieces.shape[1] - 1)
         t = np.clip(t - i, 0.0, 1.0) * self.step
@@ -257,8 +252,8 @@ def _tabulate(
     model: str, microscope: Microscope, z_um: float, x_max: float
 ) -> RadialTable:
     first = math.sqrt(1 - x_max)
-    # the phase of the marginal ray turns by 2 pi per cycle over the blur's radius, and
-    # x by at most 2 per sqrt(1 - x)
+    # the phase of the marginal ray changes by 2 pi per cycle over the blur's radius,
+    # and x by at most 2 per sqrt(1 - x)
     blur_um = microscope.blur_diameter_um(z_um)
     rate = 2 * math.pi * blur_um * microscope.cutoff_per_um
     steps = _LEAST + 2 * math.ceil(rate * (1 - first) / _STEP_RAD / 2)

@@ -26,7 +26,7 @@ def refined(
     Parameters
     ----------
     curve : callable
-        Values (n,) at places (n,).
+        Values (N,) [1] at positions (N,).
     first, last : float
         The outermost nodes.
     count : int
@@ -36,7 +36,7 @@ def refined(
 
     Returns
     -------
-    values, slopes : (count,) float64 arrays
+    values, slopes : (N,) float64 arrays, N = count
     """
     if count % 2 == 0 or count < _SLOPES:
         raise ValueError(f"count must be odd and at least {_SLOPES}, got {count}")
@@ -65,7 +65,7 @@ def _slopes(values: FloatArray) -> FloatArray:
 
 
 def _middle_weights() -> FloatArray:
-    """Return the weights (points,) of a polynomial's value half way along its nodes."""
+    """Return the weights (points,) of a polynomial's value amid its nodes."""
     place = np.arange(_POINTS, dtype=np.float64) - (_POINTS - 1) / 2
     apart = place[:, None] - place
     np.fill_diagonal(apart, 1.0)

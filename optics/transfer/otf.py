@@ -1,7 +1,7 @@
-"""Optical transfer functions of a circular pupil, in focus and out of it.
+"""Optical transfer functions of a circular pupil by defocus.
 
 All are functions of x, the radial frequency over the cutoff 2 A / wavelength, and of
-w, the defocus coefficient W20 in waves, or, where that does not tell all, of the
+w, the defocus coefficient W20 in waves, or, where that is not enough, of the
 defocus and the aperture. All are 1 at x = 0 and even in x and in the defocus.
 """
 
@@ -90,7 +90,7 @@ def product(x: FloatArray, w: float) -> FloatArray:
 def stokseth(x: FloatArray, w: float) -> FloatArray:
     """Return T(x) jinc(8 pi w x (1 - x)), a close approximation of `hopkins`.
 
-    Arguments, result and errors as in `geometric`; 0 beyond x = 1.
+    Arguments, result (...) [1] and errors as in `geometric`; 0 beyond x = 1.
 
     References
     ----------
@@ -103,6 +103,8 @@ def stokseth(x: FloatArray, w: float) -> FloatArray:
 def hopkins(x: FloatArray, w: float) -> FloatArray:
     """Return the OTF of a circular pupil with a quadratic defocus phase.
 
+    ValueError if an argument holds a nan or `w` is infinite.
+
     Parameters
     ----------
     x : (...) float array
@@ -114,11 +116,6 @@ def hopkins(x: FloatArray, w: float) -> FloatArray:
     -------
     (...) float64 array
         1 at 0, 0 at 1 and beyond; `diffraction` where w = 0. Error below 1e-13.
-
-    Raises
-    ------
-    ValueError
-        If an argument holds a nan or `w` is infinite.
 
     References
     ----------
@@ -181,8 +178,8 @@ def exact(
     if z_um == 0:
         return diffraction(x)
     s = np.minimum(_checked(x), 1.0).ravel()
-    law = HighAperture(aperture=aperture, index=index)
-    otf = overlap(law, s, 2 * np.pi / wavelength_um * abs(_finite(z_um)) * s)
+    pupils = HighAperture(aperture=aperture, index=index)
+    otf = overlap(pupils, s, 2 * np.pi / wavelength_um * abs(_finite(z_um)) * s)
     return otf.reshape(np.shape(x))
 
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -37,27 +36,6 @@ _ROOT_NODES, _ROOT_WEIGHTS = roots_genlaguerre(10, 0.5)  # where m goes like a r
 _ROOT_WEIGHTS = _ROOT_WEIGHTS / np.sqrt(_ROOT_NODES)
 
 
-class Overlap(Protocol):
-    """The overlap of two pupils at frequencies s = x, (N, 1), by its coordinate t."""
-
-    def top(self, s: FloatArray) -> FloatArray:
-        """Return T, the largest t of the overlap, (N, 1)."""
-        ...
-
-    def rise(self, s: FloatArray, t: FloatArray, dt: Values, /) -> Values:
-        """Return the change of e from t to t + dt; e runs from 0 to 1 - s."""
-        ...
-
-    def density(self, s: FloatArray, t: Values, half: Values, /) -> Values:
-        """Return m at t, where the overlap is `half` = sqrt(1 - (s + e)**2) high."""
-        ...
-
-    @property
-    def scale(self) -> float:
-        """Return the distance in t from 0 to the nearest pole of m."""
-        ...
-
-
 @dataclass(frozen=True, slots=True)
 class Paraxial:
     """A quadratic phase: t = e, the distance along the shift, and m the half height."""
@@ -68,15 +46,15 @@ class Paraxial:
         return math.inf
 
     def top(self, s: FloatArray) -> FloatArray:
-        """Return 1 - s."""
+        """Return T = 1 - s, (N, 1) [1]."""
         return 1 - s
 
     def rise(self, s: FloatArray, _t: FloatArray, dt: Values) -> Values:
-        """Return `dt`."""
+        """Return e's change from t to t + dt, `dt`, (N, M) [1]."""
         return dt + np.zeros_like(s)
 
     def density(self, _s: FloatArray, _t: Values, half: Values) -> Values:
-        """Return the half height."""
+        """Return m, the half height of the overlap, (N, M) [1]."""
         return half
 
 
@@ -105,7 +83,7 @@ class HighAperture:
         return math.sqrt((n - A) * (n + A))
 
     def top(self, s: FloatArray) -> FloatArray:
-        """Return t at the rim, on the axis of the shift."""
+        """Return T, t at the rim on the axis of the shift, (N, 1) [1]."""
         A, c = self.aperture, self._axial
         top: FloatArray = (
             4 * A**2 * (1 - s) / (np.sqrt(c**2 + 4 * A**2 * s * (1 - s)) + c)
@@ -113,14 +91,17 @@ class HighAperture:
         return top
 
     def rise(self, s: FloatArray, t: FloatArray, dt: Values) -> Values:
-        """Return the change of e = t (s t + 2 sqrt(n**2 - A**2)) / (4 A**2)."""
+        """Return e's change from t to t + dt, (N, M) [1].
+
+        e = t (s t + 2 sqrt(n**2 - A**2)) / (4 A**2), from 0 to 1 - s.
+        """
         rise: Values = (
             dt * (s * (2 * t + dt) + 2 * self._axial) / (4 * self.aperture**2)
         )
         return rise
 
     def density(self, s: FloatArray, t: Values, half: Values) -> Values:
-        """Return m at t."""
+        """Return m at t, (N, M) [1], with `half` = sqrt(1 - (s + e)**2)."""
         A = self.aperture
         d = 4 * A**2 + t**2
         edge = s * t + 2 * self._axial
@@ -135,13 +116,16 @@ class HighAperture:
         return density
 
 
-def overlap(law: Overlap, s: FloatArray, phase: FloatArray) -> FloatArray:
+Overlap = Paraxial | HighAperture  # two pupils' overlap by its coordinate t
+
+
+def overlap(pupils: Overlap, s: FloatArray, phase: FloatArray) -> FloatArray:
     """Return the OTF at frequencies `s` with the phase `phase` t.
 
     Parameters
     ----------
-    law : Overlap
-        How the phase lies in the overlap.
+    pupils : Overlap
+        The overlap with its phase.
     s : (N,) float64 array
         Radial frequencies over the cutoff, 0..1.
     phase : (N,) float64 array
@@ -159,22 +143,22 @@ def overlap(law: Overlap, s: FloatArray, phase: FloatArray) -> FloatArray:
     steepest descent.
     """
     otf = np.empty_like(s)
-    top = law.top(s[:, None])[:, 0]
-    steep = phase * np.minimum(top, law.scale) > _STEEP_RAD
+    top = pupils.top(s[:, None])[:, 0]
+    steep = phase * np.minimum(top, pupils.scale) > _STEEP_RAD
     for part in _batches(np.flatnonzero(steep), 2 * _FLAT_NODES.size):
-        otf[part] = _descend(law, s[part, None], phase[part, None])
+        otf[part] = _descend(pupils, s[part, None], phase[part, None])
     whole = phase * top
     # a panel no wider than a pole's distance, and with a phase that a rule can take
-    panels = np.maximum(np.ceil(whole / _LIMITS[-1]), np.ceil(top / law.scale))
+    panels = np.maximum(np.ceil(whole / _LIMITS[-1]), np.ceil(top / pupils.scale))
     panels = np.maximum(panels, 1).astype(int)
     rule = np.searchsorted(_LIMITS, np.minimum(whole / panels, _LIMITS[-1]))
-    rule = np.where(top > law.scale / 4, np.maximum(rule, _NEAR_RULE), rule)
+    rule = np.where(top > pupils.scale / 4, np.maximum(rule, _NEAR_RULE), rule)
     kind = panels * len(_RULES) + rule
     for each in np.unique(kind[~steep]):
         count, index = divmod(int(each), len(_RULES))
         v, weight = _panels(count, index)
         for part in _batches(np.flatnonzero(~steep & (kind == each)), v.size):
-            otf[part] = _collect(law, s[part, None], phase[part, None], v) @ weight
+            otf[part] = _collect(pupils, s[part, None], phase[part, None], v) @ weight
     return 4 / np.pi * otf
 
 
@@ -196,31 +180,31 @@ def _panels(count: int, index: int) -> tuple[FloatArray, FloatArray]:
 
 
 def _collect(
-    law: Overlap, s: FloatArray, phase: FloatArray, v: FloatArray
+    pupils: Overlap, s: FloatArray, phase: FloatArray, v: FloatArray
 ) -> FloatArray:
     """Return the integrand over v, t = T (1 - v**2), (N, nodes)."""
-    top = law.top(s)
+    top = pupils.top(s)
     down = -top * v**2
-    fall = np.real(law.rise(s, top, down))
+    fall = np.real(pupils.rise(s, top, down))
     half = np.sqrt(np.maximum(-fall * (2 + fall), 0))
     t = top + down
     value: FloatArray = (
-        2 * top * v * np.real(law.density(s, t, half)) * np.cos(phase * t)
+        2 * top * v * np.real(pupils.density(s, t, half)) * np.cos(phase * t)
     )
     return value
 
 
-def _descend(law: Overlap, s: FloatArray, phase: FloatArray) -> FloatArray:
+def _descend(pupils: Overlap, s: FloatArray, phase: FloatArray) -> FloatArray:
     """Integrate along the paths of steepest descent from both ends, (N, 1) to (N,)."""
-    top, low = law.top(s), np.zeros_like(s)
+    top, low = pupils.top(s), np.zeros_like(s)
     step = np.asarray(1j * _FLAT_NODES / phase, dtype=np.complex128)
-    e = law.rise(s, low, step)
+    e = pupils.rise(s, low, step)
     half = np.sqrt((1 - s - e) * (1 + s + e))
-    first = law.density(s, step, half) @ _FLAT_WEIGHTS
+    first = pupils.density(s, step, half) @ _FLAT_WEIGHTS
     step = np.asarray(1j * _ROOT_NODES / phase, dtype=np.complex128)
-    fall = law.rise(s, top, step)
+    fall = pupils.rise(s, top, step)
     half = np.sqrt(-fall * (2 + fall))
-    last = law.density(s, top + step, half) @ _ROOT_WEIGHTS
+    last = pupils.density(s, top + step, half) @ _ROOT_WEIGHTS
     b = phase[:, 0]
     total: FloatArray = np.real(1j / b * (first - last * np.exp(1j * b * top[:, 0])))
     return total

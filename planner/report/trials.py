@@ -10,14 +10,14 @@ from itertools import pairwise
 from microplan.planner.report.margins import need_um
 from microplan.schemas.files.evidence import LookEvidence, TrialRecord
 from microplan.schemas.page.axes import ChartField, around_log
-from microplan.schemas.page.charts import ChartPoint, scatter
+from microplan.schemas.page.charts import ChartPoint, legend, scatter
 from microplan.schemas.page.elements import Element, el
 from microplan.schemas.page.figures import number, signed, um
 from microplan.schemas.page.page import Caption, Column, figure, more, table
 from microplan.schemas.plan import Look, Score
 
 _FOCUS_CELLS, _ZOOM_CELLS = 5, 3
-_ROOM = 2.2  # times the largest error, and below the least: names have a place there
+_ROOM = 1.5  # factor of the error axis beyond its largest and least value
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,7 +124,7 @@ def accuracy(look: Look) -> Iterator[Element]:
         do="If the choice is close to the tolerance, look at a higher magnification or "
         "let the step's tolerance grow; the table of what was rejected says why.",
     )
-    yield figure(caption, drawing)
+    yield figure(caption, drawing, legend(points))
 
 
 def rejected(look: Look) -> Iterator[Element]:
@@ -173,7 +173,7 @@ def _named(score: Score) -> str:
 def _point(
     score: Score, need: float, chosen: Score, front: Sequence[tuple[float, float]]
 ) -> ChartPoint:
-    """Return a chain as a point; the choice and the front are named."""
+    """Return a chain as a point; the choice and the front are numbered."""
     sure = score.success == score.trials
     on_front = sure and (score.cost, need) in front
     words = f"{_named(score)}: {um(need)}, cost {number(score.cost)}; {score.reason}"

@@ -19,7 +19,7 @@ from microplan.optics.outline.outline import Arc, Edge, Outline, Ring, flatten
 from microplan.planner.store.folder import not_written, replace_alike
 from microplan.planner.task.features import dominant_circle
 from microplan.planner.task.task import Part
-from microplan.schemas.page.labels import Box
+from microplan.schemas.page.labels import LabelBox
 
 _SVG = "http://www.w3.org/2000/svg"
 SIDE_PX = 720.0  # of the longer side of the drawing
@@ -111,7 +111,7 @@ def _marks(part: Part, size: float, letter: float) -> Iterator[str]:
     found = [c for ring in part.outline.rings if (c := dominant_circle(ring))]
     middles = [(c.center_um[0], -c.center_um[1]) for c in found]
     lines = np.vstack([_lines(part, letter), *(_cross(x, y, size) for x, y in middles)])
-    words: list[Box] = []
+    words: list[LabelBox] = []
     for circle, (x, y) in zip(found, middles, strict=True):
         across = f"M{x - size:.6g} {y:.6g}h{2 * size:.6g}"
         down = f"M{x:.6g} {y - size:.6g}v{2 * size:.6g}"
@@ -138,12 +138,12 @@ def _cross(x: float, y: float, size: float) -> FloatArray:
     return np.array([[x - size, y, x + size, y], [x, y - size, x, y + size]])
 
 
-def _reach(part: Part, letter: float) -> Box:
+def _reach(part: Part, letter: float) -> LabelBox:
     """Return where words may stand: beside the part, above the scale bar."""
     x0, y0, x1, y1 = part.outline.bounds_um
     aside = _MARGIN * max(x1 - x0, y1 - y0)
     top, bottom = -y1 - letter, -y0 + letter + _BELOW * letter
-    return Box(left=x0 - aside, top=top, right=x1 + aside, bottom=bottom)
+    return LabelBox(left=x0 - aside, top=top, right=x1 + aside, bottom=bottom)
 
 
 def _place(
@@ -151,8 +151,8 @@ def _place(
     size: float,
     letter: float,
     said: str,
-    there: tuple[Sequence[Box], FloatArray, Box],
-) -> Box:
+    there: tuple[Sequence[LabelBox], FloatArray, LabelBox],
+) -> LabelBox:
     """Return the place beside a mark for words: near it, on no other, on few lines.
 
     Where so many circles lie so close that there is none, words stand on words.
@@ -173,7 +173,7 @@ def _place(
 
 def _tried(
     at: Point, size: float, letter: float, wide: float
-) -> list[tuple[float, Box]]:
+) -> list[tuple[float, LabelBox]]:
     """Return boxes beside a mark and how far off they are, in letters, near to far."""
     (x, y), found = at, []
     for k in range(_MOST_LINES):
@@ -181,12 +181,12 @@ def _tried(
         base = y - size / 2 + lines * (letter if k % 2 else -letter)
         top, bottom = base - (1 - _BELOW) * letter, base + _BELOW * letter
         for left, aside in ((x + size, 0.0), (x - size - wide, _LEFT)):
-            box = Box(left=left, top=top, right=left + wide, bottom=bottom)
+            box = LabelBox(left=left, top=top, right=left + wide, bottom=bottom)
             found.append((lines + aside, box))
     return sorted(found, key=lambda pair: pair[0])
 
 
-def _is_crossed(box: Box, lines: FloatArray) -> bool:
+def _is_crossed(box: LabelBox, lines: FloatArray) -> bool:
     """Return whether any line runs through a box."""
     x, y = lines[:, 0::2], lines[:, 1::2]
     near = (

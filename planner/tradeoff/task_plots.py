@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.transforms import IdentityTransform
 
 from microplan.arrays import Point
 from microplan.planner.tradeoff.plots import (
@@ -20,7 +18,7 @@ from microplan.planner.tradeoff.plots import (
     png,
 )
 from microplan.planner.tradeoff.task_tradeoff_record import Spent, TaskTradeoff
-from microplan.schemas.page.labels import Box, PointLabel, placed
+from microplan.schemas.page.labels import number_boxes
 
 _AXIS_MARKS = {
     "as": ("#000000", "o"),
@@ -44,16 +42,16 @@ def task_figure(found: TaskTradeoff, spent: Sequence[Spent]) -> Figure:
     Bars reach from the chance as predicted to that with silent failures at their bound.
     Points without a plan that is complete are left out.
     """
-    figure = new_figure(11.0, 5.0)
+    figure = new_figure(11.0, 5.4)
     left, right = figure.subplots(1, 2)
     pairs = [
         (point, took)
         for point, took in zip(found.points, spent, strict=True)
         if point.error_um is not None
     ]
-    risks = list[tuple[float, float, float]]()
+    risks = list[Point]()
     for point, took in pairs:
-        color, shape = _AXIS_MARKS[point.varied.partition(" ")[0]]
+        color, shape = _mark(point.varied)
         error = point.error_um or 0.0
         left.plot(took.cpu_s, error, shape, color=color, markersize=8)
         misses = [
@@ -62,7 +60,7 @@ def task_figure(found: TaskTradeoff, spent: Sequence[Spent]) -> Figure:
         ]
         right.plot([took.cpu_s] * 2, misses, "-", color=color, linewidth=1.2)
         right.plot(took.cpu_s, misses[0], shape, color=color, markersize=8)
-        risks.append((took.cpu_s, misses[0], misses[1]))
+        risks.append((took.cpu_s, misses[0]))
     front = [(t.cpu_s, p.error_um or 0.0) for p, t in pairs if t.on_front]
     front_line(left, front)
     left.set_title("one sigma per axis where the last part goes", fontsize=11)
@@ -76,66 +74,44 @@ def task_figure(found: TaskTradeoff, spent: Sequence[Spent]) -> Figure:
         axes.grid(visible=True, which="major", alpha=0.35)
         even_ticks(axes)
     figure.suptitle(f"{found.task}: what accuracy costs")
-    figure.draw_without_rendering()  # from here on places are known
-    varied = [point.varied for point, _ in pairs]
-    errors = [(took.cpu_s, point.error_um or 0.0) for point, took in pairs]
-    _names(left, varied, errors, _stairs(front))
-    bars = [((x, low), (x, high)) for x, low, high in risks]
-    _names(right, varied, [(x, low) for x, low, _ in risks], bars)
+    figure.legend(
+        handles=[_entry(n, point.varied) for n, (point, _) in enumerate(pairs, 1)],
+        loc="outside lower center", ncols=3, frameon=False,
+    )  # fmt: skip
+    figure.draw_without_rendering()  # from here on the axes' boxes are known
+    if pairs:
+        _numbers(left, [(took.cpu_s, point.error_um or 0.0) for point, took in pairs])
+        _numbers(right, risks)
     return figure
 
 
-def _names(
-    axes: Axes,
-    names: Sequence[str],
-    points: Sequence[Point],
-    lines: Sequence[tuple[Point, Point]],
-) -> None:
-    """Write names near their points, none over another or over a mark.
+def _mark(varied: str) -> tuple[str, str]:
+    """Return colour and shape of a point's mark."""
+    return _AXIS_MARKS[varied.partition(" ")[0]]
 
-    One that has no room stands beside its mark all the same.
-    """
-    shown = axes.transData
 
-    def at(point: Point) -> Point:  # pixels, downwards
-        x, y = shown.transform(point)
-        return float(x), -float(y)
+def _entry(number: int, varied: str) -> Line2D:
+    """Return a point's entry in the legend: its number, its mark and what varied."""
+    color, shape = _mark(varied)
+    return Line2D([], [], marker=shape, color=color, linestyle="none",
+                  label=f"{number}  {varied}")  # fmt: skip
 
-    frame, mark = axes.get_window_extent(), _MARK_PT * DPI / 72
+
+def _numbers(axes: Axes, points: Sequence[Point]) -> None:
+    """Write the numbers of points beside their marks, none over another or a mark."""
+    mark = _MARK_PT * DPI / 72  # px, as all boxes here, downwards
+    shown = axes.transData.transform(points)
     texts = [
-        axes.annotate(name, (0, 0), xycoords="figure pixels", va="bottom", fontsize=8)
-        for name in names
-    ]
+        axes.annotate(str(n), (0, 0), xycoords="figure pixels", ha="center",
+                      va="center", fontsize=8, path_effects=[HALO])
+        for n in range(1, len(points) + 1)
+    ]  # fmt: skip
     sizes = [text.get_window_extent() for text in texts]
-    spots = [at(point) for point in points]
-    found = placed(
-        [
-            PointLabel(at=spot, width=size.width, mark=mark)
-            for spot, size in zip(spots, sizes, strict=True)
-        ],
-        height=max((size.height for size in sizes), default=0.0),
-        field=Box(left=frame.x0, top=-frame.y1, right=frame.x1, bottom=-frame.y0),
-        taken=[Box(left=x, top=y, right=x, bottom=y).grown(mark) for x, y in spots],
-        lines=[(at(start), at(end)) for start, end in lines],
+    boxes = number_boxes(
+        [(float(x), -float(y)) for x, y in shown],
+        size=(max(s.width for s in sizes), max(s.height for s in sizes)),
+        mark=mark,
     )
-    for text, spot, place in zip(texts, spots, found, strict=True):
-        box = None if place is None else place.box
-        text.set_position(
-            (spot[0] + mark, -spot[1]) if box is None else (box.left, -box.bottom)
-        )
+    for text, box in zip(texts, boxes, strict=True):
+        text.set_position(((box.left + box.right) / 2, -(box.top + box.bottom) / 2))
         text.set_in_layout(False)
-        text.set_path_effects([HALO])
-        if place is not None and place.leader is not None:
-            (x0, y0), (x1, y1) = place.leader
-            line = Line2D([x0, x1], [-y0, -y1], color="0.4", linewidth=0.8, zorder=1)
-            line.set_transform(IdentityTransform())
-            axes.add_artist(line)
-
-
-def _stairs(points: Sequence[Point]) -> list[tuple[Point, Point]]:
-    """Return the lines of a front: on at the same error, then down."""
-    return [
-        line
-        for (x0, y0), (x1, y1) in pairwise(sorted(points))
-        for line in (((x0, y0), (x1, y0)), ((x1, y0), (x1, y1)))
-    ]

@@ -1,9 +1,7 @@
-"""Evidence beside the plan, for reports: trials of looks, bodies where they stood.
+"""Evidence of a plan for reports: trials of looks, poses of bodies.
 
-No run reads it; a plan folder without it is whole. Lengths are um, angles rad.
-
-Only exports and reports read it; a run works with it deleted. Outlines are in the
-world's file, under the same names.
+Exports and reports alone read it; a run works with it deleted. Lengths are um, angles
+rad. Outlines are in the world's file, under the same names.
 """
 
 from __future__ import annotations
@@ -81,7 +79,7 @@ class TrialRecord:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Shown:
-    """An image that the trials made, of the look's region."""
+    """An image of the look's region, from the trials."""
 
     what: str  # focus, magnification or worst
     value: float  # error of the focus, or ratio of the zoom; the trial's number
@@ -90,7 +88,7 @@ class Shown:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LookEvidence:
-    """What a report shows of a look beside the plan."""
+    """What a report shows of a look in addition to the plan."""
 
     look: str
     places: Mapping[str, Pose]  # part or tool -> where it is while looking, world

@@ -1,5 +1,6 @@
-"""JSON Schemas of what microplan writes, made from the types of plan and outlines.
+"""JSON Schemas of written files, made from the types of plan or outlines.
 
+A key's description is the comment of its field in the source.
 `python -m microplan.schemas.files.plan_schema` writes them to `plan.schema.json` and
 `outlines.schema.json`, which is what `json_schema.load("plan")` and `load("outlines")`
 return.
@@ -7,10 +8,13 @@ return.
 
 from __future__ import annotations
 
+import ast
 import dataclasses
 import inspect
+import io
 import json
 import re
+import tokenize
 import types
 import typing
 from collections.abc import Mapping
@@ -18,7 +22,6 @@ from pathlib import Path
 from typing import Any, Literal, Union, get_args, get_origin
 
 from microplan.schemas.codec import to_data
-from microplan.schemas.field_notes import field_notes
 from microplan.schemas.files.outlines import VERSION, Outlines
 from microplan.schemas.plan import FORMAT_VERSION, Plan
 
@@ -37,8 +40,9 @@ def plan_schema() -> Rule:
     """Return the JSON Schema (draft 2020-12) of `plan.json` as it is written now.
 
     Every key that the types have without a default is required and no other key is
-    allowed; a reader is more patient (`microplan.schemas.codec`). Variants are told
-    apart by `kind` with `if`/`then`, so that a validator's errors name the exact key.
+    allowed; a reader is more patient (`microplan.schemas.codec`). Variants are
+    distinguished by `kind` with `if`/`then`, so that a validator's errors name the
+    exact key.
     """
     return _versioned(Plan, "microplan plan", "format_version", FORMAT_VERSION)
 
@@ -91,7 +95,7 @@ def _rule(kind: Any, defs: dict[str, Rule]) -> Rule:
 
 
 def _union(args: tuple[Any, ...], defs: dict[str, Rule]) -> Rule:
-    """Return the rule of an optional, or of dataclasses told apart by `kind`."""
+    """Return the rule of an optional, or of dataclasses distinguished by `kind`."""
     rest = [a for a in args if a is not type(None)]
     if len(rest) > 1:
         return _variants(rest, defs)
@@ -172,6 +176,54 @@ def in_json(note: str) -> str:
 
 def _reference(kind: type) -> Rule:
     return {"$ref": f"#/$defs/{kind.__name__}"}
+
+
+def field_notes(kind: type) -> Mapping[str, str]:
+    """Return name -> comment of the fields that have one, from the class' source.
+
+    A field's comment ends its line; else it is the block of comment lines right above.
+
+    Raises
+    ------
+    OSError
+        If the source is not at hand.
+    """
+    source = inspect.getsource(kind)
+    comments = _comments(source)
+    lines = source.splitlines()
+    (body,) = ast.parse(source).body
+    found = {}
+    for field in ast.walk(body):
+        if not isinstance(field, ast.AnnAssign) or not isinstance(
+            field.target, ast.Name
+        ):
+            continue
+        last = field.end_lineno or field.lineno
+        beside = [comments[n] for n in range(field.lineno, last + 1) if n in comments]
+        text = " ".join(beside or _above(field.lineno, lines, comments))
+        if text:
+            found[field.target.id] = text
+    return found
+
+
+def _comments(source: str) -> dict[int, str]:
+    """Return line number -> comment."""
+    tokens = tokenize.generate_tokens(io.StringIO(source).readline)
+    return {
+        token.start[0]: token.string.lstrip("# ")
+        for token in tokens
+        if token.type == tokenize.COMMENT
+    }
+
+
+def _above(number: int, lines: list[str], comments: Mapping[int, str]) -> list[str]:
+    """Return the lines of the block of comments that ends above line `number`."""
+    block: list[str] = []
+    number -= 1
+    while number in comments and lines[number - 1].lstrip().startswith("#"):
+        block.insert(0, comments[number])
+        number -= 1
+    return block
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""When each step of a plan happens, as far as the plan and its world tell times."""
+"""Predicted times of a plan's steps, as far as its world states them."""
 
 from __future__ import annotations
 
@@ -24,7 +24,6 @@ from microplan.schemas.plan import (
 _AXES = ("x_um", "y_um", "z_um", "theta_rad")
 JAWS, PROBE, SWEEP = "jaws", "probing moves", "the focus sweep"  # what a time lacks
 LOOKS, MOVES = "its looks", "moves from where no plan knows"
-Readings = Mapping[str, Mapping[str, float | None]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,7 +93,7 @@ def probes(plan: Plan, step: Step) -> bool:
     """Return whether a step's look is the first that leads to motions at its zoom.
 
     Then the axes that carry its target are moved, to see how they do; how far hangs on
-    where the target is found, so that nobody knows how long that takes.
+    where the target is found, so that its time is not known.
     """
     before: set[float] = set()
     for other in plan.steps:

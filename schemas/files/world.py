@@ -1,4 +1,4 @@
-"""The world of a simulated cell: what a real cell would simply contain.
+"""The world of a simulated cell: bodies, optics, axes, tools.
 
 Only the simulated cell and reports read it; a live run works with it deleted.
 """

@@ -1,4 +1,4 @@
-"""Two scales and their ticks: where a value stands in a chart."""
+"""Axes of a chart: positions of values, ticks."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class AxisScale:
             raise ValueError(f"a logarithm needs low > 0, got {self.low}")
 
     def share(self, value: float) -> float:
-        """Return where a value stands, 0 at the low end and 1 at the high one."""
+        """Return a value's position, 0 at the low end and 1 at the high one."""
         value = bounded(value)
         if self.log:
             value = max(value, self.low)
@@ -73,11 +73,11 @@ class ChartField:
     height: float = HEIGHT
 
     def x(self, value: float) -> float:
-        """Return where a value stands across."""
+        """Return a value's position across."""
         return _LEFT + self.across.share(value) * (WIDTH - _LEFT - _RIGHT)
 
     def y(self, value: float) -> float:
-        """Return where a value stands, downwards."""
+        """Return a value's position, downwards."""
         room = self.height - _TOP - _BOTTOM
         return self.height - _BOTTOM - self.up.share(value) * room
 

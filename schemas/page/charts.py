@@ -1,4 +1,4 @@
-"""Charts as SVG: a curve, points with a front, bars with a limit, spans, times."""
+"""Charts as SVG: curve, scatter with a front, bars with a limit."""
 
 from __future__ import annotations
 
@@ -10,10 +10,9 @@ from microplan.schemas.page.axes import WIDTH, AxisScale, ChartField, bounded
 from microplan.schemas.page.elements import Element, el, visible
 from microplan.schemas.page.figures import number
 from microplan.schemas.page.labels import (
-    Box,
-    PointLabel,
+    LabelBox,
     Segment,
-    placed,
+    number_boxes,
     shortened,
     width,
 )
@@ -36,9 +35,9 @@ class ChartPoint:
 
     x: float
     y: float
-    label: str  # told when it is pointed at, and by a screen reader
+    label: str  # shown by a pointing device and read by a screen reader
     kind: str = "dot"  # dot, ring or cross
-    named: str = ""  # written beside it
+    named: str = ""  # its name in the legend, which gives it a number
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,7 +46,7 @@ class Bar:
 
     label: str
     pieces: tuple[tuple[float, str], ...]  # size, class
-    said: str  # the size in words; stands at the right
+    said: str  # the size in words, at the right
     start: float = 0.0
 
 
@@ -97,24 +96,30 @@ def scatter(
     drawn: list[Element] = [*axes.draw()]
     stairs = _stairs(axes, front) if len(front) > 1 else []
     lines = list(pairwise(stairs))
-    taken = [_about(axes.x(p.x), axes.y(p.y), _MARK) for p in points]
+    taken = [LabelBox.at((axes.x(p.x), axes.y(p.y)), _MARK, _MARK) for p in points]
     words: list[Element] = []
     if chosen is not None:
         x, y = axes.x(chosen[0]), axes.y(chosen[1])
-        taken.append(_about(x, y, _PICK))
+        taken.append(LabelBox.at((x, y), _PICK, _PICK))
         words.append(el("circle", cx=x, cy=y, r=8.0, class_="pick"))
     if limit is not None:
         drawn.append(_limit_line(axes, limit))
         name, box = _limit_name(axes, limit, limit_name, lines, taken)
         words.append(name)
         taken.append(box)
-        lines.append(_limit_ends(axes, limit))
     if stairs:
         path = " ".join(f"{x:.1f},{y:.1f}" for x, y in stairs)
         drawn.append(el("polyline", points=path, class_="front"))
-    leaders, names = _names(axes, points, chosen, taken, lines)
-    drawn += [*leaders, *(_point(axes, point) for point in points), *words, *names]
+    drawn += [*(_point(axes, point) for point in points), *words]
+    drawn += _numbers(axes, points, taken)
     return chart(title, description, drawn, width=WIDTH, height=axes.height)
+
+
+def legend(points: Sequence[ChartPoint]) -> Element:
+    """Return the names of a scatter chart's numbered points."""
+    return el(
+        "ol", [el("li", p.named) for p in points if p.named], class_="key numbers"
+    )
 
 
 def bars(
@@ -169,22 +174,24 @@ def bars(
 
 
 def _label(row: Bar) -> str:
-    """Return a bar's label, cut where its size in words stands."""
+    """Return a bar's label, cut where its size in words begins."""
     room = WIDTH - _LEFT - _RIGHT - width(visible(row.said), _SMALL) - 2 * _GAP
     return shortened(visible(row.label), _SIZE, room)
 
 
-def _words(label: str, row: Bar, top: float) -> tuple[Box, Box]:
-    """Return the places of a bar's label and of its size in words."""
+def _words(label: str, row: Bar, top: float) -> tuple[LabelBox, LabelBox]:
+    """Return the boxes of a bar's label and of its size in words."""
     right, bottom = WIDTH - _RIGHT, top + _LINE
     ends = _LEFT + width(label, _SIZE), right - width(visible(row.said), _SMALL)
     return (
-        Box(left=_LEFT, top=top, right=ends[0], bottom=bottom),
-        Box(left=ends[1], top=top, right=right, bottom=bottom),
+        LabelBox(left=_LEFT, top=top, right=ends[0], bottom=bottom),
+        LabelBox(left=ends[1], top=top, right=right, bottom=bottom),
     )
 
 
-def _upright(x: float, bottom: float, words: Sequence[Box], kind: str) -> list[Element]:
+def _upright(
+    x: float, bottom: float, words: Sequence[LabelBox], kind: str
+) -> list[Element]:
     """Return an upright line, broken where it would run through words."""
     gaps = [w for w in words if w.left - _GAP < x < w.right + _GAP]
     ends = [0.0, *(y for w in gaps for y in (w.top, w.bottom)), bottom]
@@ -231,11 +238,11 @@ def _limit_name(
     limit: float,
     name: str,
     paths: Sequence[Segment],
-    taken: Sequence[Box] = (),
-) -> tuple[Element, Box]:
-    """Return a limit's name beside its line, and its place: where no path crosses it.
+    taken: Sequence[LabelBox] = (),
+) -> tuple[Element, LabelBox]:
+    """Return a limit's name at its line, with its box: where no path crosses it.
 
-    It covers nothing that is `taken` either, as far as there is such a place.
+    It covers nothing that is `taken` either, as far as possible.
     """
     (x0, y), (x1, _) = _limit_ends(axes, limit)
     wide, share = width(visible(name), _SIZE), axes.up.share(limit)
@@ -243,7 +250,7 @@ def _limit_name(
     if share <= _HIGH and share > 1 - _HIGH:  # room on both sides of the line
         sides = [-_ABOVE, _BELOW]
     spots = [
-        Box(left=x, top=y + side - _OVER, right=x + wide, bottom=y + side + _UNDER)
+        LabelBox(left=x, top=y + side - _OVER, right=x + wide, bottom=y + side + _UNDER)
         for side in sides
         for x in (x1 - wide, x0 + 4)
     ]
@@ -260,13 +267,8 @@ def _limit_name(
     return el("text", name, x=box.left, y=base, class_="limit"), box
 
 
-def _about(x: float, y: float, radius: float) -> Box:
-    """Return the box about a mark."""
-    return Box(left=x, top=y, right=x, bottom=y).grown(radius)
-
-
 def _point(axes: ChartField, point: ChartPoint) -> Element:
-    """Return a point that tells its name when pointed at."""
+    """Return a point that shows its name to a pointing device."""
     x, y = axes.x(point.x), axes.y(point.y)
     if point.kind == "cross":
         path = f"M{x - 3.4:.1f} {y - 3.4:.1f}l6.8 6.8m0 -6.8l-6.8 6.8"
@@ -285,42 +287,15 @@ def _stairs(
     return found
 
 
-def _names(
-    axes: ChartField,
-    points: Sequence[ChartPoint],
-    chosen: tuple[float, float] | None,
-    taken: Sequence[Box],
-    lines: Sequence[Segment],
-) -> tuple[list[Element], list[Element]]:
-    """Return lines from points to names that stand off them, and the names."""
-    field = Box(
-        left=axes.x(axes.across.low) + 2,
-        top=axes.y(axes.up.high),
-        right=WIDTH,
-        bottom=axes.y(axes.up.low),
-    )
-    named = [point for point in points if point.named]
-    found = placed(
-        [
-            PointLabel(
-                at=(axes.x(p.x), axes.y(p.y)),
-                width=width(visible(p.named), _SIZE),
-                mark=_PICK if (p.x, p.y) == chosen else _MARK,
-            )
-            for p in named
-        ],
-        height=_OVER + _UNDER,
-        field=field,
-        taken=taken,
-        lines=lines,
-    )
-    leaders, names = list[Element](), list[Element]()
-    for point, place in zip(named, found, strict=True):
-        if place is None:
-            continue
-        if place.leader is not None:
-            (x1, y1), (x2, y2) = place.leader
-            leaders.append(el("line", x1=x1, y1=y1, x2=x2, y2=y2, class_="leader"))
-        x, y = place.box.left, place.box.bottom - _UNDER
-        names.append(el("text", point.named, x=x, y=y, class_="name"))
-    return leaders, names
+def _numbers(
+    axes: ChartField, points: Sequence[ChartPoint], taken: Sequence[LabelBox]
+) -> list[Element]:
+    """Return the numbers of the points that have a name, as `legend` has them."""
+    spots = [(axes.x(p.x), axes.y(p.y)) for p in points if p.named]
+    size = (width("0" * len(str(len(spots))), _SIZE), _OVER)
+    boxes = number_boxes(spots, size=size, mark=_MARK, taken=taken)
+    return [
+        el("text", str(n), x=(box.left + box.right) / 2, y=box.bottom - 1,
+           class_="number mid")
+        for n, box in enumerate(boxes, 1)
+    ]  # fmt: skip

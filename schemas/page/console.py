@@ -1,4 +1,4 @@
-"""Console output of both commands, as any terminal, pipe or full disk takes it."""
+"""Console output of both commands, for any terminal, pipe or full disk."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class OutputLostError(Exception):
 def say(text: str) -> None:
     """Print results on standard output.
 
-    A reader that has left, as `head` does, is no fault: nobody wants the rest.
+    A reader that has left, as `head` does, is no fault: the rest is not wanted.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""HTML and SVG as values: text and attributes are escaped when they are written.
+"""Elements of HTML or SVG, whose text is escaped when it is written.
 
 There is no way to put markup in as text: a part that is called `<script>` stays a name.
 What could run, or fetch anything, is refused.
@@ -29,7 +29,7 @@ _CONTROL = re.compile(
 
 @dataclass(frozen=True, slots=True)
 class Element:
-    """One element; its attributes stand in the order in which they were given."""
+    """One element; its attributes keep the order in which they were given."""
 
     name: str
     attributes: tuple[tuple[str, str], ...]

@@ -1,4 +1,4 @@
-"""Numbers as people read them: three digits, with their unit."""
+"""Number formats for readers: three digits, with their unit."""
 
 from __future__ import annotations
 
@@ -47,11 +47,11 @@ def um(value: float | None, digits: int = 3) -> str:
     return quantity(value, "\u00b5m", digits)
 
 
-def degrees(value_rad: float | None, digits: int = 3) -> str:
+def degrees(value_rad: float | None) -> str:
     """Return an angle given in rad."""
     if value_rad is None:
         return "\u2013"
-    return f"{number(math.degrees(value_rad), digits)}\u00b0"
+    return f"{number(math.degrees(value_rad))}\u00b0"
 
 
 def span(low: float, high: float, unit: str) -> str:
@@ -68,7 +68,7 @@ def signed(value: float) -> str:
 def chance(value: float | None) -> str:
     """Return a probability; what four digits would make 1 is never written as 1.
 
-    A plan keeps six digits, so that its own 1 may stand for a little less.
+    A plan keeps six digits, so that its own 1 may mean a little less.
     """
     if value is None:
         return "\u2013"

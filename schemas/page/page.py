@@ -1,4 +1,4 @@
-"""The frame of a page, and what it is made of: figures, tables, facts, links."""
+"""Pages of HTML: frame, figures, tables, facts, links."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def document(title: str, *body: Node) -> str:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Caption:
-    """What stands below a figure: a title and three sentences."""
+    """The caption of a figure: a title and three sentences."""
 
     title: str
     shows: str
@@ -45,7 +45,7 @@ class Caption:
     do: Node  # what to do
 
 
-def figure(caption: Caption, *content: Node, id_: str | None = None) -> Element:
+def figure(caption: Caption, *content: Node) -> Element:
     """Return a figure with its caption."""
     said = el(
         "figcaption",
@@ -56,7 +56,7 @@ def figure(caption: Caption, *content: Node, id_: str | None = None) -> Element:
         " ",
         el("span", caption.do, class_="do"),
     )
-    return el("figure", content, said, id=id_)
+    return el("figure", content, said)
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +74,6 @@ def table(
     columns: Sequence[Column],
     rows: Sequence[Row],
     *,
-    caption: str = "",
     ids: Sequence[str] = (),
     label: str = "",
 ) -> Element:
@@ -98,7 +97,6 @@ def table(
     ]
     content = el(
         "table",
-        el("caption", caption) if caption else None,
         el("thead", head, role="rowgroup"),
         el("tbody", body, role="rowgroup"),
         class_="stack",

@@ -1,4 +1,4 @@
-"""The style sheet of all pages: light and dark, screen and paper, wide and narrow."""
+"""Style sheet of all pages, for any screen or paper, light or dark."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ svg.chart text.limit{fill:var(--bad);stroke:var(--paper);stroke-width:3px;
 stroke-dasharray:none}
 svg .curve{fill:none;stroke:var(--data);stroke-width:2}
 svg .front{fill:none;stroke:var(--soft);stroke-width:1.2}
-svg .leader{stroke:var(--soft);stroke-width:.8}
+svg.chart .number{font-weight:600}
 svg .band{fill:var(--data);opacity:.16}
 svg .dot{fill:var(--data)}
 svg .ring{fill:var(--paper);stroke:var(--data);stroke-width:1.6}
@@ -163,6 +163,8 @@ font-size:.84rem}
 .key svg{display:inline-block;width:1.7rem;height:.9rem;background:#2a2d31;
 border-radius:.15rem;vertical-align:-.1rem;margin-right:.35rem}
 .key.plain svg{background:none}
+.key.numbers{list-style:decimal;display:block;columns:2 14rem;padding-left:1.6rem}
+.key.numbers li{break-inside:avoid}
 """
 _PAPER = """
 @media print{:root{--paper:#fff;--ink:#000;--soft:#444;--line:#bbb;--panel:#f4f4f4;

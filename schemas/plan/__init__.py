@@ -1,7 +1,11 @@
 """The augmented plan: frozen types shared by compiler, diff and executor.
 
-Lengths are um in the world (camera) frame and angles rad unless a name says otherwise;
-`docs/conventions.md` defines frames and signs. `plan.json` is `to_data` of `Plan`.
+In: decisions of planner.plan and its stages. Out: `plan.json`, `to_data` of `Plan`, to
+planner.diff, planner.report, planner.export and all of the executor.
+The type that passes: `Plan` (document). Lengths are um in the world (camera) frame and
+angles rad unless a name says otherwise; docs/conventions.md defines frames and signs.
+May be touched here: nothing without a new `FORMAT_VERSION` and schemas written again.
+Watched by: tests/golden, tests/schemas/files/test_plan_schema.py.
 """
 
 from __future__ import annotations

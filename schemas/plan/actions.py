@@ -1,4 +1,4 @@
-"""Actions of a step: one of seven, told apart by `kind`, with moves of the axes."""
+"""Actions of a step, seven variants distinguished by `kind`."""
 
 from __future__ import annotations
 

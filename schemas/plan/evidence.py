@@ -1,4 +1,4 @@
-"""What the trials said: of chains, of features by criteria, of several together."""
+"""Evidence of trials: of chains, of features by criteria, of several together."""
 
 from __future__ import annotations
 

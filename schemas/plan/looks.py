@@ -1,4 +1,4 @@
-"""A look: what is set, what is in view, what is measured, and why so."""
+"""A measurement look: its view, its target, its evidence."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How a look measures one feature: its chain of routines, and what they are given.
+"""Measurement of one feature by a chain of routines.
 
 Lengths are um and angles rad unless a name says otherwise.
 """

@@ -1,4 +1,4 @@
-"""A step: moves, looks, action, how it servoes, and what its success hangs on."""
+"""A step: moves, looks, action, control, conditions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the plan says of fit, budget, grasp, release and method: frozen types.
+"""Verdicts of a step: fit, budget, grasp, release, method.
 
 Added after format 2.0: a plan without them is read as one whose verdicts are unknown.
 Lengths are um, angles rad, forces uN. A pair of numbers is an interval.

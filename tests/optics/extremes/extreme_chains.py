@@ -6,14 +6,14 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
+from benchmarks.optics.raster import coverage
 from microplan.arrays import FloatArray
 from microplan.optics.layers.occlusion import occluded
 from microplan.optics.lens.distorted_scene import lens_scene
-from microplan.optics.lens.lens import LensErrors, with_aperture, with_gradient
+from microplan.optics.lens.lens import LensErrors
 from microplan.optics.oracle import Oracle
 from microplan.optics.outline.outline import Outline
 from microplan.optics.render.fidelity import LADDER, Fidelity, choose
-from microplan.optics.render.raster import coverage
 from microplan.optics.render.render import render
 from microplan.optics.render.sampling import band_cut, margin_error, margin_um
 from microplan.optics.render.scene import Illumination, Scene
@@ -80,9 +80,9 @@ def _lens_change(g: Given) -> float:
     errors, optics, scene = LensErrors(**g["errors"]), optics_of(g), scene_of(g)
     seen = render(
         lens_scene(scene, optics, errors, 0.0),
-        with_aperture(optics, errors),
+        optics,
         focus_um=0.0,
-        light=with_gradient(Illumination(), errors),
+        light=Illumination(gradient_x=errors.gradient_x, gradient_y=errors.gradient_y),
     )
     return float(np.abs(seen - render(scene, optics, focus_um=0.0)).max())
 

@@ -17,20 +17,12 @@ from pathlib import Path
 import numpy as np
 
 from microplan.arrays import FloatArray
-from microplan.optics.lens.jacobian import (
-    blur_jacobian,
-    conditioning,
-    image_jacobian,
-    point_jacobian,
-    pseudo_inverse,
-    to_px,
-    to_um,
-)
+from microplan.optics.lens.jacobian import point_jacobian
 from microplan.optics.lens.sensor import Sensor, expose
 from microplan.optics.render.render import render
 from microplan.optics.render.spectrum import Tile, spectrum
 from microplan.optics.transfer import otf
-from microplan.optics.transfer.models import law_error, tabulate, transfer
+from microplan.optics.transfer.models import model_error_bound, tabulate, transfer
 from tests.optics.extremes.extreme_chains import CHAINS
 from tests.optics.extremes.extreme_givens import Given, optics_of, scene_of, shape_of
 
@@ -198,36 +190,11 @@ def _counts(g: Given) -> float:
     return float(frame.mean())
 
 
-def _blur_slope(g: Given) -> float:
-    slopes = blur_jacobian(np.array([g["z_um"]]), optics_of(g))
-    return float(slopes[0, g["column"]])
-
-
 def _point(g: Given) -> float:
     at = np.array([g["at_px"]], dtype=np.float64)
     axis = tuple(g.get("axis_um", (0.0, 0.0)))
     found = point_jacobian(at, optics_of(g), axis_um=(axis[0], axis[1]))
     return float(found[g["row"], g["column"]])
-
-
-def _inverse(g: Given) -> float:
-    """Return the largest number in the inverse of one point's Jacobian at focus."""
-    at = np.array([g["at_px"]], dtype=np.float64)
-    rows = image_jacobian(at, np.array([g["z_um"]]), optics_of(g))
-    return float(np.abs(pseudo_inverse(rows, np.ones(5))).max())
-
-
-def _conditioning(g: Given) -> float:
-    """Return 1 / conditioning, 0 if singular."""
-    at = np.array(g["at_px"], dtype=np.float64)
-    rows = point_jacobian(at, optics_of(g))[:, : g["columns"]]
-    return 1 / conditioning(rows, np.ones(g["columns"]))
-
-
-def _round_trip(g: Given) -> float:
-    at = np.array([g["at_um"]], dtype=np.float64)
-    optics = optics_of(g)
-    return float(to_um(to_px(at, optics), optics)[0, 0])
 
 
 CALLS: Mapping[str, Callable[[Given], float]] = {
@@ -239,7 +206,7 @@ CALLS: Mapping[str, Callable[[Given], float]] = {
     "exact": _exact,
     "transfer": _transfer,
     "table": _table,
-    "law_error": lambda g: law_error(g["model"], optics_of(g), g["z_um"]),
+    "law_error": lambda g: model_error_bound(g["model"], optics_of(g), g["z_um"]),
     **{
         name: _number(name)
         for name in (
@@ -258,10 +225,6 @@ CALLS: Mapping[str, Callable[[Given], float]] = {
     "image.symmetry": _symmetry,
     "image.change": _change,
     "sensor.mean": _counts,
-    "jacobian.blur": _blur_slope,
     "jacobian.point": _point,
-    "jacobian.inverse": _inverse,
-    "jacobian.conditioning": _conditioning,
-    "jacobian.round_trip": _round_trip,
     **CHAINS,
 }

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from microplan.optics.layers.coaxial_light import Irradiance, lights
+from microplan.optics.layers.coaxial_light import Irradiance, irradiances
 from microplan.optics.layers.lattice import Lattice
 from microplan.optics.outline.outline import place
 from microplan.optics.render.sampling import margin_error
@@ -25,7 +25,7 @@ def light(
     outline = place(disc(radius_um), *by_um, 0.0)
     plate = Layer(name="plate", outline=outline, z_um=100.0, reflectance=0.0)
     optics = microscope(6.9, 60, 60)
-    (found,) = lights(
+    (found,) = irradiances(
         (plate,), (0.0,), optics, lamp_aperture=0.42, focus_um=(0.0,), window=window
     )
     return found

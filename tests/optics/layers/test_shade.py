@@ -9,9 +9,10 @@ import pytest
 
 from microplan.optics.layers.occlusion import occluded
 from microplan.optics.layers.rays import Grid
-from microplan.optics.layers.shade import bore_aperture, bore_brightness, light_share
+from microplan.optics.layers.shade import light_share
 from microplan.optics.outline.outline import Outline
 from microplan.optics.render.scene import Layer, Scene
+from tests.optics.bore import bore_aperture, bore_brightness
 from tests.optics.shapes import circle, disc, microscope, rectangle
 
 # n points of a spiral count an area to a rim's share: some 1 / n + 1 cell of the rim

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from microplan.optics.layers import shade_and_occlusion as crossing
-from microplan.optics.layers.coaxial_light import area_um, lights
+from microplan.optics.layers.coaxial_light import area_um, irradiances
 from microplan.optics.layers.lattice import Lattice
-from microplan.optics.layers.shade_and_occlusion import crossed
+from microplan.optics.layers.shade_and_occlusion import joint_shading_residual
 from microplan.optics.render.scene import Layer, Window
 from tests.optics.shapes import disc, gear, microscope, rectangle
 
@@ -47,7 +47,7 @@ def test_one_ray_at_a_time_gives_what_bundles_give(
     rows, columns = lattice.shape
     assert 1 << 15 < rows * columns < 1 << 16  # one ray in a bundle
     heights = sorted({-200.0, *(layer.z_um for layer in layers)})
-    found = lights(
+    found = irradiances(
         [*layers, body("above", -30.0, 60.0)],
         heights,
         optics,
@@ -58,7 +58,7 @@ def test_one_ray_at_a_time_gives_what_bundles_give(
     shaded = {light.z_um: light for light in found if light.z_um < 0}
 
     def change() -> np.ndarray:
-        return crossed(
+        return joint_shading_residual(
             layers, (0.1, -200.0), shaded, lattice, optics, focus_um=0.0, known=known
         )
 

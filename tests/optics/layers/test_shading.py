@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 
 from microplan.arrays import FloatArray
-from microplan.optics.layers.coaxial_light import Irradiance, lights
+from microplan.optics.layers.coaxial_light import Irradiance, irradiances
 from microplan.optics.layers.occlusion import occluded
-from microplan.optics.layers.shade import bore_brightness
 from microplan.optics.layers.shading import render_coaxial, shade_error
 from microplan.optics.outline.outline import Outline, place
 from microplan.optics.render.render import Covered, cover, render
 from microplan.optics.render.sampling import margin_error
 from microplan.optics.render.scene import Illumination, Layer, Scene, Window
 from microplan.optics.transfer.microscope import Microscope
+from tests.optics.bore import bore_brightness
 from tests.optics.shapes import circle, disc, gear, microscope, rectangle
 
 LAMP = 0.42
@@ -56,7 +56,7 @@ def test_a_bores_floor_gets_the_share_of_the_closed_form(
 ) -> None:
     optics = microscope(6.9, 3, 3)
     over = plate(radius_um, depth_um)
-    (light,) = lights((over,), (0.0,), optics, lamp_aperture=lamp, focus_um=(0.0,))
+    (light,) = irradiances((over,), (0.0,), optics, lamp_aperture=lamp, focus_um=(0.0,))
     seen = bore_brightness(radius_um, depth_um, replace(optics, aperture=lamp))
     kept = 0.0
     if light.shades:
@@ -76,7 +76,9 @@ def test_a_nearly_parallel_lamp_throws_the_body_itself() -> None:
     kept = []
     for blur_um in (0.06, 0.12):  # below an eighth of the points' distance, and above
         lamp = blur_um / 130
-        (light,) = lights((over,), (0.0,), optics, lamp_aperture=lamp, focus_um=(0.0,))
+        (light,) = irradiances(
+            (over,), (0.0,), optics, lamp_aperture=lamp, focus_um=(0.0,)
+        )
         (shade,) = light.shades
         kept.append(shade.kept)
         assert shade.kept.sum() * shade.lattice.step_um**2 == pytest.approx(
@@ -170,7 +172,9 @@ def test_lights_of_what_stands_still_serve_many_images() -> None:
     scene = grasp(0.0)
     moving, *still = scene.layers
     heights = (0.0, 100.0, 230.0)
-    under = lights(still, heights, optics, lamp_aperture=LAMP, focus_um=(90.0, 110.0))
+    under = irradiances(
+        still, heights, optics, lamp_aperture=LAMP, focus_um=(90.0, 110.0)
+    )
     bare = replace(scene, layers=(replace(moving, outline=place(gear(), 4.0, 1.0)),))
     for focus_um in (90.0, 103.0):
         also = cover(still, optics, focus_um=focus_um)
@@ -296,10 +300,10 @@ def test_refusals_say_what_must_hold() -> None:
         render_coaxial(scene, optics, focus_um=0.0, lamp_aperture=1.0)
     with pytest.raises(ValueError, match="aperture must be positive"):
         render_coaxial(scene, optics, focus_um=0.0, lamp_aperture=0.0)
-    under = lights((), (0.0,), optics, lamp_aperture=LAMP, focus_um=(0.0,))
+    under = irradiances((), (0.0,), optics, lamp_aperture=LAMP, focus_um=(0.0,))
     with pytest.raises(ValueError, match="under must hold heights"):
         render_coaxial(scene, optics, focus_um=0.0, lamp_aperture=LAMP, under=under)
-    under = lights(
+    under = irradiances(
         scene.layers, (0.0, 100.0, 230.0), optics, lamp_aperture=LAMP, focus_um=(0.0,)
     )
     with pytest.raises(ValueError, match="so wide a window or defocus"):

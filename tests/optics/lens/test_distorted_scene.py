@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from microplan.arrays import FloatArray
-from microplan.optics.lens.displacement import corner_um, displaced, undisplaced
+from microplan.optics.lens.displacement import corner_um, displaced
 from microplan.optics.lens.distorted_scene import (
     curvature_rest_um,
     curvature_um,
@@ -58,7 +58,10 @@ def test_a_rendered_disc_agrees_with_a_warped_raster(distortion: float) -> None:
 
     def distance(x: FloatArray, y: FloatArray) -> FloatArray:
         where = np.stack(np.broadcast_arrays(x, y), axis=-1)
-        back = undisplaced(where, lens, OPTICS, defocus_um=z) - center
+        back = where
+        for _ in range(30):  # the map differs from 1 by less than a fifth
+            back = back + where - displaced(back, lens, OPTICS, defocus_um=z)
+        back = back - center
         inside = radius - np.hypot(back[..., 0], back[..., 1])
         step = float(x[1] - x[0])
         return np.asarray(inside / np.hypot(*np.gradient(inside, step)))

@@ -8,8 +8,7 @@ from typing import Any
 
 import pytest
 
-from microplan.optics.lens.lens import LensErrors, with_aperture, with_gradient
-from microplan.optics.render.scene import Illumination
+from microplan.optics.lens.lens import LensErrors
 from tests.optics.shapes import microscope
 
 OPTICS = microscope()
@@ -46,9 +45,6 @@ def test_an_aperture_between_two_is_a_power_of_the_magnification() -> None:
     assert lens.aperture_at(4.0) == pytest.approx(0.2, rel=1e-14)  # proportional
     assert lens.aperture_at(16.0) == pytest.approx(math.sqrt(0.4 * 0.42), rel=1e-14)
     assert lens.aperture_at(32.0) == pytest.approx(0.42, rel=1e-15)
-    used = with_aperture(OPTICS, lens)
-    assert used == replace(OPTICS, aperture=lens.aperture_at(6.9))
-    assert with_aperture(OPTICS, OFF) is OPTICS
 
 
 @pytest.mark.parametrize("magnification", [1.999, 32.001, math.nan])
@@ -75,11 +71,3 @@ def test_a_table_that_is_no_function_is_refused(
 ) -> None:
     with pytest.raises(ValueError, match="apertures"):
         LensErrors(apertures=table)
-
-
-def test_the_gradient_adds_to_the_light() -> None:
-    light = Illumination(gain=0.8, gradient_x=0.1, gradient_y=0.2)
-    lens = LensErrors(gradient_x=0.05, gradient_y=-0.2)
-    lit = with_gradient(light, lens)
-    assert (lit.gain, lit.gradient_x, lit.gradient_y) == (0.8, 0.1 + 0.05, 0.0)
-    assert with_gradient(light, OFF) is light

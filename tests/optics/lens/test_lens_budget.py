@@ -101,14 +101,6 @@ def test_a_modelled_effect_leaves_nothing_but_what_one_height_leaves() -> None:
     )
 
 
-def test_an_effect_left_out_stays_whole() -> None:
-    rows = _rows(KNOWN, defocus_um=10.0, outline=gear(), modelled=False)
-    assert {row.level for row in rows.values()} == {"not modelled"}
-    for row in rows.values():
-        assert row.left_nm == row.known_nm
-        assert row.known_nm > 0 or row.effect == "aperture by zoom"
-
-
 def test_the_unknown_is_charged_from_its_sigma() -> None:
     unknown = _rows(UNKNOWN, defocus_um=10.0, outline=gear())
     signed = LensErrors(
@@ -158,14 +150,12 @@ def test_the_aperture_is_compared_with_the_table() -> None:
         _rows(KNOWN, optics=microscope(60.0))
 
 
-@given(st.floats(0, 1), st.floats(0, 6.3), st.floats(-100, 100), st.booleans())
-def test_rows_are_numbers_and_levels(
-    share: float, angle: float, z: float, modelled: bool
-) -> None:
+@given(st.floats(0, 1), st.floats(0, 6.3), st.floats(-100, 100))
+def test_rows_are_numbers_and_levels(share: float, angle: float, z: float) -> None:
     r = share * corner_um(OPTICS)
     point = [[r * math.cos(angle), r * math.sin(angle)]]
     both = replace(KNOWN, distortion_sigma=0.01, gradient_sigma=0.02)
-    for row in predict(both, OPTICS, point, defocus_um=z, modelled=modelled):
+    for row in predict(both, OPTICS, point, defocus_um=z):
         assert row.level in LEVELS
         for number in (row.known_nm, row.left_nm, row.sigma_nm):
             assert math.isfinite(number)

@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from microplan.optics.outline.outline import place
 from microplan.optics.render.prepared_scene import prepare
 from microplan.optics.render.render import render, render_stack
 from microplan.optics.render.sampling import FAR_ERROR, SINGLE_ERROR, Sampling
@@ -68,36 +67,6 @@ def test_a_stack_goes_where_it_is_told() -> None:
         render_stack(one_layer(gear()), optics, focus_um=focus, out=out[:1])
 
 
-@pytest.mark.parametrize("theta_rad", [0.3, math.pi / 18, -2.0])
-def test_turning_is_placing_anew(theta_rad: float) -> None:
-    optics, scene = microscope(20.0), _two_layers()
-    ready = prepare(scene, optics, Range(focus_um=(0.0, 10.0)), sampling=DOUBLE)
-    turned = ready.turned(theta_rad, names=("gear",))
-    plate, wheel = scene.layers
-    moved = replace(wheel, outline=place(wheel.outline, 0.0, 0.0, theta_rad))
-    expected = render(
-        replace(scene, layers=(plate, moved)), optics, focus_um=10.0, sampling=DOUBLE
-    )
-    # the same edges but for rounding, on the tile of the same focus
-    assert np.abs(turned.image(focus_um=10.0) - expected).max() < APART
-    # the plate's spectrum is not made again, and what was prepared stays
-    assert turned.parts[0] is ready.parts[0]
-    assert turned.parts[1] is not ready.parts[1]
-    before = render(scene, optics, focus_um=10.0, sampling=DOUBLE)
-    assert np.abs(ready.image(focus_um=10.0) - before).max() < APART
-
-
-def test_turning_all_turns_the_scene_about_the_origin() -> None:
-    optics, scene = microscope(20.0, 121, 121), _two_layers()
-    ready = prepare(scene, optics, Range(focus_um=(0.0, 0.0)), sampling=DOUBLE)
-    upright = ready.image(focus_um=0.0)
-    quarter = ready.turned(math.pi / 2).image(focus_um=0.0)
-    assert np.abs(quarter - np.rot90(upright)).max() < APART
-    twice = ready.turned(1.2).turned(math.pi / 2 - 1.2).image(focus_um=0.0)
-    # a second turn starts from the edges as the first left them
-    assert np.abs(twice - quarter).max() < APART
-
-
 @pytest.mark.parametrize("sampling", [DOUBLE, SINGLE])
 @pytest.mark.parametrize("shift_um", [(0.0, 0.0), (1.3, -0.7), (-5.0, 4.21)])
 def test_a_shift_is_a_phase_ramp(
@@ -152,29 +121,6 @@ def test_images_do_not_depend_on_those_before() -> None:
     for (z_um, zoom), image in zip(views, in_turn, strict=True):
         fresh = prepare(scene, optics, reach).image(focus_um=z_um, zoom=zoom)
         np.testing.assert_array_equal(image, fresh)
-
-
-@pytest.mark.parametrize("sampling", [Sampling(), SINGLE])
-def test_laws_share_spectra(sampling: Sampling) -> None:
-    optics, scene = microscope(20.0), _two_layers()
-    reach = Range(focus_um=(0.0, 10.0))
-    ready = prepare(scene, optics, reach, sampling=sampling)
-    for model in ("stokseth", "exact", "product", "hopkins"):
-        other = ready.under(model)
-        assert all(
-            a.spectrum is b.spectrum
-            for a, b in zip(other.parts, ready.parts, strict=True)
-        )
-        fresh = prepare(scene, optics, reach, model=model, sampling=sampling)
-        for focus_um in (0.0, 10.0):
-            np.testing.assert_array_equal(
-                other.image(focus_um=focus_um), fresh.image(focus_um=focus_um)
-            )
-    before = ready.image(focus_um=0.0)
-    assert not np.array_equal(before, ready.under("product").image(focus_um=0.0))
-    np.testing.assert_array_equal(ready.image(focus_um=0.0), before)
-    with pytest.raises(ValueError, match="band of geometric"):
-        ready.under("geometric")
 
 
 def test_images_beyond_the_range_are_refused() -> None:

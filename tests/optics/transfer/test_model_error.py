@@ -24,7 +24,7 @@ from microplan.optics.outline.outline import Outline
 from microplan.optics.render.render import render
 from microplan.optics.render.sampling import Sampling
 from microplan.optics.transfer.model_error_table import BOUND, PIXEL, STEEPNESS, WAVES
-from microplan.optics.transfer.models import MODELS, TABLE_ERROR, law_error
+from microplan.optics.transfer.models import MODELS, TABLE_ERROR, model_error_bound
 from tests.optics.shapes import circle, disc, gear, microscope, one_layer, rectangle
 
 # drawn once: places between the nodes of the table
@@ -44,7 +44,7 @@ def test_between_the_nodes_the_table_bounds_the_integral(
     optics = setting(steepness)
     z_um = defocus_um(optics, waves)
     for law, integral in bounds(waves, steepness).items():
-        predicted = law_error(law, optics, z_um)
+        predicted = model_error_bound(law, optics, z_um)
         assert predicted >= min(integral, 1.0)
         # rounded up by a tenth, for what lies between the nodes by a tenth (rays: a
         # quarter), and by a last place, .1 of it at most; rays are given up below .5
@@ -59,7 +59,7 @@ def test_pixels_average_the_error(waves: float, steepness: float) -> None:
     for law, integrals in pixel_bounds(waves, steepness, pixels).items():
         for pixel, integral in zip(pixels, integrals, strict=True):
             optics = replace(setting(steepness), pitch_um=float(pixel))
-            assert law_error(law, optics, z_um) >= min(integral, 1.0)
+            assert model_error_bound(law, optics, z_um) >= min(integral, 1.0)
 
 
 @pytest.mark.parametrize(("waves", "steepness"), PLACES)
@@ -90,7 +90,7 @@ def test_no_image_errs_by_more(magnification: float, z_um: float) -> None:
             image = render(scene, optics, focus_um=0.0, model=law)
             error = float(np.abs(image - exact).max())
             # both images carry the same errors of band and margin but not the same cut
-            assert error <= law_error(law, optics, z_um) + 1e-3
+            assert error <= model_error_bound(law, optics, z_um) + 1e-3
 
 
 def test_no_random_outline_errs_by_more() -> None:
@@ -132,21 +132,21 @@ def test_rings_of_one_sign_reach_the_integral(
 def test_the_bound_is_even_and_a_share(model: str) -> None:
     optics = microscope()
     for z_um in (0.0, 1e-300, 1e-12, 0.3, 7.0, 1e3, 1e6, 1e300):
-        error = law_error(model, optics, z_um)
+        error = model_error_bound(model, optics, z_um)
         assert TABLE_ERROR <= error <= 1
-        assert error == law_error(model, optics, -z_um)
+        assert error == model_error_bound(model, optics, -z_um)
 
 
 def test_in_focus_only_the_rays_err() -> None:
     for model in ("product", "stokseth", "hopkins", "exact"):
-        assert law_error(model, microscope(), 0.0) == TABLE_ERROR
-    assert law_error("geometric", microscope(44.5), 0.0) > 0.9
+        assert model_error_bound(model, microscope(), 0.0) == TABLE_ERROR
+    assert model_error_bound("geometric", microscope(44.5), 0.0) > 0.9
 
 
 def test_beyond_the_table_nothing_is_promised() -> None:
     optics = replace(microscope(), aperture=0.995)
-    assert law_error("hopkins", optics, 1.0) == 1
-    assert law_error("exact", optics, 1.0) == TABLE_ERROR
+    assert model_error_bound("hopkins", optics, 1.0) == 1
+    assert model_error_bound("exact", optics, 1.0) == TABLE_ERROR
 
 
 def test_the_tables_fit_their_axes() -> None:
@@ -157,6 +157,6 @@ def test_the_tables_fit_their_axes() -> None:
 
 def test_what_is_no_defocus_is_refused() -> None:
     with pytest.raises(ValueError, match="z_um must be finite"):
-        law_error("hopkins", microscope(), math.nan)
+        model_error_bound("hopkins", microscope(), math.nan)
     with pytest.raises(ValueError, match="model must be one of"):
-        law_error("airy", microscope(), 0.0)
+        model_error_bound("airy", microscope(), 0.0)

@@ -22,7 +22,7 @@ CROWD = (
 )  # fmt: skip
 
 
-def test_names_of_points_lie_on_no_other() -> None:
+def test_numbers_of_points_lie_on_no_other() -> None:
     points = tuple(
         TradeoffPoint(varied=name, preset="fast", trials=24, frames=1, zoom=None,
               reason="", status="feasible", error_um=error, success_probability=0.99999,
@@ -37,9 +37,13 @@ def test_names_of_points_lie_on_no_other() -> None:
         TaskTradeoff(format_version="1.0", task="t", note="", points=points), spent
     )
     figure.draw_without_rendering()
+    (legend,) = figure.legends
+    assert [text.get_text() for text in legend.get_texts()] == [
+        f"{n}  {name}" for n, (name, *_) in enumerate(CROWD, 1)
+    ]
     for axes in figure.axes:
         texts = [text for text in axes.texts if isinstance(text, Annotation)]
-        assert {text.get_text() for text in texts} == {name for name, *_ in CROWD}
+        assert [text.get_text() for text in texts] == [*map(str, range(1, 7))]
         boxes = [text.get_window_extent() for text in texts]
         assert not any(a.overlaps(b) for a, b in combinations(boxes, 2))
         frame = axes.get_window_extent()

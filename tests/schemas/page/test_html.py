@@ -13,10 +13,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from microplan.schemas.page.axes import AxisScale, ChartField, around, around_log
-from microplan.schemas.page.charts import Bar, ChartPoint, bars, curve, scatter
+from microplan.schemas.page.charts import Bar, ChartPoint, bars, curve, legend, scatter
 from microplan.schemas.page.elements import el, slug, write
 from microplan.schemas.page.figures import chance, number, seconds, um
-from microplan.schemas.page.labels import Box, width
+from microplan.schemas.page.labels import LabelBox, width
 from microplan.schemas.page.page import document, png_size, png_uri
 
 # what markup, addresses and terminals obey, and what they do not
@@ -209,7 +209,7 @@ def test_no_curve_crosses_the_name_of_its_limit(
     assert (float(words[1]) > axes.y(1.0)) == below
 
 
-def _boxes(drawn: str) -> list[Box]:
+def _boxes(drawn: str) -> list[LabelBox]:
     """Return the places of a chart's words."""
     found = []
     for x, y, kind, said in re.findall(
@@ -218,11 +218,13 @@ def _boxes(drawn: str) -> list[Box]:
         wide = width(html.unescape(said), 10.5 if "tick" in kind else 11.0)
         left = float(x) - (wide if "end" in kind else wide / 2 if "mid" in kind else 0)
         base = float(y)
-        found.append(Box(left=left, top=base - 8, right=left + wide, bottom=base + 2))
+        found.append(
+            LabelBox(left=left, top=base - 8, right=left + wide, bottom=base + 2)
+        )
     return found
 
 
-def test_names_of_crowded_points_are_apart_and_in_the_picture() -> None:
+def test_numbers_of_crowded_points_are_apart_and_in_the_picture() -> None:
     axes = ChartField(
         across=AxisScale(low=1.0, high=200.0, log=True),
         up=AxisScale(low=0.1, high=10.0, log=True),
@@ -242,7 +244,10 @@ def test_names_of_crowded_points_are_apart_and_in_the_picture() -> None:
                 chosen=(20.0, 1.0), limit=1.5, limit_name="tolerance 3 um")
     )  # fmt: skip
     boxes = _boxes(drawn)
-    assert len(re.findall('class="name"', drawn)) == 5
+    assert re.findall('class="number mid">([^<]*)', drawn) == ["1", "2", "3", "4", "5"]
+    assert re.findall("<li>([^<]*)", write(legend(points))) == [
+        html.escape(p.named, quote=False) for p in points
+    ]
     assert not any(a.meets(b) for a, b in combinations(boxes, 2))
     assert all(box.left >= 0 and box.right <= 360 for box in boxes)
 

@@ -1,4 +1,4 @@
-"""Exact area coverage of pixels: masks, previews, and images where blur is nothing."""
+"""Exact area coverage of pixels: input of rivals, second road of tests."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from microplan.optics.outline.clip import EdgeArrays, clip
 from microplan.optics.outline.outline import Outline
 from microplan.optics.render.pixels import axis_px
 from microplan.optics.render.scene import Window
+from microplan.optics.render.view_range import full
 from microplan.optics.transfer.microscope import Microscope
 
 CHORD_UM = 1e-3  # a thousandth of a pixel
@@ -32,7 +33,7 @@ def coverage(
     window : Window, optional
         The part of the frame wanted; it may reach beyond the frame. Default: all.
     chord_um : float
-        Largest distance between an arc and the chords that stand for it, > 0.
+        Largest distance between an arc and the chords that replace it, > 0.
 
     Returns
     -------
@@ -54,9 +55,7 @@ def coverage(
     """
     if not chord_um > 0:
         raise ValueError(f"chord_um must be positive, got {chord_um}")
-    frame = window or Window(
-        row=0, column=0, rows=microscope.height_px, columns=microscope.width_px
-    )
+    frame = window or full(microscope)
     cx, cy = axis_px(microscope)
     p = microscope.um_per_px
     left, top = (frame.column - 0.5 - cx) * p, (cy - frame.row + 0.5) * p

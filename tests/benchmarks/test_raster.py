@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from benchmarks.optics.raster import CHORD_UM, coverage
 from microplan.arrays import FloatArray
 from microplan.optics.outline.clip import to_edges
 from microplan.optics.outline.outline import place
 from microplan.optics.outline.scanlines import cells
-from microplan.optics.render.raster import CHORD_UM, coverage
 from microplan.optics.render.render import render
 from microplan.optics.render.scene import Window
 from tests.optics.shapes import disc, gear, microscope, one_layer, polygon, rectangle

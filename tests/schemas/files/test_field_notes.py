@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from microplan.schemas import pose
-from microplan.schemas.field_notes import field_notes
 from microplan.schemas.files import json_schema, world
+from microplan.schemas.files.plan_schema import field_notes
 from microplan.schemas.plan import (
     actions,
     document,
