@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from microplan.executor.analysis.pictures import Attempt, Finding, Viewer
-from microplan.executor.devices.errors import ExecutorError, why
+from microplan.executor.devices.errors import ExecutorError, failing
 from microplan.executor.record.plan_file import world_beside
 from microplan.schemas.pose import Pose
 
@@ -75,13 +75,11 @@ def write_marked(folder: Path, name: str, picture: Marked) -> None:
             f"{name[:40]}...: its name has {size}; {_MOST_NAME - 4} leave room "
             "for .png, so give the picture a shorter one",
         )
-    try:
+    with failing("MP878", path):
         folder.mkdir(parents=True, exist_ok=True)
         if not done:
             raise OSError("it cannot be encoded")
         path.write_bytes(data.tobytes())
-    except OSError as error:
-        raise ExecutorError("MP878", f"{path}: {why(error)}", place=path) from error
 
 
 class _Enlarged:

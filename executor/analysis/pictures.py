@@ -16,7 +16,7 @@ from microplan.executor.analysis.appearance import (
 )
 from microplan.executor.analysis.picture_file import read_picture
 from microplan.executor.devices.calibration import LookFrame, look_frame
-from microplan.executor.devices.errors import ExecutorError, why
+from microplan.executor.devices.errors import ExecutorError, failing
 from microplan.executor.motion.beliefs import Beliefs
 from microplan.executor.record.frames import INDEX
 from microplan.executor.run.artifacts import Artifacts
@@ -135,14 +135,12 @@ def files_of(folder: Path) -> list[Path]:
     Those whose names begin with a dot are the file manager's; a run's list of its
     frames is no picture.
     """
-    try:
+    with failing("MP878", folder):
         found = sorted(
             path
             for path in folder.iterdir()
             if path.is_file() and not path.name.startswith(".") and path.name != INDEX
         )
-    except OSError as error:
-        raise ExecutorError("MP878", f"{folder}: {why(error)}", place=folder) from error
     if not found:
         raise ExecutorError("MP878", f"{folder} holds no file", place=folder)
     if len(found) > MOST:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from microplan.executor.devices.errors import ExecutorError, why
+from microplan.executor.devices.errors import ExecutorError, failing
 from microplan.executor.devices.station_file import is_file
 from microplan.executor.record.frames import FOLDER, INDEX
 from microplan.executor.record.plan_file import PlanFile
@@ -164,16 +164,12 @@ def read_runs(folders: Sequence[Path], file: PlanFile) -> tuple[RunFolderSummary
 def _read(folder: Path, file: PlanFile) -> RunFolderSummary:
     """Return one run; MP879 if it is none of the plan."""
     path = folder / SUMMARY
-    try:
+    with failing("MP879", path, ValueError, RecursionError):
         if path.stat().st_size > _MOST_BYTES:
             raise ExecutorError(
                 "MP879", f"{path} is larger than {_MOST_BYTES} bytes", place=path
             )
         data = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ExecutorError("MP879", f"{path}: {why(error)}", place=path) from error
-    except (ValueError, RecursionError) as error:
-        raise ExecutorError("MP879", f"{path}: {error}", place=path) from error
     if not _is_summary(data):
         raise ExecutorError("MP879", f"{path} is no summary of a run", place=path)
     if data.get("plan_sha256") != file.sha256:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 from dataclasses import dataclass
 
-from microplan.executor.devices.errors import ExecutorError, why
+from microplan.executor.devices.errors import ExecutorError, failing
 from microplan.executor.motion.beliefs import Beliefs
 from microplan.executor.record.frames import Frames
 from microplan.executor.record.outcome import RunResult
@@ -93,10 +93,8 @@ def _past(recorded: Recorded) -> ResumeState | None:
     if count == 0:
         return None
     path = recorded.path.with_name(FILE)
-    try:
+    with failing("MP877", path):
         lines = path.read_bytes().splitlines(keepends=True)
-    except OSError as error:
-        raise ExecutorError("MP877", f"{path}: {why(error)}", place=path) from error
     if len(lines) < count:
         raise ExecutorError(
             "MP877", f"{path} has {len(lines)} lines, the run was resumed from {count}"

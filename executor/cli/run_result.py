@@ -44,40 +44,24 @@ def watch(
     Only a simulated cell knows the truth; a plan never sees it. `progress` is told of
     every step.
     """
-    errors: dict[str, float] = {}
+    errors_um: dict[str, float] = {}
     rig.on_step = progress
-    if cell is not None:
-        rig.watch = _noting(rig, cell, errors)
-        rig.on_step = _beginning(cell, progress)
-    return errors
-
-
-def _noting(
-    rig: Rig, cell: Cell, errors_um: dict[str, float]
-) -> Callable[[str, float, float], None]:
-    """Return what notes how far a sighting is from the truth, by step."""
-    shown_um = cell.shown_um
+    if cell is None:
+        return errors_um
+    shown_um, enter = cell.shown_um, cell.faults.enter
 
     def note(target: str, x_um: float, y_um: float) -> None:
         owner, offset = rig.beliefs.anchor(target)
         true_x, true_y = shown_um(owner, *offset)
         errors_um[rig.journal.step] = math.hypot(x_um - true_x, y_um - true_y)
 
-    return note
-
-
-def _beginning(
-    cell: Cell, progress: Callable[[str], None] | None
-) -> Callable[[str], None]:
-    """Return what begins and ends the cell's faults as steps begin."""
-    enter = cell.faults.enter
-
     def begin(step: str) -> None:
         if progress is not None:
             progress(step)
         enter(step)
 
-    return begin
+    rig.watch, rig.on_step = note, begin
+    return errors_um
 
 
 def judged(plan: Plan, cell: Cell) -> Verdict | None:
@@ -90,10 +74,6 @@ def judged(plan: Plan, cell: Cell) -> Verdict | None:
         return cell.judge(last.target, last.on, last.within_um, last.within_rad)
     except (KeyError, ValueError):  # a plan of another world: nothing can be told
         return None
-
-
-if TYPE_CHECKING:
-    from microplan.executor.simulated.judging import Verdict
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -18,7 +18,7 @@ from microplan.executor.cli.run_result import (
     write_summary,
 )
 from microplan.executor.cli.select_station import SIMULATED, Site
-from microplan.executor.devices.errors import ExecutorError, why
+from microplan.executor.devices.errors import ExecutorError, failing
 from microplan.executor.devices.station import Station
 from microplan.executor.motion.beliefs import Beliefs
 from microplan.executor.motion.motion import Motion
@@ -162,24 +162,16 @@ def header_of(
     by now. Without them it is read.
     """
     station = call.station_file
-    try:
-        if source is None and station is not None:
+    if source is None and station is not None:
+        with failing("MP804", station):
             source = station.read_bytes()
-    except OSError as error:
-        raise ExecutorError(
-            "MP804", f"{station}: {why(error)}", place=station
-        ) from error
     return Header(
         plan_sha256=file.sha256,
-        station=SIMULATED if source is None else _sha256(source),
+        station=SIMULATED if source is None else hashlib.sha256(source).hexdigest(),
         seed=call.seed or 0,
         faults=call.faults,
         devices=devices,
     )
-
-
-def _sha256(data: bytes) -> str:
-    return hashlib.sha256(data).hexdigest()
 
 
 @contextmanager

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 
 DONE, FAILED, BAD_INPUT, MACHINE, STOPPED, BUG = 0, 1, 2, 3, 4, 70
@@ -112,6 +113,15 @@ class ExecutorError(Exception):
     def exit_status(self) -> int:
         """Return the exit status that goes with the code."""
         return CODES[self.code][1]
+
+
+@contextmanager
+def failing(code: str, path: Path, *others: type[Exception]) -> Iterator[None]:
+    """Raise `code` about a path where the system, or one of `others`, refuses it."""
+    try:
+        yield
+    except (OSError, *others) as error:
+        raise ExecutorError(code, f"{path}: {why(error)}", place=path) from error
 
 
 def why(error: Exception) -> str:

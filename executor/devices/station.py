@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import partial
 
@@ -11,7 +11,6 @@ from microplan.executor.devices.calibration import IDENTITY, Calibration, check_
 from microplan.executor.devices.device_values import as_number, as_reading
 from microplan.executor.devices.drivers import (
     Axes,
-    AxisReading,
     Camera,
     Clock,
     Device,
@@ -20,12 +19,16 @@ from microplan.executor.devices.drivers import (
     Light,
 )
 from microplan.executor.devices.errors import ExecutorError
-from microplan.executor.devices.safety import AXES, Rules, check_finite
+from microplan.executor.devices.safety import (
+    AXES,
+    Interval,
+    Rules,
+    check_finite,
+    targets,
+)
 from microplan.executor.devices.timeouts import Caller
 from microplan.featuresel.routines.registry import REGISTRY
-from microplan.schemas.plan import AxesName, AxisMove, InsertAction, Look, Plan
-
-Interval = tuple[float, float]
+from microplan.schemas.plan import AxesName, InsertAction, Look, Plan
 
 _MATCH = 1e-5  # relative: plan numbers carry six digits
 # A first approach goes by beliefs over some 1000 um, and must end within the 20 um that
@@ -264,7 +267,8 @@ def _check_start(plan: Plan, station: Station) -> None:
         name = f"{start.axes}.reading"
         reading = as_reading(name, caller.call(name, axes.reading, limit_s))
         check_finite(start.axes, {axis: getattr(reading, axis) for axis in AXES})
-        for name, wanted, found in _pairs(start, reading):
+        for name, wanted in targets(start).items():
+            found = getattr(reading, name)
             if not abs(wanted - found) <= settle.window(name) + _MATCH * abs(wanted):
                 raise ExecutorError(
                     "MP811",
@@ -284,14 +288,6 @@ def _check_start(plan: Plan, station: Station) -> None:
             "MP811",
             f"the jaws read {reads_um:g} um, the plan starts at {opening_um:g} um",
         )
-
-
-def _pairs(start: AxisMove, found: AxisReading) -> Iterator[tuple[str, float, float]]:
-    """Yield (axis, wanted, found) of every axis the start names."""
-    for name in ("x_um", "y_um", "z_um", "theta_rad"):
-        wanted = getattr(start, name)
-        if wanted is not None:
-            yield name, wanted, getattr(found, name)
 
 
 def _within(code: str, name: str, need: Interval, offer: Interval) -> None:

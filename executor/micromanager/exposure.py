@@ -69,10 +69,6 @@ def _cut(whole: np.ndarray, region: Region | None) -> Counts:
     return np.ascontiguousarray(whole[region.row : bottom, region.column : right])
 
 
-if TYPE_CHECKING:
-    from pymmcore_plus import CMMCorePlus
-
-
 class MMLight:
     """A light source.
 

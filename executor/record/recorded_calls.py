@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from microplan.executor.devices.errors import ExecutorError, why
+from microplan.executor.devices.errors import ExecutorError, failing
 from microplan.executor.record.recording import CALLS, COMMANDS, FORMAT, MORE_CALLS
 
 # Far below what any axis resolves, above what other processors round otherwise.
@@ -70,14 +70,12 @@ def read_record(path: Path) -> Recorded:
     ExecutorError
         MP877 if there is none, or it cannot be understood.
     """
-    try:
+    with failing("MP877", path, UnicodeDecodeError):
         if path.stat().st_size > MOST_BYTES:
             raise ExecutorError(
                 "MP877", f"{path} is larger than {MOST_BYTES} bytes", place=path
             )
         lines = path.read_text(encoding="utf-8").split("\n")
-    except (OSError, UnicodeDecodeError) as error:
-        raise ExecutorError("MP877", f"{path}: {why(error)}", place=path) from error
     data = [_row(path, number, line) for number, line in _whole(lines)]
     if not data or data[0].get("microplan_record") != FORMAT:
         raise ExecutorError(

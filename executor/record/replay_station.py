@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from microplan.executor.devices.drivers import AxisReading, Frame
-from microplan.executor.devices.errors import ExecutorError, why
+from microplan.executor.devices.errors import ExecutorError, failing
 from microplan.executor.devices.safety import AXES, Rules
 from microplan.executor.devices.station import Offer, Station
 from microplan.executor.devices.station_file import stays_in
@@ -145,10 +145,8 @@ class TapeCamera(_TapeDevice):
         path = folder / gave["frame"]
         if not stays_in(path, folder):
             raise ExecutorError("MP877", f"{gave['frame']} leaves the run folder")
-        try:
+        with failing("MP877", path):
             counts = read_png(path)
-        except OSError as error:
-            raise ExecutorError("MP877", f"{path}: {why(error)}", place=path) from error
         if pixels_sha256(counts) != gave.get("sha256") and not self._anyway:
             raise ExecutorError("MP877", f"{path} is not the frame that was recorded")
         exposed_s = numbers([gave.get("exposed_s")], 1, "camera.grab")[0]

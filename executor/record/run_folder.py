@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from pathlib import Path
 
-from microplan.executor.devices.errors import ExecutorError, why
+from microplan.executor.devices.errors import ExecutorError, failing, why
 from microplan.executor.devices.station_file import is_file
 from microplan.executor.record.frames import FOLDER
 from microplan.executor.record.recording import CALLS, MORE_CALLS
@@ -54,10 +54,8 @@ def held(path: Path, what: str) -> Iterator[None]:
         MP861 if another process holds it, with its number and host; MP804 if there
         can be no such file.
     """
-    try:
+    with failing("MP804", path):
         number = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
-    except OSError as error:
-        raise ExecutorError("MP804", f"{path}: {why(error)}", place=path) from error
     try:
         try:
             _take(number)
@@ -145,7 +143,7 @@ class RunFolder:
             raise ExecutorError(
                 "MP804", f"the plan itself is in {self.path}", place=self.path
             )
-        try:
+        with failing("MP804", self.path):
             for path in self.path.iterdir():
                 if path.is_dir() and not path.is_symlink():
                     shutil.rmtree(path)
@@ -155,10 +153,6 @@ class RunFolder:
             (self.path / PLAN).write_bytes(plan)
             if station is not None:
                 (self.path / STATION).write_bytes(station)
-        except OSError as error:
-            raise ExecutorError(
-                "MP804", f"{self.path}: {why(error)}", place=self.path
-            ) from error
 
     @contextmanager
     def intents(self) -> Iterator[WriteAheadLog]:
@@ -167,11 +161,8 @@ class RunFolder:
         seq, chain, size = (
             (0, 0, 0) if found is None else (found.seq, found.chain, found.size)
         )
-        try:
+        with failing("MP863", self.path / FILE):
             store = FileStore(self.path / FILE, size)
-        except OSError as error:
-            file = self.path / FILE
-            raise ExecutorError("MP863", f"{file}: {why(error)}", place=file) from error
         try:
             yield WriteAheadLog(store, seq=seq, chain=chain)
         finally:
@@ -188,15 +179,13 @@ class RunFolder:
         path = self.path / EVENTS
         if self.found is None or not is_file(path):
             return 0
-        try:
+        with failing("MP867", path, ValueError, KeyError, TypeError):
             data = path.read_bytes()
             whole = data[: data.rfind(b"\n") + 1]
             if len(whole) < len(data):  # never written anew: the disk may be full
                 os.truncate(path, len(whole))
             lines = whole.splitlines()
             return int(json.loads(lines[-1])["seq"]) if lines else 0
-        except (OSError, ValueError, KeyError, TypeError) as error:
-            raise ExecutorError("MP867", f"{path}: {why(error)}", place=path) from error
 
 
 def check_free(path: Path, *, discard: bool) -> None:
@@ -236,10 +225,8 @@ def check_free(path: Path, *, discard: bool) -> None:
 def new_run(path: Path, *, discard: bool) -> Iterator[RunFolder]:
     """Lock a folder for a new run; codes of `check_free`, MP861 if it is in use."""
     check_free(path, discard=discard)
-    try:
+    with failing("MP804", path):
         path.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ExecutorError("MP804", f"{path}: {why(error)}", place=path) from error
     with held(path / LOCK, str(path)):
         check_free(path, discard=discard)
         yield RunFolder(path=path, found=None)

@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 
 from microplan.executor.devices.drivers import AxisReading
+from microplan.executor.devices.safety import AXES
 from microplan.executor.simulated.contact import touch
 from microplan.executor.simulated.timeline import DeviceFaults, Timeline
-from microplan.executor.simulated.truth import AXES, AxisState
+from microplan.executor.simulated.truth import AxisState
 
 STEP_UM = {"x_um": 4.0, "y_um": 4.0, "z_um": 1.0}  # between contact tests
 STEP_RAD = 0.02  # 2 um at 100 um from the axis
@@ -69,22 +70,13 @@ class SimAxes:
     ) -> None:
         self._timeline = timeline
         self._name = name
+        self.model, self.serial = f"simulated {name}", f"sim-{name}"
         self._state = state
         self._rng = rng
         self._trouble = trouble
         self._drive = drive or DriveError()
         self._motion: _Motion | None = None
         timeline.add(self)
-
-    @property
-    def model(self) -> str:
-        """Return what the device is."""
-        return f"simulated {self._name}"
-
-    @property
-    def serial(self) -> str:
-        """Return the device's number: there is one of each."""
-        return f"sim-{self._name}"
 
     def start(
         self,

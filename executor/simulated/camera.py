@@ -41,6 +41,7 @@ class SimLight:
     def __init__(
         self, optics: WorldOptics, rng: np.random.Generator, faults: Faults
     ) -> None:
+        self.model, self.serial = "simulated light", "sim-light"
         angle = rng.uniform(0, 2 * math.pi)
         self._gradient = (
             optics.light_gradient * math.cos(angle),
@@ -48,16 +49,6 @@ class SimLight:
         )
         self._level = 1.0
         self._faults = faults
-
-    @property
-    def model(self) -> str:
-        """Return what the device is."""
-        return "simulated light"
-
-    @property
-    def serial(self) -> str:
-        """Return the device's number."""
-        return "sim-light"
 
     def set_level(self, level: float) -> None:
         """Set the brightness."""
@@ -93,6 +84,7 @@ class SimCamera:
         rng: np.random.Generator,
         faults: Faults,
     ) -> None:
+        self.model, self.serial = "simulated camera", "sim-camera"
         self._timeline = timeline
         self._truth = timeline.truth
         self._lens = lens
@@ -100,16 +92,6 @@ class SimCamera:
         self._rng = rng
         self._faults = faults
         self._trouble = DeviceFaults(faults, "camera")
-
-    @property
-    def model(self) -> str:
-        """Return what the device is."""
-        return "simulated camera"
-
-    @property
-    def serial(self) -> str:
-        """Return the device's number."""
-        return "sim-camera"
 
     def grab(self, region: Region | None = None, *, after_s: float = 0.0) -> Frame:
         """Expose and return a frame; see `drivers.Camera`."""

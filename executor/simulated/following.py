@@ -7,10 +7,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from microplan.executor.devices.drivers import AxisReading
+from microplan.executor.devices.safety import AXES
 from microplan.executor.simulated.axes import STEP_RAD, STEP_UM
 from microplan.executor.simulated.cell import Cell
 from microplan.executor.simulated.contact import touch
-from microplan.executor.simulated.truth import AXES, AxisState
+from microplan.executor.simulated.truth import AxisState
 
 DIGITS = 6  # of a reading, um: what differs by less has not moved
 

@@ -103,6 +103,7 @@ class SimGripper:
         stick: float = 0.0,
     ) -> None:
         self._timeline = timeline
+        self.model, self.serial = "simulated jaws", "sim-jaws"
         self._truth = timeline.truth
         self._rng = rng
         self._trouble = trouble
@@ -110,16 +111,6 @@ class SimGripper:
         self._commanded = self._truth.opening_um
         self._target_um = self._commanded
         self.motion = Delayed(timeline)
-
-    @property
-    def model(self) -> str:
-        """Return what the device is."""
-        return "simulated jaws"
-
-    @property
-    def serial(self) -> str:
-        """Return the device's number."""
-        return "sim-jaws"
 
     def start(self, opening_um: float) -> None:
         """Begin to open or close; see `microplan.executor.devices.drivers.Gripper`."""

@@ -30,6 +30,7 @@ class SimLens:
         trouble: DeviceFaults,
     ) -> None:
         self._timeline = timeline
+        self.model, self.serial = "simulated lens", "sim-lens"
         self._optics = timeline.truth.world.optics
         self._zoom_rng, self._focus_rng = rngs
         self._lateral = lateral  # um sideways per um of focus
@@ -41,16 +42,6 @@ class SimLens:
         self._jump = (0.0, 0.0)
         self._commanded = (self.magnification, 0.0)
         self._target = ("focus_um", 0.0)
-
-    @property
-    def model(self) -> str:
-        """Return what the device is."""
-        return "simulated lens"
-
-    @property
-    def serial(self) -> str:
-        """Return the device's number."""
-        return "sim-lens"
 
     def start_magnification(self, magnification: float) -> None:
         """Zoom: the image jumps and the scale is off by a new amount."""

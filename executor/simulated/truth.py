@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from microplan.arrays import FloatArray
+from microplan.executor.devices.safety import AXES
 from microplan.executor.simulated.shapes import (
     boundary,
     made_post,
@@ -113,9 +114,6 @@ def _post(post: WorldPost, rng: np.random.Generator) -> TruePost:
         edge=boundary(outline),
         rings=polygons(outline),
     )
-
-
-AXES = ("x_um", "y_um", "z_um", "theta_rad")
 
 
 @dataclass(slots=True, kw_only=True)
