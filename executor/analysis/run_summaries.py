@@ -164,7 +164,7 @@ def read_runs(folders: Sequence[Path], file: PlanFile) -> tuple[RunFolderSummary
 def _read(folder: Path, file: PlanFile) -> RunFolderSummary:
     """Return one run; MP879 if it is none of the plan."""
     path = folder / SUMMARY
-    with failing("MP879", path, ValueError, RecursionError):
+    with failing("MP879", path, (OSError, ValueError, RecursionError)):
         if path.stat().st_size > _MOST_BYTES:
             raise ExecutorError(
                 "MP879", f"{path} is larger than {_MOST_BYTES} bytes", place=path

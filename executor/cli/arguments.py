@@ -28,7 +28,9 @@ def build_parser() -> argparse.ArgumentParser:
         epilog=EPILOG,
     )
     add_version(parser)
-    parser.add_argument("plan", type=Path, help="plan.json, or the folder it is in")
+    parser.add_argument(
+        "plan_file", metavar="plan", type=Path, help="plan.json, or the folder it is in"
+    )
     _add_station(parser)
     _add_mode(parser)
     _add_run(parser)
@@ -82,11 +84,13 @@ def _add_run(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--no-frames",
-        action="store_true",
+        dest="frames",
+        action="store_false",
         help="keep neither images nor calls: the run cannot be replayed",
     )
     parser.add_argument(
         "--inject",
+        dest="faults",
         action="append",
         default=[],
         metavar="FAULT[@STEP]",
@@ -95,6 +99,7 @@ def _add_run(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--step",
+        dest="stepwise",
         action="store_true",
         help="tell every step and what cannot be undone before it is done, and wait",
     )
@@ -133,6 +138,7 @@ def _add_pictures(group: argparse._ArgumentGroup) -> None:
     )
     group.add_argument(
         "--turn-deg",
+        dest="turn_rad",
         type=angle_number,
         metavar="A",
         help="the part's angle in the pictures, if it is known",
@@ -180,8 +186,8 @@ def bit_number(text: str) -> int:
 
 
 def angle_number(text: str) -> float:
-    """Return a finite angle."""
+    """Return a finite angle in rad, written in degrees."""
     value = float(text)
     if not math.isfinite(value):
         raise ValueError("an angle is finite")
-    return value
+    return math.radians(value)

@@ -262,9 +262,13 @@ def _compare(call: RunOptions, file: PlanFile) -> int:
 
 def _asking(call: RunOptions, plan: Plan) -> Asking:
     """Return what the operator can be asked, and is told."""
-    gate = _gate() if call.stepwise else None
-    progress = None if gate else _teller(plan)
-    return Asking(pause=_asker(), question=_question(), gate=gate, progress=progress)
+    gate, seated = _gate() if call.stepwise else None, _at_terminal()
+    return Asking(
+        pause=_pause if seated else None,
+        question=_question if seated else None,
+        gate=gate,
+        progress=None if gate else _teller(plan),
+    )
 
 
 def _teller(plan: Plan) -> Callable[[str], None] | None:
@@ -279,28 +283,16 @@ def _teller(plan: Plan) -> Callable[[str], None] | None:
     return begun
 
 
-def _question() -> Callable[[str], bool] | None:
-    """Return how to put a question to the operator, None if nobody sits there."""
-    if not _at_terminal():
-        return None
-
-    def ask(question: str) -> bool:
-        tell(f"{question} y goes on, anything else stops")
-        return _answer().strip() == "y"
-
-    return ask
+def _question(question: str) -> bool:
+    """Return whether the operator lets something go on."""
+    tell(f"{question} y goes on, anything else stops")
+    return _answer().strip() == "y"
 
 
-def _asker() -> Callable[[], bool] | None:
-    """Return how to ask the operator, None if nobody sits there."""
-    if not _at_terminal():
-        return None
-
-    def ask() -> bool:
-        tell("paused: Enter goes on, q stops, Ctrl-C stops at once")
-        return _answer() == "\n"  # "" is the end of the input: nobody there
-
-    return ask
+def _pause() -> bool:
+    """Return whether the operator goes on after a pause."""
+    tell("paused: Enter goes on, q stops, Ctrl-C stops at once")
+    return _answer() == "\n"  # "" is the end of the input: nobody there
 
 
 def _gate() -> Callable[[str], None]:

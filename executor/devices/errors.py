@@ -116,11 +116,13 @@ class ExecutorError(Exception):
 
 
 @contextmanager
-def failing(code: str, path: Path, *others: type[Exception]) -> Iterator[None]:
-    """Raise `code` about a path where the system, or one of `others`, refuses it."""
+def failing(
+    code: str, path: Path, kinds: tuple[type[Exception], ...] = (OSError,)
+) -> Iterator[None]:
+    """Raise `code` about a file or folder where the work inside raises one of `kinds`."""
     try:
         yield
-    except (OSError, *others) as error:
+    except kinds as error:
         raise ExecutorError(code, f"{path}: {why(error)}", place=path) from error
 
 

@@ -170,7 +170,7 @@ def _device(
         if hub not in hubs:
             known = ", ".join(hubs) or "none"
             table.refuse("hub", f"found {hub!r}", f"allowed: {known}")
-        part = table.text("part") if table.has("part") else role
+        part = table.text("part", role)
         table.finish()
         device = part_of(hubs[hub], part, key)
         if device is None:
@@ -190,7 +190,7 @@ def _offer(top: Table, roles: tuple[str, ...]) -> Offer:
         height_px=camera.whole("height_px"),
         pitch_um=camera.number("pitch_um", above=0),
         bits=camera.whole("bits"),
-        latency_frames=_latency(camera),
+        latency_frames=camera.whole("latency_frames", 0, least=0),
         magnification=lens.interval("magnification"),
         focus_um=lens.interval("focus_um"),
         opening_um=None if jaws is None else jaws.interval("opening_um"),
@@ -200,12 +200,6 @@ def _offer(top: Table, roles: tuple[str, ...]) -> Offer:
     )
     camera.finish()
     return offer
-
-
-def _latency(camera: Table) -> int:
-    """Return by how many looks a frame is older than it seems, 0 if nothing is told."""
-    name = "latency_frames"
-    return camera.whole(name, least=0) if camera.has(name) else 0
 
 
 def _travel(group: Table, name: str) -> dict[str, tuple[float, float]]:

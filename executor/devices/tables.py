@@ -86,9 +86,9 @@ class Table:
             self.refuse(name, f"found {number:g}", f"it must be at most {most:g}")
         return number
 
-    def whole(self, name: str, *, least: int = 1) -> int:
+    def whole(self, name: str, default: int | None = None, *, least: int = 1) -> int:
         """Return a whole number."""
-        value = self.number(name, least=least)
+        value = self.number(name, default, least=least)
         if value != int(value):
             self.refuse(name, f"found {value!r}", "a whole number is needed")
         return int(value)
@@ -110,14 +110,16 @@ class Table:
 
     def matrix(self, name: str) -> tuple[tuple[float, float], tuple[float, float]]:
         """Return two rows of two finite numbers."""
-        rows = self._data.get(name) if self.has(name) else None
+        rows = self.value(name)
         if not isinstance(rows, list) or len(rows) != 2:
             self.refuse(name, f"found {rows!r}", "two rows of two numbers are needed")
         return (self._pair(f"{name}[0]", rows[0]), self._pair(f"{name}[1]", rows[1]))
 
-    def text(self, name: str) -> str:
+    def text(self, name: str, default: str | None = None) -> str:
         """Return a text that is not empty."""
-        value = self._data.get(name) if self.has(name) else None
+        if default is not None and not self.has(name):
+            return default
+        value = self.value(name)
         if not isinstance(value, str) or not value:
             found = "it is missing" if value is None else f"found {value!r}"
             self.refuse(name, found, "a text is needed")

@@ -94,50 +94,45 @@ class Speed:
             )
 
 
+@dataclass(frozen=True, slots=True)
 class StageDrive:
-    """A single-axis stage device."""
+    """A single-axis stage device; `name` is the number that it moves."""
 
-    def __init__(
-        self,
-        core: CMMCorePlus,
-        label: str,
-        name: str,
-        *,
-        limits: Interval,
-        scale: DeviceScale,
-        speed: Speed,
-    ) -> None:
-        self._core, self.label, self._name = core, label, name
-        self._limits, self._scale, self._speed = limits, scale, speed
+    core: CMMCorePlus
+    label: str
+    name: str
+    limits: Interval
+    scale: DeviceScale
+    speed: Speed
 
     @property
     def names(self) -> tuple[str, ...]:
         """Return what it moves."""
-        return (self._name,)
+        return (self.name,)
 
     def check(self, targets: Mapping[str, float]) -> None:
         """Refuse what is not finite or beyond the limits."""
-        check_limits(self.label, targets, {self._name: self._limits})
+        check_limits(self.label, targets, {self.name: self.limits})
 
     def pace(self, per_s: float | None) -> None:
         """Choose the speed of the next motion."""
-        self._speed.order(self._core, self.label, per_s)
+        self.speed.order(self.core, self.label, per_s)
 
     def go(self, targets: Mapping[str, float]) -> None:
         """Begin to move."""
-        self._core.setPosition(self.label, self._scale.number(targets[self._name]))
+        self.core.setPosition(self.label, self.scale.number(targets[self.name]))
 
     def read(self) -> dict[str, float]:
         """Return where it is."""
-        return {self._name: self._scale.value(self._core.getPosition(self.label))}
+        return {self.name: self.scale.value(self.core.getPosition(self.label))}
 
     def busy(self) -> bool:
         """Return whether it says that it moves."""
-        return bool(self._core.deviceBusy(self.label))
+        return bool(self.core.deviceBusy(self.label))
 
     def stop(self) -> None:
         """Stop."""
-        self._core.stop(self.label)
+        self.core.stop(self.label)
 
 
 class XYDrive:

@@ -6,9 +6,8 @@ import math
 from collections.abc import Mapping, Sequence
 
 from microplan.executor.devices.drivers import AxisReading
+from microplan.executor.devices.safety import AXES
 from microplan.executor.micromanager.drives import Drive
-
-AXES = ("x_um", "y_um", "z_um", "theta_rad")
 
 
 class Moved:
@@ -81,13 +80,8 @@ def min_speed(
     return min((s for n in targets if (s := speeds.get(n)) is not None), default=None)
 
 
-class MMAxes:
+class MMAxes(Moved):
     """A stage or robot; an axis that no drive moves reads 0."""
-
-    def __init__(self, parts: Moved) -> None:
-        self._parts = parts
-        self.model, self.serial = parts.model, parts.serial
-        self.names = parts.names
 
     def start(
         self,
@@ -104,69 +98,37 @@ class MMAxes:
         speeds = dict.fromkeys(AXES[:3], speed_um_per_s)  # it is none of the angle's
         if speed_um_per_s is not None and not 0 < speed_um_per_s < math.inf:
             raise ValueError(f"{self.serial}: a speed of {speed_um_per_s:g} um/s")
-        self._parts.order(targets, speeds)
+        self.order(targets, speeds)
 
     def reading(self) -> AxisReading:
         """Return where the axes say they are."""
-        return AxisReading(**{**dict.fromkeys(AXES, 0.0), **self._parts.values()})
-
-    def moving(self) -> bool:
-        """Return whether an axis says that it moves."""
-        return self._parts.moving()
-
-    def stop(self) -> None:
-        """Stop all axes where they are."""
-        self._parts.stop()
+        return AxisReading(**{**dict.fromkeys(AXES, 0.0), **self.values()})
 
 
-class MMGripper:
+class MMGripper(Moved):
     """Jaws on one drive."""
-
-    def __init__(self, parts: Moved) -> None:
-        self._parts = parts
-        self.model, self.serial = parts.model, parts.serial
 
     def start(self, opening_um: float) -> None:
         """Begin to open or close; see `microplan.executor.devices.drivers.Gripper`."""
-        self._parts.order({"opening_um": opening_um}, {})
+        self.order({"opening_um": opening_um}, {})
 
     def reading(self) -> float:
         """Return the opening the drive says it has."""
-        return self._parts.values()["opening_um"]
-
-    def moving(self) -> bool:
-        """Return whether the jaws say that they move."""
-        return self._parts.moving()
-
-    def stop(self) -> None:
-        """Leave the jaws where they are."""
-        self._parts.stop()
+        return self.values()["opening_um"]
 
 
-class MMLens:
-    """Zoom and focus, a drive each."""
-
-    def __init__(self, parts: Moved) -> None:
-        self._parts = parts
-        self.model, self.serial = parts.model, parts.serial
+class MMLens(Moved):
+    """Zoom and focus, a drive each; a turret that is stopped goes on to its end."""
 
     def start_magnification(self, magnification: float) -> None:
         """Begin to zoom."""
-        self._parts.order({"magnification": magnification}, {})
+        self.order({"magnification": magnification}, {})
 
     def start_focus_um(self, focus_um: float) -> None:
         """Begin to focus."""
-        self._parts.order({"focus_um": focus_um}, {})
+        self.order({"focus_um": focus_um}, {})
 
     def reading(self) -> tuple[float, float]:
         """Return magnification and focus as the drives say they are."""
-        found = self._parts.values()
+        found = self.values()
         return (found["magnification"], found["focus_um"])
-
-    def moving(self) -> bool:
-        """Return whether zoom or focus say that they move."""
-        return self._parts.moving()
-
-    def stop(self) -> None:
-        """Stop zoom and focus; a turret goes on to its next place."""
-        self._parts.stop()

@@ -70,7 +70,7 @@ def read_record(path: Path) -> Recorded:
     ExecutorError
         MP877 if there is none, or it cannot be understood.
     """
-    with failing("MP877", path, UnicodeDecodeError):
+    with failing("MP877", path, (OSError, UnicodeDecodeError)):
         if path.stat().st_size > MOST_BYTES:
             raise ExecutorError(
                 "MP877", f"{path} is larger than {MOST_BYTES} bytes", place=path

@@ -179,7 +179,7 @@ class RunFolder:
         path = self.path / EVENTS
         if self.found is None or not is_file(path):
             return 0
-        with failing("MP867", path, ValueError, KeyError, TypeError):
+        with failing("MP867", path, (OSError, ValueError, KeyError, TypeError)):
             data = path.read_bytes()
             whole = data[: data.rfind(b"\n") + 1]
             if len(whole) < len(data):  # never written anew: the disk may be full

@@ -172,23 +172,22 @@ def _stop_from_another_thread(kind: _Kind, device: Any, bench: Bench) -> None:
 
 def _refuses_bad_numbers(kind: _Kind, device: Any, bench: Bench) -> None:
     """Nan and infinity are refused, and nothing moves."""
-    home = _read(kind, device, bench)
-    for name in kind.names:
-        for value in BAD:
-            bench.refused(
-                f"start({name}={value})",
-                lambda name=name, value=value: kind.start(device, {name: value}),  # type: ignore[misc]  # bound names
-            )
-    bench.rest(device)
-    _at(kind, device, bench, home, "after orders that were refused")
+    _refuses(kind, device, bench, dict.fromkeys(kind.names, BAD))
 
 
 def _keeps_limits(kind: _Kind, device: Any, bench: Bench) -> None:
     """A target beyond the limits is refused, and nothing moves."""
+    beyond = {n: (bench.beyond[n],) for n in kind.names if n in bench.beyond}
+    _refuses(kind, device, bench, beyond)
+
+
+def _refuses(
+    kind: _Kind, device: Any, bench: Bench, targets: Mapping[str, tuple[float, ...]]
+) -> None:
+    """Order targets, each of which must be refused while nothing moves."""
     home = _read(kind, device, bench)
-    for name in kind.names:
-        if name in bench.beyond:
-            value = bench.beyond[name]
+    for name, values in targets.items():
+        for value in values:
             bench.refused(
                 f"start({name}={value:g})",
                 lambda name=name, value=value: kind.start(device, {name: value}),  # type: ignore[misc]  # bound names
