@@ -180,18 +180,11 @@ def _words(picture: Any, finding: Finding) -> None:
     import cv2  # as above
 
     colour = GREEN if finding.found else RED
-    words = (
-        f"{finding.code}"
-        if not finding.found
-        else (
-            f"x {finding.x_um:.3f} um  y {finding.y_um:.3f} um"
-            + (
-                ""
-                if finding.theta_rad is None
-                else f"  turn {math.degrees(finding.theta_rad):.2f} deg"
-            )
-        )
-    )
+    words = f"{finding.code}"
+    if finding.found:
+        words = f"x {finding.x_um:.3f} um  y {finding.y_um:.3f} um"
+        if finding.theta_rad is not None:
+            words += f"  turn {math.degrees(finding.theta_rad):.2f} deg"
     for ink, thick in (((0, 0, 0), 3), (colour, 1)):
         cv2.putText(
             picture, words, (8, 18), cv2.FONT_HERSHEY_SIMPLEX, 0.5, ink, thick,

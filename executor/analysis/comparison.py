@@ -202,11 +202,12 @@ def _looks(step: str, control: Control, looks: Sequence[int]) -> Check:
     more = binomial_at_most(count - 1, total - 1, p)
     fewer = 1 - binomial_at_most(count - 1, total, p)
     about = mean([float(v) for v in looks])
+    interval = f"{about.low:.3g}..{about.high:.3g}" if about.count > 1 else "one run"
     return Check(
         step=step,
         name="cycles",
         predicted=f"{control.expected_cycles:.3g}",
-        found=f"{about.mean:.3g}, {_interval(about)}",
+        found=f"{about.mean:.3g}, {interval}",
         chance=min(1.0, 2 * min(more, fewer)),
     )
 
@@ -224,7 +225,7 @@ def _time(
     if beyond <= 0:
         chance = 1.0
     elif half > 0:
-        quantile = _half_width(off.count)
+        quantile = student_quantile((1 + LEVEL) / 2, off.count - 1)
         chance = 2 * student_above(beyond * quantile / half, off.count - 1)
     else:
         chance = 0.0
@@ -259,16 +260,6 @@ def _last_look(step: Step) -> Any:
         step.action, "look", None
     )
     return next((x for x in step.looks if x.id == wanted), step.looks[-1])
-
-
-def _half_width(count: int) -> float:
-    """Return the quantile by which an interval of `mean` is wide."""
-    return student_quantile((1 + LEVEL) / 2, count - 1)
-
-
-def _interval(one: Mean) -> str:
-    """Return an interval in words."""
-    return f"{one.low:.3g}..{one.high:.3g}" if one.count > 1 else "one run"
 
 
 def _true_errors(step: Step, runs: Sequence[RunFolderSummary]) -> list[float]:

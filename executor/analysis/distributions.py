@@ -122,14 +122,10 @@ def chi_square_quantile(chance: float, freedom: float) -> float:
 @cache
 def student_quantile(chance: float, freedom: float) -> float:
     """Return what Student's t of `freedom` stays below with `chance`, from .5 up."""
-
-    def below(t: float) -> float:
-        return 1 - beta_below(freedom / 2, 0.5, freedom / (freedom + t * t)) / 2
-
     high = 2.0
-    while below(high) < chance:
+    while 1 - student_above(high, freedom) < chance:
         high *= 2
-    return _root(lambda t: below(t) - chance, 0.0, high)
+    return _root(lambda t: 1 - student_above(t, freedom) - chance, 0.0, high)
 
 
 def student_above(value: float, freedom: float) -> float:

@@ -85,7 +85,7 @@ def report_text(
     seer: Viewer, findings: Sequence[Finding], all_of_them: PictureTotals
 ) -> str:
     """Return the table, why pictures were refused, and what they say together."""
-    rows = [_HEAD, *(_row(seer, f) for f in findings)]
+    rows = [_HEAD, *(_row(f, seer.look.view.um_per_px) for f in findings)]
     lines = [columns(rows), ""]
     for f in findings:
         if not f.found:
@@ -145,12 +145,12 @@ def _first_fault(finding: Finding) -> str:
     return next(a.why for a in finding.attempts if a.code is not None)
 
 
-def _row(seer: Viewer, finding: Finding) -> tuple[str, ...]:
+def _row(finding: Finding, um_per_px: float) -> tuple[str, ...]:
     """Return the cells of one picture."""
     attempt = _told(finding)
     gates = {g.name: g for g in attempt.gates} if attempt is not None else {}
     spread_um = gates.get("spread")
-    px = "" if spread_um is None else f" ({spread_um.value / _scale(seer):.3f})"
+    px = "" if spread_um is None else f" ({spread_um.value / um_per_px:.3f})"
     turn = finding.theta_rad
     return (
         finding.name,
@@ -263,11 +263,6 @@ def _json(value: Any) -> Any:
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return to_data(value)
-
-
-def _scale(seer: Viewer) -> float:
-    """Return um per px of the look."""
-    return seer.look.view.um_per_px
 
 
 def _number(value: float | None) -> str:

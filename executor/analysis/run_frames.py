@@ -74,10 +74,9 @@ _CAPTION = Caption(
     "smaller, with the height in focus; what lies higher or lower is blurred, so that "
     "a verification sees part and seat in turn.",
     judge="Good: the last frame of a step looks like the plan's image of it; bad: "
-    "parts "
-    "are missing, turned or blurred.",
-    do=f"For more, look into {FOLDER}/: the frames there are lossless, and all of "
-    f"them.",
+    "parts are missing, turned or blurred.",
+    do=f"For more, look into {FOLDER}/: the frames there are lossless, and all "
+    "of them.",
 )
 _MOST_STEPS = 60  # a page with more would not be read
 

@@ -202,9 +202,8 @@ def _report(call: RunOptions, plan: Plan, ended: Ended) -> int:
 
 def _write_report(folder: Path) -> None:
     """Write the run's report; one that cannot be written changes no outcome."""
-    from microplan.executor.analysis.run_report import (
-        write_report,  # only when it is written
-    )
+    # loaded only when it is written
+    from microplan.executor.analysis.run_report import write_report
 
     try:
         say(f"report: {write_report(folder)}")

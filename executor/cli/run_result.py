@@ -26,9 +26,8 @@ if TYPE_CHECKING:
 
 def keep_world(cell: Cell, path: Path) -> None:
     """Have a simulated cell keep its world beside the journal."""
-    from microplan.executor.simulated.keeping import (
-        keep,  # optics only for the simulated cell
-    )
+    # optics only for the simulated cell
+    from microplan.executor.simulated.keeping import keep
 
     try:
         keep(cell, path)

@@ -82,9 +82,8 @@ def _simulated(
     plan_folder: Path, seed: int, faults: Sequence[str], left: Path | None
 ) -> Site:
     """Return the simulated cell of the plan's world."""
-    from microplan.executor.simulated.cell import (
-        build_cell,  # optics only for the simulated cell
-    )
+    # optics only for the simulated cell
+    from microplan.executor.simulated.cell import build_cell
     from microplan.executor.simulated.hub import read_world
 
     cell = build_cell(read_world(plan_folder / "world.json"), seed, faults)

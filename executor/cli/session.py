@@ -29,7 +29,7 @@ from microplan.executor.record.plan_file import PlanFile, world_beside
 from microplan.executor.record.recording import CALLS, RESUMES, CallRecorder
 from microplan.executor.record.recovery import Header
 from microplan.executor.record.run_folder import EVENTS, RunFolder
-from microplan.executor.record.write_ahead_log import ESCAPED, Journal, WriteAheadLog
+from microplan.executor.record.write_ahead_log import ESCAPED, Journal
 from microplan.executor.run.artifacts import Artifacts
 from microplan.executor.run.resume import begin, take_up
 from microplan.executor.run.run import run_plan
@@ -58,16 +58,6 @@ class RunJob:
     run: RunFolder  # locked, and emptied for a new run
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Logs:
-    """What a run writes while it goes on."""
-
-    journal: Journal
-    intents: WriteAheadLog
-    frames: Frames
-    record: CallRecorder | None  # None: it cannot be replayed
-
-
 def run_whole_plan(job: RunJob, asking: Asking) -> Ended:
     """Run the plan, or what is left of it, and write the run folder.
 
@@ -86,14 +76,13 @@ def run_whole_plan(job: RunJob, asking: Asking) -> Ended:
     """
     call, file, site, run = job.call, job.file, job.site, job.run
     seq, before = run.last_event(), run.executors
-    with _logs(job, seq, before) as logs, Operator(asking.pause) as operator:
-        rig = _rig(job, logs, operator, asking)
+    with _rigged(job, asking, seq, before) as (rig, record):
         errors_um = watch(rig, site.cell, asking.progress)
         if site.cell is not None and call.station_file is None:
             keep_world(site.cell, run.cell)
         result = _run(rig, job, asking)
-        if logs.record is not None:
-            _close(logs.record, result)
+        if record is not None:
+            _close(record, result)
     ended = Ended(
         folder=run.path,
         result=result,
@@ -108,9 +97,14 @@ def run_whole_plan(job: RunJob, asking: Asking) -> Ended:
 
 
 @contextmanager
-def _logs(job: RunJob, seq: int, before: int) -> Iterator[_Logs]:
-    """Give the files of a run, after `seq` events of `before` earlier executors."""
-    run, station = job.run, job.site.station
+def _rigged(
+    job: RunJob, asking: Asking, seq: int, before: int
+) -> Iterator[tuple[Rig, CallRecorder | None]]:
+    """Give all that steps are done with, and the record; None: it cannot be replayed.
+
+    The run's files go on after `seq` events of `before` earlier executors.
+    """
+    run, plan, station = job.run, job.file.plan, job.site.station
     tag = f"_by{before + 1}" if before else ""
     frames = Frames(run.path if job.call.frames else None, tag=tag)
     calls = run.path / (f"calls-{before + 1}.jsonl" if before else CALLS)
@@ -119,26 +113,21 @@ def _logs(job: RunJob, seq: int, before: int) -> Iterator[_Logs]:
         _open(run.path / EVENTS, "a") as stream,
         run.intents() as intents,
         _recorded(calls, frames, station, facts) as record,
+        Operator(asking.pause) as operator,
     ):
-        journal = Journal(stream, station.clock, seq=seq)
-        yield _Logs(journal=journal, intents=intents, frames=frames, record=record)
-
-
-def _rig(job: RunJob, logs: _Logs, operator: Operator, asking: Asking) -> Rig:
-    """Return all that steps are done with."""
-    plan, station, record = job.file.plan, job.site.station, logs.record
-    return Rig(
-        plan=plan,
-        station=station if record is None else record.station(),
-        beliefs=Beliefs(plan.beliefs, plan.features),
-        artifacts=job.artifacts,
-        journal=logs.journal,
-        frames=logs.frames,
-        motion=Motion(operator.pause),
-        gate=asking.gate,
-        intents=logs.intents,
-        planned_s=planned_s(plan, world_beside(job.call.folder)),
-    )
+        rig = Rig(
+            plan=plan,
+            station=station if record is None else record.station(),
+            beliefs=Beliefs(plan.beliefs, plan.features),
+            artifacts=job.artifacts,
+            journal=Journal(stream, station.clock, seq=seq),
+            frames=frames,
+            motion=Motion(operator.pause),
+            gate=asking.gate,
+            intents=intents,
+            planned_s=planned_s(plan, world_beside(job.call.folder)),
+        )
+        yield rig, record
 
 
 def _close(record: CallRecorder, result: RunResult) -> None:

@@ -119,7 +119,7 @@ class ExecutorError(Exception):
 def failing(
     code: str, path: Path, kinds: tuple[type[Exception], ...] = (OSError,)
 ) -> Iterator[None]:
-    """Raise `code` about a file or folder where the work inside raises one of `kinds`."""
+    """Raise `code` about a file or folder if the work inside raises one of `kinds`."""
     try:
         yield
     except kinds as error:

@@ -58,9 +58,8 @@ class Caller:
 
     def __init__(self) -> None:
         self._worker: tuple[_Jobs, threading.Thread] | None = None
-        self._left: list[
-            tuple[_PendingCall, threading.Thread]
-        ] = []  # that may begin a motion
+        # given up, and able to begin a motion
+        self._left: list[tuple[_PendingCall, threading.Thread]] = []
 
     def call(
         self,

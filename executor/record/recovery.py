@@ -49,9 +49,7 @@ class ResumeState:
     finished: set[str] = field(default_factory=set)  # names of its motions
     opened: Intent | None = None  # begun, perhaps, and not known to be done
     again: Intent | None = None  # to be brought to its target
-    away: Intent | None = (
-        None  # brought the axes near a look, and nothing took them back
-    )
+    away: Intent | None = None  # brought the axes near a look, and nothing back
     errors_um: list[float] = field(default_factory=list)  # of its alignment's looks
     known: BeliefRecord | None = None
     phase: Phase = "approach"  # after the last finished step

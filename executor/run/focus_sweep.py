@@ -68,9 +68,8 @@ def height_by_sweep(
 
 def peak_of(curve: SharpnessCurve, target: str, seconds: float = 0.0) -> Height:
     """Return the one true peak of a curve; MP853 if it has none."""
-    from microplan.featuresel.routines.focus.focus import (
-        peak,  # loads cv2, not needed at start
-    )
+    # loads cv2, which is not needed at start
+    from microplan.featuresel.routines.focus.focus import peak
 
     height = max(curve.scores) - min(curve.scores)
     if not height >= LEAST_HEIGHT * curve.noise:

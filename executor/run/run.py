@@ -128,10 +128,7 @@ def run_plan(rig: Rig) -> RunResult:
 
 def _noted(rig: Rig, ended: RunResult) -> RunResult:
     """Note how the run ended; an end that cannot be noted is a fault of its own."""
-    for log in (
-        rig.journal,
-        rig.intents,
-    ):  # one that fails keeps nothing from the other
+    for log in (rig.journal, rig.intents):  # one that fails keeps nothing from other
         try:
             log.write("end", code=ended.code, why=ended.message)
         except ExecutorError as error:

@@ -59,9 +59,8 @@ class Rig:
     motion: Motion = field(default_factory=Motion)
     phase: Phase = "approach"  # what moves are for now: it sets their limits
     intents: WriteAheadLog = field(default_factory=WriteAheadLog)
-    past: ResumeState = field(
-        default_factory=ResumeState
-    )  # empty unless the run is resumed
+    # empty unless the run is resumed
+    past: ResumeState = field(default_factory=ResumeState)
     planned_s: Mapping[str, float] = field(default_factory=dict)  # step -> as planned
 
     def enter(self, step: str) -> None:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from microplan.executor.devices.errors import ExecutorError
-from microplan.executor.run.focus_sweep import Height, height_by_sweep
+from microplan.executor.run.focus_sweep import height_by_sweep
 from microplan.executor.run.measure_target import UNSEEN, TargetSighting, look_at
 from microplan.executor.run.run_context import Rig
 from microplan.schemas.plan import HeightSearch, Look, OnFailure, VerifyAction
@@ -21,7 +21,6 @@ class Verified:
     offset_um: float
     height_um: float | None  # None: the plan does not ask for it
     turn_rad: float | None = None  # against the seat; None: the same
-    height: Height | None = None  # with the curve of its sweep
 
 
 def verify(
@@ -59,17 +58,13 @@ def verify(
     turn_rad = None
     if action.within_rad is not None:
         turn_rad = check_turn(action, action.within_rad, part, seat)
-    height = None
+    height_um = None
     if action.height is not None:
-        height = _check_height(rig, action.height, by_id[action.height.look], part)
+        look = by_id[action.height.look]
+        height_um = _check_height(rig, action.height, look, part)
     if action.empty is not None:
         _check_empty(rig, action.empty)
-    return Verified(
-        offset_um=offset_um,
-        height_um=None if height is None else height.z_um,
-        turn_rad=turn_rad,
-        height=height,
-    )
+    return Verified(offset_um=offset_um, height_um=height_um, turn_rad=turn_rad)
 
 
 def _find(rig: Rig, look: Look, on_failure: Sequence[OnFailure]) -> TargetSighting:
@@ -103,8 +98,8 @@ def check_turn(
 
 def _check_height(
     rig: Rig, search: HeightSearch, look: Look, part: TargetSighting
-) -> Height:
-    """Return the height of the part's face; MP852 if it is not that of a seated one."""
+) -> float:
+    """Return the height of the part's face, um; MP852 unless it is a seated one's."""
     found = height_by_sweep(rig, search, look, part)
     rig.journal.write("height", z_um=found.z_um, sigma_um=found.sigma_um)
     if not abs(found.z_um - search.expected_um) <= search.within_um:
@@ -113,7 +108,7 @@ def _check_height(
             f"{part.target} is at {found.z_um:.4g} um, expected "
             f"{search.expected_um:g} um within {search.within_um:g} um",
         )
-    return found
+    return found.z_um
 
 
 def _check_empty(rig: Rig, tool: str) -> None:

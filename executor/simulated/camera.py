@@ -28,10 +28,7 @@ from microplan.schemas.pose import Pose
 # Another blur law than the compiler's: it is not the cell's judge.
 BLUR_LAW = "stokseth"
 SCALED = 1.1  # the magnification of a camera with the fault `scale_camera`
-UNEVEN = (
-    0.6,
-    0.4,
-)  # relative change of the light across the field, with `uneven_light`
+UNEVEN = (0.6, 0.4)  # relative change of light across the field, `uneven_light`
 STALE_S = 3600.0  # how old a frame of a camera with the fault `stale_frames` is
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -143,12 +144,6 @@ def _grown(ring: Ring, center: tuple[float, float], ratio: float) -> Ring:
         if isinstance(edge, Segment):
             edges.append(Segment(start=out(edge.start), end=out(edge.end)))
             continue
-        edges.append(
-            Arc(
-                center=out(edge.center),
-                radius_um=edge.radius_um * ratio,
-                start_rad=edge.start_rad,
-                sweep_rad=edge.sweep_rad,
-            )
-        )
+        radius_um = edge.radius_um * ratio
+        edges.append(replace(edge, center=out(edge.center), radius_um=radius_um))
     return Ring(edges=tuple(edges), layer=ring.layer)
