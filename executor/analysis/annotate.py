@@ -1,4 +1,4 @@
-"""Pictures with what was found drawn into them."""
+"""Marked pictures: what was found, drawn into the user's own."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ class _Enlarged:
         )
 
     def of_world(self, x_um: float, y_um: float) -> tuple[int, int]:
-        """Return the point of a place of the world."""
+        """Return the picture's point of a world position, um."""
         column, row = self.seer.frame_of(self.seer.look).to_pixel(x_um, y_um)
         return self.on_picture(column, row)
 

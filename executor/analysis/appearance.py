@@ -1,4 +1,4 @@
-"""How a picture looks beside the plan's reference: light, contrast, sharpness."""
+"""Appearance of a picture against the plan's reference: light, contrast, sharpness."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Runs of one plan, step by step, against what the plan predicted."""
+"""Comparison of runs of one plan, step by step, with its predictions."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from microplan.executor.analysis.distributions import (
 from microplan.executor.analysis.run_summaries import RunFolderSummary
 from microplan.schemas.plan import Control, Plan, Step
 
-STOPPED = "MP860"  # the operator's word says nothing of the plan
+STOPPED = "MP860"  # a stop by the operator is no evidence on the plan
 ALPHA = 0.05  # of one false alarm in the whole comparison
 TIME_SHARE = 0.1  # a predicted time that is off by less is not called wrong
-_DIGITS = 5e-7  # a plan's six digits: a chance of 1 may be less by it
+_DIGITS = 5e-7  # a plan's six digits: a probability of 1 may be less by it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Figure:
-    """One number of a step over the runs, beside the prediction."""
+    """One number of a step over the runs, with its prediction."""
 
     step: str
     name: str
@@ -48,12 +48,12 @@ class Check:
     name: str
     predicted: str
     found: str
-    chance: float  # of what was found, or worse, if the prediction is right
+    chance: float  # p-value: of what was found, or worse, if the prediction is right
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Comparison:
-    """What the runs say together."""
+    """Result of comparing several runs with their plan."""
 
     runs: tuple[RunFolderSummary, ...]
     apart: tuple[RunFolderSummary, ...]  # with faults that were asked for, or resumed
@@ -79,7 +79,7 @@ def compare(plan: Plan, runs: Sequence[RunFolderSummary]) -> Comparison:
 
     Each prediction is tested as what it is: the success as a binomial, the looks of an
     alignment as waiting times, the time of an alignment by Student's t at the looks it
-    took, and a look's true error, where a simulated cell tells it, by chi-square. Runs
+    took, and a look's true error, where a simulated cell knows it, by chi-square. Runs
     with faults that were asked for, and resumed ones, are left apart.
     """
     apart = tuple(run for run in runs if run.apart)
@@ -178,7 +178,7 @@ def _checks(step: Step, runs: Sequence[RunFolderSummary]) -> list[Check]:
 
 
 def _success(plan: Plan, done: int, counted: int) -> Check:
-    """Test the chance that a run ends well."""
+    """Test the predicted probability of success."""
     # what pages are made of is not loaded where a run begins
     from microplan.schemas.page.figures import chance as as_chance
 
@@ -193,7 +193,7 @@ def _success(plan: Plan, done: int, counted: int) -> Check:
 
 
 def _looks(step: str, control: Control, looks: Sequence[int]) -> Check:
-    """Test how many looks alignments take: each ends with the same chance p.
+    """Test the number of looks of alignments: each look ends one with probability p.
 
     The sum of n waiting times is s or more if fewer than n of s - 1 looks ended one.
     """
@@ -239,7 +239,7 @@ def _time(
 
 
 def _error(step: Step, errors_um: Sequence[float]) -> Check:
-    """Test the spread of a step's last look by its true errors, two axes each."""
+    """Test the sigma of a step's last look by its true errors, um, two axes each."""
     look = step.looks[-1] if len(step.looks) == 1 else _last_look(step)
     upper = None if look.together else look.evidence.chosen.sigma_upper_um
     one = spread(

@@ -1,4 +1,4 @@
-"""A comparison of runs with their plan, as text and as JSON."""
+"""Report on a comparison of runs with their plan, as text or JSON."""
 
 from __future__ import annotations
 

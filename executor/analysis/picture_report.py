@@ -1,4 +1,4 @@
-"""Pictures of a look against the plan: a line each, then all of them together."""
+"""Report on pictures of a look: a line each, then tests over all of them."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ _HEAD = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PictureTotals:
-    """What all pictures say of the plan's predictions; None where too few tell it."""
+    """Tests of the plan's predictions by all pictures; None where there are too few."""
 
     found: Share
-    still: bool  # nothing was moved between the pictures, as the user says
+    still: bool  # nothing was moved between the pictures, by the user's statement
     place: MeasuredScatter | None
     turn: MeasuredScatter | None
     off_x_um: Mean | None  # from where the plan has the target
@@ -54,7 +54,7 @@ class PictureTotals:
 def together(
     seer: Viewer, findings: Sequence[Finding], *, still: bool = False
 ) -> PictureTotals:
-    """Return what the pictures that could be used say of the look's predictions.
+    """Return the tests of the look's predictions by the pictures that could be used.
 
     Their scatter is judged only if nothing was moved between them.
     """
@@ -84,7 +84,7 @@ def together(
 def report_text(
     seer: Viewer, findings: Sequence[Finding], all_of_them: PictureTotals
 ) -> str:
-    """Return the table, why pictures were refused, and what they say together."""
+    """Return the table, the reasons of refusals, and the tests over all pictures."""
     rows = [_HEAD, *(_row(f, seer.look.view.um_per_px) for f in findings)]
     lines = [columns(rows), ""]
     for f in findings:
@@ -118,7 +118,7 @@ def report_json(
 def _scatter(
     at: Sequence[tuple[float, float]], sigma_um: float, upper_um: float | None
 ) -> MeasuredScatter | None:
-    """Return the spread of places about their mean, per axis."""
+    """Return the standard deviation of positions about their mean, per axis, um."""
     if len(at) < 2:
         return None
     middle = [sum(v) / len(at) for v in zip(*at, strict=True)]
@@ -127,7 +127,7 @@ def _scatter(
 
 
 def _turns(turns: Sequence[float], sigma_rad: float) -> MeasuredScatter:
-    """Return the spread of angles about their mean direction."""
+    """Return the standard deviation of angles about their mean direction, rad."""
     middle = math.atan2(sum(map(math.sin, turns)), sum(map(math.cos, turns)))
     off = [math.remainder(t - middle, math.tau) for t in turns]
     about = sum(off) / len(off)
@@ -204,7 +204,7 @@ def _summary(found: PictureTotals) -> list[str]:
 
 
 def _spread_line(name: str, one: MeasuredScatter, scale: float, unit: str) -> str:
-    """Return a spread in words."""
+    """Return a standard deviation in words."""
     sigma, low, high, plan, most = (
         v * scale for v in (one.sigma, one.low, one.high, one.predicted, one.most)
     )

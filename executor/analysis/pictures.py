@@ -1,4 +1,4 @@
-"""What a look's routines find in pictures of it, one by one."""
+"""Findings of a look's routines in pictures of it, one by one."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ def viewer(
     """Return what measures pictures of a look.
 
     The target is expected where the plan has it. Its angle counts as unknown where the
-    plan starts so, unless `turn_rad` says what it is.
+    plan starts so, unless `turn_rad` states it.
 
     Raises
     ------
@@ -151,7 +151,7 @@ def files_of(folder: Path) -> list[Path]:
 
 
 def find_in(seer: Viewer, path: Path) -> Finding:
-    """Return what a picture shows; one that cannot be used is told, not raised."""
+    """Return what a picture shows; one that cannot be used is reported, not raised."""
     look, region = seer.look, seer.look.measure.region
     try:
         read = read_picture(path, seer.plan.requirements, region, seer.bits)
@@ -184,7 +184,7 @@ def find_in(seer: Viewer, path: Path) -> Finding:
 
 
 def cut(image: FloatArray, region: Region) -> FloatArray:
-    """Return a region of a whole frame."""
+    """Return a region of a whole frame, (rows, columns), 0..1."""
     rows = slice(region.row, region.row + region.rows)
     return image[rows, region.column : region.column + region.columns]
 
@@ -234,7 +234,7 @@ def _attempt(
 def _together(
     seer: Viewer, attempts: Sequence[Attempt]
 ) -> tuple[str | None, str, tuple[float | None, float | None, float | None]]:
-    """Return code, reason and place by all features that were accepted."""
+    """Return code, reason and position by all features that were accepted."""
     look, nowhere = seer.look, (None, None, None)
     good = [a.shown.seen for a in attempts if a.code is None and a.shown is not None]
     least = len(look.measures) if look.together is None else look.together.least
@@ -249,7 +249,7 @@ def _together(
 
 
 def _expected(measure: Measure, turn_rad: float | None) -> Pose:
-    """Return where the look's target is expected, from its first feature's place."""
+    """Return the expected pose of the look's target, from its first feature's."""
     place = measure.reference.pose
     theta = place.theta_rad - measure.turn_rad
     turn = Pose(x_um=0.0, y_um=0.0, theta_rad=theta)

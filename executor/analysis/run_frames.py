@@ -1,4 +1,4 @@
-"""Frames of a run, made small, with their times against the predicted ones."""
+"""Frames of a run as small tiles of its report, with the steps' times."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def predicted(left: RunArtifacts) -> Element | None:
 
 
 def times(left: RunArtifacts, step: Row) -> str:
-    """Return how long a step took and should have, or why nothing says so."""
+    """Return the measured and the expected time of a step, or why there is none."""
     expected = real(step, "expected_s")
     if expected is not None:
         said = seconds(expected)
@@ -58,7 +58,7 @@ def pair(actual: str, predicted: str) -> str:
 
 
 def _unpredicted(left: RunArtifacts, step: Row) -> str:
-    """Return why no plan tells how long a step takes, "" if nobody knows."""
+    """Return why a step's time is not predicted, "" if that is unknown."""
     if text(step, "verb") in ("grasp", "release"):
         return JAWS
     name = str(step["id"])

@@ -1,4 +1,4 @@
-"""The report of a run: predicted against actual, servo and focus curves, frames."""
+"""Report of a run: predicted against actual, servo curves, focus curves, frames."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ _DASH = (
     "has no look error. Times are predicted with every target seen at the first look."
 )
 _UM = f"{MICRO}m"
-_MOST_RATIO = 1e6  # of a bar; a longer one would say no more
+_MOST_RATIO = 1e6  # of a bar; a longer one would show no more
 
 
 def write_report(folder: Path) -> Path:
@@ -150,7 +150,7 @@ def _verdict(left: RunArtifacts) -> Element:
 
 
 def _truth(verdict: Row) -> Element:
-    """Return what the simulated cell says truly became of the part."""
+    """Return the simulated cell's own verdict on the part."""
     good = verdict.get("success") is True
     words = "seated" if good else "not seated"
     offset = um(real(verdict, "offset_um"))

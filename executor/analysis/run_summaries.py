@@ -1,4 +1,4 @@
-"""Run folders read for reports: only runs of the plan pass, torn files are left out."""
+"""Run summaries read from run folders: only runs of the plan pass."""
 
 from __future__ import annotations
 
@@ -210,7 +210,7 @@ def _number(value: Any) -> bool:
 
 
 def _same(run: RunFolderSummary) -> list[object]:
-    """Return what tells a run from others: a simulated one is its seed."""
+    """Return the identities of a run; a simulated one is its seed."""
     found: list[object] = [run.folder.resolve()]
     if run.data.get("station") == "sim":
         found.append(f"seed {run.data.get('seed')} {run.data.get('faults')}")

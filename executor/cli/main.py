@@ -71,7 +71,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _hold_streams() -> None:
-    """Open what stands in for standard streams that are closed.
+    """Open replacements of standard streams that are closed.
 
     The journal would else be opened in their place, and libraries write there.
     """
@@ -260,7 +260,7 @@ def _compare(call: RunOptions, file: PlanFile) -> int:
 
 
 def _asking(call: RunOptions, plan: Plan) -> Asking:
-    """Return what the operator can be asked, and is told."""
+    """Return the questions and messages that the operator gets."""
     gate, seated = _gate() if call.stepwise else None, _at_terminal()
     return Asking(
         pause=_pause if seated else None,
@@ -271,7 +271,7 @@ def _asking(call: RunOptions, plan: Plan) -> Asking:
 
 
 def _teller(plan: Plan) -> Callable[[str], None] | None:
-    """Return what tells a terminal which step begins, None where there is none."""
+    """Return the progress messages for a terminal, None without a terminal."""
     if sys.stderr is None or not sys.stderr.isatty():
         return None
     numbers = {step.id: number for number, step in enumerate(plan.steps, start=1)}
@@ -291,11 +291,11 @@ def _question(question: str) -> bool:
 def _pause() -> bool:
     """Return whether the operator goes on after a pause."""
     tell("paused: Enter goes on, q stops, Ctrl-C stops at once")
-    return _answer() == "\n"  # "" is the end of the input: nobody there
+    return _answer() == "\n"  # "" is the end of the input: no operator
 
 
 def _gate() -> Callable[[str], None]:
-    """Return what tells the next step and waits; MP804 if nobody can answer.
+    """Return the gate that shows the next step and waits; MP804 without an operator.
 
     Answers are lines of a terminal, a pipe or a file: an empty one goes on. Whatever
     else comes, the end of the input too, stops.
@@ -317,7 +317,7 @@ def _gate() -> Callable[[str], None]:
 
 
 def _at_terminal() -> bool:
-    """Return whether somebody sits there who reads and answers."""
+    """Return whether an operator at a terminal reads and answers."""
     return all(s is not None and s.isatty() for s in (sys.stdin, sys.stderr))
 
 

@@ -1,4 +1,4 @@
-"""What was asked for on the command line of microplan-run."""
+"""Options of a call of microplan-run, checked for contradictions."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ def _station(found: argparse.Namespace) -> str:
 
 
 def _sources(found: argparse.Namespace) -> str:
-    """Return what is wrong with what a mode reads beside the plan."""
+    """Return what is wrong with what a mode reads besides the plan."""
     mode, pictures, record = found.mode, found.pictures, found.record
     if mode == "replay" and (record is None) == (pictures is None):
         return "--mode replay needs --from RUN, or --pictures FOLDER and --look LOOK"

@@ -1,4 +1,4 @@
-"""A run again, on the record of its devices: does it give the same commands?"""
+"""Replay of a run on the record of its devices: are the commands the same?"""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def _past(recorded: Recorded) -> ResumeState | None:
     """Return what the executor of a record resumed from; None if it began the run."""
     count = recorded.head.get(RESUMES)
     if count is None and recorded.path.name == CALLS:
-        return None  # of an executor that did not tell yet
+        return None  # of an executor of an older format
     if not isinstance(count, int) or isinstance(count, bool) or count < 0:
         raise ExecutorError(
             "MP877", f"{recorded.path} does not say from where it resumed the run"
@@ -150,7 +150,7 @@ def _because(result: RunResult) -> str:
 
 
 class _Silent:
-    """The clock of a log that nobody reads: what it asks is not on the tape."""
+    """Clock of a log that is not read: its calls are not on the tape."""
 
     def now_s(self) -> float:
         """Return 0."""

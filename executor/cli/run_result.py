@@ -1,4 +1,4 @@
-"""The result of a whole run, with what only a simulated cell can tell of it."""
+"""Results of whole runs, with the truth that only a simulated cell knows."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 def keep_world(cell: Cell, path: Path) -> None:
-    """Have a simulated cell keep its world beside the journal."""
+    """Have a simulated cell keep its world in the journal's folder."""
     # optics only for the simulated cell
     from microplan.executor.simulated.keeping import keep
 
@@ -40,8 +40,8 @@ def watch(
 ) -> dict[str, float]:
     """Return a record, filled while the rig runs: step -> its last look's true error.
 
-    Only a simulated cell knows the truth; a plan never sees it. `progress` is told of
-    every step.
+    Only a simulated cell knows the truth; a plan never sees it. `progress` is called
+    with every step.
     """
     errors_um: dict[str, float] = {}
     rig.on_step = progress
@@ -71,7 +71,7 @@ def judged(plan: Plan, cell: Cell) -> Verdict | None:
     last = checks[-1]
     try:
         return cell.judge(last.target, last.on, last.within_um, last.within_rad)
-    except (KeyError, ValueError):  # a plan of another world: nothing can be told
+    except (KeyError, ValueError):  # a plan of another world: there is no verdict
         return None
 
 
@@ -103,7 +103,7 @@ def write_summary(call: RunOptions, site: Site, file: PlanFile, ended: Ended) ->
             words, encoding="utf-8", errors=ESCAPED
         )
         text = summary_json(file.plan, ended.result, _extra(call, site, file, ended))
-        fresh = ended.folder / FRESH  # as a whole or not at all: it says that it ended
+        fresh = ended.folder / FRESH  # moved as a whole: its presence marks the end
         fresh.write_text(text, encoding="utf-8", errors=ESCAPED)
         fresh.replace(ended.folder / SUMMARY)
     except OSError as error:
@@ -117,7 +117,7 @@ def write_summary(call: RunOptions, site: Site, file: PlanFile, ended: Ended) ->
 def _extra(
     call: RunOptions, site: Site, file: PlanFile, ended: Ended
 ) -> dict[str, Any]:
-    """Return what summary.json says beside the result."""
+    """Return what summary.json holds besides the result."""
     verdict = ended.verdict
     return {
         "plan_sha256": file.sha256,

@@ -1,4 +1,4 @@
-"""Where a plan is run: the simulated cell of its world.json, or a station file."""
+"""Selection of the station: the simulated cell of world.json, or a station file."""
 
 from __future__ import annotations
 
@@ -53,8 +53,8 @@ def find_site(
     Raises
     ------
     ExecutorError
-        MP803 for world.json; MP804 for a fault that nobody knows, or a seed or fault
-        beside a file; MP812 and MP813 for a station file.
+        MP803 for world.json; MP804 for an unknown fault, or a seed or fault
+        together with a file; MP812 and MP813 for a station file.
     """
     try:
         Faults(faults)

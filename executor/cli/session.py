@@ -1,4 +1,4 @@
-"""A whole run: the plan on a site, its run folder, and what became of it."""
+"""Session of a whole run: the plan on a station, its logs, its result."""
 
 from __future__ import annotations
 
@@ -39,12 +39,12 @@ from microplan.schemas.files.times import planned_s
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Asking:
-    """What the operator can be asked; None where nobody sits there."""
+    """Questions to the operator; None where there is no operator."""
 
     pause: Callable[[], bool] | None = None  # whether to go on after Ctrl-C
     question: Callable[[str], bool] | None = None  # whether to go on after a crash
     gate: Callable[[str], None] | None = None  # see `Rig.gate`
-    progress: Callable[[str], None] | None = None  # told of every step that begins
+    progress: Callable[[str], None] | None = None  # called with every step that begins
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,7 +63,7 @@ def run_whole_plan(job: RunJob, asking: Asking) -> Ended:
 
     Parameters
     ----------
-    job : Job
+    job : RunJob
         The plan, and where it is run.
     asking : Asking
         What the operator can be asked.
@@ -191,14 +191,14 @@ def _open(path: Path, mode: Literal["a", "w"]) -> Iterator[TextIO]:
     try:
         yield stream
     finally:
-        with suppress(OSError):  # what was not written is told where it was lost
+        with suppress(OSError):  # what was not written is reported where it was lost
             stream.close()
 
 
 def _facts(
     file: PlanFile, site: Site, artifacts: Artifacts, run: RunFolder
 ) -> dict[str, Any]:
-    """Return what a record says of its run beside the devices."""
+    """Return what a record holds of its run besides the devices."""
     return {
         RESUMES: 0 if run.found is None else run.found.seq,
         "plan": file.plan.name,
@@ -219,7 +219,7 @@ def _run(rig: Rig, job: RunJob, asking: Asking) -> RunResult:
         return run_plan(rig)
     except KeyboardInterrupt:
         left = "; ".join(rig.motion.stop(rig.station)) or "nothing moves any more"
-        with suppress(ExecutorError, KeyboardInterrupt):  # what is left is told anyway
+        with suppress(ExecutorError, KeyboardInterrupt):  # what is left is in the error
             rig.journal.write("stopped", why=left)
         raise ExecutorError("MP860", f"stopped; {left}") from None
     except BaseException:  # a bug must not leave anything in motion either

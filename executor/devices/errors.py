@@ -1,4 +1,4 @@
-"""What can go wrong while a plan runs, each with its code and exit status."""
+"""Error codes of the executor, each with its title, its exit status."""
 
 from __future__ import annotations
 
@@ -81,11 +81,11 @@ class ExecutorError(Exception):
     code : str
         A key of `CODES`.
     message : str
-        The value, the limit, the unit and the place.
+        The value, the limit, the unit and the object.
     cause : str
         A routine's own failure code, "" if there is none.
     place : path, optional
-        The file or folder that is at fault; None: it is told of the plan.
+        The file or folder that is at fault; None: the plan.
     """
 
     def __init__(
@@ -127,5 +127,5 @@ def failing(
 
 
 def why(error: Exception) -> str:
-    """Return what an exception says: of the system's, without number and path."""
+    """Return the message of an exception; of the system's, without number and path."""
     return (error.strerror if isinstance(error, OSError) else "") or str(error)

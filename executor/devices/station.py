@@ -1,4 +1,4 @@
-"""The station a plan runs on, and whether the plan fits it."""
+"""Station of a plan: its devices, with the preflight check of the plan on it."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from microplan.schemas.plan import AxesName, InsertAction, Look, Plan
 
 _MATCH = 1e-5  # relative: plan numbers carry six digits
 # A first approach goes by beliefs over some 1000 um, and must end within the 20 um that
-# looks are sure to search: a turn or scale of the image up to 2 % does.
+# looks are sure to search: a rotation or scale of the image up to 2 % does.
 ALIGNED = 0.02
 _POINT_UM = 1e-3  # between two points that are the same: a nanometre is rounding
 
@@ -82,7 +82,7 @@ class Station:
         Raises
         ------
         ExecutorError
-            MP841 or MP844 if a device cannot say it.
+            MP841 or MP844 if a device does not answer.
         """
         found = {
             "stage": self.stage, "robot": self.robot, "jaws": self.gripper,
@@ -112,7 +112,7 @@ def _described(device: Device) -> str:
 def preflight(plan: Plan, station: Station, *, begun: bool = False) -> None:
     """Refuse a plan that this station cannot run.
 
-    Where its run has `begun`, the axes need not stand at its start.
+    Where its run has `begun`, the axes need not be at its start.
 
     Raises
     ------
@@ -172,7 +172,7 @@ def _check_travel(plan: Plan, offer: Offer) -> None:
 
 
 def _check_axis(plan: Plan, offer: Offer) -> None:
-    """The stage must turn about the point the plan was computed with."""
+    """The stage must rotate about the point the plan was computed with."""
     need, found = plan.requirements.theta_axis_um, offer.theta_axis_um
     if math.dist(need, found) > _POINT_UM:
         raise ExecutorError(
@@ -181,7 +181,7 @@ def _check_axis(plan: Plan, offer: Offer) -> None:
 
 
 def _check_calibration(plan: Plan, found: Calibration | None) -> None:
-    """Image and stage must go the same way, and every look's scale be usable."""
+    """Image and stage must go the same direction, and every look's scale be usable."""
     if found is None:
         return
     rows = found.camera_from_stage

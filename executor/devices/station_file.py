@@ -1,7 +1,7 @@
-"""station.toml: the devices of a station, what they offer, the rules for them.
+"""Station files, station.toml: devices, what they offer, the rules for them.
 
 A name that is too long, a loop of links and a folder without permission raise in
-`pathlib`. Whoever then opens the path tells what is wrong with it.
+`pathlib`. What is wrong is reported when the path is opened.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ def is_folder(path: Path) -> bool:
 
 
 def stays_in(path: Path, folder: Path) -> bool:
-    """Return whether a path leads to a place in a folder, links followed."""
+    """Return whether a path leads into a folder, links followed."""
     try:
         return path.resolve().is_relative_to(folder.resolve())
     except (OSError, ValueError, RuntimeError):  # NUL in a name; a loop of links
@@ -60,7 +60,7 @@ def stays_in(path: Path, folder: Path) -> bool:
 FORMAT = 1
 LENGTHS = ("x_um", "y_um", "z_um")
 LONGEST_S = 3600.0  # nothing that a station waits for takes longer
-BLIND_S = 1.0  # so long, at most, nobody looks at an axis that moves
+BLIND_S = 1.0  # longest time between two readings of a moving axis
 NEEDED = ("stage", "lens", "light", "camera")  # robot and jaws may be missing
 
 
@@ -77,7 +77,7 @@ class Loaded:
 def read_station(path: Path, plan_folder: Path) -> Loaded:
     """Return the station of a file, its drivers loaded and built.
 
-    In a driver's options "{plan}" stands for the plan folder and "{station}" for the
+    In a driver's options "{plan}" means the plan folder and "{station}" the
     folder of the station file.
 
     Raises
@@ -310,7 +310,7 @@ def _safety(table: Table) -> Safety:
 
 
 def _phase(table: Table) -> PhaseLimit:
-    """Return the limits of one phase; what is not said has none."""
+    """Return the limits of one phase; what is left out has none."""
     step_rad = math.radians(table.number("step_deg", math.inf, above=0))
     found = PhaseLimit(
         step_um=table.number("step_um", math.inf, above=0),

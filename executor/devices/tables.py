@@ -1,4 +1,4 @@
-"""Tables of a TOML file, read so that every mistake is told with its key."""
+"""Tables of a TOML file, read so that every mistake is reported with its key."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class Table:
     file : str
         What messages call the file.
     key : str
-        Where the table stands in it, "" for the whole file.
+        The table's path in it, "" for the whole file.
     data : mapping
         What it holds.
     """
@@ -138,13 +138,13 @@ class Table:
         return tuple(values)
 
     def rest(self) -> dict[str, Any]:
-        """Return all that was not read yet: options for whoever knows them."""
+        """Return all keys that were not read yet: a driver's own options."""
         left = {k: v for k, v in self._data.items() if k not in self._read}
         self._read |= set(left)
         return left
 
     def finish(self) -> None:
-        """Raise MP812 if the table has a key that nobody read."""
+        """Raise MP812 if the table has a key that was not read."""
         for name in self._data:
             if name not in self._read:
                 known = ", ".join(sorted(self._read)) or "none"

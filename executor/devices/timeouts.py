@@ -33,11 +33,11 @@ T = TypeVar("T")
 
 @dataclass(slots=True)
 class _PendingCall:
-    """One call on its way to the thread that makes it."""
+    """One call, passed to the thread that makes it."""
 
     name: str
     call: Callable[[], Any]
-    # made after the call if nobody waits for it any more
+    # made after the call if it was given up
     late: Callable[[], None] | None
     done: threading.Lock = field(default_factory=threading.Lock)
     given_up: threading.Event = field(default_factory=threading.Event)
@@ -77,7 +77,7 @@ class Caller:
         call : callable
             The device call.
         limit_s : float
-            By the machine's own clock, whatever the station's says.
+            By the machine's own clock, not the station's.
         late : callable
             Made when a call that was given up, or interrupted, returns after all: a
             motion that it began late must not go on. `settle` waits for it.
@@ -144,7 +144,7 @@ class Caller:
 
 
 def told(error: BaseException) -> str:
-    """Return what a driver raised; not even its words are sure to be there."""
+    """Return kind and message of what a driver raised, as far as it has one."""
     kind = type(error).__name__
     try:
         return f"{kind}: {error}"
@@ -176,12 +176,12 @@ def _work(jobs: _Jobs) -> None:
 
 
 def _stop(job: _PendingCall) -> None:
-    """Undo what a call began that nobody waited for any more."""
+    """Undo what a call began that was given up."""
     if job.late is None:
         return
     try:
         job.late()
-    except BaseException as error:  # noqa: BLE001 - as above; `settle` tells it
+    except BaseException as error:  # noqa: BLE001 - as above; `settle` reports it
         job.late_error = error
 
 

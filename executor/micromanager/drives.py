@@ -1,4 +1,4 @@
-"""Micro-Manager devices as drives: numbers in the executor's units, with limits."""
+"""Drives from Micro-Manager's stages: the executor's units, with limits."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Drive(Protocol):
         ...
 
     def busy(self) -> bool:
-        """Return whether it says that it moves."""
+        """Return whether it reports motion."""
         ...
 
     def stop(self) -> None:
@@ -127,7 +127,7 @@ class StageDrive:
         return {self.name: self.scale.value(self.core.getPosition(self.label))}
 
     def busy(self) -> bool:
-        """Return whether it says that it moves."""
+        """Return whether it reports motion."""
         return bool(self.core.deviceBusy(self.label))
 
     def stop(self) -> None:
@@ -182,7 +182,7 @@ class XYDrive:
         }
 
     def busy(self) -> bool:
-        """Return whether it says that it moves."""
+        """Return whether it reports motion."""
         return bool(self._core.deviceBusy(self.label))
 
     def stop(self) -> None:

@@ -1,4 +1,4 @@
-"""Exposures with Micro-Manager: a snapped frame under the light's full value."""
+"""Camera exposures with Micro-Manager: snapped frames under a set light."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Stage, robot, jaws and lens, put together from drives."""
+"""Moving devices of a station, composed of drives."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Moved:
         self._stops = 0
 
     def moving(self) -> bool:
-        """Return whether a drive says that it moves."""
+        """Return whether a drive reports motion."""
         busy = [drive.busy() for drive in self._drives]  # all of them take a step
         return any(busy)
 
@@ -31,7 +31,7 @@ class Moved:
         for drive in self._drives:
             try:
                 drive.stop()
-            except Exception as error:  # noqa: BLE001 - told when all were asked
+            except Exception as error:  # noqa: BLE001 - reported when all were asked
                 errors.append(f"{drive.label}: {error}")
         if errors:
             raise RuntimeError("; ".join(errors))
@@ -101,7 +101,7 @@ class MMAxes(Moved):
         self.order(targets, speeds)
 
     def reading(self) -> AxisReading:
-        """Return where the axes say they are."""
+        """Return the axes' readings."""
         return AxisReading(**{**dict.fromkeys(AXES, 0.0), **self.values()})
 
 
@@ -113,7 +113,7 @@ class MMGripper(Moved):
         self.order({"opening_um": opening_um}, {})
 
     def reading(self) -> float:
-        """Return the opening the drive says it has."""
+        """Return the drive's reading of the opening, um."""
         return self.values()["opening_um"]
 
 
@@ -129,6 +129,6 @@ class MMLens(Moved):
         self.order({"focus_um": focus_um}, {})
 
     def reading(self) -> tuple[float, float]:
-        """Return magnification and focus as the drives say they are."""
+        """Return the drives' readings of magnification and focus (um)."""
         found = self.values()
         return (found["magnification"], found["focus_um"])

@@ -1,4 +1,4 @@
-"""A hub's tables in a station file, read into drives."""
+"""Options of a Micro-Manager hub in a station file, read into drives."""
 
 from __future__ import annotations
 

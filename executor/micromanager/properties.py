@@ -1,4 +1,4 @@
-"""Micro-Manager's properties and states as drives; neither can be stopped."""
+"""Drives from Micro-Manager's properties or states, which cannot be stopped."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class PropertyDrive(StageDrive):
         self.core.setProperty(self.label, self.property_name, number)
 
     def read(self) -> dict[str, float]:
-        """Return what the property says."""
+        """Return the property's value."""
         number = float(self.core.getProperty(self.label, self.property_name))
         return {self.name: self.scale.value(number)}
 
@@ -89,7 +89,7 @@ class StateDrive:
         return {self._name: self._values[state]}
 
     def busy(self) -> bool:
-        """Return whether the device says that it changes."""
+        """Return whether the device reports a change under way."""
         return bool(self._core.deviceBusy(self.label))
 
     def stop(self) -> None:

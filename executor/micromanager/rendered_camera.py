@@ -1,7 +1,7 @@
-"""A camera device for Micro-Manager that shows a plan's scene where the devices are.
+"""Rendered camera for Micro-Manager: a plan's scene where the devices are.
 
 For a core that takes devices written in Python, `UniMMCore` of pymmcore-plus. The
-picture is the simulated cell's: its own blur law, noise, and errors of a drawn seed.
+picture is the simulated cell's: its own defocus model, noise, and drawn errors.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Labels:
-    """Which devices of the core the picture follows; "" is none: that stands still.
+    """Labels of the core's devices that the picture follows; "": none, it stays.
 
     All are read in um as they are; `magnification` is where the zoom stays.
     """

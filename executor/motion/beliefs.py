@@ -1,4 +1,4 @@
-"""Where parts and tools are thought to be.
+"""Beliefs: the poses that parts or tools are thought to have.
 
 A belief is a pose in its carrier's frame: on the stage, the world at stage reading 0;
 on the robot, the grip as the reading gives it. Measurements re-anchor beliefs, moves of
@@ -22,7 +22,7 @@ ANY_ANGLE_RAD = 3.0  # a plan says pi for "any"; six digits of it are less than 
 
 
 def stage_pose(reading: AxisReading, axis_um: Point) -> Pose:
-    """Return the world pose of the stage's frame: a turn about `axis_um`, then a shift.
+    """Return the world pose of the stage's frame: rotated about `axis_um`, shifted.
 
     The axis is a world point at reading 0 and travels with the stage.
     """
@@ -93,7 +93,7 @@ class Beliefs:
         return BeliefRecord(owners=tuple(self._owners.values()), held=dict(self._held))
 
     def restore(self, known: BeliefRecord) -> None:
-        """Believe what `known` says, and nothing else."""
+        """Believe what `known` holds, and nothing else."""
         self._owners = {b.name: b for b in known.owners}
         self._held = dict(known.held)
 
@@ -115,7 +115,7 @@ class Beliefs:
         raise ValueError(f"nothing is known of {name!r}")
 
     def anchor(self, name: str) -> tuple[str, Point]:
-        """Return the owner of `name` and its place in the owner's frame, um."""
+        """Return the owner of `name` and its position in the owner's frame, um."""
         return self.owner(name), self._offset(name)
 
     def world(self, name: str, readings: Readings) -> Pose:
@@ -193,7 +193,7 @@ class Beliefs:
         return tuple(sorted(p for p, t in self._held.items() if t == holder))
 
     def _offset(self, name: str) -> Point:
-        """Return a name's place in its owner's frame, um."""
+        """Return a name's position in its owner's frame, um."""
         place = self._features.get(name)
         return (0.0, 0.0) if place is None else (place.x_um, place.y_um)
 

@@ -1,4 +1,4 @@
-"""Everything that moves, moves through here: checked, watched, stopped at a fault."""
+"""Motion of all devices: checked before, watched meanwhile, stopped at a fault."""
 
 from __future__ import annotations
 
@@ -63,9 +63,9 @@ class Motion:
             return devices.lens()[0]
 
     def rest(self, station: Station) -> None:
-        """Stop everything and wait until it stands; MP841, MP844, MP845 if it does not.
+        """Stop everything and wait for rest; MP841, MP844, MP845 if it does not come.
 
-        A drive that is stopped still takes its way to a stand.
+        A drive that is stopped still has to brake.
         """
         with self._using(station) as devices:
             left = devices.stop()
@@ -106,7 +106,7 @@ class Motion:
         Raises
         ------
         ExecutorError
-            MP840, MP844, MP845, MP847; MP849 if they do not go where they were told.
+            MP840, MP844, MP845, MP847; MP849 if they do not go where they were sent.
         """
         with self._moving(station) as devices:
             jaws, window_um = station.jaws(), station.rules.jaws_window_um
@@ -161,7 +161,7 @@ class Motion:
     def halt(self, station: Station, fault: ExecutorError) -> None:
         """Stop everything and refuse all that comes later, because of `fault`.
 
-        What cannot be stopped is told in the fault's message.
+        What cannot be stopped is named in the fault's message.
         """
         if self._fault is None:
             self._fault = fault
@@ -231,7 +231,7 @@ def _check_move(
 def _check_jaws(
     before_um: float, after_um: float, target_um: float, window_um: float
 ) -> None:
-    """Raise MP849 unless the jaws went where they were told, or onto a part."""
+    """Raise MP849 unless the jaws went where they were sent, or onto a part."""
     if abs(after_um - target_um) <= window_um:
         return
     closing = target_um < before_um

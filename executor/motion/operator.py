@@ -1,4 +1,4 @@
-"""The operator's Ctrl-C: once is a pause, twice is a stop."""
+"""Interrupts by the operator: one Ctrl-C is a pause, two are a stop."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Operator:
     Parameters
     ----------
     ask : callable or None
-        Return whether to go on; None where nobody can be asked: a pause is a stop then.
+        Return whether to go on; None without an operator: a pause is a stop then.
     """
 
     def __init__(self, ask: Callable[[], bool] | None = None) -> None:

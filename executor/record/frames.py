@@ -72,7 +72,7 @@ class Frames:
         self._name, self._step = "", ""
 
     def expect(self, look: str, measured: Region | None) -> None:
-        """Say which look the next frame is for, and which part of it is measured."""
+        """Note which look the next frame is for, and which region of it is measured."""
         self._look = (look, measured)
 
     def save(
@@ -162,7 +162,7 @@ def read_png(path: Path) -> Counts:
     data = np.frombuffer(path.read_bytes(), dtype=np.uint8)
     try:
         counts: Any = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
-    except cv2.error as error:  # a head that tells of more than OpenCV takes
+    except cv2.error as error:  # a head with more than OpenCV takes
         raise OSError(f"it cannot be read: {error.err}") from error
     if not is_frame(counts):
         raise OSError("it is no grey picture")

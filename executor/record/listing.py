@@ -1,4 +1,4 @@
-"""A plan in words: every move, look and action of every step."""
+"""Listing of a plan in words: moves, looks, actions of every step."""
 
 from __future__ import annotations
 

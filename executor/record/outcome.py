@@ -37,7 +37,7 @@ def table(result: RunResult, errors_um: Mapping[str, float] | None = None) -> st
     """Return one line a step: what happened / what the plan predicted.
 
     `errors_um` are the true errors of the steps' last looks, which only a simulated
-    cell knows; where nobody does, the routines' own estimates stand in their place.
+    cell knows; elsewhere the routines' own estimates are shown.
     """
     known = errors_um or {}
     head = list(_HEAD)
@@ -70,7 +70,7 @@ def columns(rows: Sequence[Sequence[str]]) -> str:
 
 
 def _row(step: StepResult, look: float | None) -> tuple[str, ...]:
-    """Return the cells of one step; `look` says how far off its last look was, um."""
+    """Return the cells of one step; `look` is the error of its last look, um."""
     return (
         step.id,
         "ok" if step.code is None else step.code,

@@ -1,4 +1,4 @@
-"""The record of a run as a tape: it answers the calls that were made in it."""
+"""Recorded calls of a run as a tape that answers them again."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Recorded:
     path: Path
     head: Mapping[str, Any]
     rows: tuple[Mapping[str, Any], ...]
-    broken_off: bool  # nobody wrote how it ended
+    broken_off: bool  # without a last line on how it ended
     ended: str | None  # its code, None: done
 
     @property
@@ -51,7 +51,7 @@ def records_of(folder: Path) -> tuple[Path, ...]:
     """Return the records of a run folder, one of every executor that worked on it."""
     try:
         later = [path for path in folder.glob(MORE_CALLS) if _number(path)]
-    except OSError:  # whoever reads the first tells what is wrong with the folder
+    except OSError:  # reading the first one reports what is wrong with the folder
         later = []
     return (folder / CALLS, *sorted(later, key=_number))
 
@@ -162,12 +162,12 @@ class Tape:
         return self._last[name]
 
     def now_s(self) -> float:
-        """Return the recorded time; waits count where it says no more."""
+        """Return the recorded time; waits count where the record has no more."""
         found = self.query(_NOW)
         return _float(found, _NOW) + self._waited_s
 
     def wait(self, seconds: float) -> None:
-        """Let time pass in case the record does not say how much did."""
+        """Let time pass in case the record does not hold how much did."""
         self._waited_s += seconds
 
     def left(self) -> str:
@@ -289,7 +289,7 @@ def _is_row(row: Mapping[str, Any]) -> bool:
 
 
 def _fault_told(raised: Any) -> bool:
-    """Return whether what a device raised is told as it should be."""
+    """Return whether the record of what a device raised is well formed."""
     if raised is None:
         return True
     return isinstance(raised, list) and len(raised) == 2

@@ -1,4 +1,4 @@
-"""The record of a run: every call of a device with its answer, at full precision."""
+"""Recording of a run: every call of a device with its answer, at full precision."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class CallRecorder:
         self._stream, self._frames, self._found = stream, frames, station
         self._lock = threading.RLock()
         self._count = 0
-        self._state: dict[str, Any] = {}  # what the index tells of a frame
+        self._state: dict[str, Any] = {}  # what the index holds of a frame
         self._begun: dict[int, dict[str, Any]] = {}  # calls that have not returned
         self._open = True
         self._write(
@@ -154,7 +154,7 @@ class CallRecorder:
             self._state[kept[name]] = given.get("value")
 
     def _kept(self, frame: Frame, given: Mapping[str, Any]) -> dict[str, Any]:
-        """Keep a frame; return where, and what tells whether it is still the same."""
+        """Keep a frame; return its path and its hash."""
         exposed_s = _number(frame.exposed_s)
         facts = {**self._state, "exposed_s": exposed_s}
         rows = given.get("region")
@@ -205,8 +205,8 @@ class _Noted:
 def plain(value: Any) -> Any:
     """Return dataclasses as JSON data at full precision.
 
-    An infinite limit is left out: JSON has none, and it is what stands for "no limit"
-    where nothing is said.
+    An infinite limit is left out: JSON has none, and it is the default, "no limit",
+    where the key is missing.
     """
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         found = {f.name: getattr(value, f.name) for f in dataclasses.fields(value)}
@@ -246,7 +246,7 @@ def _region(rows: Any) -> Any:
 
 
 def _words(error: BaseException) -> str:
-    """Return what an error says, "" if it cannot."""
+    """Return the message of an error, "" if it has none."""
     try:
         return str(error)
     except Exception:  # noqa: BLE001 - a driver's class may do what it likes

@@ -1,4 +1,4 @@
-"""What an earlier executor left behind: its journal, read back and checked."""
+"""Recovery of an interrupted run: its journal, read back with its checksums."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ class ResumeState:
             self.finished.add(name)
 
     def close(self, done: bool, standing: DriveReadings) -> None:  # noqa: FBT001 - a fact
-        """Note what became of the motion begun last, and where everything stands."""
+        """Note what became of the motion begun last, and the present readings."""
         intent, self.opened, self.standing = self.opened, None, standing
         self.ended, self.code = False, None
         if intent is not None and done:
@@ -86,7 +86,7 @@ class ReadJournal:
 
 
 def read_past(path: Path) -> ReadJournal:
-    """Return what a journal tells; see `past_in`."""
+    """Return the contents of a journal; see `past_in`."""
     try:
         data = path.read_bytes()
     except OSError as error:
@@ -95,10 +95,10 @@ def read_past(path: Path) -> ReadJournal:
 
 
 def past_in(data: bytes, name: str = FILE) -> ReadJournal:
-    """Return what the bytes of a journal tell.
+    """Return the contents of a journal's bytes.
 
     The last line may be torn or damaged: it was not yet on the disk when the executor
-    died, so what it tells of had not begun, or is seen from the readings.
+    died, so what it announces had not begun, or is seen from the readings.
 
     Raises
     ------
@@ -136,7 +136,7 @@ def is_open(folder: Path) -> bool:
     try:
         past = read_past(path).past
     except ExecutorError as error:
-        return error.code != "MP868"  # a damaged one tells of no end
+        return error.code != "MP868"  # a damaged one has no end
     return not past.ended or past.code == "MP860"
 
 

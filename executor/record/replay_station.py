@@ -23,7 +23,7 @@ def tape_station(tape: Tape, *, anyway: bool = False) -> Station:
     Raises
     ------
     ExecutorError
-        MP877 if the record does not say what the station offered.
+        MP877 if the record does not hold what the station offered.
     """
     head = tape.recorded.head
     devices = head.get("devices")
@@ -64,7 +64,7 @@ class _TapeDevice:
         return str(self._tape.recorded.folder)
 
     def moving(self) -> bool:
-        """Return what the device said of itself."""
+        """Return whether the device reported motion."""
         return bool(self._tape.query(f"{self._name}.moving"))
 
     def stop(self) -> None:

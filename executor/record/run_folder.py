@@ -23,7 +23,7 @@ from microplan.executor.record.write_ahead_log import FILE, FileStore, WriteAhea
 if sys.platform == "win32":  # pragma: no cover - there is no fcntl
     import msvcrt
 
-    _FAR = 1 << 20  # a byte that nobody writes: what is locked cannot be read there
+    _FAR = 1 << 20  # a byte that is never written: what is locked cannot be read there
 
     def _take(number: int) -> None:
         os.lseek(number, _FAR, os.SEEK_SET)
@@ -69,7 +69,7 @@ def held(path: Path, what: str) -> Iterator[None]:
 
 
 def _write(number: int, text: str) -> None:
-    """Put the holder's name into the file; a disk that is full keeps nobody out."""
+    """Put the holder's name into the file; a full disk is no obstacle."""
     with suppress(OSError):
         os.ftruncate(number, 0)
         os.lseek(number, 0, os.SEEK_SET)
@@ -77,7 +77,7 @@ def _write(number: int, text: str) -> None:
 
 
 def _holder(path: Path) -> str:
-    """Return who holds a lock, as far as its file tells."""
+    """Return the holder of a lock, as far as its file has it."""
     try:
         return path.read_text(encoding="utf-8").strip() or "another process"
     except (OSError, UnicodeDecodeError):

@@ -1,4 +1,4 @@
-"""Logs of a run: what is about to be done, on disk before it begins; what was done.
+"""Write-ahead log of a run: each motion is on disk before it begins.
 
 One JSON object a line, with a number and a checksum that hangs on the line before.
 `docs/journal.md` lists the kinds of lines.
@@ -132,7 +132,7 @@ class FileStore:
     def append(self, line: bytes) -> None:
         """Write a line and wait until the disk has it."""
         left = memoryview(line)
-        while left:  # a disk that fills takes part of it and says so afterwards
+        while left:  # a disk that fills takes part of it and fails afterwards
             left = left[os.write(self._file, left) :]
         self._sync(self._file)
 
@@ -179,7 +179,7 @@ class WriteAheadLog:
 
     Parameters
     ----------
-    store : Store or None
+    store : LogStore or None
         Where lines go.
     seq, chain : int
         Number and checksum of the last line that is there.
@@ -198,7 +198,7 @@ class WriteAheadLog:
         Parameters
         ----------
         kind : str
-            What the line tells.
+            What the line holds.
         details
             JSON data or frozen dataclasses; numbers are kept exactly.
 

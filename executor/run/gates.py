@@ -1,4 +1,4 @@
-"""What an answer must meet to be accepted: score, spread, place and angle."""
+"""Gates of a measurement: limits of score, standard deviation, position, angle."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def gates_of(
         How the feature is measured.
     score, spread_um : float
         The routine's own.
-    seen : Seen
+    seen : SeenFeature
         Where it was found.
     expected : Pose
         Where the look's target is expected, world.

@@ -1,4 +1,4 @@
-"""How an image follows the axes: a matrix by least squares, and what it must be."""
+"""Image Jacobian: how an image follows the axes, by least squares, with its limits."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from microplan.schemas.plan import Look
 
 LIMIT = 4.5  # sigmas: of eight numbers one is beyond it in 20 000 probes
 
-# what a matrix near one of these means; the other four signs are the turns
+# what a matrix near one of these means; the other four signs are the rotations
 _TWISTS: dict[tuple[int, int, int, int], str] = {
     (-1, 0, 0, 1): "x is mirrored: a mirrored camera, or x of the axes is reversed",
     (1, 0, 0, -1): "y is mirrored: a mirrored camera, or y of the axes is reversed",
@@ -29,7 +29,7 @@ _TWISTS: dict[tuple[int, int, int, int], str] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Followed:
-    """How the image follows the axes, over what the calibration says: 1 is right."""
+    """Measured image Jacobian over the calibrated one: the identity is right."""
 
     matrix: FloatArray  # (2, 2), a move of the axes to one of the image
     sigma: FloatArray  # (2, 2), one standard deviation of each number
@@ -38,14 +38,14 @@ class Followed:
 def followed(
     readings: Sequence[Point], places: Sequence[Point], sigma_um: float
 ) -> Followed:
-    """Return the matrix from moves to places by least squares, and its spread.
+    """Return the (2, 2) matrix from moves to positions by least squares, with sigma.
 
     Parameters
     ----------
     readings, places : (N, 2) sequence of float
         um; N >= 3, not on one line.
     sigma_um : float
-        Of each place per axis, the axes' landing included.
+        Of each position per axis, the axes' landing included.
     """
     moves, seen = np.array(readings), np.array(places)
     moves, seen = moves - moves.mean(axis=0), seen - seen.mean(axis=0)
@@ -55,7 +55,7 @@ def followed(
 
 
 def check_directions(found: Followed, look: Look) -> None:
-    """Raise MP833 unless the image goes the way of the axes."""
+    """Raise MP833 unless the image goes in the direction of the axes."""
     flat = found.matrix.ravel()
     nearest = min(
         ((1, 0, 0, 1), *_TWISTS), key=lambda twist: float(np.hypot.reduce(flat - twist))
@@ -89,7 +89,7 @@ def check_scale(found: Followed, look: Look) -> None:
 
 
 def check_turn(told_rad: float, seen_rad: float, sigma_rad: float, look: Look) -> None:
-    """Raise MP833 unless the image turns as the axes were told to."""
+    """Raise MP833 unless the image rotates as the axes were ordered to."""
     apart_rad = abs(math.remainder(seen_rad - told_rad, math.tau))
     if not apart_rad <= ALIGNED * abs(told_rad) + LIMIT * sigma_rad:
         told, seen = math.degrees(told_rad), math.degrees(seen_rad)

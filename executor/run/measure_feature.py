@@ -1,4 +1,4 @@
-"""One feature of a look: routines on the image, gates, bias, pixels to um."""
+"""Measurement of one feature of a look: routines, gates, bias, pixels to um."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from microplan.schemas.pose import Pose
 
 
 class Eye(Protocol):
-    """What measuring a picture needs: a rig, or what stands for one."""
+    """What measuring a picture needs: a rig, or a viewer of pictures."""
 
     artifacts: Artifacts
 
@@ -43,7 +43,7 @@ class Picture:
     believed: Believed | None  # the part's angle, None if nothing is known of it
     dz_um: float  # of the focus from the look's own
     near: WarmStart | None = None  # what a look just before found, a correction ago
-    trusted: bool = True  # whether what is expected says where to begin
+    trusted: bool = True  # whether to begin at what is expected
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,7 +54,7 @@ class ShownFeature:
     score: float
     spread_um: float  # the routine's own estimate, one sigma per axis
     routines: tuple[str, ...]
-    pixels: Measurement  # what the last of them said, in the look's region
+    pixels: Measurement  # measured by the last of them, in the look's region
 
     @property
     def found(self) -> FoundFeature:
@@ -115,9 +115,9 @@ def _between(curve: Sequence[BiasAt], dz_um: float) -> tuple[float, float]:
 
 
 def spare(measure: Measure) -> Measure:
-    """Return how the fallback measures: with that chain's bias, spread and gate.
+    """Return how the fallback measures: with that chain's bias, sigma and gate.
 
-    The spread's gate and the bias through focus are the first chain's own.
+    The gate of sigma and the bias through focus are the first chain's own.
     """
     gates = replace(
         measure.gates, min_score=measure.fallback_min_score, max_spread_um=None
@@ -145,7 +145,7 @@ def _accepted(
 def measured(
     rig: Eye, look: Look, measure: Measure, uses: Sequence[RoutineUse], picture: Picture
 ) -> ShownFeature:
-    """Return what one chain answers, whatever the gates say of it.
+    """Return the answer of one chain, before any gate.
 
     It starts where the feature is believed to be, not where the plan's own picture has
     it: tools land elsewhere, and what is aligned to them goes along. Where the belief
@@ -209,7 +209,7 @@ def _answer(
     start: Guess,
     picture: Picture,
 ) -> ShownFeature:
-    """Return what routines find from `start`, whatever the gates say of it."""
+    """Return what routines find from `start`, before any gate."""
     name = measure.feature or look.target
     try:
         found = answer_of(picture.image, stages, start)
@@ -230,7 +230,7 @@ def _answer(
 def _shown(
     rig: Eye, look: Look, measure: Measure, found: Measurement, picture: Picture
 ) -> ShownFeature:
-    """Turn pixels into um and take off the mean error that the trials showed.
+    """Convert pixels to um and subtract the mean error that the trials showed.
 
     That error is fixed in the part's frame: at an unknown angle it stays.
     """
@@ -263,7 +263,7 @@ def _shown(
 def _pass_gates(
     name: str, measure: Measure, shown: ShownFeature, picture: Picture
 ) -> None:
-    """Raise unless score, spread, place and angle are what they should be."""
+    """Raise unless score, sigma, position and angle pass their gates."""
     for gate in gates_of(
         measure, shown.score, shown.spread_um, shown.seen, picture.expected
     ):

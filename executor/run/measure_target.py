@@ -1,4 +1,4 @@
-"""One look: set the view, grab the region, measure its features, join them."""
+"""Measurement of a look's target: view, frame, features, fusion."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def look_at(
         How often a failure's code, or the routine's own, may be tried again. Every
         try takes the view's next focus stop, and each stop is tried once at least.
         Features that one stop shows and the next does not still count.
-    near : Near, optional
+    near : WarmStart, optional
         What the same look has found, if a correction is all that happened since: the
         first try starts there.
     trusted : bool, optional
@@ -112,7 +112,7 @@ def look_near(
     on_failure: Sequence[OnFailure] = (),
     seeing: Seeing = look_at,
 ) -> TargetSighting:
-    """Measure a look's target, coarsely first and brought near where the plan says so.
+    """Measure a look's target, coarsely first and brought near if the plan has it so.
 
     `seeing` is how each look is made.
 
@@ -150,7 +150,7 @@ def look_near(
 
 
 def to_unit(counts: Counts, bits: int) -> FloatArray:
-    """Return counts as 0..1 of full scale, float64."""
+    """Return (rows, columns) counts as 0..1 of full scale, float64."""
     unit: FloatArray = counts / float(2**bits - 1)
     return unit
 
@@ -163,7 +163,7 @@ def _lit(image: FloatArray) -> str:
 
 
 def _searched(rig: Rig, look: Look) -> str:
-    """Return where a target was looked for: it may stand beyond."""
+    """Return where a target was looked for: it may be beyond."""
     at = rig.beliefs.world(look.target, rig.readings())
     return (
         f"it is looked for within {look.measure.capture_um:.3g} um of "

@@ -1,4 +1,4 @@
-"""Probes: small known moves, within limits, that show how the image follows the axes.
+"""Probes: small known moves that measure how the image follows the axes.
 
 Made at the first look after every zoom change, before any motion that depends on it.
 """
@@ -48,7 +48,7 @@ def steers_angle(rig: Rig, axes: AxesName) -> bool:
 def axis_sigma_um(rig: Rig, axes: AxesName) -> float:
     """Return one sigma per axis of where an axis group lands.
 
-    As the plan tells; else the most that its alignments' tolerances allow.
+    As the plan states; else the most that its alignments' tolerances allow.
     """
     told = rig.plan.requirements.repeatability_um
     if told is not None and axes in told:
@@ -67,7 +67,7 @@ def in_the_way(rig: Rig, look: Look, move: AxisMove) -> str:
     """Return what forbids a probe's move, "" if nothing does.
 
     Besides limits and steps a probe stays clear of everything by CLEAR sigmas, also of
-    what it is meant to touch later. Where the plan tells no room, nothing may be held
+    what it is meant to touch later. Where the plan has no volumes, nothing may be held
     and the tool must be out of view.
     """
     axes = move.axes
@@ -101,12 +101,12 @@ def _near_tool(rig: Rig, look: Look) -> str:
 
 LEAST_UM = 3.0  # a first move: what any stage can do and any eye can see
 WANTED = 10.0  # sigmas of a first move's own scatter: what it is to be
-ENOUGH = 5.0  # what it must be: a wrong direction is then told from a right one
+ENOUGH = 5.0  # what it must be: a wrong direction is then distinct from a right one
 REACH = 0.7  # of the look's capture range: trials succeed there as they do inside
 MOST_UM = 100.0  # beyond, lens distortion and lean of the axes come in
-LEAST_RAD = math.radians(1.0)  # of a turn, as LEAST_UM
+LEAST_RAD = math.radians(1.0)  # of a rotation, as LEAST_UM
 MOST_RAD = math.radians(8.0)  # less than half a tooth of 20 deg
-DECIMALS = 1  # of the places that a probe goes to, um
+DECIMALS = 1  # of the positions that a probe goes to, um
 
 
 @dataclass(slots=True)
@@ -129,7 +129,7 @@ class _ProbeState:
     rig: Rig
     look: Look
     axes: AxesName  # that carry the look's target
-    sigma_um: float  # of a place per axis, the axes' landing included
+    sigma_um: float  # of a position per axis, the axes' landing included
     on_failure: tuple[OnFailure, ...]
     track: ProbeTrack = field(default_factory=ProbeTrack)
 
@@ -148,7 +148,7 @@ def look_probed(
     Raises
     ------
     ExecutorError
-        As `look_at`; MP833 if the image goes another way than the axes, MP834 if it is
+        As `look_at`; MP833 if the image does not go as the axes, MP834 if it is
         out of scale, MP835 if the target is lost by the first moves.
     """
     seen = look_at(rig, look, on_failure, near=near)
@@ -167,8 +167,8 @@ def probe(
 ) -> str:
     """Move what carries the target in x and y, look after each, and go back.
 
-    Two short moves tell the directions. Then four places around the look's own, as far
-    as it is sure to find the target, tell the scale.
+    Two short moves show the directions. Then four positions around the look's own,
+    as far as it is sure to find the target, show the scale.
 
     Returns
     -------
@@ -217,7 +217,7 @@ def _job(rig: Rig, look: Look, on_failure: Sequence[OnFailure]) -> _ProbeState:
 
 
 def _inward(look: Look, seen: TargetSighting) -> Point:
-    """Return the way from where a target is to the middle of its look's range.
+    """Return the vector from a target to the middle of its look's range, um.
 
     Rounded, so that the noise of a look does not change what is ordered.
     """
@@ -234,7 +234,7 @@ def _step(job: _ProbeState, place: Point) -> None:
 
 
 def _reach_out(job: _ProbeState, middle: Point, reach_um: float) -> None:
-    """Look from four places about a middle, as far as nothing is in the way."""
+    """Look from four positions about a middle, those without a collision."""
     for place in _around(middle, reach_um):
         if in_the_way(job.rig, job.look, _to(job.axes, place)):
             continue
@@ -291,7 +291,7 @@ def _moved(job: _ProbeState, move: AxisMove) -> TargetSighting:
 
 
 def _probe_turn(job: _ProbeState, theta_rad: float) -> None:
-    """Turn a little about the target, look, and turn back."""
+    """Rotate a little about the target, look, and rotate back."""
     rig, look, axes = job.rig, job.look, job.axes
     sigma_rad = math.sqrt(2) * (look.sigma_theta_rad or 0.0)
     gate_rad = look.measure.gates.max_turn_rad
@@ -322,11 +322,11 @@ def _to(axes: AxesName, place: Point) -> AxisMove:
 
 
 def _toward(way_um: float, step_um: float) -> float:
-    """Return a step with the sign of a way; up where there is none to go."""
+    """Return a step with the sign of a distance; positive for 0."""
     return -step_um if way_um < 0 else step_um
 
 
 def _around(middle: Point, reach_um: float) -> Iterator[Point]:
-    """Yield four places about a middle, each axis from end to end."""
+    """Yield four positions about a middle, each axis from end to end, um."""
     for dx, dy in ((1, 0), (-1, 0), (0, 1), (0, -1)):
         yield middle[0] + dx * reach_um, middle[1] + dy * reach_um

@@ -1,4 +1,4 @@
-"""Take up a run that another executor left: sense where all stands, and decide."""
+"""Resumption of a run that another executor left: read the devices, decide, go on."""
 
 from __future__ import annotations
 
@@ -31,23 +31,23 @@ def take_up(rig: Rig, past: ResumeState, ask: Ask | None = None) -> None:
     """Make a rig ready to go on where another executor was.
 
     Everything is stopped first, then read, and nothing moves until it is clear how far
-    the last motion went. What `decide` says goes into the journal.
+    the last motion went. The decision goes into the journal.
 
     Parameters
     ----------
     rig : Rig
         Of the same plan and station; `run_plan` goes on with it.
-    past : Past
-        What the journal tells.
+    past : ResumeState
+        The state by the journal.
     ask : callable or None
-        Put a question to the operator and return whether to go on; None where nobody
-        can be asked.
+        Put a question to the operator and return whether to go on; None without
+        an operator.
 
     Raises
     ------
     ExecutorError
         MP841 or MP845 if something cannot be stopped; MP864 if an irreversible motion
-        is half done and nobody says that it may go on; MP865 if the station is not
+        is half done and no operator lets it go on; MP865 if the station is not
         where the journal left it; codes of readings.
     """
     rig.motion.rest(rig.station)
@@ -73,17 +73,17 @@ def decide(past: ResumeState, now: DriveReadings, rules: Rules) -> Was:
 
     Parameters
     ----------
-    past : Past
-        What the journal tells; without an open motion all must stand where it did.
-    now : Standing
+    past : ResumeState
+        The state by the journal; without an open motion all must be where it was.
+    now : DriveReadings
         What the devices read.
     rules : Rules
-        Windows: one for where a device stood, one for where it stands.
+        Windows: one for the reading before, one for the reading now.
 
     Raises
     ------
     ExecutorError
-        MP865 if something stands elsewhere.
+        MP865 if something is elsewhere.
     """
     intent = past.opened
     before = past.standing if intent is None else intent.before

@@ -1,4 +1,4 @@
-"""Runs a plan: the moves of each step, then its action, until done or a fault."""
+"""Execution of a plan: each step's moves, then its action, until done or a fault."""
 
 from __future__ import annotations
 
@@ -35,18 +35,18 @@ IN_THE_WAY = "MP836"
 def insert(rig: Rig, action: InsertAction, retreat: Sequence[AxisMove]) -> None:
     """Make an insertion's moves; if one of them is refused, go back by the others.
 
-    Only what keep-out refuses is gone back from, while every device does as it is told.
+    Only what keep-out refuses is gone back from, while every device does as ordered.
     After any other fault the axes stay where they are. The jaws never move.
 
     Parameters
     ----------
     retreat : sequence of AxisMove
-        The way back from the last move to the first; () to stay.
+        The moves back, from the last to the first; () to stay.
 
     Raises
     ------
     ExecutorError
-        Of the move that failed; MP836 if it was in the way, also after the way back.
+        Of the move that failed; MP836 if it would collide, also after the return.
     """
     rig.phase = "insert"
     for made, move in enumerate(action.moves):
@@ -64,7 +64,7 @@ def name_of(number: int) -> str:
 
 
 def _go_back(rig: Rig, moves: Sequence[AxisMove], why: ExecutorError) -> None:
-    """Undo the moves that were made, as far as nothing is in the way."""
+    """Undo the moves that were made, until one would collide."""
     rig.journal.write("retreat", why=str(why), moves=len(moves))
     rig.phase = "retreat"
     for left, move in enumerate(moves, start=1):
@@ -120,7 +120,7 @@ def run_plan(rig: Rig) -> RunResult:
     rig.frames.leave()
     rig.journal.enter("")
     own_s = _since_s(rig, began_s)
-    if own_s is None:  # the steps have told theirs
+    if own_s is None:  # the steps have their own
         own_s = sum(result.time_s for result in results[finished:])
     time_s = before_s + own_s
     return _noted(rig, _result(rig, results, time_s))
@@ -158,7 +158,7 @@ def acts_unverified(plan: Plan) -> bool:
 
 
 def _run_step(rig: Rig, step: Step) -> StepResult:
-    """Run one step and say how it went."""
+    """Run one step and return its result."""
     began_s: float | None = None
     try:
         began_s = rig.worked_s()
@@ -179,7 +179,7 @@ def _run_step(rig: Rig, step: Step) -> StepResult:
     except ExecutorError as error:
         rig.motion.halt(rig.station, error)
         code, message = error.code, error.message
-        with suppress(ExecutorError):  # a full disk is told already
+        with suppress(ExecutorError):  # a full disk is reported already
             rig.journal.write("failed", code=code, why=message)
         time_s = _since_s(rig, began_s) or 0.0
         return _step_result(rig, step, _Outcome(), code, message, time_s)
@@ -242,7 +242,7 @@ def _act(rig: Rig, step: Step) -> _Outcome:
 
 
 def _align(rig: Rig, step: Step, action: AlignAction) -> _Outcome:
-    """Align as the step's control says."""
+    """Align by the step's control."""
     if step.control is None:
         raise ExecutorError("MP802", f"step {step.id} aligns without a control")
     look = _look(step, action.look)
@@ -270,7 +270,7 @@ def _step_result(
     message: str,
     time_s: float,
 ) -> StepResult:
-    """Set what happened beside what was predicted."""
+    """Return the step's result: what happened, with what was predicted."""
     control, action = step.control, step.action
     limit_um = None if control is None else control.tolerance_xy_um
     if isinstance(action, VerifyAction):
@@ -294,7 +294,7 @@ def _step_result(
 
 
 def _expected_sigma_um(step: Step) -> float | None:
-    """Return the spread that the trials promise of a step's own look."""
+    """Return the standard deviation of a step's own look by the trials, um."""
     action = step.action
     match action:
         case LocateAction() | AlignAction() | VerifyAction():

@@ -1,4 +1,4 @@
-"""Plan, devices, beliefs and log, held together while a plan runs."""
+"""Context of a running plan: devices, beliefs, logs, progress."""
 
 from __future__ import annotations
 
@@ -39,9 +39,9 @@ from microplan.schemas.plan import AxisMove, Look, Plan, Region, View
 class Rig:
     """What every phase of a run works on; `view` is what the lens is set to.
 
-    `watch` is told of every accepted sighting: a simulated cell compares it with the
-    truth. `on_step` is told of every step: a simulated cell begins and ends its faults.
-    Nothing in a run depends on either. `gate` is told what comes next, before every
+    `watch` gets every accepted sighting: a simulated cell compares it with the
+    truth. `on_step` gets every step: a simulated cell begins and ends its faults.
+    Nothing in a run depends on either. `gate` is shown what comes next, before every
     step and before what cannot be undone; it may wait, or raise MP860.
     """
 
@@ -53,7 +53,7 @@ class Rig:
     frames: Frames
     view: View | None = None
     watch: Callable[[str, float, float], None] | None = None  # target, x um, y um
-    on_step: Callable[[str], None] | None = None  # told of every step that begins
+    on_step: Callable[[str], None] | None = None  # called with every step that begins
     gate: Callable[[str], None] | None = None
     waited_s: float = 0.0  # at the gate, no part of the work
     motion: Motion = field(default_factory=Motion)
@@ -76,7 +76,7 @@ class Rig:
         )
 
     def announce(self, what: str) -> None:
-        """Say what comes next, and go on when the gate lets it."""
+        """Show what comes next, and go on when the gate lets it."""
         if self.gate is None:
             return
         began_s = self.station.clock.now_s()
@@ -133,7 +133,7 @@ class Rig:
         """Move one axis group and note it; what it would hit is refused before.
 
         A motion with a name is not made again if an earlier executor finished it; one
-        that it left on the way goes on to where it was meant to go.
+        that it left under way goes on to where it was meant to go.
         """
         if name in self.past.finished:
             return
@@ -227,7 +227,7 @@ class Rig:
         """Return a frame of `region`, and note it with the look it is for.
 
         Where frames are kept for the record the whole frame is taken and the region
-        cut out of it, unless `keep` says that nobody wants to see it.
+        cut out of it, unless `keep` is False.
 
         Raises
         ------
@@ -236,7 +236,7 @@ class Rig:
         """
         whole = region is None or (keep and self.frames.wanted)
         if self.frames.wanted:
-            self.readings()  # the index tells where the axes were
+            self.readings()  # the index holds the readings of the axes
         self.journal.write("grab", look=look, region=region)
         self.frames.expect(look, region)
         counts = self._checked(None if whole else region)

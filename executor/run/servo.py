@@ -115,7 +115,7 @@ class _Watch:
 
 
 def approach(rig: Rig, action: AlignAction, control: Control) -> None:
-    """Go where the beliefs say, one entry of the path after the other."""
+    """Go where the beliefs are, one entry of the path after the other."""
     final = correction(rig, action, control, 1.0)
     for number, axes in enumerate(action.path):
         rig.move(
@@ -132,9 +132,9 @@ def approach(rig: Rig, action: AlignAction, control: Control) -> None:
 def correction(
     rig: Rig, action: AlignAction, control: Control, gain: float
 ) -> AxisMove:
-    """Return the readings that take the target `gain` of the way to its goal.
+    """Return the readings that take the target `gain` times the distance to its goal.
 
-    A turn about the axis is made up for in x and y by the same move.
+    A rotation about the axis is compensated in x and y by the same move.
     """
     readings = rig.readings()
     here = rig.beliefs.world(action.target, readings)
@@ -158,7 +158,7 @@ def _standing(rig: Rig, action: AlignAction) -> AxisMove:
 
 
 def _error(rig: Rig, action: AlignAction) -> tuple[float, float]:
-    """Return distance (um) and turn (rad) from the measured target to its goal."""
+    """Return distance (um) and rotation (rad) from the measured target to its goal."""
     readings = rig.readings()
     here = rig.beliefs.world(action.target, readings)
     goal = rig.beliefs.world(action.to, readings)

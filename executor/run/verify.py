@@ -1,4 +1,4 @@
-"""Verification: offset, height and an empty tool; each of them can say no."""
+"""Verification of a seated part: offset, rotation, height, an empty tool."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def verify(
     ------
     ExecutorError
         MP802 if the plan names a look that the step has not; MP850 if part or seat is
-        not found, MP851 for the offset, MP856 for the turn, MP852 and MP853 for the
+        not found, MP851 for the offset, MP856 for the rotation, MP852 and MP853 for the
         height, MP854 if the tool may still hold something.
     """
     by_id = {look.id: look for look in looks}
@@ -82,7 +82,7 @@ def _find(rig: Rig, look: Look, on_failure: Sequence[OnFailure]) -> TargetSighti
 def check_turn(
     action: VerifyAction, within_rad: float, part: TargetSighting, seat: TargetSighting
 ) -> float:
-    """Return how far the part is turned against its seat, rad."""
+    """Return the rotation of the part against its seat, rad."""
     if part.theta_rad is None or seat.theta_rad is None:
         blind = part if part.theta_rad is None else seat
         raise ExecutorError("MP824", f"the look at {blind.target} gives no angle")
@@ -112,7 +112,7 @@ def _check_height(
 
 
 def _check_empty(rig: Rig, tool: str) -> None:
-    """Raise unless the tool holds nothing, as far as anything can tell.
+    """Raise unless the tool holds nothing, as far as that can be known.
 
     The part was just found on its seat, so it is not in the jaws; what is left is that
     the record agrees, and that the tool is out of the picture in which it was found.

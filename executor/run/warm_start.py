@@ -1,4 +1,4 @@
-"""Where features must be after a correction, and the routine that starts there."""
+"""Warm start of a look: where features must be after a correction."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class WarmStart:
     """What the look before found, and how well the move since is known."""
 
     features: Mapping[str, FoundFeature]
-    sigma_um: float  # of a feature's place now, per axis
+    sigma_um: float  # of a feature's position now, per axis
 
 
 def nearest_routine(
@@ -58,10 +58,10 @@ def guess_from(
 
     Parameters
     ----------
-    before : Found
+    before : FoundFeature
         What the look before found.
     now_px, then_px : (column, row)
-        Of the feature's believed place now, and of the place that it was found at:
+        Of the feature's believed position now, and of the one that it was found at:
         they differ from its pixels by the routine's mean error.
     theta_rad : float
         The angle that it must have now; used if the look before measured one.

@@ -1,4 +1,4 @@
-"""Lens and jaws of a controller on a serial line, as a hub of a station file."""
+"""Driver of a controller on a serial line (lens, jaws), as a hub of a station file."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Controller:
     OSError
         If the port cannot be opened.
     ExecutorError
-        MP844 if nobody answers.
+        MP844 if there is no answer.
     ValueError
         If an option makes no sense, or the answer to `id` is not two words.
     """

@@ -1,4 +1,4 @@
-"""Stage and robot of the simulated cell: every axis lands with a new error."""
+"""Axis groups of the simulated cell: every axis lands with a new error."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from microplan.executor.simulated.truth import AxisState
 
 STEP_UM = {"x_um": 4.0, "y_um": 4.0, "z_um": 1.0}  # between contact tests
 STEP_RAD = 0.02  # 2 um at 100 um from the axis
-SLIP = 0.1  # of the way: how far an axis that slips moves along
+SLIP = 0.1  # of the distance: how far an axis that slips moves along
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,7 +26,7 @@ class DriveError:
 
     quantum_um: float = 0.0  # targets and readings are multiples of it
     quantum_rad: float = 0.0
-    backlash_um: float = 0.0  # lost on x, y and z when the direction turns
+    backlash_um: float = 0.0  # lost on x, y and z when the direction reverses
     lag_s: float = 0.0  # the reading follows so much later
 
     def rounded(self, axis: str, value: float) -> float:
@@ -35,7 +35,7 @@ class DriveError:
         return quantum * round(value / quantum) if quantum else value
 
     def slack(self, axis: str, way: float) -> float:
-        """Return how far the axis stays behind after a motion of `way`, um."""
+        """Return how far the axis stays behind after a motion by `way`, um."""
         if axis == "theta_rad" or not way:
             return 0.0
         return -math.copysign(self.backlash_um / 2, way)
@@ -43,12 +43,12 @@ class DriveError:
 
 @dataclass(slots=True, kw_only=True)
 class _Motion:
-    """One motion in small steps, from old to new commands and true places."""
+    """One motion in small steps, from old to new commands and true positions."""
 
     began_s: float
     seconds: float
     count: int
-    old: dict[str, tuple[float, float, float]]  # command, true place, error
+    old: dict[str, tuple[float, float, float]]  # command, true position, error
     new: dict[str, tuple[float, float, float]]
     taken: int = 0
     halt: int | None = None  # the step after which nothing more happens
@@ -143,7 +143,7 @@ class SimAxes:
             self._timeline.changed()
 
     def state(self) -> dict[str, Any]:
-        """Return commands, true places, errors and the motion under way."""
+        """Return commands, true positions, errors and the motion under way."""
         now, motion = self._state, self._motion
         return {
             "commanded": now.commanded,
@@ -231,7 +231,7 @@ class SimAxes:
         )
 
     def _backwards(self) -> bool:
-        """Return whether x truly goes the other way."""
+        """Return whether x truly goes in the other direction."""
         return self._name == "stage" and self._trouble.faults.on("reversed_axis")
 
     def _slip(
@@ -239,7 +239,7 @@ class SimAxes:
         old: dict[str, tuple[float, float, float]],
         new: dict[str, tuple[float, float, float]],
     ) -> None:
-        """Take an axis along that was not told to move."""
+        """Take an axis along that was not ordered to move."""
         axis = next(name for name in AXES if name not in new)
         way = max(abs(new[a][0] - old[a][0]) for a in new)
         state = self._state

@@ -1,4 +1,4 @@
-"""The simulated microscope: what the true world looks like, with noise."""
+"""Camera of the simulated cell: images of its true world, with noise."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from microplan.schemas.files.world import WorldOptics
 from microplan.schemas.plan import Region
 from microplan.schemas.pose import Pose
 
-# Another blur law than the compiler's: it is not the cell's judge.
+# Another defocus model than the compiler's: the cell must not share its mistakes.
 BLUR_LAW = "stokseth"
 SCALED = 1.1  # the magnification of a camera with the fault `scale_camera`
 UNEVEN = (0.6, 0.4)  # relative change of light across the field, `uneven_light`

@@ -1,4 +1,4 @@
-"""Build a simulated cell from world.json: its truth and the devices that work on it."""
+"""Assembly of a simulated cell from world.json: its truth, its devices."""
 
 from __future__ import annotations
 
@@ -54,8 +54,8 @@ class Cell:
 
         By true pose and height: the underside on the face of the seat's part, the tool
         has let go, and the hole is around the post; where the seat is a round hole, the
-        target's own place is within `within_um` of its middle. Where `within_rad` is
-        stated, the part is turned no farther against the seat's part.
+        target's own position is within `within_um` of its middle. Where `within_rad` is
+        stated, the part is rotated no farther against the seat's part.
 
         Raises
         ------
@@ -102,7 +102,7 @@ def build_cell(
         Root of all the cell's random numbers.
     faults : iterable of str
         Names of `microplan.executor.simulated.faults.FAULTS`, or NAME@STEP.
-    drives : mapping of str to Drive
+    drives : mapping of str to DriveError
         By "stage" and "robot"; a drive that is left out is where it reads.
     """
     rng, made = _generators(seed), drives or {}

@@ -1,4 +1,4 @@
-"""Faults of the simulated cell by name: what happens, and in which step."""
+"""Faults of the simulated cell by name: what happens, in which step."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class Faults:
                 raise ValueError(f"{entry!r} names a step: {name} lasts the whole run")
 
     def enter(self, step: str) -> None:
-        """Say which step runs now."""
+        """Note which step runs now."""
         self._step = step
 
     def on(self, name: str) -> bool:

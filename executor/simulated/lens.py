@@ -1,4 +1,4 @@
-"""The lens of the simulated cell: zoom and focus, each move a little off."""
+"""Lens of the simulated cell: zoom, focus, a new error after each move."""
 
 from __future__ import annotations
 

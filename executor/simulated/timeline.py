@@ -1,4 +1,4 @@
-"""The simulated cell's time: it runs while it is waited for, and everything with it."""
+"""Time of the simulated cell: processes advance while it is waited for."""
 
 from __future__ import annotations
 

@@ -55,7 +55,7 @@ def made_truth(
 
 
 def _axis(spec: WorldAxes, rng: np.random.Generator) -> AxisState:
-    """Return an axis group at its start, where it stands with an error already."""
+    """Return an axis group at its start, with a first landing error."""
     start = {name: float(getattr(spec.start, name) or 0.0) for name in AXES}
     x, y, z, theta = rng.standard_normal(4)
     error = {
@@ -151,7 +151,7 @@ class TrueBody:
     carrier: AxesName
     pose: Pose  # in the carrier's frame
     z_um: float  # underside above the carrier: stage surface, or the fingers' underside
-    on_post: str = ""  # the post that stands in one of its holes
+    on_post: str = ""  # the post that is in one of its holes
 
 
 @dataclass(slots=True, kw_only=True)

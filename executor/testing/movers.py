@@ -1,4 +1,4 @@
-"""Checks of everything that moves: axes, jaws, zoom and focus."""
+"""Conformance checks of everything that moves: axes, jaws, zoom, focus."""
 
 from __future__ import annotations
 
@@ -157,7 +157,7 @@ def _stop_from_another_thread(kind: _Kind, device: Any, bench: Bench) -> None:
     def stop() -> None:
         try:
             device.stop()
-        except BaseException as error:  # noqa: BLE001 - told by the main thread
+        except BaseException as error:  # noqa: BLE001 - reported by the main thread
             wrong.append(error)
 
     def elsewhere() -> None:
