@@ -112,7 +112,7 @@ def predicted_s(control: Control, looks: float | None = None) -> float:
 def _figures(step: Step, runs: Sequence[RunFolderSummary]) -> list[Figure]:
     """Return a step's numbers over the runs that did it."""
     rows = [row for run in runs if (row := run.step(step.id)) is not None]
-    sigma_um, limit_um = _told(rows, "expected_sigma_um"), _told(rows, "limit_um")
+    sigma_um, limit_um = _first(rows, "expected_sigma_um"), _first(rows, "limit_um")
     control = step.control
     cycles = None if control is None else control.expected_cycles
     time_s = None if control is None else predicted_s(control)
@@ -279,6 +279,6 @@ def _values(rows: Iterable[Mapping[str, Any]], key: str) -> list[float]:
     return [float(row[key]) for row in rows if row.get(key) is not None]
 
 
-def _told(rows: Iterable[Mapping[str, Any]], key: str) -> float | None:
+def _first(rows: Iterable[Mapping[str, Any]], key: str) -> float | None:
     """Return the first number that is there."""
     return next(iter(_values(rows, key)), None)

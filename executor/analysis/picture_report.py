@@ -91,7 +91,8 @@ def report_text(
         if not f.found:
             lines.append(f"{f.name}: {CODES[str(f.code)][0]} [{f.code}]: {f.why}")
         if f.spare_used:
-            lines.append(f"{f.name}: the fallback found it; {_first_fault(f)}")
+            fault = next(a.why for a in f.attempts if a.code is not None)
+            lines.append(f"{f.name}: the fallback found it; {fault}")
         if f.looks is not None and f.looks.words:
             lines.append(f"{f.name}: {'; '.join(f.looks.words)}")
         if f.hint:
@@ -134,20 +135,15 @@ def _turns(turns: Sequence[float], sigma_rad: float) -> MeasuredScatter:
     return spread(sum((t - about) ** 2 for t in off), len(turns) - 1, sigma_rad)
 
 
-def _told(finding: Finding) -> Attempt | None:
+def _counted(finding: Finding) -> Attempt | None:
     """Return the attempt that counts: the first accepted, else the first made."""
     good = [a for a in finding.attempts if a.code is None]
     return next(iter(good or finding.attempts), None)
 
 
-def _first_fault(finding: Finding) -> str:
-    """Return why the first chain was refused."""
-    return next(a.why for a in finding.attempts if a.code is not None)
-
-
 def _row(finding: Finding, um_per_px: float) -> tuple[str, ...]:
     """Return the cells of one picture."""
-    attempt = _told(finding)
+    attempt = _counted(finding)
     gates = {g.name: g for g in attempt.gates} if attempt is not None else {}
     spread_um = gates.get("spread")
     px = "" if spread_um is None else f" ({spread_um.value / um_per_px:.3f})"

@@ -88,21 +88,23 @@ class Ended:
     idle_faults: tuple[str, ...] | None = ()  # met by nothing; None: not known
 
 
-def told(ended: Ended) -> str:
+def result_text(ended: Ended) -> str:
     """Return the run's table, and the faults that were asked for."""
     words = table(ended.result, ended.errors_um)
     faults = injected(ended.faults, ended.idle_faults)
     return f"{words}\ninjected faults: {faults}" if faults else words
 
 
-def write_summary(call: RunOptions, site: Site, file: PlanFile, ended: Ended) -> None:
+def write_summary(
+    options: RunOptions, site: Site, file: PlanFile, ended: Ended
+) -> None:
     """Write summary.json and the table; MP863 if they cannot be written."""
     try:
-        words = told(ended) + "\n"
+        words = result_text(ended) + "\n"
         (ended.folder / "summary.txt").write_text(
             words, encoding="utf-8", errors=ESCAPED
         )
-        text = summary_json(file.plan, ended.result, _extra(call, site, file, ended))
+        text = summary_json(file.plan, ended.result, _extra(options, site, file, ended))
         fresh = ended.folder / FRESH  # moved as a whole: its presence marks the end
         fresh.write_text(text, encoding="utf-8", errors=ESCAPED)
         fresh.replace(ended.folder / SUMMARY)
@@ -115,14 +117,14 @@ def write_summary(call: RunOptions, site: Site, file: PlanFile, ended: Ended) ->
 
 
 def _extra(
-    call: RunOptions, site: Site, file: PlanFile, ended: Ended
+    options: RunOptions, site: Site, file: PlanFile, ended: Ended
 ) -> dict[str, Any]:
     """Return what summary.json holds besides the result."""
     verdict = ended.verdict
     return {
         "plan_sha256": file.sha256,
         "station": site.name,
-        "seed": call.seed or 0,
+        "seed": options.seed or 0,
         "executors": ended.executors,
         "faults": list(ended.faults),
         "idle_faults": to_data(ended.idle_faults),

@@ -51,7 +51,7 @@ class Asking:
 class RunJob:
     """A plan that is to be run: as asked for, where, and where the run is kept."""
 
-    call: RunOptions
+    options: RunOptions
     file: PlanFile
     site: Site
     artifacts: Artifacts  # of the plan's routines
@@ -74,11 +74,11 @@ def run_whole_plan(job: RunJob, asking: Asking) -> Ended:
         MP860 if the run is interrupted; MP863 if something cannot be written; codes of
         `microplan.executor.run.resume.take_up`.
     """
-    call, file, site, run = job.call, job.file, job.site, job.run
+    options, file, site, run = job.options, job.file, job.site, job.run
     seq, before = run.last_event(), run.executors
     with _rigged(job, asking, seq, before) as (rig, record):
         errors_um = watch(rig, site.cell, asking.progress)
-        if site.cell is not None and call.station_file is None:
+        if site.cell is not None and options.station_file is None:
             keep_world(site.cell, run.cell)
         result = _run(rig, job, asking)
         if record is not None:
@@ -92,7 +92,7 @@ def run_whole_plan(job: RunJob, asking: Asking) -> Ended:
         faults=() if site.cell is None else site.cell.faults.asked,
         idle_faults=None if site.cell is None or before else site.cell.faults.idle,
     )
-    write_summary(call, site, file, ended)
+    write_summary(options, site, file, ended)
     return ended
 
 
@@ -106,12 +106,12 @@ def _rigged(
     """
     run, plan, station = job.run, job.file.plan, job.site.station
     tag = f"_by{before + 1}" if before else ""
-    frames = Frames(run.path if job.call.frames else None, tag=tag)
+    frames = Frames(run.path if job.options.frames else None, tag=tag)
     calls = run.path / (f"calls-{before + 1}.jsonl" if before else CALLS)
     facts = _facts(job.file, job.site, job.artifacts, run)
     with (
         _open(run.path / EVENTS, "a") as stream,
-        run.intents() as intents,
+        run.write_ahead() as write_ahead,
         _recorded(calls, frames, station, facts) as record,
         Operator(asking.pause) as operator,
     ):
@@ -124,8 +124,8 @@ def _rigged(
             frames=frames,
             motion=Motion(operator.pause),
             gate=asking.gate,
-            intents=intents,
-            planned_s=planned_s(plan, world_beside(job.call.folder)),
+            write_ahead=write_ahead,
+            planned_s=planned_s(plan, world_beside(job.options.folder)),
         )
         yield rig, record
 
@@ -140,7 +140,7 @@ def _close(record: CallRecorder, result: RunResult) -> None:
 
 
 def header_of(
-    call: RunOptions,
+    options: RunOptions,
     file: PlanFile,
     devices: Mapping[str, str],
     source: bytes | None = None,
@@ -150,15 +150,15 @@ def header_of(
     `source` are the bytes that the station was made from: the file may be another one
     by now. Without them it is read.
     """
-    station = call.station_file
+    station = options.station_file
     if source is None and station is not None:
         with failing("MP804", station):
             source = station.read_bytes()
     return Header(
         plan_sha256=file.sha256,
         station=SIMULATED if source is None else hashlib.sha256(source).hexdigest(),
-        seed=call.seed or 0,
-        faults=call.faults,
+        seed=options.seed or 0,
+        faults=options.faults,
         devices=devices,
     )
 
@@ -213,9 +213,9 @@ def _run(rig: Rig, job: RunJob, asking: Asking) -> RunResult:
     try:
         if job.run.found is None:
             devices = rig.station.devices()
-            begin(rig, header_of(job.call, job.file, devices, job.site.source))
+            begin(rig, header_of(job.options, job.file, devices, job.site.source))
         else:
-            take_up(rig, job.run.found.past, asking.question)
+            take_up(rig, job.run.found.state, asking.question)
         return run_plan(rig)
     except KeyboardInterrupt:
         left = "; ".join(rig.motion.stop(rig.station)) or "nothing moves any more"

@@ -11,7 +11,7 @@ import numpy as np
 from microplan.executor.devices.drivers import AxisReading, Clock, Frame
 from microplan.executor.devices.errors import ExecutorError
 from microplan.executor.devices.safety import AXES
-from microplan.executor.devices.timeouts import told
+from microplan.executor.devices.timeouts import reason
 
 
 def as_reading(name: str, found: Any) -> AxisReading:
@@ -84,15 +84,15 @@ class CheckedClock:
         except KeyboardInterrupt:  # the operator's: a clock is called where he is heard
             raise
         except BaseException as error:
-            raise ExecutorError("MP841", f"clock.{method}: {told(error)}") from error
+            raise ExecutorError("MP841", f"clock.{method}: {reason(error)}") from error
 
 
 def _other(name: str, found: Any, wanted: str) -> ExecutorError:
     """Return the error about an answer of another kind, shown in brief."""
     try:
-        told = repr(found)
+        shown = repr(found)
     except Exception as error:  # noqa: BLE001 - a driver's class may do what it likes
-        told = f"something whose repr raises {type(error).__name__}"
-    short = told if len(told) <= 80 else told[:77] + "..."
+        shown = f"something whose repr raises {type(error).__name__}"
+    short = shown if len(shown) <= 80 else shown[:77] + "..."
     kind = type(found).__name__
     return ExecutorError("MP841", f"{name} gave {short} ({kind}), not {wanted}")

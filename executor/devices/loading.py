@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from microplan.executor.devices.errors import ExecutorError
-from microplan.executor.devices.timeouts import Caller, told
+from microplan.executor.devices.timeouts import Caller, reason
 
 GROUP = "microplan.drivers"
 ASK_S = 5.0  # limit of asking a device for an attribute
@@ -116,4 +116,4 @@ def _refused(what: str) -> Iterator[None]:
     except (ExecutorError, KeyboardInterrupt):
         raise
     except BaseException as error:
-        raise ExecutorError("MP813", f"{what}: {told(error)}") from error
+        raise ExecutorError("MP813", f"{what}: {reason(error)}") from error

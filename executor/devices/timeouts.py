@@ -102,7 +102,7 @@ class Caller:
         if isinstance(job.error, ExecutorError):
             raise job.error
         if job.error is not None:
-            raise ExecutorError("MP841", f"{name}: {told(job.error)}") from job.error
+            raise ExecutorError("MP841", f"{name}: {reason(job.error)}") from job.error
         value: T = job.value
         return value
 
@@ -143,7 +143,7 @@ class Caller:
         return self._worker[0]
 
 
-def told(error: BaseException) -> str:
+def reason(error: BaseException) -> str:
     """Return kind and message of what a driver raised, as far as it has one."""
     kind = type(error).__name__
     try:
@@ -157,7 +157,7 @@ def _why(job: _PendingCall) -> str:
     error = job.late_error
     if error is None:
         return ""
-    return f"{job.name} returned late, its stop: {told(error)}"
+    return f"{job.name} returned late, its stop: {reason(error)}"
 
 
 def _work(jobs: _Jobs) -> None:
@@ -210,4 +210,4 @@ def _try(name: str, call: Callable[[], None], failed: dict[str, str]) -> None:
         call()
         failed[name] = ""
     except BaseException as error:  # noqa: BLE001 - as above; the others must go on
-        failed[name] = f"{name}: {told(error)}"
+        failed[name] = f"{name}: {reason(error)}"

@@ -90,7 +90,8 @@ class Motion:
             now, _ = devices.reading(group)
             target = targets(move)
             _check_move(devices, move, now, phase)
-            axes, speed = station.axes(group), _speed(station, move, phase)
+            axes = station.axes(group)
+            speed = rules.speed(group, phase, move.speed_um_per_s)
             devices.call(
                 f"{group}.start",
                 lambda: axes.start(**target, speed_um_per_s=speed),
@@ -200,11 +201,6 @@ class Motion:
             self._pause()
             yield devices
             self._pause()
-
-
-def _speed(station: Station, move: AxisMove, phase: Phase) -> float | None:
-    """Return how fast an axis group moves in a phase; None: its own speed."""
-    return station.rules.speed(move.axes, phase, move.speed_um_per_s)
 
 
 def _check_move(

@@ -174,7 +174,7 @@ class Tape:
         """Return the first command that was not given again, "" if all were."""
         for row in self.recorded.rows[self.position :]:
             if is_command(row["call"]):
-                return told(row["call"], row.get("with", {}))
+                return call_text(row["call"], row.get("with", {}))
         return ""
 
     def _beyond(self, name: str, given: Mapping[str, Any]) -> ExecutorError:
@@ -182,7 +182,7 @@ class Tape:
         if self.recorded.unfinished:
             return self._over()
         return self._parted(
-            f"command {self.used + 1}: {told(name, given)}; the record has no more"
+            f"command {self.used + 1}: {call_text(name, given)}; the record has no more"
         )
 
     def _over(self) -> ExecutorError:
@@ -205,7 +205,7 @@ def difference(
     """
     then = row.get("with", {})
     if name != row["call"]:
-        return f"{told(name, given)}; recorded was {told(row['call'], then)}"
+        return f"{call_text(name, given)}; recorded was {call_text(row['call'], then)}"
     keys = sorted((set(given) | set(then)) - {"after_s"})
     largest = 0.0
     for key in keys:
@@ -221,7 +221,7 @@ def difference(
     return largest
 
 
-def told(name: str, given: Mapping[str, Any]) -> str:
+def call_text(name: str, given: Mapping[str, Any]) -> str:
     """Return a command in words."""
     words = [f"{k}={v:.9g}" if isinstance(v, float) else f"{k}={v}"
              for k, v in given.items() if k != "after_s"]  # fmt: skip

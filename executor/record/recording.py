@@ -225,6 +225,7 @@ def pixels_sha256(counts: Any) -> str:
 
 
 def _infinite(value: object) -> bool:
+    """Return whether a value is an infinite number."""
     return isinstance(value, float) and math.isinf(value)
 
 

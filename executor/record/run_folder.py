@@ -17,7 +17,12 @@ from microplan.executor.devices.errors import ExecutorError, failing, why
 from microplan.executor.devices.station_file import is_file
 from microplan.executor.record.frames import FOLDER
 from microplan.executor.record.recording import CALLS, MORE_CALLS
-from microplan.executor.record.recovery import Header, ReadJournal, is_open, read_past
+from microplan.executor.record.recovery import (
+    Header,
+    ReadJournal,
+    is_open,
+    read_journal,
+)
 from microplan.executor.record.write_ahead_log import FILE, FileStore, WriteAheadLog
 
 if sys.platform == "win32":  # pragma: no cover - there is no fcntl
@@ -155,7 +160,7 @@ class RunFolder:
                 (self.path / STATION).write_bytes(station)
 
     @contextmanager
-    def intents(self) -> Iterator[WriteAheadLog]:
+    def write_ahead(self) -> Iterator[WriteAheadLog]:
         """Return the journal, open for what comes next; a torn line is cut off."""
         found = self.found
         seq, chain, size = (
@@ -245,8 +250,8 @@ def old_run(path: Path) -> Iterator[RunFolder]:
     if not is_file(path / FILE):
         raise ExecutorError("MP868", f"{path} holds no {FILE}", place=path)
     with held(path / LOCK, str(path)):
-        found = read_past(path / FILE)
-        done = found.past.ended and found.past.code is None
+        found = read_journal(path / FILE)
+        done = found.state.ended and found.state.code is None
         if done and is_file(path / SUMMARY):  # the last thing that is written
             raise ExecutorError("MP868", f"the run in {path} was done", place=path)
         yield RunFolder(path=path, found=found)

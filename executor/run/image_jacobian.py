@@ -61,13 +61,13 @@ def check_directions(found: Followed, look: Look) -> None:
         ((1, 0, 0, 1), *_TWISTS), key=lambda twist: float(np.hypot.reduce(flat - twist))
     )
     if nearest in _TWISTS:
-        raise ExecutorError("MP833", f"{_told(found, look)}: {_TWISTS[nearest]}")
+        raise ExecutorError("MP833", f"{_seen(found, look)}: {_TWISTS[nearest]}")
     across = np.abs(found.matrix - np.diag(np.diag(found.matrix)))
     if (across > ALIGNED + LIMIT * found.sigma).any():
         turn_rad = math.atan2(flat[2] - flat[1], flat[0] + flat[3])
         raise ExecutorError(
             "MP833",
-            f"{_told(found, look)}: it is turned by {math.degrees(turn_rad):.3g} deg",
+            f"{_seen(found, look)}: it is turned by {math.degrees(turn_rad):.3g} deg",
         )
 
 
@@ -83,7 +83,7 @@ def check_scale(found: Followed, look: Look) -> None:
         if not abs(scale - 1) <= limit:
             raise ExecutorError(
                 "MP834",
-                f"{_told(found, look)}: {name} {scale:.4g} of the calibrated scale, "
+                f"{_seen(found, look)}: {name} {scale:.4g} of the calibrated scale, "
                 f"within {limit:.2g} of 1",
             )
 
@@ -101,7 +101,7 @@ def check_turn(told_rad: float, seen_rad: float, sigma_rad: float, look: Look) -
         )
 
 
-def _told(found: Followed, look: Look) -> str:
+def _seen(found: Followed, look: Look) -> str:
     """Return what was seen, in words."""
     (a, b), (c, d) = found.matrix
     return (

@@ -42,7 +42,9 @@ class Picture:
     expected: Pose  # of the look's target, world
     believed: Believed | None  # the part's angle, None if nothing is known of it
     dz_um: float  # of the focus from the look's own
-    near: WarmStart | None = None  # what a look just before found, a correction ago
+    warm_start: WarmStart | None = (
+        None  # what a look just before found, a correction ago
+    )
     trusted: bool = True  # whether to begin at what is expected
 
 
@@ -74,7 +76,7 @@ def look_for(rig: Rig, look: Look, measure: Measure, picture: Picture) -> ShownF
     ExecutorError
         MP820 if no routine finds it; MP821..MP823, MP825 if an answer fails a gate.
     """
-    if (shown := _from_near(rig, look, measure, picture)) is not None:
+    if (shown := _from_warm_start(rig, look, measure, picture)) is not None:
         return shown
     try:
         return _accepted(rig, look, measure, measure.chain, picture)
@@ -173,15 +175,15 @@ def measured(
     return _answer(rig, look, measure, stages, start, picture)
 
 
-def _from_near(
+def _from_warm_start(
     rig: Rig, look: Look, measure: Measure, picture: Picture
 ) -> ShownFeature | None:
     """Return what the end of the chain finds where the feature must be, if anything."""
-    name, near = measure.feature or look.target, picture.near
-    before = None if near is None else near.features.get(name)
-    if near is None or before is None:
+    name, warm_start = measure.feature or look.target, picture.warm_start
+    before = None if warm_start is None else warm_start.features.get(name)
+    if warm_start is None or before is None:
         return None
-    routine = nearest_routine(measure.chain, near, before, look.view.um_per_px)
+    routine = nearest_routine(measure.chain, warm_start, before, look.view.um_per_px)
     if routine is None:
         return None
     frame = rig.frame_of(look)

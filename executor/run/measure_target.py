@@ -46,7 +46,7 @@ def look_at(
     look: Look,
     on_failure: Sequence[OnFailure] = (),
     *,
-    near: WarmStart | None = None,
+    warm_start: WarmStart | None = None,
     trusted: bool = True,
 ) -> TargetSighting:
     """Measure a look's target and update the beliefs.
@@ -61,7 +61,7 @@ def look_at(
         How often a failure's code, or the routine's own, may be tried again. Every
         try takes the view's next focus stop, and each stop is tried once at least.
         Features that one stop shows and the next does not still count.
-    near : WarmStart, optional
+    warm_start : WarmStart, optional
         What the same look has found, if a correction is all that happened since: the
         first try starts there.
     trusted : bool, optional
@@ -76,7 +76,7 @@ def look_at(
     while True:
         tries += 1
         try:
-            first = near if tries == 1 else None
+            first = warm_start if tries == 1 else None
             sighting = _sight(rig, look, tries, kept, first, trusted=trusted)
         except ExecutorError as error:
             rig.journal.write("not_seen", look=look.id, code=error.code, why=str(error))
@@ -184,7 +184,7 @@ def _sight(
     look: Look,
     tries: int,
     kept: dict[str, ShownFeature],
-    near: WarmStart | None,
+    warm_start: WarmStart | None,
     *,
     trusted: bool,
 ) -> TargetSighting:
@@ -203,7 +203,7 @@ def _sight(
         expected=rig.beliefs.world(look.target, readings),
         believed=rig.beliefs.angle(look.target, readings),
         dz_um=focus_um - look.view.focus_um,
-        near=near,
+        warm_start=warm_start,
         trusted=trusted,
     )
     try:

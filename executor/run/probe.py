@@ -139,11 +139,11 @@ def look_probed(
     look: Look,
     on_failure: Sequence[OnFailure] = (),
     *,
-    near: WarmStart | None = None,
+    warm_start: WarmStart | None = None,
 ) -> TargetSighting:
     """Look, and probe if nothing was probed at this zoom yet; then look again.
 
-    `near` is as in `look_at`.
+    `warm_start` is as in `look_at`.
 
     Raises
     ------
@@ -151,7 +151,7 @@ def look_probed(
         As `look_at`; MP833 if the image does not go as the axes, MP834 if it is
         out of scale, MP835 if the target is lost by the first moves.
     """
-    seen = look_at(rig, look, on_failure, near=near)
+    seen = look_at(rig, look, on_failure, warm_start=warm_start)
     if rig.probed == look.view.magnification:
         return seen
     why = probe(rig, look, seen, on_failure)

@@ -24,10 +24,10 @@ Ask = Callable[[str], bool]
 
 def begin(rig: Rig, header: Header) -> None:
     """Note in the journal what a run begins with."""
-    rig.intents.write("run", format=FORMAT, header=header, standing=rig.standing())
+    rig.write_ahead.write("run", format=FORMAT, header=header, standing=rig.standing())
 
 
-def take_up(rig: Rig, past: ResumeState, ask: Ask | None = None) -> None:
+def take_up(rig: Rig, state: ResumeState, ask: Ask | None = None) -> None:
     """Make a rig ready to go on where another executor was.
 
     Everything is stopped first, then read, and nothing moves until it is clear how far
@@ -37,7 +37,7 @@ def take_up(rig: Rig, past: ResumeState, ask: Ask | None = None) -> None:
     ----------
     rig : Rig
         Of the same plan and station; `run_plan` goes on with it.
-    past : ResumeState
+    state : ResumeState
         The state by the journal.
     ask : callable or None
         Put a question to the operator and return whether to go on; None without
@@ -52,28 +52,28 @@ def take_up(rig: Rig, past: ResumeState, ask: Ask | None = None) -> None:
     """
     rig.motion.rest(rig.station)
     now = rig.standing()
-    was = decide(past, now, rig.station.rules)
-    intent = past.opened
+    was = decide(state, now, rig.station.rules)
+    intent = state.opened
     if intent is not None and was == "on the way":
         if intent.irreversible:
             _let_go_on(intent, now, ask)
         if intent.name not in REPEATED:
-            past.again = intent
-    rig.journal.write("resumed", step=past.step, motion=intent, was=was)
-    rig.intents.write("resumed", was=was, standing=now)
-    if past.known is not None:
-        rig.beliefs.restore(past.known)
-    past.close(was == "done", now)
-    rig.past, rig.phase = past, past.phase
-    _restore_view(rig, past)
+            state.again = intent
+    rig.journal.write("resumed", step=state.step, motion=intent, was=was)
+    rig.write_ahead.write("resumed", was=was, standing=now)
+    if state.known is not None:
+        rig.beliefs.restore(state.known)
+    state.close(was == "done", now)
+    rig.resume_state, rig.phase = state, state.phase
+    _restore_view(rig, state)
 
 
-def decide(past: ResumeState, now: DriveReadings, rules: Rules) -> Was:
+def decide(state: ResumeState, now: DriveReadings, rules: Rules) -> Was:
     """Return how far the motion that the journal leaves open went.
 
     Parameters
     ----------
-    past : ResumeState
+    state : ResumeState
         The state by the journal; without an open motion all must be where it was.
     now : DriveReadings
         What the devices read.
@@ -85,8 +85,8 @@ def decide(past: ResumeState, now: DriveReadings, rules: Rules) -> Was:
     ExecutorError
         MP865 if something is elsewhere.
     """
-    intent = past.opened
-    before = past.standing if intent is None else intent.before
+    intent = state.opened
+    before = state.standing if intent is None else intent.before
     if before is None:
         raise ExecutorError("MP865", "the journal tells no readings")
     target = {} if intent is None else _places(intent.device, intent.target)
@@ -130,18 +130,18 @@ def _let_go_on(intent: Intent, now: DriveReadings, ask: Ask | None) -> None:
         raise ExecutorError("MP864", f"{what}; the operator did not let it go on")
 
 
-def _restore_view(rig: Rig, past: ResumeState) -> None:
+def _restore_view(rig: Rig, state: ResumeState) -> None:
     """Keep the zoom if it reads what it was sent to; focus and light are set anew.
 
     A zoom that is sent where it is may still land a little elsewhere, and looks before
     and after must share the image's jump.
     """
-    if past.view is None:
+    if state.view is None:
         return
     reading = rig.motion.magnification(rig.station)
-    within = rig.station.rules.zoom_window * abs(past.view.magnification)
-    if abs(reading - past.view.magnification) <= within:
-        rig.view = replace(past.view, focus_um=math.nan, light=math.nan)
+    within = rig.station.rules.zoom_window * abs(state.view.magnification)
+    if abs(reading - state.view.magnification) <= within:
+        rig.view = replace(state.view, focus_um=math.nan, light=math.nan)
 
 
 def _flat(standing: DriveReadings) -> dict[str, float]:

@@ -69,7 +69,7 @@ def _go_back(rig: Rig, moves: Sequence[AxisMove], why: ExecutorError) -> None:
     rig.phase = "retreat"
     for left, move in enumerate(moves, start=1):
         # before it is: an executor that takes over here makes that move once more
-        rig.intents.write("undone", name=name_of(len(moves) - left))
+        rig.write_ahead.write("undone", name=name_of(len(moves) - left))
         try:
             rig.move(move)
         except ExecutorError as error:
@@ -98,7 +98,9 @@ def run_plan(rig: Rig) -> RunResult:
     After a fault nothing moves any more: the jaws keep what they hold.
     """
     began_s = rig.worked_s()
-    results = list(rig.past.results)  # of steps that an earlier executor finished
+    results = list(
+        rig.resume_state.results
+    )  # of steps that an earlier executor finished
     finished, before_s = len(results), sum(result.time_s for result in results)
     rig.journal.write(
         "run",
@@ -128,7 +130,8 @@ def run_plan(rig: Rig) -> RunResult:
 
 def _noted(rig: Rig, ended: RunResult) -> RunResult:
     """Note how the run ended; an end that cannot be noted is a fault of its own."""
-    for log in (rig.journal, rig.intents):  # one that fails keeps nothing from other
+    # one that fails keeps nothing from the other
+    for log in (rig.journal, rig.write_ahead):
         try:
             log.write("end", code=ended.code, why=ended.message)
         except ExecutorError as error:

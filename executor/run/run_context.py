@@ -58,20 +58,20 @@ class Rig:
     waited_s: float = 0.0  # at the gate, no part of the work
     motion: Motion = field(default_factory=Motion)
     phase: Phase = "approach"  # what moves are for now: it sets their limits
-    intents: WriteAheadLog = field(default_factory=WriteAheadLog)
+    write_ahead: WriteAheadLog = field(default_factory=WriteAheadLog)
     # empty unless the run is resumed
-    past: ResumeState = field(default_factory=ResumeState)
+    resume_state: ResumeState = field(default_factory=ResumeState)
     planned_s: Mapping[str, float] = field(default_factory=dict)  # step -> as planned
 
     def enter(self, step: str) -> None:
         """Begin a step; what an earlier executor did of another is no longer asked."""
-        if self.past.step != step:
-            self.past = ResumeState()
-        self.intents.write("begin", step=step)
+        if self.resume_state.step != step:
+            self.resume_state = ResumeState()
+        self.write_ahead.write("begin", step=step)
 
     def finish(self, result: StepResult) -> None:
         """Have in the journal that a step is done, and all that the next one needs."""
-        self.intents.write(
+        self.write_ahead.write(
             "step", result=result, known=self.beliefs.known(), phase=self.phase
         )
 
@@ -135,9 +135,9 @@ class Rig:
         A motion with a name is not made again if an earlier executor finished it; one
         that it left under way goes on to where it was meant to go.
         """
-        if name in self.past.finished:
+        if name in self.resume_state.finished:
             return
-        again = self.past.again
+        again = self.resume_state.again
         if again is not None and name == again.name:
             move = AxisMove(
                 axes=move.axes, speed_um_per_s=move.speed_um_per_s, **again.target
@@ -154,7 +154,7 @@ class Rig:
 
     def grip(self, opening_um: float) -> None:
         """Move the jaws and note it, unless an earlier executor did."""
-        if "jaws" in self.past.finished:
+        if "jaws" in self.resume_state.finished:
             return
         with self.motion.guarded(self.station):
             check_opening(opening_um, self.station.offer.opening_um)
@@ -167,18 +167,18 @@ class Rig:
 
     def go_back(self) -> None:
         """Take the axes back from where an earlier executor left them for a look."""
-        away = self.past.away
+        away = self.resume_state.away
         if away is None or away.device == "jaws":
             return
         before = away.before.stage if away.device == "stage" else away.before.robot
         if before is not None:
             way = {axis: getattr(before, axis) for axis in away.target}
             self.move(AxisMove(axes=away.device, **way), AWAY[away.name])
-        self.past.away = None
+        self.resume_state.away = None
 
     def keep_beliefs(self) -> None:
         """Have what is believed now in the journal."""
-        self.intents.write("known", known=self.beliefs.known())
+        self.write_ahead.write("known", known=self.beliefs.known())
 
     @contextmanager
     def _intended(
@@ -200,9 +200,9 @@ class Rig:
             irreversible=device == "jaws" or self.phase == "insert",
             before=self.standing(),
         )
-        self.intents.write("intent", intent=intent)
+        self.write_ahead.write("intent", intent=intent)
         yield
-        self.intents.write("done", name=name, standing=self.standing())
+        self.write_ahead.write("done", name=name, standing=self.standing())
 
     def set_view(self, view: View, *, focus_um: float | None = None) -> None:
         """Set zoom, focus and light, each only if it changes."""
@@ -210,7 +210,7 @@ class Rig:
         old = self.view
         if old is None or old.magnification != view.magnification:
             self.journal.write("zoom", magnification=view.magnification)
-            self.intents.write("view", view=view)
+            self.write_ahead.write("view", view=view)
             self.motion.zoom(self.station, view.magnification)
             self.probed = None
         if old is None or old.focus_um != focus:

@@ -32,7 +32,10 @@ class WarmStart:
 
 
 def nearest_routine(
-    uses: Sequence[RoutineUse], near: WarmStart, before: FoundFeature, um_per_px: float
+    uses: Sequence[RoutineUse],
+    warm_start: WarmStart,
+    before: FoundFeature,
+    um_per_px: float,
 ) -> str | None:
     """Return the routine that may start where a feature must be, None for the chain.
 
@@ -40,7 +43,7 @@ def nearest_routine(
     """
     if not uses or uses[-1].id != FIT:
         return None
-    reach_px = HANDOVER_SIGMAS * near.sigma_um / um_per_px
+    reach_px = HANDOVER_SIGMAS * warm_start.sigma_um / um_per_px
     known = before.pixels.z_um is not None
     for name in (STEP, FIT) if known else (FIT,):
         if reach_px <= load(name).CAPTURE_PX:
