@@ -16,6 +16,7 @@ from microplan.executor.devices.errors import ExecutorError
 from microplan.executor.devices.safety import AXES
 from microplan.executor.devices.station import Station
 from microplan.executor.record.frames import Frames, region_data
+from microplan.schemas.plan import Region
 
 FORMAT = 1
 RESUMES = "journal_lines"  # of the first line: how many a run was resumed from, or 0
@@ -237,10 +238,8 @@ def _given(args: tuple[Any, ...], named: Mapping[str, Any]) -> dict[str, Any]:
     return {k: _number(v) if isinstance(v, float) else v for k, v in found.items()}
 
 
-def _region(rows: Any) -> Any:
+def _region(rows: Any) -> Region | None:
     """Return a region from its four numbers."""
-    from microplan.schemas.plan import Region
-
     if rows is None:
         return None
     return Region(row=rows[0], column=rows[1], rows=rows[2], columns=rows[3])

@@ -28,16 +28,16 @@ _TWISTS: dict[tuple[int, int, int, int], str] = {
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Followed:
+class ImageJacobian:
     """Measured image Jacobian over the calibrated one: the identity is right."""
 
     matrix: FloatArray  # (2, 2), a move of the axes to one of the image
     sigma: FloatArray  # (2, 2), one standard deviation of each number
 
 
-def followed(
+def fit_jacobian(
     readings: Sequence[Point], places: Sequence[Point], sigma_um: float
-) -> Followed:
+) -> ImageJacobian:
     """Return the (2, 2) matrix from moves to positions by least squares, with sigma.
 
     Parameters
@@ -51,10 +51,12 @@ def followed(
     moves, seen = moves - moves.mean(axis=0), seen - seen.mean(axis=0)
     inverse = np.linalg.inv(moves.T @ moves)
     sigma = sigma_um * np.sqrt(np.diag(inverse))
-    return Followed(matrix=(inverse @ moves.T @ seen).T, sigma=np.stack((sigma, sigma)))
+    return ImageJacobian(
+        matrix=(inverse @ moves.T @ seen).T, sigma=np.stack((sigma, sigma))
+    )
 
 
-def check_directions(found: Followed, look: Look) -> None:
+def check_directions(found: ImageJacobian, look: Look) -> None:
     """Raise MP833 unless the image goes in the direction of the axes."""
     flat = found.matrix.ravel()
     nearest = min(
@@ -71,7 +73,7 @@ def check_directions(found: Followed, look: Look) -> None:
         )
 
 
-def check_scale(found: Followed, look: Look) -> None:
+def check_scale(found: ImageJacobian, look: Look) -> None:
     """Raise MP834 unless the image goes as far as the axes, in x, y and on average."""
     scales, sigma = np.diag(found.matrix), np.diag(found.sigma)
     for name, scale, spread in (
@@ -101,7 +103,7 @@ def check_turn(told_rad: float, seen_rad: float, sigma_rad: float, look: Look) -
         )
 
 
-def _seen(found: Followed, look: Look) -> str:
+def _seen(found: ImageJacobian, look: Look) -> str:
     """Return what was seen, in words."""
     (a, b), (c, d) = found.matrix
     return (

@@ -17,17 +17,24 @@ from microplan.executor.devices.errors import ExecutorError
 from microplan.executor.devices.safety import check_step, check_travel, targets
 from microplan.executor.motion.inverse_kinematics import inverse_kinematics
 from microplan.executor.run.image_jacobian import (
-    Followed,
+    ImageJacobian,
     check_directions,
     check_scale,
     check_turn,
-    followed,
+    fit_jacobian,
 )
 from microplan.executor.run.measure_target import UNSEEN, TargetSighting, look_at
 from microplan.executor.run.run_context import Rig
 from microplan.executor.run.verify import in_view
 from microplan.executor.run.warm_start import WarmStart
-from microplan.schemas.plan import AlignAction, AxesName, AxisMove, Look, OnFailure
+from microplan.schemas.plan import (
+    AlignAction,
+    AxesName,
+    AxisMove,
+    Control,
+    Look,
+    OnFailure,
+)
 
 CLEAR = 3.0  # sigmas that a probe stays away from everything
 # A tolerance below .6 move sigmas is refused by the compiler.
@@ -36,13 +43,18 @@ TOLERANCE_PER_SIGMA = 0.6
 
 def steers_angle(rig: Rig, axes: AxesName) -> bool:
     """Return whether an alignment of the plan corrects an angle by these axes."""
-    return any(
-        isinstance(step.action, AlignAction)
+    return any(c.tolerance_theta_rad is not None for c in _controls(rig, axes))
+
+
+def _controls(rig: Rig, axes: AxesName) -> list[Control]:
+    """Return the controls of the plan's alignments by these axes."""
+    return [
+        step.control
+        for step in rig.plan.steps
+        if isinstance(step.action, AlignAction)
         and step.action.axes == axes
         and step.control is not None
-        and step.control.tolerance_theta_rad is not None
-        for step in rig.plan.steps
-    )
+    ]
 
 
 def axis_sigma_um(rig: Rig, axes: AxesName) -> float:
@@ -53,13 +65,7 @@ def axis_sigma_um(rig: Rig, axes: AxesName) -> float:
     told = rig.plan.requirements.repeatability_um
     if told is not None and axes in told:
         return told[axes]
-    tolerances = [
-        step.control.tolerance_xy_um
-        for step in rig.plan.steps
-        if isinstance(step.action, AlignAction)
-        and step.action.axes == axes
-        and step.control is not None
-    ]
+    tolerances = [control.tolerance_xy_um for control in _controls(rig, axes)]
     return min(tolerances, default=0.0) / TOLERANCE_PER_SIGMA
 
 
@@ -198,7 +204,7 @@ def probe(
     job.track.note((x_um, y_um), seen)
     for place in (first, second):
         _step(job, place)
-    check_directions(_followed(job), look)
+    check_directions(_measured_jacobian(job), look)
     _reach_out(job, (x_um + way_x, y_um + way_y), reach_um)
     _judge(job)
     rig.move(_to(job.axes, (x_um, y_um)), "probe back")
@@ -249,7 +255,7 @@ def _reach_out(job: _ProbeState, middle: Point, reach_um: float) -> None:
 
 def _judge(job: _ProbeState) -> None:
     """Note how the image followed, and raise if it did not."""
-    found = _followed(job)
+    found = _measured_jacobian(job)
     job.rig.journal.write(
         "probe",
         look=job.look.id,
@@ -262,13 +268,13 @@ def _judge(job: _ProbeState) -> None:
     check_scale(found, job.look)
 
 
-def _followed(job: _ProbeState) -> Followed:
+def _measured_jacobian(job: _ProbeState) -> ImageJacobian:
     """Return how the image followed, the calibration's own matrix taken off."""
     calibration = job.rig.station.offer.calibration
     meant = IDENTITY
     if job.axes == "stage" and calibration is not None:
         meant = calibration.camera_from_stage
-    found = followed(job.track.readings, job.track.places, job.sigma_um)
+    found = fit_jacobian(job.track.readings, job.track.places, job.sigma_um)
     return replace(found, matrix=found.matrix @ np.linalg.inv(np.array(meant)))
 
 
