@@ -12,8 +12,8 @@ from microplan.executor.analysis.distributions import (
     Mean,
     binomial_at_most,
     mean,
+    scatter,
     share,
-    spread,
     student_above,
     student_quantile,
 )
@@ -242,7 +242,7 @@ def _error(step: Step, errors_um: Sequence[float]) -> Check:
     """Test the sigma of a step's last look by its true errors, um, two axes each."""
     look = step.looks[-1] if len(step.looks) == 1 else _last_look(step)
     upper = None if look.together else look.evidence.chosen.sigma_upper_um
-    one = spread(
+    one = scatter(
         sum(e * e for e in errors_um), 2 * len(errors_um), look.sigma_xy_um, upper
     )
     return Check(

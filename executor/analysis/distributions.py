@@ -59,7 +59,7 @@ def share(hits: int, trials: int, predicted: float) -> Share:
     )
 
 
-def spread(
+def scatter(
     squares: float, freedom: int, predicted: float, most: float | None = None
 ) -> MeasuredScatter:
     """Return the test of a predicted sigma by a sum of squared deviations.

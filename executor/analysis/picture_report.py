@@ -13,8 +13,8 @@ from microplan.executor.analysis.distributions import (
     MeasuredScatter,
     Share,
     mean,
+    scatter,
     share,
-    spread,
 )
 from microplan.executor.analysis.pictures import Attempt, Finding, Viewer
 from microplan.executor.devices.errors import CODES
@@ -124,7 +124,7 @@ def _scatter(
         return None
     middle = [sum(v) / len(at) for v in zip(*at, strict=True)]
     squares = sum((x - middle[0]) ** 2 + (y - middle[1]) ** 2 for x, y in at)
-    return spread(squares, 2 * (len(at) - 1), sigma_um, upper_um)
+    return scatter(squares, 2 * (len(at) - 1), sigma_um, upper_um)
 
 
 def _turns(turns: Sequence[float], sigma_rad: float) -> MeasuredScatter:
@@ -132,7 +132,7 @@ def _turns(turns: Sequence[float], sigma_rad: float) -> MeasuredScatter:
     middle = math.atan2(sum(map(math.sin, turns)), sum(map(math.cos, turns)))
     off = [math.remainder(t - middle, math.tau) for t in turns]
     about = sum(off) / len(off)
-    return spread(sum((t - about) ** 2 for t in off), len(turns) - 1, sigma_rad)
+    return scatter(sum((t - about) ** 2 for t in off), len(turns) - 1, sigma_rad)
 
 
 def _counted(finding: Finding) -> Attempt | None:

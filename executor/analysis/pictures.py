@@ -164,8 +164,8 @@ def find_in(seer: Viewer, path: Path) -> Finding:
         image=part, expected=seer.expected, believed=seer.believed, dz_um=0.0
     )
     attempts = [a for m in look.measures for a in _attempts(seer, m, picture)]
-    code, why, place = _together(seer, attempts)
-    x_um, y_um, theta_rad = place
+    code, why, found_pose = _together(seer, attempts)
+    x_um, y_um, theta_rad = found_pose
     return Finding(
         name=path.name,
         code=code,
@@ -250,13 +250,13 @@ def _together(
 
 def _expected(measure: Measure, turn_rad: float | None) -> Pose:
     """Return the expected pose of the look's target, from its first feature's."""
-    place = measure.reference.pose
-    theta = place.theta_rad - measure.turn_rad
+    pose = measure.reference.pose
+    theta = pose.theta_rad - measure.turn_rad
     turn = Pose(x_um=0.0, y_um=0.0, theta_rad=theta)
     dx_um, dy_um = turn.apply(*measure.offset_um)
     return Pose(
-        x_um=place.x_um - dx_um,
-        y_um=place.y_um - dy_um,
+        x_um=pose.x_um - dx_um,
+        y_um=pose.y_um - dy_um,
         theta_rad=theta if turn_rad is None else turn_rad,
     )
 

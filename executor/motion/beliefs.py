@@ -161,7 +161,7 @@ class Beliefs:
         turn = Pose(x_um=0.0, y_um=0.0, theta_rad=angle)
         dx_um, dy_um = turn.apply(*self._offset(name))
         pose = Pose(x_um=x_um - dx_um, y_um=y_um - dy_um, theta_rad=angle)
-        self._place(owner, belief.carrier, pose, readings)
+        self._anchor(owner, belief.carrier, pose, readings)
         if theta_rad is not None:
             self._owners[owner] = replace(
                 self._owners[owner], sigma_theta_rad=sigma_theta_rad or 0.0
@@ -178,13 +178,13 @@ class Beliefs:
         grip = self.world(holder, readings)
         inside = grip.inverse().compose(self.world(owner, readings))
         pose = grip.compose(replace(inside, x_um=across_um))
-        self._place(owner, "robot", pose, readings)
+        self._anchor(owner, "robot", pose, readings)
         self._held[owner] = holder
 
     def release(self, part: str, readings: Readings) -> None:
         """Put a part down where it is thought to be."""
         owner = self.owner(part)
-        self._place(owner, "stage", self.world(owner, readings), readings)
+        self._anchor(owner, "stage", self.world(owner, readings), readings)
         self._held.pop(owner, None)
 
     def held_by(self, tool: str) -> tuple[str, ...]:
@@ -194,10 +194,10 @@ class Beliefs:
 
     def _offset(self, name: str) -> Point:
         """Return a name's position in its owner's frame, um."""
-        place = self._features.get(name)
-        return (0.0, 0.0) if place is None else (place.x_um, place.y_um)
+        feature = self._features.get(name)
+        return (0.0, 0.0) if feature is None else (feature.x_um, feature.y_um)
 
-    def _place(
+    def _anchor(
         self, owner: str, carrier: AxesName, world: Pose, readings: Readings
     ) -> None:
         """Note the world pose `world` of `owner` in the frame of `carrier`."""

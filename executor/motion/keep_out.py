@@ -155,8 +155,8 @@ class KeepOut:
 
         The fingers have a rule of their own, MP842.
         """
-        way_um = travel.end.z_um - travel.start.z_um
-        nearer_um = way_um if move.axes == "stage" else -way_um
+        rise_um = travel.end.z_um - travel.start.z_um
+        nearer_um = rise_um if move.axes == "stage" else -rise_um
         if not self.known or nearer_um <= 0 or now.readings.robot is None:
             return None
         robot_um = now.readings.robot.z_um

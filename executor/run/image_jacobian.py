@@ -36,7 +36,7 @@ class ImageJacobian:
 
 
 def fit_jacobian(
-    readings: Sequence[Point], places: Sequence[Point], sigma_um: float
+    readings: Sequence[Point], positions: Sequence[Point], sigma_um: float
 ) -> ImageJacobian:
     """Return the (2, 2) matrix from moves to positions by least squares, with sigma.
 
@@ -47,7 +47,7 @@ def fit_jacobian(
     sigma_um : float
         Of each position per axis, the axes' landing included.
     """
-    moves, seen = np.array(readings), np.array(places)
+    moves, seen = np.array(readings), np.array(positions)
     moves, seen = moves - moves.mean(axis=0), seen - seen.mean(axis=0)
     inverse = np.linalg.inv(moves.T @ moves)
     sigma = sigma_um * np.sqrt(np.diag(inverse))
@@ -76,12 +76,12 @@ def check_directions(found: ImageJacobian, look: Look) -> None:
 def check_scale(found: ImageJacobian, look: Look) -> None:
     """Raise MP834 unless the image goes as far as the axes, in x, y and on average."""
     scales, sigma = np.diag(found.matrix), np.diag(found.sigma)
-    for name, scale, spread in (
+    for name, scale, sigma_of in (
         ("x", scales[0], sigma[0]),
         ("y", scales[1], sigma[1]),
         ("both", scales.mean(), np.hypot(*sigma) / 2),
     ):
-        limit = ALIGNED + LIMIT * spread
+        limit = ALIGNED + LIMIT * sigma_of
         if not abs(scale - 1) <= limit:
             raise ExecutorError(
                 "MP834",
@@ -95,11 +95,11 @@ def check_turn(told_rad: float, seen_rad: float, sigma_rad: float, look: Look) -
     apart_rad = abs(math.remainder(seen_rad - told_rad, math.tau))
     if not apart_rad <= ALIGNED * abs(told_rad) + LIMIT * sigma_rad:
         told, seen = math.degrees(told_rad), math.degrees(seen_rad)
-        way = "the other way: an axis is reversed" if told * seen < 0 else "too far off"
+        how = "the other way: an axis is reversed" if told * seen < 0 else "too far off"
         raise ExecutorError(
             "MP833",
             f"look {look.id}: told to turn by {told:.3g} deg, the image turned by "
-            f"{seen:.3g} deg, {way}",
+            f"{seen:.3g} deg, {how}",
         )
 
 

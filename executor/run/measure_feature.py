@@ -158,11 +158,11 @@ def measured(
     ExecutorError
         MP820 if it finds nothing.
     """
-    place = (measure.reference.column, measure.reference.row)
+    start_px = (measure.reference.column, measure.reference.row)
     if picture.trusted:
         at_um = picture.expected.apply(*measure.offset_um)
-        place = rig.frame_of(look).to_pixel(*at_um)
-    column, row = place
+        start_px = rig.frame_of(look).to_pixel(*at_um)
+    column, row = start_px
     start = Guess(
         column=column,
         row=row,

@@ -135,11 +135,11 @@ def look_near(
     seeing(rig, coarse, on_failure)
     readings = rig.readings()
     here = rig.beliefs.world(look.target, readings)
-    way_um = math.dist((here.x_um, here.y_um), first.at_um)
-    if not way_um <= first.most_um:
+    off_um = math.dist((here.x_um, here.y_um), first.at_um)
+    if not off_um <= first.most_um:
         raise ExecutorError(
             "MP832",
-            f"look {look.id}: {look.target} is {way_um:.3g} um from where it is to be "
+            f"look {look.id}: {look.target} is {off_um:.3g} um from where it is to be "
             f"seen, the {first.axes} may bring it {first.most_um:.3g} um",
         )
     back = readings.reading(first.axes)

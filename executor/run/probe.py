@@ -120,12 +120,12 @@ class ProbeTrack:
     """Readings of the axes and where the target was seen, (x, y) um each."""
 
     readings: list[Point] = field(default_factory=list)
-    places: list[Point] = field(default_factory=list)
+    positions: list[Point] = field(default_factory=list)
 
     def note(self, reading: Point, seen: TargetSighting) -> None:
         """Add a reading and where the target was seen."""
         self.readings.append(reading)
-        self.places.append((seen.x_um, seen.y_um))
+        self.positions.append((seen.x_um, seen.y_um))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -194,18 +194,18 @@ def probe(
         return f"a move of {step_um:.3g} um does not stand out of {sigma_um:.3g} um"
     home = rig.readings().reading(job.axes)
     x_um, y_um = home.x_um, home.y_um
-    way_x, way_y = _inward(look, seen)
-    first = (x_um + _toward(way_x, step_um), y_um)
-    second = (first[0], y_um + _toward(way_y, step_um))
-    for place in (first, second):
-        why = in_the_way(rig, look, _to(job.axes, place))
+    inward_x, inward_y = _inward(look, seen)
+    first = (x_um + _toward(inward_x, step_um), y_um)
+    second = (first[0], y_um + _toward(inward_y, step_um))
+    for position in (first, second):
+        why = in_the_way(rig, look, _to(job.axes, position))
         if why:
             return why
     job.track.note((x_um, y_um), seen)
-    for place in (first, second):
-        _step(job, place)
+    for position in (first, second):
+        _step(job, position)
     check_directions(_measured_jacobian(job), look)
-    _reach_out(job, (x_um + way_x, y_um + way_y), reach_um)
+    _reach_out(job, (x_um + inward_x, y_um + inward_y), reach_um)
     _judge(job)
     rig.move(_to(job.axes, (x_um, y_um)), "probe back")
     if seen.theta_rad is not None and steers_angle(rig, job.axes):
@@ -234,18 +234,18 @@ def _inward(look: Look, seen: TargetSighting) -> Point:
     )
 
 
-def _step(job: _ProbeState, place: Point) -> None:
+def _step(job: _ProbeState, position: Point) -> None:
     """Move, look and note; MP835 if the target is not seen there."""
-    job.track.note(place, _moved(job, _to(job.axes, place)))
+    job.track.note(position, _moved(job, _to(job.axes, position)))
 
 
 def _reach_out(job: _ProbeState, middle: Point, reach_um: float) -> None:
     """Look from four positions about a middle, those without a collision."""
-    for place in _around(middle, reach_um):
-        if in_the_way(job.rig, job.look, _to(job.axes, place)):
+    for position in _around(middle, reach_um):
+        if in_the_way(job.rig, job.look, _to(job.axes, position)):
             continue
         try:
-            _step(job, place)
+            _step(job, position)
         except ExecutorError as error:
             if error.code != "MP835":
                 raise
@@ -262,7 +262,7 @@ def _judge(job: _ProbeState) -> None:
         axes=job.axes,
         matrix=found.matrix.ravel().tolist(),
         sigma=found.sigma.ravel().tolist(),
-        looks=len(job.track.places),
+        looks=len(job.track.positions),
     )
     check_directions(found, job.look)
     check_scale(found, job.look)
@@ -274,7 +274,7 @@ def _measured_jacobian(job: _ProbeState) -> ImageJacobian:
     meant = IDENTITY
     if job.axes == "stage" and calibration is not None:
         meant = calibration.camera_from_stage
-    found = fit_jacobian(job.track.readings, job.track.places, job.sigma_um)
+    found = fit_jacobian(job.track.readings, job.track.positions, job.sigma_um)
     return replace(found, matrix=found.matrix @ np.linalg.inv(np.array(meant)))
 
 
@@ -322,14 +322,14 @@ def _probe_turn(job: _ProbeState, theta_rad: float) -> None:
     rig.move(back, "probe back")
 
 
-def _to(axes: AxesName, place: Point) -> AxisMove:
+def _to(axes: AxesName, position: Point) -> AxisMove:
     """Return a move to readings in x and y."""
-    return AxisMove(axes=axes, x_um=place[0], y_um=place[1])
+    return AxisMove(axes=axes, x_um=position[0], y_um=position[1])
 
 
-def _toward(way_um: float, step_um: float) -> float:
+def _toward(distance_um: float, step_um: float) -> float:
     """Return a step with the sign of a distance; positive for 0."""
-    return -step_um if way_um < 0 else step_um
+    return -step_um if distance_um < 0 else step_um
 
 
 def _around(middle: Point, reach_um: float) -> Iterator[Point]:

@@ -89,12 +89,12 @@ def decide(state: ResumeState, now: DriveReadings, rules: Rules) -> Was:
     before = state.standing if intent is None else intent.before
     if before is None:
         raise ExecutorError("MP865", "the journal tells no readings")
-    target = {} if intent is None else _places(intent.device, intent.target)
+    target = {} if intent is None else _target_readings(intent.device, intent.target)
     was, is_now = _flat(before), _flat(now)
     if was.keys() != is_now.keys():
         raise ExecutorError("MP865", f"it had {list(was)}, now {list(is_now)}")
-    for name, place in is_now.items():
-        _check_on_the_way(name, was[name], place, target.get(name), rules)
+    for name, reading in is_now.items():
+        _check_on_the_way(name, was[name], reading, target.get(name), rules)
     if intent is None:
         return "not begun"
     if all(abs(is_now[n] - v) <= _window(n, rules) for n, v in target.items()):
@@ -119,11 +119,11 @@ def _check_on_the_way(
 def _let_go_on(intent: Intent, now: DriveReadings, ask: Ask | None) -> None:
     """Return if the operator lets a half-done irreversible motion go on."""
     was, is_now = _flat(intent.before), _flat(now)
-    way = ", ".join(
+    under_way = ", ".join(
         f"{name} is at {is_now[name]:.6g} on its way from {was[name]:.6g} to {v:.6g}"
-        for name, v in _places(intent.device, intent.target).items()
+        for name, v in _target_readings(intent.device, intent.target).items()
     )
-    what = f"step {intent.step}: {way}"
+    what = f"step {intent.step}: {under_way}"
     if ask is None:
         raise ExecutorError("MP864", f"{what}; run at a terminal to be asked")
     if not ask(f"{what}; may it go on?"):
@@ -155,7 +155,7 @@ def _flat(standing: DriveReadings) -> dict[str, float]:
     return found
 
 
-def _places(device: str, target: Mapping[str, float]) -> dict[str, float]:
+def _target_readings(device: str, target: Mapping[str, float]) -> dict[str, float]:
     """Return a motion's targets by the names of readings."""
     return {f"{device}.{axis}": value for axis, value in target.items()}
 

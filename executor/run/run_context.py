@@ -172,8 +172,8 @@ class Rig:
             return
         before = away.before.stage if away.device == "stage" else away.before.robot
         if before is not None:
-            way = {axis: getattr(before, axis) for axis in away.target}
-            self.move(AxisMove(axes=away.device, **way), AWAY[away.name])
+            readings_before = {axis: getattr(before, axis) for axis in away.target}
+            self.move(AxisMove(axes=away.device, **readings_before), AWAY[away.name])
         self.resume_state.away = None
 
     def keep_beliefs(self) -> None:

@@ -137,11 +137,11 @@ def in_view(grip: Pose, field_um: tuple[float, float]) -> bool:
     """
     first_um, last_um = 0.0, math.inf
     ray = (-math.sin(grip.theta_rad), math.cos(grip.theta_rad))
-    for place, slope, side in zip((grip.x_um, grip.y_um), ray, field_um, strict=True):
+    for start, slope, side in zip((grip.x_um, grip.y_um), ray, field_um, strict=True):
         if abs(slope) < 1e-12:  # parallel to this pair of borders
-            if abs(place) > side / 2:
+            if abs(start) > side / 2:
                 return False
             continue
-        ends = sorted(((-side / 2 - place) / slope, (side / 2 - place) / slope))
+        ends = sorted(((-side / 2 - start) / slope, (side / 2 - start) / slope))
         first_um, last_um = max(first_um, ends[0]), min(last_um, ends[1])
     return first_um <= last_um

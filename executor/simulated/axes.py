@@ -34,11 +34,11 @@ class DriveError:
         quantum = self.quantum_rad if axis == "theta_rad" else self.quantum_um
         return quantum * round(value / quantum) if quantum else value
 
-    def slack(self, axis: str, way: float) -> float:
-        """Return how far the axis stays behind after a motion by `way`, um."""
-        if axis == "theta_rad" or not way:
+    def slack(self, axis: str, distance: float) -> float:
+        """Return how far the axis stays behind after a motion by `distance`, um."""
+        if axis == "theta_rad" or not distance:
             return 0.0
-        return -math.copysign(self.backlash_um / 2, way)
+        return -math.copysign(self.backlash_um / 2, distance)
 
 
 @dataclass(slots=True, kw_only=True)
@@ -241,10 +241,10 @@ class SimAxes:
     ) -> None:
         """Take an axis along that was not ordered to move."""
         axis = next(name for name in AXES if name not in new)
-        way = max(abs(new[a][0] - old[a][0]) for a in new)
+        by = max(abs(new[a][0] - old[a][0]) for a in new)
         state = self._state
         old[axis] = (state.commanded[axis], state.actual[axis], state.error[axis])
-        new[axis] = (old[axis][0] + SLIP * way, old[axis][1] + SLIP * way, old[axis][2])
+        new[axis] = (old[axis][0] + SLIP * by, old[axis][1] + SLIP * by, old[axis][2])
 
     def _draw(self, name: str) -> float:
         """Return a new repeatability error of one axis."""
