@@ -18,7 +18,7 @@ FEW = 2e-3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RegionStatistics:
-    """Three numbers of a region, 0..1 of full scale."""
+    """Brightness, contrast and sharpness of a region, 0..1 of full scale."""
 
     brightness: float  # mean
     contrast: float  # darkest to brightest, `FEW` of the pixels left out on each side

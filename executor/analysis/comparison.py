@@ -28,7 +28,7 @@ _DIGITS = 5e-7  # a plan's six digits: a probability of 1 may be less by it
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Figure:
-    """One number of a step over the runs, with its prediction."""
+    """Statistics of one number of a step over the runs, with its prediction."""
 
     step: str
     name: str
@@ -42,7 +42,7 @@ class Figure:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Check:
-    """One prediction put to the test."""
+    """Test of one prediction."""
 
     step: str  # "" for the plan as a whole
     name: str

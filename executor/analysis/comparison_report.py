@@ -16,7 +16,7 @@ _CHECKS = ("step", "prediction", "plan", "runs", "chance", "")
 
 
 def comparison_text(plan: Plan, found: Comparison) -> str:
-    """Return what the runs gave, and the predictions put to the test."""
+    """Return the tables of the runs' statistics and of the tests, as text."""
     refuted = found.refuted
     checks = [
         (

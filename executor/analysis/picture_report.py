@@ -42,7 +42,7 @@ class PictureTotals:
 
     @property
     def refuted(self) -> tuple[str, ...]:
-        """Return what chance does not explain: `ALPHA` over the questions asked."""
+        """Return the refuted predictions, at the level `ALPHA` over all questions."""
         asked = {"found": self.found.chance}
         if self.still and self.place is not None:
             asked["scatter"] = self.place.chance

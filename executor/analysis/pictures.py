@@ -38,7 +38,7 @@ _KNOWN_RAD = math.radians(1)  # how well a user knows an angle he states
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Attempt:
-    """One chain on one feature of one picture."""
+    """Result of one chain on one feature of one picture."""
 
     feature: str
     chain: tuple[str, ...]
@@ -51,7 +51,7 @@ class Attempt:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Finding:
-    """What was found in one picture, world frame."""
+    """Target pose found in one picture, world frame, with all attempts."""
 
     name: str
     code: str | None  # None: found, and accepted
@@ -102,7 +102,7 @@ def viewer(
     turn_rad: float | None = None,
     bits: int | None = None,
 ) -> Viewer:
-    """Return what measures pictures of a look.
+    """Return the viewer that measures pictures of a look.
 
     The target is expected where the plan has it. Its angle counts as unknown where the
     plan starts so, unless `turn_rad` states it.
@@ -151,7 +151,7 @@ def files_of(folder: Path) -> list[Path]:
 
 
 def find_in(seer: Viewer, path: Path) -> Finding:
-    """Return what a picture shows; one that cannot be used is reported, not raised."""
+    """Return the finding of a picture; an unusable one is reported, not raised."""
     look, region = seer.look, seer.look.measure.region
     try:
         read = read_picture(path, seer.plan.requirements, region, seer.bits)

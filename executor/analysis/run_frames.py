@@ -17,7 +17,7 @@ from microplan.schemas.page.page import Caption, figure, png_size, png_uri
 
 
 def predicted(left: RunArtifacts) -> Element | None:
-    """Return how long what was predicted took, and what was not predicted."""
+    """Return the time of the predicted steps, with a list of the others."""
     known = [
         (took, expected)
         for step in left.steps
@@ -50,7 +50,7 @@ def times(left: RunArtifacts, step: Row) -> str:
 
 
 def pair(actual: str, predicted: str) -> str:
-    """Return what was and what should have been, one dash if there is neither."""
+    """Return "actual / predicted", one dash if there is neither."""
     nothing = number(None)
     if actual == nothing and predicted == nothing:
         return nothing

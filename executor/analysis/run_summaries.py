@@ -36,7 +36,7 @@ class RunArtifacts:
 
     @property
     def steps(self) -> list[Row]:
-        """Return what became of each step that was begun."""
+        """Return the result of each step that was begun."""
         found = self.summary.get("steps")
         rows = found if isinstance(found, list) else []
         return [row for row in rows if isinstance(row, dict) and "id" in row]
@@ -51,7 +51,7 @@ class RunArtifacts:
 
 
 def read_left(folder: Path) -> RunArtifacts:
-    """Return what a run left.
+    """Return the artifacts of a run folder.
 
     Raises
     ------
@@ -118,7 +118,7 @@ def _lines(path: Path) -> Iterator[Row]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunFolderSummary:
-    """One run folder's summary."""
+    """Summary of one run folder."""
 
     folder: Path
     data: Mapping[str, Any]
@@ -133,7 +133,7 @@ class RunFolderSummary:
         return ""
 
     def step(self, name: str) -> Mapping[str, Any] | None:
-        """Return what became of a step, None if the run did not do it."""
+        """Return the result of a step, None if the run did not do it."""
         for row in self.data["steps"]:
             if row["id"] == name and row["code"] is None:
                 found: Mapping[str, Any] = row

@@ -73,7 +73,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _hold_streams() -> None:
     """Open replacements of standard streams that are closed.
 
-    The journal would else be opened in their place, and libraries write there.
+    Else the journal would get one of their numbers, and libraries write there.
     """
     for number in range(3):
         try:

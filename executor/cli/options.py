@@ -51,7 +51,7 @@ class RunOptions:
 
 
 def parse(argv: Sequence[str] | None) -> RunOptions:
-    """Return what the command line asks for.
+    """Return the options of a command line.
 
     Raises
     ------

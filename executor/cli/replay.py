@@ -25,7 +25,7 @@ ASKED = "MP864"  # how a run ends whose question the operator did not say yes to
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Replayed:
-    """How a replay went; `difference` is "" if the commands are the same."""
+    """Result of a replay; `difference` is "" if the commands are the same."""
 
     commands: int  # that were given in the record
     same: int  # of them, up to the first difference

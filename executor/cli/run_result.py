@@ -64,7 +64,7 @@ def watch(
 
 
 def judged(plan: Plan, cell: Cell) -> Verdict | None:
-    """Return what truly became of what the last verify step is about."""
+    """Return the cell's verdict on the target of the last verify step."""
     checks = [s.action for s in plan.steps if isinstance(s.action, VerifyAction)]
     if not checks or checks[-1].target.partition(".")[0] not in cell.truth.bodies:
         return None
@@ -77,7 +77,7 @@ def judged(plan: Plan, cell: Cell) -> Verdict | None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ended:
-    """How a run ended; a simulated cell knows what truly became of it."""
+    """End of a run, with the verdict of a simulated cell."""
 
     folder: Path
     result: RunResult

@@ -145,7 +145,7 @@ def header_of(
     devices: Mapping[str, str],
     source: bytes | None = None,
 ) -> Header:
-    """Return what a run is begun with; MP804 if the station file cannot be read.
+    """Return the header of a run's journal; MP804 if the station file cannot be read.
 
     `source` are the bytes that the station was made from: the file may be another one
     by now. Without them it is read.

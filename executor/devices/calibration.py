@@ -72,7 +72,7 @@ IDENTITY: Matrix = ((1.0, 0.0), (0.0, 1.0))
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ZoomPoint:
-    """One calibrated zoom."""
+    """Calibration at one zoom."""
 
     magnification: float
     um_per_px: float

@@ -22,7 +22,7 @@ ROUNDING = 1e-5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Settle:
-    """When an axis group has arrived, and when it never will."""
+    """Criteria of an axis group's arrival: windows, dwell, timeout, stall."""
 
     window_um: float = 0.05  # reading to target; x, y and z each
     window_rad: float = 1e-5
@@ -230,7 +230,7 @@ class MotionProgress:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Speeds:
-    """How fast an axis group goes when nothing slower is asked."""
+    """Own speeds of an axis group, where nothing slower is asked."""
 
     xy_um_per_s: float = math.inf
     z_um_per_s: float = math.inf
@@ -252,7 +252,7 @@ class Speeds:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rules:
-    """How a station's devices settle, how fast they are, and what they may do."""
+    """Rules of a station: settling, own speeds and safety limits of its devices."""
 
     stage: Settle = field(default_factory=Settle)
     robot: Settle = field(default_factory=Settle)
@@ -270,7 +270,7 @@ class Rules:
         return self.stage if group == "stage" else self.robot
 
     def speeds(self, group: AxesName) -> Speeds:
-        """Return how fast an axis group goes by itself."""
+        """Return the own speeds of an axis group."""
         return self.stage_speeds if group == "stage" else self.robot_speeds
 
     def speed(

@@ -39,7 +39,7 @@ _POINT_UM = 1e-3  # between two points that are the same: a nanometre is roundin
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Offer:
-    """What the station's devices can do; `travel` as in the plan's requirements."""
+    """Capabilities of a station's devices; `travel` as in the plan's requirements."""
 
     width_px: int
     height_px: int

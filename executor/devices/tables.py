@@ -39,7 +39,7 @@ class Table:
         return name in self._data
 
     def value(self, name: str) -> Any:
-        """Return what a key holds, unchecked; None if it is missing."""
+        """Return the value of a key, unchecked; None if it is missing."""
         return self._data.get(name) if self.has(name) else None
 
     def table(self, name: str) -> Table:

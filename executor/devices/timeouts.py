@@ -33,7 +33,7 @@ T = TypeVar("T")
 
 @dataclass(slots=True)
 class _PendingCall:
-    """One call, passed to the thread that makes it."""
+    """Call of a device, passed to the thread that makes it."""
 
     name: str
     call: Callable[[], Any]
@@ -68,7 +68,7 @@ class Caller:
         limit_s: float,
         late: Callable[[], None] | None = None,
     ) -> T:
-        """Return what `call` returns.
+        """Return the result of `call`.
 
         Parameters
         ----------

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoadedDevice:
-    """One device to load: its label, the adapter library, the device in it."""
+    """Entry of a device to load: its label, the adapter library, the device in it."""
 
     label: str
     adapter: str

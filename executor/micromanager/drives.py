@@ -15,11 +15,11 @@ SLACK = 1e-5  # relative: a plan's numbers carry six digits
 
 
 class Drive(Protocol):
-    """What moves one number, or x and y together; values are as in the plan."""
+    """Drive of one number, or of x and y together; values are as in the plan."""
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Return what it moves, "x_um" and so on."""
+        """Return the names of its numbers, "x_um" and so on."""
         ...
 
     @property
@@ -46,7 +46,7 @@ class Drive(Protocol):
         ...
 
     def read(self) -> dict[str, float]:
-        """Return where it is now."""
+        """Return its present values by name."""
         ...
 
     def busy(self) -> bool:
@@ -60,7 +60,7 @@ class Drive(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DeviceScale:
-    """What a device's own number means: value = zero + per * number."""
+    """Scale of a device's own number: value = zero + per * number."""
 
     zero: float = 0.0
     per: float = 1.0
@@ -76,7 +76,7 @@ class DeviceScale:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Speed:
-    """How a device's speed is set; without a `name` it always has its `own_per_s`."""
+    """Speed setting of a device; without a `name` it always has its `own_per_s`."""
 
     own_per_s: float
     name: str = ""  # a property of the device
@@ -107,7 +107,7 @@ class StageDrive:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Return what it moves."""
+        """Return the names of its numbers."""
         return (self.name,)
 
     def check(self, targets: Mapping[str, float]) -> None:
@@ -123,7 +123,7 @@ class StageDrive:
         self.core.setPosition(self.label, self.scale.number(targets[self.name]))
 
     def read(self) -> dict[str, float]:
-        """Return where it is."""
+        """Return its present values by name."""
         return {self.name: self.scale.value(self.core.getPosition(self.label))}
 
     def busy(self) -> bool:
@@ -174,7 +174,7 @@ class XYDrive:
         self._core.setXYPosition(self.label, x, y)
 
     def read(self) -> dict[str, float]:
-        """Return where it is."""
+        """Return its present values by name."""
         found = self._core.getXYPosition(self.label)
         return {
             name: self._scales[name].value(number)

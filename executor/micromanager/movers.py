@@ -11,7 +11,7 @@ from microplan.executor.micromanager.drives import Drive
 
 
 class Moved:
-    """Several drives that are ordered and stopped together."""
+    """Device of several drives that are ordered and stopped together."""
 
     def __init__(self, model: str, serial: str, drives: Sequence[Drive]) -> None:
         self.model, self.serial = model, serial
@@ -56,7 +56,7 @@ class Moved:
             self.stop()
 
     def values(self) -> dict[str, float]:
-        """Return what all drives read."""
+        """Return the readings of all drives by name."""
         return {n: v for drive in self._drives for n, v in drive.read().items()}
 
     def _parts(

@@ -54,7 +54,7 @@ class Paced:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Return what it moves."""
+        """Return the names of its numbers."""
         return self._drive.names
 
     @property
@@ -81,7 +81,7 @@ class Paced:
         self._way = _Way(start, dict(targets), length, 0.0, self._now_s())
 
     def read(self) -> dict[str, float]:
-        """Return where it is, a step further on."""
+        """Return its present values, a step further on."""
         self._step()
         return self._drive.read()
 

@@ -51,7 +51,7 @@ class PropertyDrive(StageDrive):
 
 
 class StateDrive:
-    """Some values only, each a state of a state device, as on a turret.
+    """Drive of a state device, as a turret: some values only, a state each.
 
     Micro-Manager cannot stop a state device; a change goes on to its end.
     """
@@ -65,7 +65,7 @@ class StateDrive:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Return what it moves."""
+        """Return the names of its numbers."""
         return (self._name,)
 
     def check(self, targets: Mapping[str, float]) -> None:

@@ -39,7 +39,7 @@ class Labels:
     magnification: float | None = None
 
     def readings(self, core: CMMCorePlus, start: AxisReading) -> DeviceReadings:
-        """Return where the devices of a core are."""
+        """Return the readings of a core's devices."""
         from microplan.executor.simulated.following import DeviceReadings
 
         x_um, y_um = (

@@ -72,7 +72,7 @@ class Readings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BeliefRecord:
-    """All that a record of beliefs holds at one moment."""
+    """Snapshot of all beliefs at one moment."""
 
     owners: tuple[Belief, ...]
     held: Mapping[str, str]  # part -> tool
@@ -119,14 +119,14 @@ class Beliefs:
         return self.owner(name), self._offset(name)
 
     def world(self, name: str, readings: Readings) -> Pose:
-        """Return where `name` is thought to be; its angle is its owner's."""
+        """Return the believed world pose of `name`; its angle is its owner's."""
         belief = self._owners[self.owner(name)]
         pose = readings.carrier(belief.carrier).compose(belief.pose)
         x_um, y_um = pose.apply(*self._offset(name))
         return Pose(x_um=x_um, y_um=y_um, theta_rad=pose.theta_rad)
 
     def belief(self, name: str) -> Belief:
-        """Return what is believed of the part or tool that `name` is or belongs to."""
+        """Return the belief of the part or tool that `name` is or belongs to."""
         return self._owners[self.owner(name)]
 
     def knows_angle(self, name: str) -> bool:

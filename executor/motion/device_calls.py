@@ -128,7 +128,7 @@ class DeviceCalls:
         return [*call_all(calls, limit_s), *self.caller.settle(limit_s)]
 
     def movers(self) -> dict[str, Mover]:
-        """Return what can move, by name."""
+        """Return the moving devices by name."""
         station = self.station
         named = {
             "stage": station.stage,

@@ -29,7 +29,7 @@ SURFACE = "the stage"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Moment:
-    """Where everything is before a motion."""
+    """Beliefs, readings and jaw openings before a motion."""
 
     beliefs: Beliefs
     readings: Readings

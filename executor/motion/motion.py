@@ -48,17 +48,17 @@ class Motion:
         self._fault: ExecutorError | None = None
 
     def reading(self, station: Station, group: AxesName) -> AxisReading:
-        """Return where an axis group is; MP847 if a number is not finite."""
+        """Return an axis group's reading; MP847 if a number is not finite."""
         with self._using(station) as devices:
             return devices.reading(group)[0]
 
     def opening(self, station: Station) -> float:
-        """Return what the jaws read, um; MP847 if it is not finite."""
+        """Return the jaws' reading, um; MP847 if it is not finite."""
         with self._using(station) as devices:
             return devices.opening_um()
 
     def magnification(self, station: Station) -> float:
-        """Return what the zoom reads; MP847 if it is not finite."""
+        """Return the zoom's reading; MP847 if it is not finite."""
         with self._using(station) as devices:
             return devices.lens()[0]
 

@@ -49,7 +49,7 @@ class Operator:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Give interrupts back to whom they were."""
+        """Restore the former handlers of interrupts."""
         for number, handler in self._before.items():
             signal.signal(number, handler)
 

@@ -90,7 +90,7 @@ def _pair(actual: float | None, predicted: float | None) -> str:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StepResult:
-    """What one step did; None where it does not apply."""
+    """Result of one step; None where a number does not apply."""
 
     id: str
     verb: str
@@ -110,7 +110,7 @@ class StepResult:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunResult:
-    """How the run ended; `code` is None if everything was done and verified."""
+    """Result of a run; `code` is None if everything was done and verified."""
 
     code: str | None
     message: str

@@ -23,7 +23,7 @@ _NOW = "clock.now_s"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recorded:
-    """What a record holds: its first line, the calls, how its executor ended."""
+    """Record of one executor: its first line, the calls, how it ended."""
 
     path: Path
     head: Mapping[str, Any]
@@ -43,7 +43,7 @@ class Recorded:
 
     @property
     def commands(self) -> int:
-        """Return how many commands were given."""
+        """Return the number of commands that were given."""
         return sum(is_command(row["call"]) for row in self.rows)
 
 
@@ -199,7 +199,7 @@ class Tape:
 def difference(
     name: str, given: Mapping[str, Any], row: Mapping[str, Any]
 ) -> str | float:
-    """Return how a command differs from the recorded one, in words if it does.
+    """Return a command's difference from the recorded one, in words if it is one.
 
     Times are not compared: they are not commanded.
     """

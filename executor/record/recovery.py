@@ -28,7 +28,7 @@ from microplan.schemas.plan import View
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Header:
-    """What a run was begun with; none of it may change."""
+    """Header of a journal: what a run was begun with; none of it may change."""
 
     plan_sha256: str
     station: str  # "sim", or the sha256 of the station file
@@ -39,7 +39,7 @@ class Header:
 
 @dataclass(slots=True, kw_only=True)
 class ResumeState:
-    """How far the run had come, and what of its present step is done.
+    """State that a run is resumed from: finished steps, motions of the present one.
 
     An empty one is that of a run that begins.
     """

@@ -55,7 +55,7 @@ class _TapeDevice:
 
     @property
     def model(self) -> str:
-        """Return what the device is."""
+        """Return the name of a replayed device."""
         return f"recorded {self._name}"
 
     @property

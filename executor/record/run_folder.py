@@ -111,7 +111,7 @@ class RunFolder:
 
     @property
     def header(self) -> Header:
-        """Return what the run began with.
+        """Return the header of the run's journal.
 
         Raises
         ------
@@ -124,7 +124,7 @@ class RunFolder:
 
     @property
     def cell(self) -> Path:
-        """Return where a simulated cell keeps its world."""
+        """Return the path of a simulated cell's state."""
         return self.path / CELL
 
     def begin(self, plan_file: Path, plan: bytes, station: bytes | None) -> None:
@@ -175,7 +175,7 @@ class RunFolder:
 
     @property
     def executors(self) -> int:
-        """Return how many executors have worked on the run before this one."""
+        """Return the number of executors that worked on the run before this one."""
         calls = len(list(self.path.glob("calls*.jsonl")))
         return 0 if self.found is None else max(calls, 1)
 

@@ -77,7 +77,7 @@ HEAD = len(MARK + b'00000000", ')
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriveReadings:
-    """What all drives that touch anything read at one moment."""
+    """Readings of all drives that touch anything, at one moment."""
 
     stage: AxisReading
     robot: AxisReading | None
@@ -86,7 +86,7 @@ class DriveReadings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Intent:
-    """One motion that is about to begin."""
+    """Intent of one motion, written before it begins."""
 
     step: str
     name: str  # within the step; "": one that a resumed step decides on anew
@@ -98,7 +98,7 @@ class Intent:
 
 
 class LogStore(Protocol):
-    """Where lines are kept."""
+    """Store of a log's lines."""
 
     def append(self, line: bytes) -> None:
         """Return when the line would survive a loss of power; OSError if it cannot."""
@@ -159,7 +159,7 @@ def sealed(body: str, chain: int) -> tuple[bytes, int]:
 
 
 def opened(line: bytes, chain: int) -> tuple[dict[str, Any], int] | None:
-    """Return what a line holds and the next checksum; None if it is damaged."""
+    """Return the contents of a line and the next checksum; None if it is damaged."""
     body = b"{" + line[HEAD:].removesuffix(b"\n")
     chain = zlib.crc32(body, chain)
     if line[:HEAD] != f'{{"crc": "{chain:08x}", '.encode():

@@ -94,7 +94,7 @@ def answer_of(image: FloatArray, stages: Stages, start: Guess) -> Measurement | 
 
 
 def key_of(look: Look, measure: Measure) -> str:
-    """Return what the artifacts of a look's feature are kept under."""
+    """Return the key of the artifacts of a look's feature."""
     return f"{look.id}.{measure.feature}" if measure.feature else look.id
 
 

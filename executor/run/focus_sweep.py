@@ -21,7 +21,7 @@ LEAST_HEIGHT = 8.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SharpnessCurve:
-    """What a sweep saw: sharpness over focus."""
+    """Curve of a sweep: sharpness over focus."""
 
     focus_um: tuple[float, ...]
     scores: tuple[float, ...]

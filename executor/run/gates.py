@@ -12,7 +12,7 @@ from microplan.schemas.pose import Pose
 
 @dataclass(frozen=True, slots=True)
 class GateValue:
-    """One value of an answer and its limit."""
+    """Gate of a measurement: one value and its limit."""
 
     name: str
     code: str  # of an answer that does not pass
@@ -28,7 +28,7 @@ class GateValue:
 
     @property
     def words(self) -> str:
-        """Return what does not pass, after the name of the feature."""
+        """Return the failure in words that follow the feature's name."""
         value, limit = f"{self.value:.3g}", f"{self.limit:.3g}"
         return {
             "score": f"scored {value}, needs {limit}",

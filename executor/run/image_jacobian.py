@@ -42,7 +42,7 @@ def fit_jacobian(
 
     Parameters
     ----------
-    readings, places : (N, 2) sequence of float
+    readings, positions : (N, 2) sequence of float
         um; N >= 3, not on one line.
     sigma_um : float
         Of each position per axis, the axes' landing included.

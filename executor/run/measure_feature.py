@@ -25,7 +25,7 @@ from microplan.schemas.pose import Pose
 
 
 class Eye(Protocol):
-    """What measuring a picture needs: a rig, or a viewer of pictures."""
+    """Context of measuring a picture: a rig, or a viewer of pictures."""
 
     artifacts: Artifacts
 
@@ -60,14 +60,14 @@ class ShownFeature:
 
     @property
     def found(self) -> FoundFeature:
-        """Return what a look after a small correction starts from."""
+        """Return the start of a look after a small correction."""
         return FoundFeature(
             x_um=self.seen.x_um, y_um=self.seen.y_um, pixels=self.pixels
         )
 
 
 def look_for(rig: Rig, look: Look, measure: Measure, picture: Picture) -> ShownFeature:
-    """Return where a picture shows a feature: its chain, then the fallback.
+    """Return the position of a feature in a picture: its chain, then the fallback.
 
     Where a look just before has found it, the end of the chain alone comes first.
 
@@ -92,7 +92,7 @@ def look_for(rig: Rig, look: Look, measure: Measure, picture: Picture) -> ShownF
 
 
 def bias_at(curve: Sequence[BiasAt], dz_um: float) -> tuple[float, float]:
-    """Return how much a predicted bias differs at a focus from that at the look's own.
+    """Return the change of a predicted bias, um, at a focus off the look's own.
 
     Linear between the heights, beyond the outermost theirs; 0 without a curve.
     """
@@ -117,7 +117,7 @@ def _between(curve: Sequence[BiasAt], dz_um: float) -> tuple[float, float]:
 
 
 def spare(measure: Measure) -> Measure:
-    """Return how the fallback measures: with that chain's bias, sigma and gate.
+    """Return the measurement by the fallback: that chain's bias, sigma and gate.
 
     The gate of sigma and the bias through focus are the first chain's own.
     """

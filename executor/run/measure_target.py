@@ -27,7 +27,7 @@ UNSEEN = (NOT_FOUND, "MP821", "MP822", "MP823", "MP825", "MP826")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TargetSighting:
-    """Where a look found its target, world frame."""
+    """Pose at which a look found its target, world frame."""
 
     target: str
     x_um: float

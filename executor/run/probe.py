@@ -70,7 +70,7 @@ def axis_sigma_um(rig: Rig, axes: AxesName) -> float:
 
 
 def in_the_way(rig: Rig, look: Look, move: AxisMove) -> str:
-    """Return what forbids a probe's move, "" if nothing does.
+    """Return the obstacle to a probe's move in words, "" if there is none.
 
     Besides limits and steps a probe stays clear of everything by CLEAR sigmas, also of
     what it is meant to touch later. Where the plan has no volumes, nothing may be held
@@ -130,7 +130,7 @@ class ProbeTrack:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _ProbeState:
-    """What a probe works on, and what it has seen."""
+    """State of a probe: its look, its axes, its sightings."""
 
     rig: Rig
     look: Look

@@ -69,7 +69,7 @@ def take_up(rig: Rig, state: ResumeState, ask: Ask | None = None) -> None:
 
 
 def decide(state: ResumeState, now: DriveReadings, rules: Rules) -> Was:
-    """Return how far the motion that the journal leaves open went.
+    """Return the progress of the motion that the journal leaves open.
 
     Parameters
     ----------

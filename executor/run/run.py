@@ -59,7 +59,7 @@ def insert(rig: Rig, action: InsertAction, retreat: Sequence[AxisMove]) -> None:
 
 
 def name_of(number: int) -> str:
-    """Return what the journal calls a move of an insertion, counted from 0."""
+    """Return the journal's name of a move of an insertion, counted from 0."""
     return f"insert {number + 1}"
 
 

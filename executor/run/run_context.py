@@ -37,7 +37,7 @@ from microplan.schemas.plan import AxisMove, Look, Plan, Region, View
 
 @dataclass(slots=True, kw_only=True)
 class Rig:
-    """What every phase of a run works on; `view` is what the lens is set to.
+    """Context of every phase of a run; `view` is what the lens is set to.
 
     `watch` gets every accepted sighting: a simulated cell compares it with the
     truth. `on_step` gets every step: a simulated cell begins and ends its faults.
@@ -92,7 +92,7 @@ class Rig:
     _keep_out: KeepOut | None = None
 
     def readings(self) -> Readings:
-        """Return where the axes are now."""
+        """Return the present readings of the axes."""
         station = self.station
         return Readings(
             stage=self.motion.reading(station, "stage"),
@@ -101,7 +101,7 @@ class Rig:
         )
 
     def standing(self) -> DriveReadings:
-        """Return what axes and jaws read now."""
+        """Return the present readings of axes and jaws."""
         readings = self.readings()
         jaws = self.station.gripper
         return DriveReadings(
@@ -112,14 +112,14 @@ class Rig:
 
     @property
     def keep_out(self) -> KeepOut:
-        """Return what a motion must not touch."""
+        """Return the keep-out check of the plan."""
         if self._keep_out is None:
             surface_um = self.station.rules.stage_datum_z_um
             self._keep_out = KeepOut(self.plan, surface_um)
         return self._keep_out
 
     def moment(self, *openings_um: float) -> Moment:
-        """Return where everything is now; the jaws may go on to other openings."""
+        """Return beliefs and readings now; the jaws may go on to other openings."""
         first = (
             () if self.station.gripper is None else (self.motion.opening(self.station),)
         )

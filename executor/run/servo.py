@@ -22,7 +22,7 @@ NOISE_PER_TOLERANCE = 5 / 0.6
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Aligned:
-    """How an alignment ended."""
+    """Result of an alignment."""
 
     cycles: int  # looks; each followed a move, the first the approach
     error_um: float  # |goal - measured| of the last look

@@ -16,7 +16,7 @@ from microplan.schemas.pose import Pose
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Verified:
-    """What was measured of a seated part."""
+    """Result of a verification."""
 
     offset_um: float
     height_um: float | None  # None: the plan does not ask for it

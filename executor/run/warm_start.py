@@ -25,7 +25,7 @@ class FoundFeature:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WarmStart:
-    """What the look before found, and how well the move since is known."""
+    """Warm start of a look: features found before, with sigma of the move since."""
 
     features: Mapping[str, FoundFeature]
     sigma_um: float  # of a feature's position now, per axis
@@ -57,7 +57,7 @@ def guess_from(
     then_px: tuple[float, float],
     theta_rad: float,
 ) -> Guess:
-    """Return where a feature must be now.
+    """Return the first guess of a feature after a correction.
 
     Parameters
     ----------

@@ -81,7 +81,7 @@ class _Axis:
         self._link.ask("go", self._name, f"{value:.6f}")
 
     def state(self) -> tuple[float, bool]:
-        """Return where it is, and whether it moves."""
+        """Return its position, and whether it moves."""
         value, moving = _two(self._name, self._link.ask("at", self._name))
         if moving not in ("0", "1"):
             raise ValueError(f"{self._name}: moving is {moving!r}, not 0 or 1")

@@ -72,7 +72,7 @@ def question(number: int, words: Sequence[str]) -> bytes:
 
 
 def answer(line: bytes) -> Answer | None:
-    """Return what a line answers; None if it is noise.
+    """Return the answer in a line; None if it is noise.
 
     Noise before the mark is cut off: a line may begin with what was left of another.
     """

@@ -22,7 +22,7 @@ SLIP = 0.1  # of the distance: how far an axis that slips moves along
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriveError:
-    """How a drive differs from one that is where it reads; 0 is none of it."""
+    """Errors of a drive against one that is where it reads; 0 is none."""
 
     quantum_um: float = 0.0  # targets and readings are multiples of it
     quantum_rad: float = 0.0
@@ -35,7 +35,7 @@ class DriveError:
         return quantum * round(value / quantum) if quantum else value
 
     def slack(self, axis: str, distance: float) -> float:
-        """Return how far the axis stays behind after a motion by `distance`, um."""
+        """Return the backlash after a motion by `distance`, um."""
         if axis == "theta_rad" or not distance:
             return 0.0
         return -math.copysign(self.backlash_um / 2, distance)
@@ -43,7 +43,7 @@ class DriveError:
 
 @dataclass(slots=True, kw_only=True)
 class _Motion:
-    """One motion in small steps, from old to new commands and true positions."""
+    """Motion in small steps, from old to new commands and true positions."""
 
     began_s: float
     seconds: float

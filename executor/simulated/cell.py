@@ -65,7 +65,7 @@ class Cell:
         return judge(self.truth, target, on, within_um, within_rad)
 
     def shown_um(self, owner: str, x_um: float, y_um: float) -> tuple[float, float]:
-        """Return where a point of a part, or of the tool's grip, is truly shown now.
+        """Return the true shown position, um, of a point of a part or of the grip.
 
         The lens' own sideways shift is in it: all looks share it, and what they differ
         by has its own rows in the plan's budget. Its distortion is not.
@@ -156,7 +156,7 @@ def _lens(
 
 
 def offer_of(world: World) -> Offer:
-    """Return what the simulated devices can do."""
+    """Return the capabilities of the simulated devices."""
     optics = world.optics
     travel = {
         f"{name}.{axis}": limits
@@ -177,7 +177,7 @@ def offer_of(world: World) -> Offer:
 
 
 def rules_of(world: World) -> Rules:
-    """Return how the simulated axes settle and what they may do."""
+    """Return the rules of the simulated axes."""
     return Rules(
         stage=_settle(world.stage),
         robot=_settle(world.robot),

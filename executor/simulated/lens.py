@@ -64,7 +64,7 @@ class SimLens:
         self._timeline.run_out(self.motion)
 
     def reading(self) -> tuple[float, float]:
-        """Return what was commanded: the drives do not see their errors."""
+        """Return the commands: the drives do not see their errors."""
         if self.motion.pending():
             self._trouble.hang("hangs")
             if self._trouble.on("nan"):
@@ -105,7 +105,7 @@ class SimLens:
 
     @property
     def shift_um(self) -> tuple[float, float]:
-        """Return how far the whole image is off."""
+        """Return the shift of the whole image, um."""
         x, y = self._lateral
         return (self._jump[0] + x * self.focus_um, self._jump[1] + y * self.focus_um)
 
@@ -155,7 +155,7 @@ def _pair(values: Sequence[float]) -> tuple[float, float]:
 
 
 def drawn_errors(lens: WorldLens, rng: np.random.Generator) -> LensErrors:
-    """Return what the lens truly does: the known part and a draw of the unknown."""
+    """Return the true errors of the lens: the known part and a draw of the unknown."""
     distortion, scale, curvature = rng.standard_normal(3)
     true = lens.distortion + lens.distortion_sigma * distortion
     return LensErrors(

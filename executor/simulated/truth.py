@@ -156,7 +156,7 @@ class TrueBody:
 
 @dataclass(slots=True, kw_only=True)
 class AxisState:
-    """One axis group: what was commanded, its error, and where it truly is."""
+    """State of an axis group: its commands, its errors, its true positions."""
 
     spec: WorldAxes
     commanded: dict[str, float]
@@ -166,7 +166,7 @@ class AxisState:
 
 @dataclass(slots=True, kw_only=True)
 class Truth:
-    """Everything that is so, whether anyone measures it or not."""
+    """True state of the cell, measured or not."""
 
     world: World
     bodies: dict[str, TrueBody]

@@ -29,7 +29,7 @@ class ConformanceError(AssertionError):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Bench:
-    """How far a device may be moved for a test, and how long it may take.
+    """Bench of a driver's test: steps, windows and time limits.
 
     Steps go from where the device is, up and back; `beyond` holds a target outside
     the device's limits by the name of the argument, to see it refused.
@@ -45,7 +45,7 @@ class Bench:
     caller: Caller = field(default_factory=Caller)
 
     def call(self, name: str, call: Callable[[], T]) -> T:
-        """Return what a device call returns; ConformanceError if it raises or hangs."""
+        """Return a device call's result; ConformanceError if it raises or hangs."""
         try:
             return self.caller.call(name, call, self.call_s)
         except ExecutorError as error:

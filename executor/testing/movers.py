@@ -14,7 +14,7 @@ from microplan.executor.testing.bench import BAD, Bench, Check, identity, must
 
 @dataclass(frozen=True, slots=True)
 class _Kind:
-    """How a kind of device is ordered and read, by the names of its targets."""
+    """Kind of moving device: how it is ordered and read, by its targets' names."""
 
     names: tuple[str, ...]
     start: Callable[[Any, Mapping[str, float]], None]
