@@ -52,16 +52,7 @@ class _TapeDevice:
 
     def __init__(self, tape: Tape, name: str) -> None:
         self._tape, self._name = tape, name
-
-    @property
-    def model(self) -> str:
-        """Return the name of a replayed device."""
-        return f"recorded {self._name}"
-
-    @property
-    def serial(self) -> str:
-        """Return which record it answers from."""
-        return str(self._tape.recorded.folder)
+        self.model, self.serial = f"recorded {name}", str(tape.recorded.folder)
 
     def moving(self) -> bool:
         """Return whether the device reported motion."""

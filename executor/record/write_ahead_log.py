@@ -31,16 +31,11 @@ class Journal:
         self._stream = stream
         self._clock = clock
         self._seq = seq  # of the last event that is there
-        self._step = ""
-
-    @property
-    def step(self) -> str:
-        """Return the step that events belong to, "" between steps."""
-        return self._step
+        self.step = ""  # that events belong to, "" between steps
 
     def enter(self, step: str) -> None:
         """Name the step that the events to come belong to."""
-        self._step = step
+        self.step = step
 
     def write(self, event: str, **details: Any) -> None:
         """Append one event; `details` are JSON data or frozen dataclasses.
@@ -54,7 +49,7 @@ class Journal:
         line = {
             "seq": self._seq,
             "t_s": round(self._clock.now_s(), 6),
-            "step": self._step,
+            "step": self.step,
             "event": event,
             **{name: to_data(value) for name, value in details.items()},
         }
