@@ -28,9 +28,7 @@ def build_parser() -> argparse.ArgumentParser:
         epilog=EPILOG,
     )
     add_version(parser)
-    parser.add_argument(
-        "plan_file", metavar="plan", type=Path, help="plan.json, or the folder it is in"
-    )
+    parser.add_argument("plan", type=Path, help="plan.json, or the folder it is in")
     _add_station(parser)
     _add_mode(parser)
     _add_run(parser)

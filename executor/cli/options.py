@@ -63,9 +63,9 @@ def parse(argv: Sequence[str] | None) -> RunOptions:
     wrong = _contradiction(found)
     if wrong:
         parser.error(wrong)
+    is_plan_folder = is_folder(found.plan)
+    found.plan_file = found.plan / "plan.json" if is_plan_folder else found.plan
     given = {each.name: getattr(found, each.name) for each in fields(RunOptions)}
-    if is_folder(found.plan_file):
-        given["plan_file"] = found.plan_file / "plan.json"
     given["station"] = found.station or ""
     given["faults"], given["runs"] = tuple(found.faults), tuple(found.runs)
     return RunOptions(**given)
