@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 from benchmarks.figures import Benchmark, Figure, Options
 from microplan.executor.micromanager.hub import hub
 from microplan.executor.serial.devices import Controller
-from microplan.executor.simulated.controller import FakeController
+from tests.executor.serial.fake_controller import FakeController
 
 COUNT = 300  # calls; the median is told
 EXPOSURE_MS = 10.0

@@ -1,4 +1,4 @@
-"""Pictures with what was found drawn into them."""
+"""Marked pictures: what was found, drawn into the user's own."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from microplan.executor.analysis.pictures import Attempt, Finding, Viewer
-from microplan.executor.devices.errors import ExecutorError, why
+from microplan.executor.devices.errors import ExecutorError, failing
 from microplan.executor.record.plan_file import world_beside
 from microplan.schemas.pose import Pose
 
@@ -75,13 +75,11 @@ def write_marked(folder: Path, name: str, picture: Marked) -> None:
             f"{name[:40]}...: its name has {size}; {_MOST_NAME - 4} leave room "
             "for .png, so give the picture a shorter one",
         )
-    try:
+    with failing("MP878", path):
         folder.mkdir(parents=True, exist_ok=True)
         if not done:
             raise OSError("it cannot be encoded")
         path.write_bytes(data.tobytes())
-    except OSError as error:
-        raise ExecutorError("MP878", f"{path}: {why(error)}", place=path) from error
 
 
 class _Enlarged:
@@ -100,7 +98,7 @@ class _Enlarged:
         )
 
     def of_world(self, x_um: float, y_um: float) -> tuple[int, int]:
-        """Return the point of a place of the world."""
+        """Return the picture's point of a world position, um."""
         column, row = self.seer.frame_of(self.seer.look).to_pixel(x_um, y_um)
         return self.on_picture(column, row)
 
@@ -182,18 +180,11 @@ def _words(picture: Any, finding: Finding) -> None:
     import cv2  # as above
 
     colour = GREEN if finding.found else RED
-    words = (
-        f"{finding.code}"
-        if not finding.found
-        else (
-            f"x {finding.x_um:.3f} um  y {finding.y_um:.3f} um"
-            + (
-                ""
-                if finding.theta_rad is None
-                else f"  turn {math.degrees(finding.theta_rad):.2f} deg"
-            )
-        )
-    )
+    words = f"{finding.code}"
+    if finding.found:
+        words = f"x {finding.x_um:.3f} um  y {finding.y_um:.3f} um"
+        if finding.theta_rad is not None:
+            words += f"  turn {math.degrees(finding.theta_rad):.2f} deg"
     for ink, thick in (((0, 0, 0), 3), (colour, 1)):
         cv2.putText(
             picture, words, (8, 18), cv2.FONT_HERSHEY_SIMPLEX, 0.5, ink, thick,

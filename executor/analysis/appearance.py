@@ -1,4 +1,4 @@
-"""How a picture looks beside the plan's reference: light, contrast, sharpness."""
+"""Appearance of a picture against the plan's reference: light, contrast, sharpness."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from microplan.arrays import FloatArray
 
 # What an operator should see to, well before the gates notice: they pass half the
 # light. The plan's trials vary the light by some percent.
-TOLD = 0.25
+REPORTED = 0.25
 # A gear of 90 px across in a region of 300 x 300 has edges on .7 % of its pixels; some
 # pixels must be left out, or the noise of one decides.
 FEW = 2e-3
@@ -18,7 +18,7 @@ FEW = 2e-3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RegionStatistics:
-    """Three numbers of a region, 0..1 of full scale."""
+    """Brightness, contrast and sharpness of a region, 0..1 of full scale."""
 
     brightness: float  # mean
     contrast: float  # darkest to brightest, `FEW` of the pixels left out on each side
@@ -32,7 +32,7 @@ class Likeness:
     brightness: float | None
     contrast: float | None
     sharpness: float | None
-    words: tuple[str, ...]  # what differs by more than `TOLD`
+    words: tuple[str, ...]  # what differs by more than `REPORTED`
 
 
 def appearance(image: FloatArray) -> RegionStatistics:
@@ -58,7 +58,7 @@ def likeness(found: RegionStatistics, reference: RegionStatistics) -> Likeness:
     }
     words = []
     for name, ratio in ratios.items():
-        if ratio is not None and not 1 / (1 + TOLD) <= ratio <= 1 + TOLD:
+        if ratio is not None and not 1 / (1 + REPORTED) <= ratio <= 1 + REPORTED:
             words.append(f"{name} is {ratio:.2f} of the reference's")
     return Likeness(
         brightness=ratios["light"],

@@ -1,4 +1,4 @@
-"""Runs of one plan, step by step, against what the plan predicted."""
+"""Comparison of runs of one plan, step by step, with its predictions."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from microplan.executor.analysis.distributions import (
     Mean,
     binomial_at_most,
     mean,
+    scatter,
     share,
-    spread,
     student_above,
     student_quantile,
 )
 from microplan.executor.analysis.run_summaries import RunFolderSummary
 from microplan.schemas.plan import Control, Plan, Step
 
-STOPPED = "MP860"  # the operator's word says nothing of the plan
+STOPPED = "MP860"  # a stop by the operator is no evidence on the plan
 ALPHA = 0.05  # of one false alarm in the whole comparison
 TIME_SHARE = 0.1  # a predicted time that is off by less is not called wrong
-_DIGITS = 5e-7  # a plan's six digits: a chance of 1 may be less by it
+_DIGITS = 5e-7  # a plan's six digits: a probability of 1 may be less by it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Figure:
-    """One number of a step over the runs, beside the prediction."""
+    """Statistics of one number of a step over the runs, with its prediction."""
 
     step: str
     name: str
@@ -42,18 +42,18 @@ class Figure:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Check:
-    """One prediction put to the test."""
+    """Test of one prediction."""
 
     step: str  # "" for the plan as a whole
     name: str
     predicted: str
     found: str
-    chance: float  # of what was found, or worse, if the prediction is right
+    chance: float  # p-value: of what was found, or worse, if the prediction is right
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Comparison:
-    """What the runs say together."""
+    """Result of comparing several runs with their plan."""
 
     runs: tuple[RunFolderSummary, ...]
     apart: tuple[RunFolderSummary, ...]  # with faults that were asked for, or resumed
@@ -79,7 +79,7 @@ def compare(plan: Plan, runs: Sequence[RunFolderSummary]) -> Comparison:
 
     Each prediction is tested as what it is: the success as a binomial, the looks of an
     alignment as waiting times, the time of an alignment by Student's t at the looks it
-    took, and a look's true error, where a simulated cell tells it, by chi-square. Runs
+    took, and a look's true error, where a simulated cell knows it, by chi-square. Runs
     with faults that were asked for, and resumed ones, are left apart.
     """
     apart = tuple(run for run in runs if run.apart)
@@ -112,7 +112,7 @@ def predicted_s(control: Control, looks: float | None = None) -> float:
 def _figures(step: Step, runs: Sequence[RunFolderSummary]) -> list[Figure]:
     """Return a step's numbers over the runs that did it."""
     rows = [row for run in runs if (row := run.step(step.id)) is not None]
-    sigma_um, limit_um = _told(rows, "expected_sigma_um"), _told(rows, "limit_um")
+    sigma_um, limit_um = _first(rows, "expected_sigma_um"), _first(rows, "limit_um")
     control = step.control
     cycles = None if control is None else control.expected_cycles
     time_s = None if control is None else predicted_s(control)
@@ -178,7 +178,7 @@ def _checks(step: Step, runs: Sequence[RunFolderSummary]) -> list[Check]:
 
 
 def _success(plan: Plan, done: int, counted: int) -> Check:
-    """Test the chance that a run ends well."""
+    """Test the predicted probability of success."""
     # what pages are made of is not loaded where a run begins
     from microplan.schemas.page.figures import chance as as_chance
 
@@ -193,7 +193,7 @@ def _success(plan: Plan, done: int, counted: int) -> Check:
 
 
 def _looks(step: str, control: Control, looks: Sequence[int]) -> Check:
-    """Test how many looks alignments take: each ends with the same chance p.
+    """Test the number of looks of alignments: each look ends one with probability p.
 
     The sum of n waiting times is s or more if fewer than n of s - 1 looks ended one.
     """
@@ -202,11 +202,12 @@ def _looks(step: str, control: Control, looks: Sequence[int]) -> Check:
     more = binomial_at_most(count - 1, total - 1, p)
     fewer = 1 - binomial_at_most(count - 1, total, p)
     about = mean([float(v) for v in looks])
+    interval = f"{about.low:.3g}..{about.high:.3g}" if about.count > 1 else "one run"
     return Check(
         step=step,
         name="cycles",
         predicted=f"{control.expected_cycles:.3g}",
-        found=f"{about.mean:.3g}, {_interval(about)}",
+        found=f"{about.mean:.3g}, {interval}",
         chance=min(1.0, 2 * min(more, fewer)),
     )
 
@@ -224,7 +225,7 @@ def _time(
     if beyond <= 0:
         chance = 1.0
     elif half > 0:
-        quantile = _half_width(off.count)
+        quantile = student_quantile((1 + LEVEL) / 2, off.count - 1)
         chance = 2 * student_above(beyond * quantile / half, off.count - 1)
     else:
         chance = 0.0
@@ -238,10 +239,10 @@ def _time(
 
 
 def _error(step: Step, errors_um: Sequence[float]) -> Check:
-    """Test the spread of a step's last look by its true errors, two axes each."""
+    """Test the sigma of a step's last look by its true errors, um, two axes each."""
     look = step.looks[-1] if len(step.looks) == 1 else _last_look(step)
     upper = None if look.together else look.evidence.chosen.sigma_upper_um
-    one = spread(
+    one = scatter(
         sum(e * e for e in errors_um), 2 * len(errors_um), look.sigma_xy_um, upper
     )
     return Check(
@@ -261,16 +262,6 @@ def _last_look(step: Step) -> Any:
     return next((x for x in step.looks if x.id == wanted), step.looks[-1])
 
 
-def _half_width(count: int) -> float:
-    """Return the quantile by which an interval of `mean` is wide."""
-    return student_quantile((1 + LEVEL) / 2, count - 1)
-
-
-def _interval(one: Mean) -> str:
-    """Return an interval in words."""
-    return f"{one.low:.3g}..{one.high:.3g}" if one.count > 1 else "one run"
-
-
 def _true_errors(step: Step, runs: Sequence[RunFolderSummary]) -> list[float]:
     """Return the true errors of a step's last look, of runs that did the step."""
     if not step.looks:
@@ -288,6 +279,6 @@ def _values(rows: Iterable[Mapping[str, Any]], key: str) -> list[float]:
     return [float(row[key]) for row in rows if row.get(key) is not None]
 
 
-def _told(rows: Iterable[Mapping[str, Any]], key: str) -> float | None:
+def _first(rows: Iterable[Mapping[str, Any]], key: str) -> float | None:
     """Return the first number that is there."""
     return next(iter(_values(rows, key)), None)

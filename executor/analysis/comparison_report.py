@@ -1,4 +1,4 @@
-"""A comparison of runs with their plan, as text and as JSON."""
+"""Report on a comparison of runs with their plan, as text or JSON."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import json
 import math
 from typing import Any
 
-from microplan.executor.analysis.comparison import ALPHA, Check, Comparison, Figure
+from microplan.executor.analysis.comparison import ALPHA, Comparison, Figure
 from microplan.executor.record.outcome import columns
 from microplan.schemas.codec import to_data
 from microplan.schemas.plan import Plan
@@ -16,7 +16,7 @@ _CHECKS = ("step", "prediction", "plan", "runs", "chance", "")
 
 
 def comparison_text(plan: Plan, found: Comparison) -> str:
-    """Return what the runs gave, and the predictions put to the test."""
+    """Return the tables of the runs' statistics and of the tests, as text."""
     refuted = found.refuted
     checks = [
         (
@@ -49,7 +49,9 @@ def comparison_json(plan: Plan, found: Comparison) -> str:
         "done": found.done,
         "counted": found.counted,
         "figures": [_figure_data(figure) for figure in found.figures],
-        "checks": [_check_data(check, check in refuted) for check in found.checks],
+        "checks": [
+            {**to_data(check), "refuted": check in refuted} for check in found.checks
+        ],
     }
     return json.dumps(data, indent=2, ensure_ascii=False)
 
@@ -87,11 +89,6 @@ def _figure_data(figure: Figure) -> dict[str, Any]:
         "predicted": to_data(figure.predicted),
         "limit": to_data(figure.limit),
     }
-
-
-def _check_data(check: Check, refuted: bool) -> dict[str, Any]:  # noqa: FBT001 - data
-    """Return one test as JSON data."""
-    return {**to_data(check), "refuted": refuted}
 
 
 def _number(value: float | None) -> str:

@@ -1,4 +1,4 @@
-"""Tests of predictions: shares, standard deviations, tails of their distributions."""
+"""Statistical tests of shares or standard deviations, with their distributions."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ LEVEL = 0.95  # of every interval
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Share:
-    """How many of some trials succeeded, beside the chance predicted."""
+    """Share of trials that succeeded, with the predicted probability."""
 
     hits: int
     trials: int
-    low: float  # interval of chances that do not refute it
+    low: float  # interval of probabilities that it does not refute
     high: float
     predicted: float
     chance: float  # of so few, if at least the prediction holds
@@ -24,7 +24,7 @@ class Share:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasuredScatter:
-    """A standard deviation per axis, beside the one predicted."""
+    """Standard deviation per axis, with the predicted one."""
 
     freedom: int
     sigma: float
@@ -47,7 +47,7 @@ class Mean:
 
 
 def share(hits: int, trials: int, predicted: float) -> Share:
-    """Return what `hits` in `trials` say of a predicted chance."""
+    """Return the test of a predicted probability by `hits` in `trials`."""
     low, high = binomial_bounds(hits, trials, LEVEL) if trials else (0.0, 1.0)
     return Share(
         hits=hits,
@@ -59,10 +59,10 @@ def share(hits: int, trials: int, predicted: float) -> Share:
     )
 
 
-def spread(
+def scatter(
     squares: float, freedom: int, predicted: float, most: float | None = None
 ) -> MeasuredScatter:
-    """Return what a sum of squared deviations says of a predicted sigma.
+    """Return the test of a predicted sigma by a sum of squared deviations.
 
     Parameters
     ----------
@@ -106,13 +106,13 @@ _TERMS = 10_000  # both expansions need about sqrt(a) terms; a is below 1e7 here
 
 
 def chi_square_above(value: float, freedom: float) -> float:
-    """Return the chance of a chi-square of `freedom` above `value`."""
+    """Return the probability of a chi-square of `freedom` above `value`."""
     return _gamma_above(freedom / 2, value / 2)
 
 
 @cache
 def chi_square_quantile(chance: float, freedom: float) -> float:
-    """Return what a chi-square of `freedom` stays below with `chance`."""
+    """Return the quantile of a chi-square of `freedom` at the probability `chance`."""
     high = freedom + 10.0
     while chi_square_above(high, freedom) > 1 - chance:
         high *= 2
@@ -121,19 +121,15 @@ def chi_square_quantile(chance: float, freedom: float) -> float:
 
 @cache
 def student_quantile(chance: float, freedom: float) -> float:
-    """Return what Student's t of `freedom` stays below with `chance`, from .5 up."""
-
-    def below(t: float) -> float:
-        return 1 - beta_below(freedom / 2, 0.5, freedom / (freedom + t * t)) / 2
-
+    """Return the quantile of Student's t of `freedom` at `chance`, .5 or more."""
     high = 2.0
-    while below(high) < chance:
+    while 1 - student_above(high, freedom) < chance:
         high *= 2
-    return _root(lambda t: below(t) - chance, 0.0, high)
+    return _root(lambda t: 1 - student_above(t, freedom) - chance, 0.0, high)
 
 
 def student_above(value: float, freedom: float) -> float:
-    """Return the chance of Student's t of `freedom` above `value`."""
+    """Return the probability of Student's t of `freedom` above `value`."""
     if math.isinf(value):
         return 0.0 if value > 0 else 1.0
     tail = beta_below(freedom / 2, 0.5, freedom / (freedom + value * value)) / 2
@@ -141,7 +137,7 @@ def student_above(value: float, freedom: float) -> float:
 
 
 def binomial_at_most(hits: int, trials: int, chance: float) -> float:
-    """Return the chance of `hits` or fewer in `trials` of `chance` each."""
+    """Return the binomial probability of `hits` or fewer in `trials` of `chance`."""
     if hits < 0:
         return 0.0
     if hits >= trials:
@@ -151,7 +147,7 @@ def binomial_at_most(hits: int, trials: int, chance: float) -> float:
 
 @cache
 def binomial_bounds(hits: int, trials: int, level: float) -> tuple[float, float]:
-    """Return the interval of chances that do not refute `hits` in `trials`.
+    """Return the interval of probabilities that `hits` in `trials` do not refute.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""Pictures of a look against the plan: a line each, then all of them together."""
+"""Report on pictures of a look: a line each, then tests over all of them."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from microplan.executor.analysis.distributions import (
     MeasuredScatter,
     Share,
     mean,
+    scatter,
     share,
-    spread,
 )
 from microplan.executor.analysis.pictures import Attempt, Finding, Viewer
 from microplan.executor.devices.errors import CODES
@@ -31,10 +31,10 @@ _HEAD = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PictureTotals:
-    """What all pictures say of the plan's predictions; None where too few tell it."""
+    """Tests of the plan's predictions by all pictures; None where there are too few."""
 
     found: Share
-    still: bool  # nothing was moved between the pictures, as the user says
+    still: bool  # nothing was moved between the pictures, by the user's statement
     place: MeasuredScatter | None
     turn: MeasuredScatter | None
     off_x_um: Mean | None  # from where the plan has the target
@@ -42,7 +42,7 @@ class PictureTotals:
 
     @property
     def refuted(self) -> tuple[str, ...]:
-        """Return what chance does not explain: `ALPHA` over the questions asked."""
+        """Return the refuted predictions, at the level `ALPHA` over all questions."""
         asked = {"found": self.found.chance}
         if self.still and self.place is not None:
             asked["scatter"] = self.place.chance
@@ -54,7 +54,7 @@ class PictureTotals:
 def together(
     seer: Viewer, findings: Sequence[Finding], *, still: bool = False
 ) -> PictureTotals:
-    """Return what the pictures that could be used say of the look's predictions.
+    """Return the tests of the look's predictions by the pictures that could be used.
 
     Their scatter is judged only if nothing was moved between them.
     """
@@ -84,14 +84,15 @@ def together(
 def report_text(
     seer: Viewer, findings: Sequence[Finding], all_of_them: PictureTotals
 ) -> str:
-    """Return the table, why pictures were refused, and what they say together."""
-    rows = [_HEAD, *(_row(seer, f) for f in findings)]
+    """Return the table, the reasons of refusals, and the tests over all pictures."""
+    rows = [_HEAD, *(_row(f, seer.look.view.um_per_px) for f in findings)]
     lines = [columns(rows), ""]
     for f in findings:
         if not f.found:
             lines.append(f"{f.name}: {CODES[str(f.code)][0]} [{f.code}]: {f.why}")
         if f.spare_used:
-            lines.append(f"{f.name}: the fallback found it; {_first_fault(f)}")
+            fault = next(a.why for a in f.attempts if a.code is not None)
+            lines.append(f"{f.name}: the fallback found it; {fault}")
         if f.looks is not None and f.looks.words:
             lines.append(f"{f.name}: {'; '.join(f.looks.words)}")
         if f.hint:
@@ -118,39 +119,34 @@ def report_json(
 def _scatter(
     at: Sequence[tuple[float, float]], sigma_um: float, upper_um: float | None
 ) -> MeasuredScatter | None:
-    """Return the spread of places about their mean, per axis."""
+    """Return the standard deviation of positions about their mean, per axis, um."""
     if len(at) < 2:
         return None
     middle = [sum(v) / len(at) for v in zip(*at, strict=True)]
     squares = sum((x - middle[0]) ** 2 + (y - middle[1]) ** 2 for x, y in at)
-    return spread(squares, 2 * (len(at) - 1), sigma_um, upper_um)
+    return scatter(squares, 2 * (len(at) - 1), sigma_um, upper_um)
 
 
 def _turns(turns: Sequence[float], sigma_rad: float) -> MeasuredScatter:
-    """Return the spread of angles about their mean direction."""
+    """Return the standard deviation of angles about their mean direction, rad."""
     middle = math.atan2(sum(map(math.sin, turns)), sum(map(math.cos, turns)))
     off = [math.remainder(t - middle, math.tau) for t in turns]
     about = sum(off) / len(off)
-    return spread(sum((t - about) ** 2 for t in off), len(turns) - 1, sigma_rad)
+    return scatter(sum((t - about) ** 2 for t in off), len(turns) - 1, sigma_rad)
 
 
-def _told(finding: Finding) -> Attempt | None:
+def _counted(finding: Finding) -> Attempt | None:
     """Return the attempt that counts: the first accepted, else the first made."""
     good = [a for a in finding.attempts if a.code is None]
     return next(iter(good or finding.attempts), None)
 
 
-def _first_fault(finding: Finding) -> str:
-    """Return why the first chain was refused."""
-    return next(a.why for a in finding.attempts if a.code is not None)
-
-
-def _row(seer: Viewer, finding: Finding) -> tuple[str, ...]:
+def _row(finding: Finding, um_per_px: float) -> tuple[str, ...]:
     """Return the cells of one picture."""
-    attempt = _told(finding)
+    attempt = _counted(finding)
     gates = {g.name: g for g in attempt.gates} if attempt is not None else {}
     spread_um = gates.get("spread")
-    px = "" if spread_um is None else f" ({spread_um.value / _scale(seer):.3f})"
+    px = "" if spread_um is None else f" ({spread_um.value / um_per_px:.3f})"
     turn = finding.theta_rad
     return (
         finding.name,
@@ -204,7 +200,7 @@ def _summary(found: PictureTotals) -> list[str]:
 
 
 def _spread_line(name: str, one: MeasuredScatter, scale: float, unit: str) -> str:
-    """Return a spread in words."""
+    """Return a standard deviation in words."""
     sigma, low, high, plan, most = (
         v * scale for v in (one.sigma, one.low, one.high, one.predicted, one.most)
     )
@@ -263,11 +259,6 @@ def _json(value: Any) -> Any:
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return to_data(value)
-
-
-def _scale(seer: Viewer) -> float:
-    """Return um per px of the look."""
-    return seer.look.view.um_per_px
 
 
 def _number(value: float | None) -> str:

@@ -1,4 +1,4 @@
-"""What a look's routines find in pictures of it, one by one."""
+"""Findings of a look's routines in pictures of it, one by one."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from microplan.executor.analysis.appearance import (
 )
 from microplan.executor.analysis.picture_file import read_picture
 from microplan.executor.devices.calibration import LookFrame, look_frame
-from microplan.executor.devices.errors import ExecutorError, why
+from microplan.executor.devices.errors import ExecutorError, failing
 from microplan.executor.motion.beliefs import Beliefs
 from microplan.executor.record.frames import INDEX
 from microplan.executor.run.artifacts import Artifacts
@@ -38,7 +38,7 @@ _KNOWN_RAD = math.radians(1)  # how well a user knows an angle he states
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Attempt:
-    """One chain on one feature of one picture."""
+    """Result of one chain on one feature of one picture."""
 
     feature: str
     chain: tuple[str, ...]
@@ -51,7 +51,7 @@ class Attempt:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Finding:
-    """What was found in one picture, world frame."""
+    """Target pose found in one picture, world frame, with all attempts."""
 
     name: str
     code: str | None  # None: found, and accepted
@@ -102,10 +102,10 @@ def viewer(
     turn_rad: float | None = None,
     bits: int | None = None,
 ) -> Viewer:
-    """Return what measures pictures of a look.
+    """Return the viewer that measures pictures of a look.
 
     The target is expected where the plan has it. Its angle counts as unknown where the
-    plan starts so, unless `turn_rad` says what it is.
+    plan starts so, unless `turn_rad` states it.
 
     Raises
     ------
@@ -135,14 +135,12 @@ def files_of(folder: Path) -> list[Path]:
     Those whose names begin with a dot are the file manager's; a run's list of its
     frames is no picture.
     """
-    try:
+    with failing("MP878", folder):
         found = sorted(
             path
             for path in folder.iterdir()
             if path.is_file() and not path.name.startswith(".") and path.name != INDEX
         )
-    except OSError as error:
-        raise ExecutorError("MP878", f"{folder}: {why(error)}", place=folder) from error
     if not found:
         raise ExecutorError("MP878", f"{folder} holds no file", place=folder)
     if len(found) > MOST:
@@ -153,7 +151,7 @@ def files_of(folder: Path) -> list[Path]:
 
 
 def find_in(seer: Viewer, path: Path) -> Finding:
-    """Return what a picture shows; one that cannot be used is told, not raised."""
+    """Return the finding of a picture; an unusable one is reported, not raised."""
     look, region = seer.look, seer.look.measure.region
     try:
         read = read_picture(path, seer.plan.requirements, region, seer.bits)
@@ -166,8 +164,8 @@ def find_in(seer: Viewer, path: Path) -> Finding:
         image=part, expected=seer.expected, believed=seer.believed, dz_um=0.0
     )
     attempts = [a for m in look.measures for a in _attempts(seer, m, picture)]
-    code, why, place = _together(seer, attempts)
-    x_um, y_um, theta_rad = place
+    code, why, found_pose = _together(seer, attempts)
+    x_um, y_um, theta_rad = found_pose
     return Finding(
         name=path.name,
         code=code,
@@ -186,7 +184,7 @@ def find_in(seer: Viewer, path: Path) -> Finding:
 
 
 def cut(image: FloatArray, region: Region) -> FloatArray:
-    """Return a region of a whole frame."""
+    """Return a region of a whole frame, (rows, columns), 0..1."""
     rows = slice(region.row, region.row + region.rows)
     return image[rows, region.column : region.column + region.columns]
 
@@ -236,7 +234,7 @@ def _attempt(
 def _together(
     seer: Viewer, attempts: Sequence[Attempt]
 ) -> tuple[str | None, str, tuple[float | None, float | None, float | None]]:
-    """Return code, reason and place by all features that were accepted."""
+    """Return code, reason and position by all features that were accepted."""
     look, nowhere = seer.look, (None, None, None)
     good = [a.shown.seen for a in attempts if a.code is None and a.shown is not None]
     least = len(look.measures) if look.together is None else look.together.least
@@ -251,14 +249,14 @@ def _together(
 
 
 def _expected(measure: Measure, turn_rad: float | None) -> Pose:
-    """Return where the look's target is expected, from its first feature's place."""
-    place = measure.reference.pose
-    theta = place.theta_rad - measure.turn_rad
+    """Return the expected pose of the look's target, from its first feature's."""
+    pose = measure.reference.pose
+    theta = pose.theta_rad - measure.turn_rad
     turn = Pose(x_um=0.0, y_um=0.0, theta_rad=theta)
     dx_um, dy_um = turn.apply(*measure.offset_um)
     return Pose(
-        x_um=place.x_um - dx_um,
-        y_um=place.y_um - dy_um,
+        x_um=pose.x_um - dx_um,
+        y_um=pose.y_um - dy_um,
         theta_rad=theta if turn_rad is None else turn_rad,
     )
 

@@ -1,4 +1,4 @@
-"""Frames of a run, made small, with their times against the predicted ones."""
+"""Frames of a run as small tiles of its report, with the steps' times."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from microplan.schemas.page.page import Caption, figure, png_size, png_uri
 
 
 def predicted(left: RunArtifacts) -> Element | None:
-    """Return how long what was predicted took, and what was not predicted."""
+    """Return the time of the predicted steps, with a list of the others."""
     known = [
         (took, expected)
         for step in left.steps
@@ -39,7 +39,7 @@ def predicted(left: RunArtifacts) -> Element | None:
 
 
 def times(left: RunArtifacts, step: Row) -> str:
-    """Return how long a step took and should have, or why nothing says so."""
+    """Return the measured and the expected time of a step, or why there is none."""
     expected = real(step, "expected_s")
     if expected is not None:
         said = seconds(expected)
@@ -50,7 +50,7 @@ def times(left: RunArtifacts, step: Row) -> str:
 
 
 def pair(actual: str, predicted: str) -> str:
-    """Return what was and what should have been, one dash if there is neither."""
+    """Return "actual / predicted", one dash if there is neither."""
     nothing = number(None)
     if actual == nothing and predicted == nothing:
         return nothing
@@ -58,7 +58,7 @@ def pair(actual: str, predicted: str) -> str:
 
 
 def _unpredicted(left: RunArtifacts, step: Row) -> str:
-    """Return why no plan tells how long a step takes, "" if nobody knows."""
+    """Return why a step's time is not predicted, "" if that is unknown."""
     if text(step, "verb") in ("grasp", "release"):
         return JAWS
     name = str(step["id"])
@@ -74,10 +74,9 @@ _CAPTION = Caption(
     "smaller, with the height in focus; what lies higher or lower is blurred, so that "
     "a verification sees part and seat in turn.",
     judge="Good: the last frame of a step looks like the plan's image of it; bad: "
-    "parts "
-    "are missing, turned or blurred.",
-    do=f"For more, look into {FOLDER}/: the frames there are lossless, and all of "
-    f"them.",
+    "parts are missing, turned or blurred.",
+    do=f"For more, look into {FOLDER}/: the frames there are lossless, and all "
+    "of them.",
 )
 _MOST_STEPS = 60  # a page with more would not be read
 

@@ -1,9 +1,9 @@
-"""The report of a run: predicted against actual, servo and focus curves, frames."""
+"""Report of a run: predicted against actual, servo curves, focus curves, frames."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from microplan.executor.analysis.run_frames import frame_figures, pair, predicted, times
@@ -44,7 +44,7 @@ _DASH = (
     "has no look error. Times are predicted with every target seen at the first look."
 )
 _UM = f"{MICRO}m"
-_MOST_RATIO = 1e6  # of a bar; a longer one would say no more
+_MOST_RATIO = 1e6  # of a bar; a longer one would show no more
 
 
 def write_report(folder: Path) -> Path:
@@ -150,7 +150,7 @@ def _verdict(left: RunArtifacts) -> Element:
 
 
 def _truth(verdict: Row) -> Element:
-    """Return what the simulated cell says truly became of the part."""
+    """Return the simulated cell's own verdict on the part."""
     good = verdict.get("success") is True
     words = "seated" if good else "not seated"
     offset = um(real(verdict, "offset_um"))
@@ -185,85 +185,74 @@ def _compared(left: RunArtifacts) -> Iterator[Element]:
 def _row(left: RunArtifacts, step: Row, known: Row) -> list[Node]:
     """Return the cells of one step."""
     code, name = text(step, "code"), str(step["id"])
-    looked = real(known, name) if known else real(step, "spread_um")
     result = el("span", code or "done", class_="bad" if code else "good")
     return [
         name,
         [result, f" {text(step, 'message')}" if code else None],
         pair(number(real(step, "cycles")), number(real(step, "expected_cycles"))),
         pair(number(real(step, "error_um")), number(real(step, "limit_um"))),
-        pair(number(looked), number(real(step, "expected_sigma_um"))),
+        pair(number(_looked(step, known)), number(real(step, "expected_sigma_um"))),
         times(left, step),
     ]  # fmt: skip
 
 
 def _shares(steps: Sequence[Row]) -> Iterator[Element]:
     """Yield the errors that steps ended with, as shares of their limits."""
-    rows = [
-        Bar(label=str(s["id"]), pieces=((min(error / limit, _MOST_RATIO), ""),),
-            said=f"{number(error)} of {quantity(limit, _UM)}")
-        for s in steps
-        if (error := real(s, "error_um")) is not None
-        and (limit := real(s, "limit_um"))
-        and math.isfinite(error / limit)
-    ]  # fmt: skip
-    if not rows:
-        return
-    words = "; ".join(f"{row.label} {row.said}" for row in rows)
-    drawing = bars("Errors over their limits", words, rows, limit=1.0,
-                   limit_name="limit", unit="of the limit")  # fmt: skip
-    yield figure(
-        Caption(
-            title="Errors left, over their limits",
-            shows="The error that each alignment and verification measured last, as a "
-            "share of what the plan allows.",
-            judge="Good: bars well left of the dashed line; bad: they come close to it "
-            "run after run.",
-            do="Compare several runs with microplan-run --mode compare before you "
-            "change anything.",
-        ),
-        drawing,
+    caption = Caption(
+        title="Errors left, over their limits",
+        shows="The error that each alignment and verification measured last, as a "
+        "share of what the plan allows.",
+        judge="Good: bars well left of the dashed line; bad: they come close to it "
+        "run after run.",
+        do="Compare several runs with microplan-run --mode compare before you "
+        "change anything.",
     )
+    rows = _ratios(
+        (str(s["id"]), real(s, "error_um"), real(s, "limit_um")) for s in steps
+    )
+    if rows:
+        words = "; ".join(f"{row.label} {row.said}" for row in rows)
+        drawing = bars("Errors over their limits", words, rows, limit=1.0,
+                       limit_name="limit", unit="of the limit")  # fmt: skip
+        yield figure(caption, drawing)
+
+
+def _ratios(
+    found: Iterable[tuple[str, float | None, float | None]],
+) -> list[Bar]:
+    """Return a bar for every (label, value, scale) of finite ratio."""
+    return [
+        Bar(label=label, pieces=((min(value / scale, _MOST_RATIO), ""),),
+            said=f"{number(value)} of {quantity(scale, _UM)}")
+        for label, value, scale in found
+        if value is not None and scale and math.isfinite(value / scale)
+    ]  # fmt: skip
 
 
 def _sigmas(steps: Sequence[Row], known: Row) -> Iterator[Element]:
     """Yield the looks' errors over the sigma that the plan gives them."""
-    found = [
-        (str(s["id"]), error, sigma)
-        for s in steps
-        if (error := real(known, str(s["id"])) if known else real(s, "spread_um"))
-        is not None
-        and (sigma := real(s, "expected_sigma_um"))
-        and math.isfinite(error / sigma)
-    ]  # fmt: skip
-    if not found:
-        return
-    rows = [
-        Bar(
-            label=name,
-            pieces=((min(error / sigma, _MOST_RATIO), ""),),
-            said=f"{number(error)} of {quantity(sigma, _UM)}",
-        )
-        for name, error, sigma in found
-    ]
     what = "true error" if known else "own estimate of its spread"
-    words = "; ".join(f"{row.label} {row.said}" for row in rows)
-    drawing = bars("Looks against their sigma", words, rows, limit=2.45,
-                   limit_name="95 %", unit="in sigma")  # fmt: skip
-    yield figure(
-        Caption(
-            title="Looks against what the plan promised",
-            shows=f"Each step's last look, its {what} over the sigma per axis in the "
-            f"plan.",
-            judge="Good: nineteen of twenty bars end before the dashed line, at 2.45 "
-            "sigma; "
-            "bad: many cross it.",
-            do="If looks are worse than promised, compare focus, light and lens with "
-            "the "
-            "workcell file.",
-        ),
-        drawing,
+    caption = Caption(
+        title="Looks against what the plan promised",
+        shows=f"Each step's last look, its {what} over the sigma per axis in the plan.",
+        judge="Good: nineteen of twenty bars end before the dashed line, at 2.45 "
+        "sigma; bad: many cross it.",
+        do="If looks are worse than promised, compare focus, light and lens with "
+        "the workcell file.",
     )
+    rows = _ratios(
+        (str(s["id"]), _looked(s, known), real(s, "expected_sigma_um")) for s in steps
+    )
+    if rows:
+        words = "; ".join(f"{row.label} {row.said}" for row in rows)
+        drawing = bars("Looks against their sigma", words, rows, limit=2.45,
+                       limit_name="95 %", unit="in sigma")  # fmt: skip
+        yield figure(caption, drawing)
+
+
+def _looked(step: Row, known: Row) -> float | None:
+    """Return a look's true error where those are known, else its own estimate, um."""
+    return real(known, str(step["id"])) if known else real(step, "spread_um")
 
 
 def _servo(left: RunArtifacts) -> Iterator[Element]:
@@ -343,13 +332,10 @@ def _focus_figure(
     caption = Caption(
         title=f"Focus sweep of {step}: {said}",
         shows="The sharpness of the face at every stop of the sweep; the upright "
-        "line is "
-        "the height that was taken.",
+        "line is the height that was taken.",
         judge="Good: one clear peak with the line on it; bad: a flat curve, two "
-        "peaks or "
-        "one at the end.",
+        "peaks or one at the end.",
         do="If the peak is at an end, the face is not where the plan has it: check "
-        "what it "
-        "lies on.",
+        "what it lies on.",
     )
     return figure(caption, drawing)

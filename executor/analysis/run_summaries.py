@@ -1,4 +1,4 @@
-"""Run folders read for reports: only runs of the plan pass, torn files are left out."""
+"""Run summaries read from run folders: only runs of the plan pass."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from microplan.executor.devices.errors import ExecutorError, why
+from microplan.executor.devices.errors import ExecutorError, failing
 from microplan.executor.devices.station_file import is_file
 from microplan.executor.record.frames import FOLDER, INDEX
 from microplan.executor.record.plan_file import PlanFile
@@ -36,7 +36,7 @@ class RunArtifacts:
 
     @property
     def steps(self) -> list[Row]:
-        """Return what became of each step that was begun."""
+        """Return the result of each step that was begun."""
         found = self.summary.get("steps")
         rows = found if isinstance(found, list) else []
         return [row for row in rows if isinstance(row, dict) and "id" in row]
@@ -51,7 +51,7 @@ class RunArtifacts:
 
 
 def read_left(folder: Path) -> RunArtifacts:
-    """Return what a run left.
+    """Return the artifacts of a run folder.
 
     Raises
     ------
@@ -118,7 +118,7 @@ def _lines(path: Path) -> Iterator[Row]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunFolderSummary:
-    """One run folder's summary."""
+    """Summary of one run folder."""
 
     folder: Path
     data: Mapping[str, Any]
@@ -133,7 +133,7 @@ class RunFolderSummary:
         return ""
 
     def step(self, name: str) -> Mapping[str, Any] | None:
-        """Return what became of a step, None if the run did not do it."""
+        """Return the result of a step, None if the run did not do it."""
         for row in self.data["steps"]:
             if row["id"] == name and row["code"] is None:
                 found: Mapping[str, Any] = row
@@ -164,16 +164,12 @@ def read_runs(folders: Sequence[Path], file: PlanFile) -> tuple[RunFolderSummary
 def _read(folder: Path, file: PlanFile) -> RunFolderSummary:
     """Return one run; MP879 if it is none of the plan."""
     path = folder / SUMMARY
-    try:
+    with failing("MP879", path, (OSError, ValueError, RecursionError)):
         if path.stat().st_size > _MOST_BYTES:
             raise ExecutorError(
                 "MP879", f"{path} is larger than {_MOST_BYTES} bytes", place=path
             )
         data = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ExecutorError("MP879", f"{path}: {why(error)}", place=path) from error
-    except (ValueError, RecursionError) as error:
-        raise ExecutorError("MP879", f"{path}: {error}", place=path) from error
     if not _is_summary(data):
         raise ExecutorError("MP879", f"{path} is no summary of a run", place=path)
     if data.get("plan_sha256") != file.sha256:
@@ -214,7 +210,7 @@ def _number(value: Any) -> bool:
 
 
 def _same(run: RunFolderSummary) -> list[object]:
-    """Return what tells a run from others: a simulated one is its seed."""
+    """Return the identities of a run; a simulated one is its seed."""
     found: list[object] = [run.folder.resolve()]
     if run.data.get("station") == "sim":
         found.append(f"seed {run.data.get('seed')} {run.data.get('faults')}")

@@ -82,11 +82,13 @@ def _add_run(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--no-frames",
-        action="store_true",
+        dest="frames",
+        action="store_false",
         help="keep neither images nor calls: the run cannot be replayed",
     )
     parser.add_argument(
         "--inject",
+        dest="faults",
         action="append",
         default=[],
         metavar="FAULT[@STEP]",
@@ -95,6 +97,7 @@ def _add_run(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--step",
+        dest="stepwise",
         action="store_true",
         help="tell every step and what cannot be undone before it is done, and wait",
     )
@@ -133,6 +136,7 @@ def _add_pictures(group: argparse._ArgumentGroup) -> None:
     )
     group.add_argument(
         "--turn-deg",
+        dest="turn_rad",
         type=angle_number,
         metavar="A",
         help="the part's angle in the pictures, if it is known",
@@ -180,8 +184,8 @@ def bit_number(text: str) -> int:
 
 
 def angle_number(text: str) -> float:
-    """Return a finite angle."""
+    """Return a finite angle in rad, written in degrees."""
     value = float(text)
     if not math.isfinite(value):
         raise ValueError("an angle is finite")
-    return value
+    return math.radians(value)

@@ -25,7 +25,7 @@ from microplan.executor.analysis.pictures import files_of, find_in, viewer
 from microplan.executor.analysis.run_summaries import read_runs
 from microplan.executor.cli.options import RunOptions, parse
 from microplan.executor.cli.replay import replay
-from microplan.executor.cli.run_result import Ended, told
+from microplan.executor.cli.run_result import Ended, result_text
 from microplan.executor.cli.select_station import Site, find_site
 from microplan.executor.cli.session import Asking, RunJob, header_of, run_whole_plan
 from microplan.executor.devices.errors import (
@@ -71,9 +71,9 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _hold_streams() -> None:
-    """Open what stands in for standard streams that are closed.
+    """Open replacements of standard streams that are closed.
 
-    The journal would else be opened in their place, and libraries write there.
+    Else the journal would get one of their numbers, and libraries write there.
     """
     for number in range(3):
         try:
@@ -85,84 +85,85 @@ def _hold_streams() -> None:
 def _status(argv: Sequence[str] | None) -> int:
     """Do what was asked for; return the exit status."""
     try:
-        call = parse(argv)
+        options = parse(argv)
     except SystemExit as leaving:  # argparse: 0 after --help, 2 for a wrong call
         return int(leaving.code or 0)
     try:
-        return _run(call)
+        return _run(options)
     except ExecutorError as error:
-        _tell(error, call.plan_file)
+        _tell(error, options.plan_file)
         return error.exit_status
     except KeyboardInterrupt:
         stopped = ExecutorError("MP860", "stopped while nothing was in motion")
-        _tell(stopped, call.plan_file)
+        _tell(stopped, options.plan_file)
         return stopped.exit_status
 
 
-def _run(call: RunOptions) -> int:
+def _run(options: RunOptions) -> int:
     """Do what was asked; errors are the caller's to report."""
-    file = read_plan(call.plan_file)
+    file = read_plan(options.plan_file)
     if note := newer_note(file.plan):
         tell(f"note: {note}")
-    if call.mode == "compare":
-        return _compare(call, file)
-    if call.mode == "report" and call.record is not None:
+    if options.mode == "compare":
+        return _compare(options, file)
+    if options.mode == "report" and options.record is not None:
         from microplan.executor.analysis.run_report import write_report
 
-        say(f"report: {write_report(call.record)}")
+        say(f"report: {write_report(options.record)}")
         return DONE
-    if call.record is not None:
-        return _replay(call, file, call.record)
-    if call.pictures is not None:
-        return _look_at_pictures(call, file.plan, call.pictures)
+    if options.record is not None:
+        return _replay(options, file, options.record)
+    if options.pictures is not None:
+        return _look_at_pictures(options, file.plan, options.pictures)
     with ExitStack() as stack:
-        if call.station_file is not None and is_file(call.station_file):
-            stack.enter_context(lock_beside(call.station_file))
-        return _on_station(call, file, stack)
+        if options.station_file is not None and is_file(options.station_file):
+            stack.enter_context(lock_beside(options.station_file))
+        return _on_station(options, file, stack)
 
 
-def _on_station(call: RunOptions, file: PlanFile, stack: ExitStack) -> int:
+def _on_station(options: RunOptions, file: PlanFile, stack: ExitStack) -> int:
     """Check, list, run or resume the plan on its station."""
     plan = file.plan
-    path = call.run_dir or call.folder.parent / f"{plan.name}.run"
-    if call.resume:
-        return _resume(call, file, stack.enter_context(old_run(path)))
-    if call.mode == "run":
-        check_free(path, discard=call.discard)
-    site = _site(call, plan, None)
+    path = options.run_dir or options.folder.parent / f"{plan.name}.run"
+    if options.resume:
+        return _resume(options, file, stack.enter_context(old_run(path)))
+    if options.mode == "run":
+        check_free(path, discard=options.discard)
+    site = _site(options, plan, None)
     preflight(plan, site.station)
-    artifacts = Artifacts.from_folder(plan, call.folder)
-    if call.mode == "check":
+    artifacts = Artifacts.from_folder(plan, options.folder)
+    if options.mode == "check":
         say(f"{plan.name}: {len(plan.steps)} steps fit the station")
         return DONE
-    if call.mode == "dry-run":
+    if options.mode == "dry-run":
         say("\n".join(plan_lines(plan)))
         return DONE
-    asking = _asking(call, plan)
-    run = stack.enter_context(new_run(path, discard=call.discard))
-    run.begin(call.plan_file, file.source, site.source)
-    job = RunJob(call=call, file=file, site=site, artifacts=artifacts, run=run)
-    return _report(call, plan, run_whole_plan(job, asking))
+    asking = _asking(options, plan)
+    run = stack.enter_context(new_run(path, discard=options.discard))
+    run.begin(options.plan_file, file.source, site.source)
+    job = RunJob(options=options, file=file, site=site, artifacts=artifacts, run=run)
+    return _report(options, plan, run_whole_plan(job, asking))
 
 
-def _resume(call: RunOptions, file: PlanFile, run: RunFolder) -> int:
+def _resume(options: RunOptions, file: PlanFile, run: RunFolder) -> int:
     """Go on with the run of a folder."""
     then = run.header
-    seed = then.seed if call.seed is None else call.seed
-    call = replace(call, seed=seed, faults=call.faults or then.faults)
-    check_same(header_of(call, file, then.devices), then)  # before a driver is touched
-    site = _site(call, file.plan, run.cell)
+    seed = then.seed if options.seed is None else options.seed
+    options = replace(options, seed=seed, faults=options.faults or then.faults)
+    # before a driver is touched
+    check_same(header_of(options, file, then.devices), then)
+    site = _site(options, file.plan, run.cell)
     devices = site.station.devices()
-    check_same(header_of(call, file, devices, site.source), then)
+    check_same(header_of(options, file, devices, site.source), then)
     preflight(file.plan, site.station, begun=True)
-    artifacts = Artifacts.from_folder(file.plan, call.folder)
-    job = RunJob(call=call, file=file, site=site, artifacts=artifacts, run=run)
-    return _report(call, file.plan, run_whole_plan(job, _asking(call, file.plan)))
+    artifacts = Artifacts.from_folder(file.plan, options.folder)
+    job = RunJob(options=options, file=file, site=site, artifacts=artifacts, run=run)
+    return _report(options, file.plan, run_whole_plan(job, _asking(options, file.plan)))
 
 
-def _site(call: RunOptions, plan: Plan, left: Path | None) -> Site:
+def _site(options: RunOptions, plan: Plan, left: Path | None) -> Site:
     """Return the station that was asked for; `left` is a simulated cell's world."""
-    seed, faults = call.seed or 0, call.faults
+    seed, faults = options.seed or 0, options.faults
     steps = [step.id for step in plan.steps]
     for fault in faults:
         step = fault.partition("@")[2]
@@ -171,13 +172,15 @@ def _site(call: RunOptions, plan: Plan, left: Path | None) -> Site:
             raise ExecutorError(
                 "MP804", f"{fault}: the plan has no step {step!r}; it has {known}"
             )
-    return find_site(call.station, call.folder, seed=seed, faults=faults, left=left)
+    return find_site(
+        options.station, options.folder, seed=seed, faults=faults, left=left
+    )
 
 
-def _report(call: RunOptions, plan: Plan, ended: Ended) -> int:
+def _report(options: RunOptions, plan: Plan, ended: Ended) -> int:
     """Print table, findings and verdicts; return the exit status."""
     result, verdict = ended.result, ended.verdict
-    say(told(ended))
+    say(result_text(ended))
     say(f"run folder: {ended.folder}")
     _write_report(ended.folder)
     if verdict is not None:
@@ -192,7 +195,7 @@ def _report(call: RunOptions, plan: Plan, ended: Ended) -> int:
         say(f"{plan.name}: done in {result.time_s:.1f} s")
         return DONE
     where = f"step {result.step}: " if result.step else ""
-    _tell(ExecutorError(result.code, where + result.message), call.plan_file)
+    _tell(ExecutorError(result.code, where + result.message), options.plan_file)
     if CODES[result.code][1] == STOPPED:
         say(f"{plan.name}: stopped; --resume goes on with it")
         return STOPPED
@@ -202,9 +205,8 @@ def _report(call: RunOptions, plan: Plan, ended: Ended) -> int:
 
 def _write_report(folder: Path) -> None:
     """Write the run's report; one that cannot be written changes no outcome."""
-    from microplan.executor.analysis.run_report import (
-        write_report,  # only when it is written
-    )
+    # loaded only when it is written
+    from microplan.executor.analysis.run_report import write_report
 
     try:
         say(f"report: {write_report(folder)}")
@@ -212,13 +214,13 @@ def _write_report(folder: Path) -> None:
         tell(f"note: no report: {error.message}")
 
 
-def _replay(call: RunOptions, file: PlanFile, folder: Path) -> int:
+def _replay(options: RunOptions, file: PlanFile, folder: Path) -> int:
     """Run the plan on a run's records and say whether the commands are the same."""
-    artifacts = Artifacts.from_folder(file.plan, call.folder)
+    artifacts = Artifacts.from_folder(file.plan, options.folder)
     paths = records_of(folder)
     for path in paths:
         which = f"{path.name}: " if len(paths) > 1 else ""
-        found = replay(file, artifacts, read_record(path), anyway=call.anyway)
+        found = replay(file, artifacts, read_record(path), anyway=options.anyway)
         say(f"{which}{found.same} of {found.commands} commands are the same")
         if found.difference:
             raise ExecutorError("MP876", which + found.difference)
@@ -227,48 +229,53 @@ def _replay(call: RunOptions, file: PlanFile, folder: Path) -> int:
     return DONE
 
 
-def _look_at_pictures(call: RunOptions, plan: Plan, pictures: Path) -> int:
+def _look_at_pictures(options: RunOptions, plan: Plan, pictures: Path) -> int:
     """Measure a folder of pictures; 0 if the target was found in all of them."""
-    artifacts = Artifacts.from_folder(plan, call.folder)
+    folder, look = options.folder, options.look
+    artifacts = Artifacts.from_folder(plan, folder)
     seer = viewer(
-        plan, call.folder, artifacts, call.look, turn_rad=call.turn_rad, bits=call.bits
+        plan, folder, artifacts, look, turn_rad=options.turn_rad, bits=options.bits
     )
     files = files_of(pictures)
-    marked = call.marked or pictures.absolute().with_name(f"{call.look}.marked")
+    marked = options.marked or pictures.absolute().with_name(f"{look}.marked")
     if marked.absolute() == pictures.absolute():
         raise ExecutorError("MP878", f"{marked} holds the pictures themselves")
     findings = []
     for path in files:
         found = find_in(seer, path)
-        picture = mark(seer, found, call.folder)
+        picture = mark(seer, found, folder)
         if picture is not None:
             write_marked(marked, path.name, picture)
         findings.append(replace(found, image=None))
-    overall = together(seer, findings, still=call.still)
-    report = report_json if call.format == "json" else report_text
+    overall = together(seer, findings, still=options.still)
+    report = report_json if options.format == "json" else report_text
     say(report(seer, findings, overall))
     tell(f"marked pictures: {marked}")
     right = all(f.found for f in findings) and not overall.refuted
     return DONE if right else FAILED
 
 
-def _compare(call: RunOptions, file: PlanFile) -> int:
+def _compare(options: RunOptions, file: PlanFile) -> int:
     """Join runs of the plan; 1 if they refute what it predicted."""
-    found = compare(file.plan, read_runs(call.runs, file))
-    report = comparison_json if call.format == "json" else comparison_text
+    found = compare(file.plan, read_runs(options.runs, file))
+    report = comparison_json if options.format == "json" else comparison_text
     say(report(file.plan, found))
     return FAILED if found.refuted else DONE
 
 
-def _asking(call: RunOptions, plan: Plan) -> Asking:
-    """Return what the operator can be asked, and is told."""
-    gate = _gate() if call.stepwise else None
-    progress = None if gate else _teller(plan)
-    return Asking(pause=_asker(), question=_question(), gate=gate, progress=progress)
+def _asking(options: RunOptions, plan: Plan) -> Asking:
+    """Return the questions and messages that the operator gets."""
+    gate, seated = _gate() if options.stepwise else None, _at_terminal()
+    return Asking(
+        pause=_pause if seated else None,
+        question=_question if seated else None,
+        gate=gate,
+        progress=None if gate else _teller(plan),
+    )
 
 
 def _teller(plan: Plan) -> Callable[[str], None] | None:
-    """Return what tells a terminal which step begins, None where there is none."""
+    """Return the progress messages for a terminal, None without a terminal."""
     if sys.stderr is None or not sys.stderr.isatty():
         return None
     numbers = {step.id: number for number, step in enumerate(plan.steps, start=1)}
@@ -279,32 +286,20 @@ def _teller(plan: Plan) -> Callable[[str], None] | None:
     return begun
 
 
-def _question() -> Callable[[str], bool] | None:
-    """Return how to put a question to the operator, None if nobody sits there."""
-    if not _at_terminal():
-        return None
-
-    def ask(question: str) -> bool:
-        tell(f"{question} y goes on, anything else stops")
-        return _answer().strip() == "y"
-
-    return ask
+def _question(question: str) -> bool:
+    """Return whether the operator lets something go on."""
+    tell(f"{question} y goes on, anything else stops")
+    return _answer().strip() == "y"
 
 
-def _asker() -> Callable[[], bool] | None:
-    """Return how to ask the operator, None if nobody sits there."""
-    if not _at_terminal():
-        return None
-
-    def ask() -> bool:
-        tell("paused: Enter goes on, q stops, Ctrl-C stops at once")
-        return _answer() == "\n"  # "" is the end of the input: nobody there
-
-    return ask
+def _pause() -> bool:
+    """Return whether the operator goes on after a pause."""
+    tell("paused: Enter goes on, q stops, Ctrl-C stops at once")
+    return _answer() == "\n"  # "" is the end of the input: no operator
 
 
 def _gate() -> Callable[[str], None]:
-    """Return what tells the next step and waits; MP804 if nobody can answer.
+    """Return the gate that shows the next step and waits; MP804 without an operator.
 
     Answers are lines of a terminal, a pipe or a file: an empty one goes on. Whatever
     else comes, the end of the input too, stops.
@@ -326,7 +321,7 @@ def _gate() -> Callable[[str], None]:
 
 
 def _at_terminal() -> bool:
-    """Return whether somebody sits there who reads and answers."""
+    """Return whether an operator at a terminal reads and answers."""
     return all(s is not None and s.isatty() for s in (sys.stdin, sys.stderr))
 
 

@@ -1,11 +1,10 @@
-"""What was asked for on the command line of microplan-run."""
+"""Options of a call of microplan-run, checked for contradictions."""
 
 from __future__ import annotations
 
 import argparse
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 from microplan.executor.cli.arguments import build_parser
@@ -52,7 +51,7 @@ class RunOptions:
 
 
 def parse(argv: Sequence[str] | None) -> RunOptions:
-    """Return what the command line asks for.
+    """Return the options of a command line.
 
     Raises
     ------
@@ -64,28 +63,12 @@ def parse(argv: Sequence[str] | None) -> RunOptions:
     wrong = _contradiction(found)
     if wrong:
         parser.error(wrong)
-    return RunOptions(
-        plan_file=found.plan / "plan.json" if is_folder(found.plan) else found.plan,
-        station=found.station or "",
-        seed=found.seed,
-        mode=found.mode,
-        run_dir=found.run_dir,
-        frames=not found.no_frames,
-        faults=tuple(found.inject),
-        resume=found.resume,
-        discard=found.discard,
-        stepwise=found.step,
-        record=found.record,
-        anyway=found.anyway,
-        pictures=found.pictures,
-        look=found.look,
-        bits=found.bits,
-        still=found.still,
-        turn_rad=None if found.turn_deg is None else math.radians(found.turn_deg),
-        marked=found.marked,
-        runs=tuple(found.runs),
-        format=found.format,
-    )
+    is_plan_folder = is_folder(found.plan)
+    found.plan_file = found.plan / "plan.json" if is_plan_folder else found.plan
+    given = {each.name: getattr(found, each.name) for each in fields(RunOptions)}
+    given["station"] = found.station or ""
+    given["faults"], given["runs"] = tuple(found.faults), tuple(found.runs)
+    return RunOptions(**given)
 
 
 def _contradiction(found: argparse.Namespace) -> str:
@@ -101,13 +84,13 @@ def _station(found: argparse.Namespace) -> str:
     mode = found.mode
     if mode not in NO_STATION and not found.station:
         return f"--mode {mode} needs --station"
-    if mode in NO_STATION and (found.station or found.inject):
+    if mode in NO_STATION and (found.station or found.faults):
         return f"--mode {mode} touches no device: leave --station and --inject out"
     return ""
 
 
 def _sources(found: argparse.Namespace) -> str:
-    """Return what is wrong with what a mode reads beside the plan."""
+    """Return what is wrong with what a mode reads besides the plan."""
     mode, pictures, record = found.mode, found.pictures, found.record
     if mode == "replay" and (record is None) == (pictures is None):
         return "--mode replay needs --from RUN, or --pictures FOLDER and --look LOOK"
@@ -126,7 +109,7 @@ def _pictures(found: argparse.Namespace) -> str:
     """Return which option lacks the pictures or the record that it is for."""
     alone = {
         "--bits": found.bits is not None, "--still": found.still,
-        "--turn-deg": found.turn_deg is not None, "--marked": found.marked is not None,
+        "--turn-deg": found.turn_rad is not None, "--marked": found.marked is not None,
     }  # fmt: skip
     if found.pictures is None and any(alone.values()):
         return f"{next(k for k, v in alone.items() if v)} is for --pictures"
@@ -140,7 +123,7 @@ def _beside_a_run(found: argparse.Namespace) -> str:
     mode, pictures = found.mode, found.pictures
     if found.format != "text" and pictures is None and mode != "compare":
         return "--format is for --pictures and --mode compare; a run has summary.json"
-    if found.step and mode != "run":
+    if found.stepwise and mode != "run":
         return "--step is for --mode run"
     if found.resume and (found.discard or mode != "run"):
         return "--resume goes with neither --discard nor another --mode than run"

@@ -1,18 +1,18 @@
-"""A run again, on the record of its devices: does it give the same commands?"""
+"""Replay of a run on the record of its devices: are the commands the same?"""
 
 from __future__ import annotations
 
 import io
 from dataclasses import dataclass
 
-from microplan.executor.devices.errors import ExecutorError, why
+from microplan.executor.devices.errors import ExecutorError, failing
 from microplan.executor.motion.beliefs import Beliefs
 from microplan.executor.record.frames import Frames
 from microplan.executor.record.outcome import RunResult
 from microplan.executor.record.plan_file import PlanFile
 from microplan.executor.record.recorded_calls import Recorded, Tape
 from microplan.executor.record.recording import CALLS, RESUMES
-from microplan.executor.record.recovery import ResumeState, past_in
+from microplan.executor.record.recovery import ResumeState, journal_in
 from microplan.executor.record.replay_station import tape_station
 from microplan.executor.record.write_ahead_log import FILE, Journal
 from microplan.executor.run.artifacts import Artifacts
@@ -25,7 +25,7 @@ ASKED = "MP864"  # how a run ends whose question the operator did not say yes to
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Replayed:
-    """How a replay went; `difference` is "" if the commands are the same."""
+    """Result of a replay; `difference` is "" if the commands are the same."""
 
     commands: int  # that were given in the record
     same: int  # of them, up to the first difference
@@ -60,7 +60,7 @@ def replay(
         MP877 if the record is of another plan, or cannot be used; MP867 if the journal
         that its executor resumed from is damaged.
     """
-    head, past = recorded.head, _past(recorded)
+    head, state = recorded.head, _state_before(recorded)
     for key, now in (("plan_sha256", file.sha256), ("arrays_sha256", artifacts.sha256)):
         if head.get(key) != now and not anyway:
             raise ExecutorError(
@@ -78,14 +78,14 @@ def replay(
         journal=Journal(io.StringIO(), _Silent()),
         frames=Frames(None, wanted=bool(head.get("whole_frames"))),
     )
-    return _judged(tape, _run(rig, past, recorded))
+    return _judged(tape, _run(rig, state, recorded))
 
 
-def _past(recorded: Recorded) -> ResumeState | None:
+def _state_before(recorded: Recorded) -> ResumeState | None:
     """Return what the executor of a record resumed from; None if it began the run."""
     count = recorded.head.get(RESUMES)
     if count is None and recorded.path.name == CALLS:
-        return None  # of an executor that did not tell yet
+        return None  # of an executor of an older format
     if not isinstance(count, int) or isinstance(count, bool) or count < 0:
         raise ExecutorError(
             "MP877", f"{recorded.path} does not say from where it resumed the run"
@@ -93,28 +93,26 @@ def _past(recorded: Recorded) -> ResumeState | None:
     if count == 0:
         return None
     path = recorded.path.with_name(FILE)
-    try:
+    with failing("MP877", path):
         lines = path.read_bytes().splitlines(keepends=True)
-    except OSError as error:
-        raise ExecutorError("MP877", f"{path}: {why(error)}", place=path) from error
     if len(lines) < count:
         raise ExecutorError(
             "MP877", f"{path} has {len(lines)} lines, the run was resumed from {count}"
         )
-    return past_in(b"".join(lines[:count]), str(path)).past
+    return journal_in(b"".join(lines[:count]), str(path)).state
 
 
-def _run(rig: Rig, past: ResumeState | None, recorded: Recorded) -> RunResult:
+def _run(rig: Rig, state: ResumeState | None, recorded: Recorded) -> RunResult:
     """Begin, or go on, as the executor did."""
 
     def answer(_question: str) -> bool:
         return recorded.ended != ASKED  # as the operator answered then
 
     try:
-        if past is None:
+        if state is None:
             rig.standing()  # the journal's first line holds it
         else:
-            take_up(rig, past, answer)
+            take_up(rig, state, answer)
     except ExecutorError as error:
         return RunResult(
             code=error.code, message=error.message, step=None, steps=(), time_s=0.0
@@ -152,7 +150,7 @@ def _because(result: RunResult) -> str:
 
 
 class _Silent:
-    """The clock of a log that nobody reads: what it asks is not on the tape."""
+    """Clock of a log that is not read: its calls are not on the tape."""
 
     def now_s(self) -> float:
         """Return 0."""

@@ -1,4 +1,4 @@
-"""The result of a whole run, with what only a simulated cell can tell of it."""
+"""Results of whole runs, with the truth that only a simulated cell knows."""
 
 from __future__ import annotations
 
@@ -25,10 +25,9 @@ if TYPE_CHECKING:
 
 
 def keep_world(cell: Cell, path: Path) -> None:
-    """Have a simulated cell keep its world beside the journal."""
-    from microplan.executor.simulated.keeping import (
-        keep,  # optics only for the simulated cell
-    )
+    """Have a simulated cell keep its world in the journal's folder."""
+    # optics only for the simulated cell
+    from microplan.executor.simulated.keeping import keep
 
     try:
         keep(cell, path)
@@ -41,64 +40,44 @@ def watch(
 ) -> dict[str, float]:
     """Return a record, filled while the rig runs: step -> its last look's true error.
 
-    Only a simulated cell knows the truth; a plan never sees it. `progress` is told of
-    every step.
+    Only a simulated cell knows the truth; a plan never sees it. `progress` is called
+    with every step.
     """
-    errors: dict[str, float] = {}
+    errors_um: dict[str, float] = {}
     rig.on_step = progress
-    if cell is not None:
-        rig.watch = _noting(rig, cell, errors)
-        rig.on_step = _beginning(cell, progress)
-    return errors
-
-
-def _noting(
-    rig: Rig, cell: Cell, errors_um: dict[str, float]
-) -> Callable[[str, float, float], None]:
-    """Return what notes how far a sighting is from the truth, by step."""
-    shown_um = cell.shown_um
+    if cell is None:
+        return errors_um
+    shown_um, enter = cell.shown_um, cell.faults.enter
 
     def note(target: str, x_um: float, y_um: float) -> None:
         owner, offset = rig.beliefs.anchor(target)
         true_x, true_y = shown_um(owner, *offset)
         errors_um[rig.journal.step] = math.hypot(x_um - true_x, y_um - true_y)
 
-    return note
-
-
-def _beginning(
-    cell: Cell, progress: Callable[[str], None] | None
-) -> Callable[[str], None]:
-    """Return what begins and ends the cell's faults as steps begin."""
-    enter = cell.faults.enter
-
     def begin(step: str) -> None:
         if progress is not None:
             progress(step)
         enter(step)
 
-    return begin
+    rig.watch, rig.on_step = note, begin
+    return errors_um
 
 
 def judged(plan: Plan, cell: Cell) -> Verdict | None:
-    """Return what truly became of what the last verify step is about."""
+    """Return the cell's verdict on the target of the last verify step."""
     checks = [s.action for s in plan.steps if isinstance(s.action, VerifyAction)]
     if not checks or checks[-1].target.partition(".")[0] not in cell.truth.bodies:
         return None
     last = checks[-1]
     try:
         return cell.judge(last.target, last.on, last.within_um, last.within_rad)
-    except (KeyError, ValueError):  # a plan of another world: nothing can be told
+    except (KeyError, ValueError):  # a plan of another world: there is no verdict
         return None
-
-
-if TYPE_CHECKING:
-    from microplan.executor.simulated.judging import Verdict
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ended:
-    """How a run ended; a simulated cell knows what truly became of it."""
+    """End of a run, with the verdict of a simulated cell."""
 
     folder: Path
     result: RunResult
@@ -109,22 +88,24 @@ class Ended:
     idle_faults: tuple[str, ...] | None = ()  # met by nothing; None: not known
 
 
-def told(ended: Ended) -> str:
+def result_text(ended: Ended) -> str:
     """Return the run's table, and the faults that were asked for."""
     words = table(ended.result, ended.errors_um)
     faults = injected(ended.faults, ended.idle_faults)
     return f"{words}\ninjected faults: {faults}" if faults else words
 
 
-def write_summary(call: RunOptions, site: Site, file: PlanFile, ended: Ended) -> None:
+def write_summary(
+    options: RunOptions, site: Site, file: PlanFile, ended: Ended
+) -> None:
     """Write summary.json and the table; MP863 if they cannot be written."""
     try:
-        words = told(ended) + "\n"
+        words = result_text(ended) + "\n"
         (ended.folder / "summary.txt").write_text(
             words, encoding="utf-8", errors=ESCAPED
         )
-        text = summary_json(file.plan, ended.result, _extra(call, site, file, ended))
-        fresh = ended.folder / FRESH  # as a whole or not at all: it says that it ended
+        text = summary_json(file.plan, ended.result, _extra(options, site, file, ended))
+        fresh = ended.folder / FRESH  # moved as a whole: its presence marks the end
         fresh.write_text(text, encoding="utf-8", errors=ESCAPED)
         fresh.replace(ended.folder / SUMMARY)
     except OSError as error:
@@ -136,14 +117,14 @@ def write_summary(call: RunOptions, site: Site, file: PlanFile, ended: Ended) ->
 
 
 def _extra(
-    call: RunOptions, site: Site, file: PlanFile, ended: Ended
+    options: RunOptions, site: Site, file: PlanFile, ended: Ended
 ) -> dict[str, Any]:
-    """Return what summary.json says beside the result."""
+    """Return what summary.json holds besides the result."""
     verdict = ended.verdict
     return {
         "plan_sha256": file.sha256,
         "station": site.name,
-        "seed": call.seed or 0,
+        "seed": options.seed or 0,
         "executors": ended.executors,
         "faults": list(ended.faults),
         "idle_faults": to_data(ended.idle_faults),

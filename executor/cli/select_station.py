@@ -1,4 +1,4 @@
-"""Where a plan is run: the simulated cell of its world.json, or a station file."""
+"""Selection of the station: the simulated cell of world.json, or a station file."""
 
 from __future__ import annotations
 
@@ -53,8 +53,8 @@ def find_site(
     Raises
     ------
     ExecutorError
-        MP803 for world.json; MP804 for a fault that nobody knows, or a seed or fault
-        beside a file; MP812 and MP813 for a station file.
+        MP803 for world.json; MP804 for an unknown fault, or a seed or fault
+        together with a file; MP812 and MP813 for a station file.
     """
     try:
         Faults(faults)
@@ -82,9 +82,8 @@ def _simulated(
     plan_folder: Path, seed: int, faults: Sequence[str], left: Path | None
 ) -> Site:
     """Return the simulated cell of the plan's world."""
-    from microplan.executor.simulated.cell import (
-        build_cell,  # optics only for the simulated cell
-    )
+    # optics only for the simulated cell
+    from microplan.executor.simulated.cell import build_cell
     from microplan.executor.simulated.hub import read_world
 
     cell = build_cell(read_world(plan_folder / "world.json"), seed, faults)

@@ -1,4 +1,4 @@
-"""A whole run: the plan on a site, its run folder, and what became of it."""
+"""Session of a whole run: the plan on a station, its logs, its result."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from microplan.executor.cli.run_result import (
     write_summary,
 )
 from microplan.executor.cli.select_station import SIMULATED, Site
-from microplan.executor.devices.errors import ExecutorError, why
+from microplan.executor.devices.errors import ExecutorError, failing
 from microplan.executor.devices.station import Station
 from microplan.executor.motion.beliefs import Beliefs
 from microplan.executor.motion.motion import Motion
@@ -29,7 +29,7 @@ from microplan.executor.record.plan_file import PlanFile, world_beside
 from microplan.executor.record.recording import CALLS, RESUMES, CallRecorder
 from microplan.executor.record.recovery import Header
 from microplan.executor.record.run_folder import EVENTS, RunFolder
-from microplan.executor.record.write_ahead_log import ESCAPED, Journal, WriteAheadLog
+from microplan.executor.record.write_ahead_log import ESCAPED, Journal
 from microplan.executor.run.artifacts import Artifacts
 from microplan.executor.run.resume import begin, take_up
 from microplan.executor.run.run import run_plan
@@ -39,33 +39,23 @@ from microplan.schemas.files.times import planned_s
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Asking:
-    """What the operator can be asked; None where nobody sits there."""
+    """Questions to the operator; None where there is no operator."""
 
     pause: Callable[[], bool] | None = None  # whether to go on after Ctrl-C
     question: Callable[[str], bool] | None = None  # whether to go on after a crash
     gate: Callable[[str], None] | None = None  # see `Rig.gate`
-    progress: Callable[[str], None] | None = None  # told of every step that begins
+    progress: Callable[[str], None] | None = None  # called with every step that begins
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunJob:
     """A plan that is to be run: as asked for, where, and where the run is kept."""
 
-    call: RunOptions
+    options: RunOptions
     file: PlanFile
     site: Site
     artifacts: Artifacts  # of the plan's routines
     run: RunFolder  # locked, and emptied for a new run
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Logs:
-    """What a run writes while it goes on."""
-
-    journal: Journal
-    intents: WriteAheadLog
-    frames: Frames
-    record: CallRecorder | None  # None: it cannot be replayed
 
 
 def run_whole_plan(job: RunJob, asking: Asking) -> Ended:
@@ -73,7 +63,7 @@ def run_whole_plan(job: RunJob, asking: Asking) -> Ended:
 
     Parameters
     ----------
-    job : Job
+    job : RunJob
         The plan, and where it is run.
     asking : Asking
         What the operator can be asked.
@@ -84,16 +74,15 @@ def run_whole_plan(job: RunJob, asking: Asking) -> Ended:
         MP860 if the run is interrupted; MP863 if something cannot be written; codes of
         `microplan.executor.run.resume.take_up`.
     """
-    call, file, site, run = job.call, job.file, job.site, job.run
+    options, file, site, run = job.options, job.file, job.site, job.run
     seq, before = run.last_event(), run.executors
-    with _logs(job, seq, before) as logs, Operator(asking.pause) as operator:
-        rig = _rig(job, logs, operator, asking)
+    with _rigged(job, asking, seq, before) as (rig, record):
         errors_um = watch(rig, site.cell, asking.progress)
-        if site.cell is not None and call.station_file is None:
+        if site.cell is not None and options.station_file is None:
             keep_world(site.cell, run.cell)
         result = _run(rig, job, asking)
-        if logs.record is not None:
-            _close(logs.record, result)
+        if record is not None:
+            _close(record, result)
     ended = Ended(
         folder=run.path,
         result=result,
@@ -103,42 +92,42 @@ def run_whole_plan(job: RunJob, asking: Asking) -> Ended:
         faults=() if site.cell is None else site.cell.faults.asked,
         idle_faults=None if site.cell is None or before else site.cell.faults.idle,
     )
-    write_summary(call, site, file, ended)
+    write_summary(options, site, file, ended)
     return ended
 
 
 @contextmanager
-def _logs(job: RunJob, seq: int, before: int) -> Iterator[_Logs]:
-    """Give the files of a run, after `seq` events of `before` earlier executors."""
-    run, station = job.run, job.site.station
+def _rigged(
+    job: RunJob, asking: Asking, seq: int, before: int
+) -> Iterator[tuple[Rig, CallRecorder | None]]:
+    """Give all that steps are done with, and the record; None: it cannot be replayed.
+
+    The run's files go on after `seq` events of `before` earlier executors.
+    """
+    run, plan, station = job.run, job.file.plan, job.site.station
     tag = f"_by{before + 1}" if before else ""
-    frames = Frames(run.path if job.call.frames else None, tag=tag)
+    frames = Frames(run.path if job.options.frames else None, tag=tag)
     calls = run.path / (f"calls-{before + 1}.jsonl" if before else CALLS)
     facts = _facts(job.file, job.site, job.artifacts, run)
     with (
         _open(run.path / EVENTS, "a") as stream,
-        run.intents() as intents,
+        run.write_ahead() as write_ahead,
         _recorded(calls, frames, station, facts) as record,
+        Operator(asking.pause) as operator,
     ):
-        journal = Journal(stream, station.clock, seq=seq)
-        yield _Logs(journal=journal, intents=intents, frames=frames, record=record)
-
-
-def _rig(job: RunJob, logs: _Logs, operator: Operator, asking: Asking) -> Rig:
-    """Return all that steps are done with."""
-    plan, station, record = job.file.plan, job.site.station, logs.record
-    return Rig(
-        plan=plan,
-        station=station if record is None else record.station(),
-        beliefs=Beliefs(plan.beliefs, plan.features),
-        artifacts=job.artifacts,
-        journal=logs.journal,
-        frames=logs.frames,
-        motion=Motion(operator.pause),
-        gate=asking.gate,
-        intents=logs.intents,
-        planned_s=planned_s(plan, world_beside(job.call.folder)),
-    )
+        rig = Rig(
+            plan=plan,
+            station=station if record is None else record.station(),
+            beliefs=Beliefs(plan.beliefs, plan.features),
+            artifacts=job.artifacts,
+            journal=Journal(stream, station.clock, seq=seq),
+            frames=frames,
+            motion=Motion(operator.pause),
+            gate=asking.gate,
+            write_ahead=write_ahead,
+            planned_s=planned_s(plan, world_beside(job.options.folder)),
+        )
+        yield rig, record
 
 
 def _close(record: CallRecorder, result: RunResult) -> None:
@@ -151,35 +140,27 @@ def _close(record: CallRecorder, result: RunResult) -> None:
 
 
 def header_of(
-    call: RunOptions,
+    options: RunOptions,
     file: PlanFile,
     devices: Mapping[str, str],
     source: bytes | None = None,
 ) -> Header:
-    """Return what a run is begun with; MP804 if the station file cannot be read.
+    """Return the header of a run's journal; MP804 if the station file cannot be read.
 
     `source` are the bytes that the station was made from: the file may be another one
     by now. Without them it is read.
     """
-    station = call.station_file
-    try:
-        if source is None and station is not None:
+    station = options.station_file
+    if source is None and station is not None:
+        with failing("MP804", station):
             source = station.read_bytes()
-    except OSError as error:
-        raise ExecutorError(
-            "MP804", f"{station}: {why(error)}", place=station
-        ) from error
     return Header(
         plan_sha256=file.sha256,
-        station=SIMULATED if source is None else _sha256(source),
-        seed=call.seed or 0,
-        faults=call.faults,
+        station=SIMULATED if source is None else hashlib.sha256(source).hexdigest(),
+        seed=options.seed or 0,
+        faults=options.faults,
         devices=devices,
     )
-
-
-def _sha256(data: bytes) -> str:
-    return hashlib.sha256(data).hexdigest()
 
 
 @contextmanager
@@ -210,14 +191,14 @@ def _open(path: Path, mode: Literal["a", "w"]) -> Iterator[TextIO]:
     try:
         yield stream
     finally:
-        with suppress(OSError):  # what was not written is told where it was lost
+        with suppress(OSError):  # what was not written is reported where it was lost
             stream.close()
 
 
 def _facts(
     file: PlanFile, site: Site, artifacts: Artifacts, run: RunFolder
 ) -> dict[str, Any]:
-    """Return what a record says of its run beside the devices."""
+    """Return what a record holds of its run besides the devices."""
     return {
         RESUMES: 0 if run.found is None else run.found.seq,
         "plan": file.plan.name,
@@ -232,13 +213,13 @@ def _run(rig: Rig, job: RunJob, asking: Asking) -> RunResult:
     try:
         if job.run.found is None:
             devices = rig.station.devices()
-            begin(rig, header_of(job.call, job.file, devices, job.site.source))
+            begin(rig, header_of(job.options, job.file, devices, job.site.source))
         else:
-            take_up(rig, job.run.found.past, asking.question)
+            take_up(rig, job.run.found.state, asking.question)
         return run_plan(rig)
     except KeyboardInterrupt:
         left = "; ".join(rig.motion.stop(rig.station)) or "nothing moves any more"
-        with suppress(ExecutorError, KeyboardInterrupt):  # what is left is told anyway
+        with suppress(ExecutorError, KeyboardInterrupt):  # what is left is in the error
             rig.journal.write("stopped", why=left)
         raise ExecutorError("MP860", f"stopped; {left}") from None
     except BaseException:  # a bug must not leave anything in motion either

@@ -20,7 +20,7 @@ def stable_gain(latency_frames: int, turn_rad: float = 0.0) -> float:
     latency_frames : int
         Looks by which a picture is older than it seems, d >= 0.
     turn_rad : float
-        By which the image is turned against the stage, phi; at pi / 2 nothing settles.
+        Rotation of the image against the stage, phi; at pi / 2 nothing settles.
 
     Returns
     -------
@@ -44,7 +44,7 @@ def check_gains(
 ) -> None:
     """Raise MP837 if an alignment's gain is not stable on the station.
 
-    The image's scale counts into the gain, its turn into the limit.
+    The image's scale counts into the gain, its rotation into the limit.
     """
     (a, b), (c, d) = IDENTITY if calibration is None else calibration.camera_from_stage
     turn_rad = math.atan2(c - b, a + d)
@@ -65,14 +65,14 @@ def check_gains(
 
 Matrix = tuple[tuple[float, float], tuple[float, float]]
 
-# A calibrated zoom stands for a plan's when they agree to what an encoder can repeat.
+# A calibrated zoom counts as a plan's if they agree to what an encoder can repeat.
 SAME_ZOOM = 1e-3
 IDENTITY: Matrix = ((1.0, 0.0), (0.0, 1.0))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ZoomPoint:
-    """One calibrated zoom."""
+    """Calibration at one zoom."""
 
     magnification: float
     um_per_px: float
@@ -165,10 +165,10 @@ def look_frame(
 
 
 def _pitch_um(point: ZoomPoint) -> float:
-    """Return the pixel pitch on the sensor that a point stands for, um."""
+    """Return the pixel pitch on the sensor at a calibrated zoom, um."""
     return point.um_per_px * point.magnification
 
 
 def _between(low: float, high: float, share: float) -> float:
-    """Return the value `share` of the way from low to high."""
+    """Return the linear interpolation from low to high at `share`."""
     return low + share * (high - low)

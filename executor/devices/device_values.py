@@ -1,4 +1,4 @@
-"""What devices answer: refused with its code where it is not what it should be."""
+"""Values that devices answer, checked for kind; each fault with its code."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from microplan.executor.devices.drivers import AxisReading, Clock, Frame
 from microplan.executor.devices.errors import ExecutorError
 from microplan.executor.devices.safety import AXES
-from microplan.executor.devices.timeouts import told
+from microplan.executor.devices.timeouts import reason
 
 
 def as_reading(name: str, found: Any) -> AxisReading:
@@ -40,7 +40,7 @@ def as_pair(name: str, found: Any) -> tuple[float, float]:
 
 
 def as_truth(name: str, found: Any) -> bool:
-    """Return whether something is so; MP841 if that is not what it tells."""
+    """Return a truth value; MP841 if it is none."""
     if not isinstance(found, bool | np.bool_):
         raise _other(name, found, "True or False")
     return bool(found)
@@ -61,7 +61,7 @@ def as_frame(name: str, found: Any) -> Frame:
 
 
 class CheckedClock:
-    """A clock whose driver is somebody else's."""
+    """A driver's clock whose answers are checked."""
 
     def __init__(self, clock: Clock) -> None:
         self._clock = clock
@@ -84,15 +84,15 @@ class CheckedClock:
         except KeyboardInterrupt:  # the operator's: a clock is called where he is heard
             raise
         except BaseException as error:
-            raise ExecutorError("MP841", f"clock.{method}: {told(error)}") from error
+            raise ExecutorError("MP841", f"clock.{method}: {reason(error)}") from error
 
 
 def _other(name: str, found: Any, wanted: str) -> ExecutorError:
-    """Return the error about an answer of another kind; it is told in brief."""
+    """Return the error about an answer of another kind, shown in brief."""
     try:
-        told = repr(found)
+        shown = repr(found)
     except Exception as error:  # noqa: BLE001 - a driver's class may do what it likes
-        told = f"something whose repr raises {type(error).__name__}"
-    short = told if len(told) <= 80 else told[:77] + "..."
+        shown = f"something whose repr raises {type(error).__name__}"
+    short = shown if len(shown) <= 80 else shown[:77] + "..."
     kind = type(found).__name__
     return ExecutorError("MP841", f"{name} gave {short} ({kind}), not {wanted}")

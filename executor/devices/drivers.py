@@ -1,6 +1,6 @@
-"""What the executor asks of hardware; the simulated cell is one such set of drivers.
+"""Driver contracts: what the executor asks of hardware, by role.
 
-A driver moves its device to absolute states and tells what it reads; it decides
+A driver moves its device to absolute states and returns its readings; it decides
 nothing. Limits, steps, settling, timeouts and stops are the executor's, in
 `microplan.executor.motion.motion`. No two calls overlap but `stop`, which may come from
 another thread at any time, also twice, also at rest. A driver raises what it likes when
@@ -39,7 +39,7 @@ class Frame:
 
 
 class Device(Protocol):
-    """What every device can say of itself."""
+    """Identity of a device."""
 
     @property
     def model(self) -> str:
@@ -48,7 +48,7 @@ class Device(Protocol):
 
     @property
     def serial(self) -> str:
-        """Return what tells this device from another of its model."""
+        """Return what distinguishes this device from another of its model."""
         ...
 
 
@@ -56,7 +56,7 @@ class Mover(Device, Protocol):
     """A device with something that moves."""
 
     def moving(self) -> bool:
-        """Return whether a motion is under way, by the device's own word."""
+        """Return whether the device reports a motion under way."""
         ...
 
     def stop(self) -> None:
@@ -87,7 +87,7 @@ class Axes(Mover, Protocol):
         ...
 
     def reading(self) -> AxisReading:
-        """Return where the axes say they are now, moving or not."""
+        """Return the axes' present readings, moving or not."""
         ...
 
 
@@ -105,7 +105,7 @@ class Gripper(Mover, Protocol):
         ...
 
     def reading(self) -> float:
-        """Return the opening the drive says it has now, um."""
+        """Return the drive's present reading of the opening, um."""
         ...
 
 
@@ -121,7 +121,7 @@ class Lens(Mover, Protocol):
         ...
 
     def reading(self) -> tuple[float, float]:
-        """Return magnification and focus (um) as the drives say they are now."""
+        """Return the drives' present readings of magnification and focus (um)."""
         ...
 
 
@@ -140,7 +140,7 @@ class Camera(Device, Protocol):
         """Return `region`, or the whole frame, exposed at `after_s` or later.
 
         A camera that runs on its own discards older frames and waits for one. The
-        executor refuses a frame whose time says otherwise.
+        executor refuses an older frame.
 
         Raises
         ------

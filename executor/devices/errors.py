@@ -1,8 +1,9 @@
-"""What can go wrong while a plan runs, each with its code and exit status."""
+"""Error codes of the executor, each with its title, its exit status."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 
 DONE, FAILED, BAD_INPUT, MACHINE, STOPPED, BUG = 0, 1, 2, 3, 4, 70
@@ -80,11 +81,11 @@ class ExecutorError(Exception):
     code : str
         A key of `CODES`.
     message : str
-        The value, the limit, the unit and the place.
+        The value, the limit, the unit and the object.
     cause : str
         A routine's own failure code, "" if there is none.
     place : path, optional
-        The file or folder that is at fault; None: it is told of the plan.
+        The file or folder that is at fault; None: the plan.
     """
 
     def __init__(
@@ -114,6 +115,17 @@ class ExecutorError(Exception):
         return CODES[self.code][1]
 
 
+@contextmanager
+def failing(
+    code: str, path: Path, kinds: tuple[type[Exception], ...] = (OSError,)
+) -> Iterator[None]:
+    """Raise `code` about a file or folder if the work inside raises one of `kinds`."""
+    try:
+        yield
+    except kinds as error:
+        raise ExecutorError(code, f"{path}: {why(error)}", place=path) from error
+
+
 def why(error: Exception) -> str:
-    """Return what an exception says: of the system's, without number and path."""
+    """Return the message of an exception; of the system's, without number and path."""
     return (error.strerror if isinstance(error, OSError) else "") or str(error)

@@ -1,4 +1,4 @@
-"""Drivers by name: an entry point of `microplan.drivers`, or `module:attribute`."""
+"""Loading of drivers: an entry point of `microplan.drivers`, or `module:attribute`."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from contextlib import contextmanager
 from typing import Any
 
 from microplan.executor.devices.errors import ExecutorError
-from microplan.executor.devices.timeouts import Caller, told
+from microplan.executor.devices.timeouts import Caller, reason
 
 GROUP = "microplan.drivers"
-ASK_S = 5.0  # a device may take so long to tell what it has
+ASK_S = 5.0  # limit of asking a device for an attribute
 
 # what a device must have, by role; `microplan.executor.devices.drivers` says what each
 # must do
@@ -107,7 +107,7 @@ def _entry_point(name: str, key: str) -> Any:
 
 @contextmanager
 def _refused(what: str) -> Iterator[None]:
-    """Tell what a driver's own code raises as MP813; SystemExit is no way out either.
+    """Report what a driver's own code raises, SystemExit too, as MP813.
 
     An interrupt is the operator's.
     """
@@ -116,4 +116,4 @@ def _refused(what: str) -> Iterator[None]:
     except (ExecutorError, KeyboardInterrupt):
         raise
     except BaseException as error:
-        raise ExecutorError("MP813", f"{what}: {told(error)}") from error
+        raise ExecutorError("MP813", f"{what}: {reason(error)}") from error

@@ -1,4 +1,4 @@
-"""What may move where, how far at once and how fast: rules without any device."""
+"""Safety rules of motion: travel, step, speed, progress; no device is touched."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ ROUNDING = 1e-5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Settle:
-    """When an axis group has arrived, and when it never will."""
+    """Criteria of an axis group's arrival: windows, dwell, timeout, stall."""
 
     window_um: float = 0.05  # reading to target; x, y and z each
     window_rad: float = 1e-5
@@ -104,7 +104,7 @@ def check_travel(
 def check_step(
     move: AxisMove, now: AxisReading, phase: Phase, limit: PhaseLimit
 ) -> None:
-    """Raise MP843 if a move is longer, turns more or is faster than its phase may.
+    """Raise MP843 if a move is longer, rotates more or is faster than its phase may.
 
     So does a speed that leads nowhere.
     """
@@ -156,8 +156,8 @@ def outside(
 class MotionProgress:
     """Watches one motion: axes must keep coming closer until all are in their windows.
 
-    An axis with a short way may creep beside one with a long way, where a controller
-    lets all arrive together: it stands only if no axis has come closer.
+    An axis with a short distance may creep while another goes far, where a controller
+    lets all arrive together: a motion has stalled only if no axis has come closer.
 
     Parameters
     ----------
@@ -166,7 +166,7 @@ class MotionProgress:
     target : mapping of str to float
         Where it goes.
     settle : Settle
-        Windows, and how long an axis may stand.
+        Windows, and how long a motion may stall.
     """
 
     def __init__(
@@ -178,7 +178,7 @@ class MotionProgress:
         self._since_s: dict[str, float] = {}
 
     def check(self, group: str, reading: AxisReading, now_s: float) -> None:
-        """Raise MP846 if an axis goes the wrong way, stands, or was not told to go."""
+        """Raise MP846 if an axis diverges, stalls, or moves without an order."""
         for axis in AXES:
             if axis not in self._target:
                 self._check_still(group, axis, reading)
@@ -192,9 +192,9 @@ class MotionProgress:
             self._check_stall(group, away, now_s)
 
     def _check_still(self, group: str, axis: str, reading: AxisReading) -> None:
-        """An axis that was not told to move must not move.
+        """An axis without an order must not move.
 
-        Two windows: one for where it stood, one for where it stands.
+        Two windows: one for the reading before, one for the reading now.
         """
         moved = abs(getattr(reading, axis) - getattr(self._start, axis))
         if not moved <= 2 * self._settle.window(axis):
@@ -230,7 +230,7 @@ class MotionProgress:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Speeds:
-    """How fast an axis group goes when nothing slower is asked."""
+    """Own speeds of an axis group, where nothing slower is asked."""
 
     xy_um_per_s: float = math.inf
     z_um_per_s: float = math.inf
@@ -241,7 +241,7 @@ class Speeds:
         return asked_um_per_s or max(self.xy_um_per_s, self.z_um_per_s)
 
     def seconds(self, away: Mapping[str, float], speed_um_per_s: float | None) -> float:
-        """Return how long the slowest axis takes for its way, um and rad."""
+        """Return the time of the slowest axis for its distance, um or rad."""
         across = math.hypot(away.get("x_um", 0.0), away.get("y_um", 0.0))
         return max(
             across / (speed_um_per_s or self.xy_um_per_s),
@@ -252,7 +252,7 @@ class Speeds:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rules:
-    """How a station's devices settle, how fast they are, and what they may do."""
+    """Rules of a station: settling, own speeds and safety limits of its devices."""
 
     stage: Settle = field(default_factory=Settle)
     robot: Settle = field(default_factory=Settle)
@@ -270,7 +270,7 @@ class Rules:
         return self.stage if group == "stage" else self.robot
 
     def speeds(self, group: AxesName) -> Speeds:
-        """Return how fast an axis group goes by itself."""
+        """Return the own speeds of an axis group."""
         return self.stage_speeds if group == "stage" else self.robot_speeds
 
     def speed(
@@ -278,7 +278,7 @@ class Rules:
     ) -> float | None:
         """Return the speed to order, None for the axes' own.
 
-        The axes' own speed gives way to the limit of the phase; one that was asked for
+        The axes' own speed is lowered to the limit of the phase; one that was asked for
         is checked and kept.
         """
         limit, own = self.safety.phase(phase).speed_um_per_s, self.speeds(group)

@@ -1,9 +1,9 @@
-"""The station a plan runs on, and whether the plan fits it."""
+"""Station of a plan: its devices, with the preflight check of the plan on it."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import partial
 
@@ -11,7 +11,6 @@ from microplan.executor.devices.calibration import IDENTITY, Calibration, check_
 from microplan.executor.devices.device_values import as_number, as_reading
 from microplan.executor.devices.drivers import (
     Axes,
-    AxisReading,
     Camera,
     Clock,
     Device,
@@ -20,23 +19,27 @@ from microplan.executor.devices.drivers import (
     Light,
 )
 from microplan.executor.devices.errors import ExecutorError
-from microplan.executor.devices.safety import AXES, Rules, check_finite
+from microplan.executor.devices.safety import (
+    AXES,
+    Interval,
+    Rules,
+    check_finite,
+    targets,
+)
 from microplan.executor.devices.timeouts import Caller
 from microplan.featuresel.routines.registry import REGISTRY
-from microplan.schemas.plan import AxesName, AxisMove, InsertAction, Look, Plan
-
-Interval = tuple[float, float]
+from microplan.schemas.plan import AxesName, InsertAction, Look, Plan
 
 _MATCH = 1e-5  # relative: plan numbers carry six digits
 # A first approach goes by beliefs over some 1000 um, and must end within the 20 um that
-# looks are sure to search: a turn or scale of the image up to 2 % does.
+# looks are sure to search: a rotation or scale of the image up to 2 % does.
 ALIGNED = 0.02
 _POINT_UM = 1e-3  # between two points that are the same: a nanometre is rounding
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Offer:
-    """What the station's devices can do; `travel` as in the plan's requirements."""
+    """Capabilities of a station's devices; `travel` as in the plan's requirements."""
 
     width_px: int
     height_px: int
@@ -79,7 +82,7 @@ class Station:
         Raises
         ------
         ExecutorError
-            MP841 or MP844 if a device cannot say it.
+            MP841 or MP844 if a device does not answer.
         """
         found = {
             "stage": self.stage, "robot": self.robot, "jaws": self.gripper,
@@ -109,7 +112,7 @@ def _described(device: Device) -> str:
 def preflight(plan: Plan, station: Station, *, begun: bool = False) -> None:
     """Refuse a plan that this station cannot run.
 
-    Where its run has `begun`, the axes need not stand at its start.
+    Where its run has `begun`, the axes need not be at its start.
 
     Raises
     ------
@@ -169,7 +172,7 @@ def _check_travel(plan: Plan, offer: Offer) -> None:
 
 
 def _check_axis(plan: Plan, offer: Offer) -> None:
-    """The stage must turn about the point the plan was computed with."""
+    """The stage must rotate about the point the plan was computed with."""
     need, found = plan.requirements.theta_axis_um, offer.theta_axis_um
     if math.dist(need, found) > _POINT_UM:
         raise ExecutorError(
@@ -178,7 +181,7 @@ def _check_axis(plan: Plan, offer: Offer) -> None:
 
 
 def _check_calibration(plan: Plan, found: Calibration | None) -> None:
-    """Image and stage must go the same way, and every look's scale be usable."""
+    """Image and stage must go the same direction, and every look's scale be usable."""
     if found is None:
         return
     rows = found.camera_from_stage
@@ -264,7 +267,8 @@ def _check_start(plan: Plan, station: Station) -> None:
         name = f"{start.axes}.reading"
         reading = as_reading(name, caller.call(name, axes.reading, limit_s))
         check_finite(start.axes, {axis: getattr(reading, axis) for axis in AXES})
-        for name, wanted, found in _pairs(start, reading):
+        for name, wanted in targets(start).items():
+            found = getattr(reading, name)
             if not abs(wanted - found) <= settle.window(name) + _MATCH * abs(wanted):
                 raise ExecutorError(
                     "MP811",
@@ -284,14 +288,6 @@ def _check_start(plan: Plan, station: Station) -> None:
             "MP811",
             f"the jaws read {reads_um:g} um, the plan starts at {opening_um:g} um",
         )
-
-
-def _pairs(start: AxisMove, found: AxisReading) -> Iterator[tuple[str, float, float]]:
-    """Yield (axis, wanted, found) of every axis the start names."""
-    for name in ("x_um", "y_um", "z_um", "theta_rad"):
-        wanted = getattr(start, name)
-        if wanted is not None:
-            yield name, wanted, getattr(found, name)
 
 
 def _within(code: str, name: str, need: Interval, offer: Interval) -> None:

@@ -1,7 +1,7 @@
-"""station.toml: the devices of a station, what they offer, the rules for them.
+"""Station files, station.toml: devices, what they offer, the rules for them.
 
 A name that is too long, a loop of links and a folder without permission raise in
-`pathlib`. Whoever then opens the path tells what is wrong with it.
+`pathlib`. What is wrong is reported when the path is opened.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ def is_folder(path: Path) -> bool:
 
 
 def stays_in(path: Path, folder: Path) -> bool:
-    """Return whether a path leads to a place in a folder, links followed."""
+    """Return whether a path leads into a folder, links followed."""
     try:
         return path.resolve().is_relative_to(folder.resolve())
     except (OSError, ValueError, RuntimeError):  # NUL in a name; a loop of links
@@ -60,7 +60,7 @@ def stays_in(path: Path, folder: Path) -> bool:
 FORMAT = 1
 LENGTHS = ("x_um", "y_um", "z_um")
 LONGEST_S = 3600.0  # nothing that a station waits for takes longer
-BLIND_S = 1.0  # so long, at most, nobody looks at an axis that moves
+BLIND_S = 1.0  # longest time between two readings of a moving axis
 NEEDED = ("stage", "lens", "light", "camera")  # robot and jaws may be missing
 
 
@@ -77,7 +77,7 @@ class Loaded:
 def read_station(path: Path, plan_folder: Path) -> Loaded:
     """Return the station of a file, its drivers loaded and built.
 
-    In a driver's options "{plan}" stands for the plan folder and "{station}" for the
+    In a driver's options "{plan}" means the plan folder and "{station}" the
     folder of the station file.
 
     Raises
@@ -170,7 +170,7 @@ def _device(
         if hub not in hubs:
             known = ", ".join(hubs) or "none"
             table.refuse("hub", f"found {hub!r}", f"allowed: {known}")
-        part = table.text("part") if table.has("part") else role
+        part = table.text("part", role)
         table.finish()
         device = part_of(hubs[hub], part, key)
         if device is None:
@@ -190,7 +190,7 @@ def _offer(top: Table, roles: tuple[str, ...]) -> Offer:
         height_px=camera.whole("height_px"),
         pitch_um=camera.number("pitch_um", above=0),
         bits=camera.whole("bits"),
-        latency_frames=_latency(camera),
+        latency_frames=camera.whole("latency_frames", 0, least=0),
         magnification=lens.interval("magnification"),
         focus_um=lens.interval("focus_um"),
         opening_um=None if jaws is None else jaws.interval("opening_um"),
@@ -200,12 +200,6 @@ def _offer(top: Table, roles: tuple[str, ...]) -> Offer:
     )
     camera.finish()
     return offer
-
-
-def _latency(camera: Table) -> int:
-    """Return by how many looks a frame is older than it seems, 0 if nothing is told."""
-    name = "latency_frames"
-    return camera.whole(name, least=0) if camera.has(name) else 0
 
 
 def _travel(group: Table, name: str) -> dict[str, tuple[float, float]]:
@@ -316,7 +310,7 @@ def _safety(table: Table) -> Safety:
 
 
 def _phase(table: Table) -> PhaseLimit:
-    """Return the limits of one phase; what is not said has none."""
+    """Return the limits of one phase; what is left out has none."""
     step_rad = math.radians(table.number("step_deg", math.inf, above=0))
     found = PhaseLimit(
         step_um=table.number("step_um", math.inf, above=0),

@@ -1,4 +1,4 @@
-"""Tables of a TOML file, read so that every mistake is told with its key."""
+"""Tables of a TOML file, read so that every mistake is reported with its key."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class Table:
     file : str
         What messages call the file.
     key : str
-        Where the table stands in it, "" for the whole file.
+        The table's path in it, "" for the whole file.
     data : mapping
         What it holds.
     """
@@ -39,7 +39,7 @@ class Table:
         return name in self._data
 
     def value(self, name: str) -> Any:
-        """Return what a key holds, unchecked; None if it is missing."""
+        """Return the value of a key, unchecked; None if it is missing."""
         return self._data.get(name) if self.has(name) else None
 
     def table(self, name: str) -> Table:
@@ -86,9 +86,9 @@ class Table:
             self.refuse(name, f"found {number:g}", f"it must be at most {most:g}")
         return number
 
-    def whole(self, name: str, *, least: int = 1) -> int:
+    def whole(self, name: str, default: int | None = None, *, least: int = 1) -> int:
         """Return a whole number."""
-        value = self.number(name, least=least)
+        value = self.number(name, default, least=least)
         if value != int(value):
             self.refuse(name, f"found {value!r}", "a whole number is needed")
         return int(value)
@@ -110,14 +110,16 @@ class Table:
 
     def matrix(self, name: str) -> tuple[tuple[float, float], tuple[float, float]]:
         """Return two rows of two finite numbers."""
-        rows = self._data.get(name) if self.has(name) else None
+        rows = self.value(name)
         if not isinstance(rows, list) or len(rows) != 2:
             self.refuse(name, f"found {rows!r}", "two rows of two numbers are needed")
         return (self._pair(f"{name}[0]", rows[0]), self._pair(f"{name}[1]", rows[1]))
 
-    def text(self, name: str) -> str:
+    def text(self, name: str, default: str | None = None) -> str:
         """Return a text that is not empty."""
-        value = self._data.get(name) if self.has(name) else None
+        if default is not None and not self.has(name):
+            return default
+        value = self.value(name)
         if not isinstance(value, str) or not value:
             found = "it is missing" if value is None else f"found {value!r}"
             self.refuse(name, found, "a text is needed")
@@ -136,13 +138,13 @@ class Table:
         return tuple(values)
 
     def rest(self) -> dict[str, Any]:
-        """Return all that was not read yet: options for whoever knows them."""
+        """Return all keys that were not read yet: a driver's own options."""
         left = {k: v for k, v in self._data.items() if k not in self._read}
         self._read |= set(left)
         return left
 
     def finish(self) -> None:
-        """Raise MP812 if the table has a key that nobody read."""
+        """Raise MP812 if the table has a key that was not read."""
         for name in self._data:
             if name not in self._read:
                 known = ", ".join(sorted(self._read)) or "none"

@@ -33,11 +33,11 @@ T = TypeVar("T")
 
 @dataclass(slots=True)
 class _PendingCall:
-    """One call on its way to the thread that makes it."""
+    """Call of a device, passed to the thread that makes it."""
 
     name: str
     call: Callable[[], Any]
-    # made after the call if nobody waits for it any more
+    # made after the call if it was given up
     late: Callable[[], None] | None
     done: threading.Lock = field(default_factory=threading.Lock)
     given_up: threading.Event = field(default_factory=threading.Event)
@@ -58,9 +58,8 @@ class Caller:
 
     def __init__(self) -> None:
         self._worker: tuple[_Jobs, threading.Thread] | None = None
-        self._left: list[
-            tuple[_PendingCall, threading.Thread]
-        ] = []  # that may begin a motion
+        # given up, and able to begin a motion
+        self._left: list[tuple[_PendingCall, threading.Thread]] = []
 
     def call(
         self,
@@ -69,7 +68,7 @@ class Caller:
         limit_s: float,
         late: Callable[[], None] | None = None,
     ) -> T:
-        """Return what `call` returns.
+        """Return the result of `call`.
 
         Parameters
         ----------
@@ -78,7 +77,7 @@ class Caller:
         call : callable
             The device call.
         limit_s : float
-            By the machine's own clock, whatever the station's says.
+            By the machine's own clock, not the station's.
         late : callable
             Made when a call that was given up, or interrupted, returns after all: a
             motion that it began late must not go on. `settle` waits for it.
@@ -103,7 +102,7 @@ class Caller:
         if isinstance(job.error, ExecutorError):
             raise job.error
         if job.error is not None:
-            raise ExecutorError("MP841", f"{name}: {told(job.error)}") from job.error
+            raise ExecutorError("MP841", f"{name}: {reason(job.error)}") from job.error
         value: T = job.value
         return value
 
@@ -144,8 +143,8 @@ class Caller:
         return self._worker[0]
 
 
-def told(error: BaseException) -> str:
-    """Return what a driver raised; not even its words are sure to be there."""
+def reason(error: BaseException) -> str:
+    """Return kind and message of what a driver raised, as far as it has one."""
     kind = type(error).__name__
     try:
         return f"{kind}: {error}"
@@ -158,7 +157,7 @@ def _why(job: _PendingCall) -> str:
     error = job.late_error
     if error is None:
         return ""
-    return f"{job.name} returned late, its stop: {told(error)}"
+    return f"{job.name} returned late, its stop: {reason(error)}"
 
 
 def _work(jobs: _Jobs) -> None:
@@ -177,12 +176,12 @@ def _work(jobs: _Jobs) -> None:
 
 
 def _stop(job: _PendingCall) -> None:
-    """Undo what a call began that nobody waited for any more."""
+    """Undo what a call began that was given up."""
     if job.late is None:
         return
     try:
         job.late()
-    except BaseException as error:  # noqa: BLE001 - as above; `settle` tells it
+    except BaseException as error:  # noqa: BLE001 - as above; `settle` reports it
         job.late_error = error
 
 
@@ -211,4 +210,4 @@ def _try(name: str, call: Callable[[], None], failed: dict[str, str]) -> None:
         call()
         failed[name] = ""
     except BaseException as error:  # noqa: BLE001 - as above; the others must go on
-        failed[name] = f"{name}: {told(error)}"
+        failed[name] = f"{name}: {reason(error)}"

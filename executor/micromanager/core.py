@@ -1,4 +1,4 @@
-"""Micro-Manager's core: opened, its devices loaded, and closed before Python ends."""
+"""Micro-Manager's core: opened, its devices loaded, closed before Python ends."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoadedDevice:
-    """One device to load: its label, the adapter library, the device in it."""
+    """Entry of a device to load: its label, the adapter library, the device in it."""
 
     label: str
     adapter: str
@@ -69,9 +69,9 @@ def open_core(
 
 
 def close_core(core: CMMCorePlus) -> None:
-    """Stop what moves, unload all devices, wait for what they still have to tell.
+    """Stop what moves, unload all devices, wait for their last notifications.
 
-    A device that tells of its motion while Python ends aborts the process ("exception
+    A device that reports its motion while Python ends aborts the process ("exception
     not rethrown"): its thread asks for an interpreter that is no more. May be called
     twice.
     """
@@ -85,7 +85,7 @@ def close_core(core: CMMCorePlus) -> None:
             core.stopSequenceAcquisition()
     with suppress(RuntimeError):
         core.unloadAllDevices()
-    CMMCore.registerCallback(core, None)  # returns when all is told
+    CMMCore.registerCallback(core, None)  # returns after the last notification
 
 
 def close_at_exit(core: CMMCorePlus) -> None:

@@ -22,7 +22,7 @@ DEMO = ("DemoCamera", "SequenceTester", "Utilities")  # adapters without any har
 class RenderedHub:
     """Micro-Manager's devices, and the cell that is where they are.
 
-    Whoever reads a device leads the cell to it: things touch while they move, not only
+    Reading a device leads the cell to it: things touch while they move, not only
     in pictures. `judge`, `shown_um`, `faults` and `truth` are the cell's.
     """
 
@@ -126,7 +126,7 @@ def rendered_hub(*, world: str, seed: int = 0, **options: Any) -> RenderedHub:
 
 
 def _check_demo(found: Hub, camera: str) -> None:
-    """Raise ValueError if a device may be a real one: nobody watches the way there."""
+    """Raise ValueError if a device may be a real one: that motion is not watched."""
     for label in found.core.getLoadedDevices():
         library = found.core.getDeviceLibrary(label)
         if label not in ("Core", camera) and library not in DEMO:
@@ -154,7 +154,7 @@ def _to_start(found: Hub, cell: Cell) -> None:
 
 
 def _rest(device: Mover) -> None:
-    """Wait until a device stands."""
+    """Wait until a device is at rest."""
     began_s = time.monotonic()
     while device.moving():
         if time.monotonic() - began_s > ARRIVE_S:

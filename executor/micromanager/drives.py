@@ -1,4 +1,4 @@
-"""Micro-Manager devices as drives: numbers in the executor's units, with limits."""
+"""Drives from Micro-Manager's stages: the executor's units, with limits."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ SLACK = 1e-5  # relative: a plan's numbers carry six digits
 
 
 class Drive(Protocol):
-    """What moves one number, or x and y together; values are as in the plan."""
+    """Drive of one number, or of x and y together; values are as in the plan."""
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Return what it moves, "x_um" and so on."""
+        """Return the names of its numbers, "x_um" and so on."""
         ...
 
     @property
@@ -46,11 +46,11 @@ class Drive(Protocol):
         ...
 
     def read(self) -> dict[str, float]:
-        """Return where it is now."""
+        """Return its present values by name."""
         ...
 
     def busy(self) -> bool:
-        """Return whether it says that it moves."""
+        """Return whether it reports motion."""
         ...
 
     def stop(self) -> None:
@@ -60,7 +60,7 @@ class Drive(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DeviceScale:
-    """What a device's own number means: value = zero + per * number."""
+    """Scale of a device's own number: value = zero + per * number."""
 
     zero: float = 0.0
     per: float = 1.0
@@ -76,7 +76,7 @@ class DeviceScale:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Speed:
-    """How a device's speed is set; without a `name` it always has its `own_per_s`."""
+    """Speed setting of a device; without a `name` it always has its `own_per_s`."""
 
     own_per_s: float
     name: str = ""  # a property of the device
@@ -94,50 +94,45 @@ class Speed:
             )
 
 
+@dataclass(frozen=True, slots=True)
 class StageDrive:
-    """A single-axis stage device."""
+    """A single-axis stage device; `name` is the number that it moves."""
 
-    def __init__(
-        self,
-        core: CMMCorePlus,
-        label: str,
-        name: str,
-        *,
-        limits: Interval,
-        scale: DeviceScale,
-        speed: Speed,
-    ) -> None:
-        self._core, self.label, self._name = core, label, name
-        self._limits, self._scale, self._speed = limits, scale, speed
+    core: CMMCorePlus
+    label: str
+    name: str
+    limits: Interval
+    scale: DeviceScale
+    speed: Speed
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Return what it moves."""
-        return (self._name,)
+        """Return the names of its numbers."""
+        return (self.name,)
 
     def check(self, targets: Mapping[str, float]) -> None:
         """Refuse what is not finite or beyond the limits."""
-        check_limits(self.label, targets, {self._name: self._limits})
+        check_limits(self.label, targets, {self.name: self.limits})
 
     def pace(self, per_s: float | None) -> None:
         """Choose the speed of the next motion."""
-        self._speed.order(self._core, self.label, per_s)
+        self.speed.order(self.core, self.label, per_s)
 
     def go(self, targets: Mapping[str, float]) -> None:
         """Begin to move."""
-        self._core.setPosition(self.label, self._scale.number(targets[self._name]))
+        self.core.setPosition(self.label, self.scale.number(targets[self.name]))
 
     def read(self) -> dict[str, float]:
-        """Return where it is."""
-        return {self._name: self._scale.value(self._core.getPosition(self.label))}
+        """Return its present values by name."""
+        return {self.name: self.scale.value(self.core.getPosition(self.label))}
 
     def busy(self) -> bool:
-        """Return whether it says that it moves."""
-        return bool(self._core.deviceBusy(self.label))
+        """Return whether it reports motion."""
+        return bool(self.core.deviceBusy(self.label))
 
     def stop(self) -> None:
         """Stop."""
-        self._core.stop(self.label)
+        self.core.stop(self.label)
 
 
 class XYDrive:
@@ -179,7 +174,7 @@ class XYDrive:
         self._core.setXYPosition(self.label, x, y)
 
     def read(self) -> dict[str, float]:
-        """Return where it is."""
+        """Return its present values by name."""
         found = self._core.getXYPosition(self.label)
         return {
             name: self._scales[name].value(number)
@@ -187,7 +182,7 @@ class XYDrive:
         }
 
     def busy(self) -> bool:
-        """Return whether it says that it moves."""
+        """Return whether it reports motion."""
         return bool(self._core.deviceBusy(self.label))
 
     def stop(self) -> None:

@@ -1,4 +1,4 @@
-"""Exposures with Micro-Manager: a snapped frame under the light's full value."""
+"""Camera exposures with Micro-Manager: snapped frames under a set light."""
 
 from __future__ import annotations
 
@@ -67,10 +67,6 @@ def _cut(whole: np.ndarray, region: Region | None) -> Counts:
     if min(region.row, region.column) < 0 or bottom > rows or right > columns:
         raise ValueError(f"the camera has {columns} x {rows} px and no {region}")
     return np.ascontiguousarray(whole[region.row : bottom, region.column : right])
-
-
-if TYPE_CHECKING:
-    from pymmcore_plus import CMMCorePlus
 
 
 class MMLight:

@@ -71,10 +71,7 @@ def make_hub(
 
     Everything that can be checked without a device is checked before one is loaded.
     """
-    folders, config = (
-        _folders(table),
-        table.text("config") if table.has("config") else "",
-    )
+    folders, config = _folders(table), table.text("config", "")
     devices = loaded_devices(table.table("load"))
     parts = {name: table.table(name) for name in _ROLES if table.has(name)}
     table.finish()
@@ -91,35 +88,32 @@ def _built(core: CMMCorePlus, parts: Mapping[str, Table]) -> Hub:
     """Return the devices that have a table."""
     clock = WallClock()
     found: dict[str, Any] = dict.fromkeys(_ROLES)
-    for name, table in parts.items():
-        found[name] = _ROLES[name](core, table, clock)
+    for role, table in parts.items():
+        match role:
+            case "stage" | "robot":
+                found[role] = axes(core, table, role)
+            case "jaws":
+                opening = drive(core, table, "opening_um")
+                found[role] = moved(MMGripper, core, role, [opening])
+            case "lens":
+                found[role] = _lens(core, table)
+            case "light":
+                found[role] = light(core, table)
+            case "camera":
+                found[role] = _camera(core, table, clock)
     return Hub(core=core, clock=clock, **found)
 
 
-def _stage(core: CMMCorePlus, table: Table, _clock: WallClock) -> MMAxes:
-    return MMAxes(axes(core, table, "stage"))
-
-
-def _robot(core: CMMCorePlus, table: Table, _clock: WallClock) -> MMAxes:
-    return MMAxes(axes(core, table, "robot"))
-
-
-def _jaws(core: CMMCorePlus, table: Table, _clock: WallClock) -> MMGripper:
-    return MMGripper(moved(core, "jaws", [drive(core, table, "opening_um")]))
-
-
-def _lens(core: CMMCorePlus, table: Table, _clock: WallClock) -> MMLens:
+def _lens(core: CMMCorePlus, table: Table) -> MMLens:
+    """Return zoom and focus."""
     zoom = drive(core, table.table("zoom"), "magnification")
     focus = drive(core, table.table("focus"), "focus_um")
     table.finish()
-    return MMLens(moved(core, "lens", [zoom, focus]))
-
-
-def _light(core: CMMCorePlus, table: Table, _clock: WallClock) -> MMLight:
-    return light(core, table)
+    return moved(MMLens, core, "lens", [zoom, focus])
 
 
 def _camera(core: CMMCorePlus, table: Table, clock: WallClock) -> MMCamera:
+    """Return the camera."""
     exposure_ms = (
         table.number("exposure_ms", above=0) if table.has("exposure_ms") else None
     )
@@ -128,10 +122,7 @@ def _camera(core: CMMCorePlus, table: Table, clock: WallClock) -> MMCamera:
     return MMCamera(core, label, clock, exposure_ms=exposure_ms)
 
 
-_ROLES: Mapping[str, Callable[[CMMCorePlus, Table, WallClock], Any]] = {
-    "stage": _stage, "robot": _robot, "jaws": _jaws, "lens": _lens, "light": _light,
-    "camera": _camera,
-}  # fmt: skip
+_ROLES = ("stage", "robot", "jaws", "lens", "light", "camera")
 TEST_ADAPTERS = "test"  # the demo devices of the package mm-test-adapters
 
 

@@ -1,4 +1,4 @@
-"""Stage, robot, jaws and lens, put together from drives."""
+"""Moving devices of a station, composed of drives."""
 
 from __future__ import annotations
 
@@ -6,13 +6,12 @@ import math
 from collections.abc import Mapping, Sequence
 
 from microplan.executor.devices.drivers import AxisReading
+from microplan.executor.devices.safety import AXES
 from microplan.executor.micromanager.drives import Drive
-
-AXES = ("x_um", "y_um", "z_um", "theta_rad")
 
 
 class Moved:
-    """Several drives that are ordered and stopped together."""
+    """Device of several drives that are ordered and stopped together."""
 
     def __init__(self, model: str, serial: str, drives: Sequence[Drive]) -> None:
         self.model, self.serial = model, serial
@@ -21,7 +20,7 @@ class Moved:
         self._stops = 0
 
     def moving(self) -> bool:
-        """Return whether a drive says that it moves."""
+        """Return whether a drive reports motion."""
         busy = [drive.busy() for drive in self._drives]  # all of them take a step
         return any(busy)
 
@@ -32,7 +31,7 @@ class Moved:
         for drive in self._drives:
             try:
                 drive.stop()
-            except Exception as error:  # noqa: BLE001 - told when all were asked
+            except Exception as error:  # noqa: BLE001 - reported when all were asked
                 errors.append(f"{drive.label}: {error}")
         if errors:
             raise RuntimeError("; ".join(errors))
@@ -57,7 +56,7 @@ class Moved:
             self.stop()
 
     def values(self) -> dict[str, float]:
-        """Return what all drives read."""
+        """Return the readings of all drives by name."""
         return {n: v for drive in self._drives for n, v in drive.read().items()}
 
     def _parts(
@@ -81,13 +80,8 @@ def min_speed(
     return min((s for n in targets if (s := speeds.get(n)) is not None), default=None)
 
 
-class MMAxes:
+class MMAxes(Moved):
     """A stage or robot; an axis that no drive moves reads 0."""
-
-    def __init__(self, parts: Moved) -> None:
-        self._parts = parts
-        self.model, self.serial = parts.model, parts.serial
-        self.names = parts.names
 
     def start(
         self,
@@ -104,69 +98,37 @@ class MMAxes:
         speeds = dict.fromkeys(AXES[:3], speed_um_per_s)  # it is none of the angle's
         if speed_um_per_s is not None and not 0 < speed_um_per_s < math.inf:
             raise ValueError(f"{self.serial}: a speed of {speed_um_per_s:g} um/s")
-        self._parts.order(targets, speeds)
+        self.order(targets, speeds)
 
     def reading(self) -> AxisReading:
-        """Return where the axes say they are."""
-        return AxisReading(**{**dict.fromkeys(AXES, 0.0), **self._parts.values()})
-
-    def moving(self) -> bool:
-        """Return whether an axis says that it moves."""
-        return self._parts.moving()
-
-    def stop(self) -> None:
-        """Stop all axes where they are."""
-        self._parts.stop()
+        """Return the axes' readings."""
+        return AxisReading(**{**dict.fromkeys(AXES, 0.0), **self.values()})
 
 
-class MMGripper:
+class MMGripper(Moved):
     """Jaws on one drive."""
-
-    def __init__(self, parts: Moved) -> None:
-        self._parts = parts
-        self.model, self.serial = parts.model, parts.serial
 
     def start(self, opening_um: float) -> None:
         """Begin to open or close; see `microplan.executor.devices.drivers.Gripper`."""
-        self._parts.order({"opening_um": opening_um}, {})
+        self.order({"opening_um": opening_um}, {})
 
     def reading(self) -> float:
-        """Return the opening the drive says it has."""
-        return self._parts.values()["opening_um"]
-
-    def moving(self) -> bool:
-        """Return whether the jaws say that they move."""
-        return self._parts.moving()
-
-    def stop(self) -> None:
-        """Leave the jaws where they are."""
-        self._parts.stop()
+        """Return the drive's reading of the opening, um."""
+        return self.values()["opening_um"]
 
 
-class MMLens:
-    """Zoom and focus, a drive each."""
-
-    def __init__(self, parts: Moved) -> None:
-        self._parts = parts
-        self.model, self.serial = parts.model, parts.serial
+class MMLens(Moved):
+    """Zoom and focus, a drive each; a turret that is stopped goes on to its end."""
 
     def start_magnification(self, magnification: float) -> None:
         """Begin to zoom."""
-        self._parts.order({"magnification": magnification}, {})
+        self.order({"magnification": magnification}, {})
 
     def start_focus_um(self, focus_um: float) -> None:
         """Begin to focus."""
-        self._parts.order({"focus_um": focus_um}, {})
+        self.order({"focus_um": focus_um}, {})
 
     def reading(self) -> tuple[float, float]:
-        """Return magnification and focus as the drives say they are."""
-        found = self._parts.values()
+        """Return the drives' readings of magnification and focus (um)."""
+        found = self.values()
         return (found["magnification"], found["focus_um"])
-
-    def moving(self) -> bool:
-        """Return whether zoom or focus say that they move."""
-        return self._parts.moving()
-
-    def stop(self) -> None:
-        """Stop zoom and focus; a turret goes on to its next place."""
-        self._parts.stop()

@@ -1,10 +1,10 @@
-"""A hub's tables in a station file, read into drives."""
+"""Options of a Micro-Manager hub in a station file, read into drives."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from microplan.executor.devices.tables import Table
 from microplan.executor.micromanager.core import LoadedDevice, describe
@@ -16,13 +16,14 @@ from microplan.executor.micromanager.drives import (
     XYDrive,
 )
 from microplan.executor.micromanager.exposure import MMLight
-from microplan.executor.micromanager.movers import Moved
+from microplan.executor.micromanager.movers import MMAxes, Moved
 from microplan.executor.micromanager.paced import Paced
 from microplan.executor.micromanager.properties import PropertyDrive, StateDrive
 
 if TYPE_CHECKING:
     from pymmcore_plus import CMMCorePlus
 
+M = TypeVar("M", bound=Moved)
 HOLD_UM = 0.1  # more than any encoder's step, less than anyone moves a stage by hand
 
 
@@ -44,7 +45,7 @@ def loaded_devices(table: Table) -> list[LoadedDevice]:
     return found
 
 
-def axes(core: CMMCorePlus, table: Table, role: str) -> Moved:
+def axes(core: CMMCorePlus, table: Table, role: str) -> MMAxes:
     """Return the drives of a stage or robot."""
     drives: list[Drive] = []
     if table.has("xy"):
@@ -55,14 +56,14 @@ def axes(core: CMMCorePlus, table: Table, role: str) -> Moved:
     table.finish()
     if not drives:
         table.refuse("xy", "no axis at all", "allowed: xy, z, theta")
-    return moved(core, role, drives)
+    return moved(MMAxes, core, role, drives)
 
 
-def moved(core: CMMCorePlus, role: str, drives: list[Drive]) -> Moved:
+def moved(kind: type[M], core: CMMCorePlus, role: str, drives: list[Drive]) -> M:
     """Return drives as one device, named by what is behind them."""
     model = ", ".join(describe(core, drive.label) for drive in drives)
     labels = "+".join(drive.label for drive in drives)
-    return Moved(model, f"{role} {labels}", drives)
+    return kind(model, f"{role} {labels}", drives)
 
 
 def drive(core: CMMCorePlus, table: Table, name: str) -> Drive:
@@ -81,23 +82,18 @@ def drive(core: CMMCorePlus, table: Table, name: str) -> Drive:
     scale = DeviceScale(
         zero=unit * table.number("zero", 0.0), per=unit * _not_0(table, "per", 1.0)
     )
-    property_name = table.text("property") if table.has("property") else ""
+    property_name = table.text("property", "")
     speed, paced = _speed(table, unit)
     table.finish()
-    made: Drive
+    made = StageDrive(core, label, name, limits, scale, speed)
     if property_name:
-        made = PropertyDrive(
-            core, label, property_name, name, limits=limits, scale=scale, speed=speed
-        )
-    else:
-        made = StageDrive(core, label, name, limits=limits, scale=scale, speed=speed)
+        made = PropertyDrive(core, label, name, limits, scale, speed, property_name)
     return Paced(made, own_per_s=speed.own_per_s) if paced else made
 
 
 def light(core: CMMCorePlus, table: Table) -> MMLight:
     """Return the light."""
-    shutter = table.text("shutter") if table.has("shutter") else ""
-    label = table.text("device") if table.has("device") else ""
+    shutter, label = table.text("shutter", ""), table.text("device", "")
     if not (label or shutter):
         table.refuse("device", "it is missing", "a device or a shutter is needed")
     property_name = table.text("property") if label else ""

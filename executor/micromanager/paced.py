@@ -1,4 +1,4 @@
-"""A drive that goes its way in small steps, at a speed, while it is watched."""
+"""A paced drive: small steps at a set speed, while it is watched."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ LONGEST_S = 0.1  # of a gap between two looks at the drive that still counts as 
 
 @dataclass(frozen=True, slots=True)
 class _Way:
-    """A straight way, and how far along it the drive was sent, 0 to 1."""
+    """A straight path, and the share of it that the drive was sent, 0 to 1."""
 
     start: Mapping[str, float]
     target: Mapping[str, float]
@@ -26,8 +26,8 @@ class _Way:
 class Paced:
     """Lets another drive go slowly: for devices that jump, or know no speed.
 
-    It takes a step whenever somebody asks where it is or whether it moves. If nobody
-    does any more, it stands: a motion does not outlive the program that watches it.
+    It takes a step whenever its reading or motion is asked for. If that ends, so
+    does the motion: it does not outlive the program that watches it.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ class Paced:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Return what it moves."""
+        """Return the names of its numbers."""
         return self._drive.names
 
     @property
@@ -81,12 +81,12 @@ class Paced:
         self._way = _Way(start, dict(targets), length, 0.0, self._now_s())
 
     def read(self) -> dict[str, float]:
-        """Return where it is, a step further on."""
+        """Return its present values, a step further on."""
         self._step()
         return self._drive.read()
 
     def busy(self) -> bool:
-        """Return whether it is still on its way."""
+        """Return whether the motion is still under way."""
         self._step()
         return self._way is not None or self._drive.busy()
 
@@ -120,7 +120,7 @@ class Paced:
             self._stepping.release()
 
     def _further(self, way: _Way) -> _Way:
-        """Return the way after the time that has passed."""
+        """Return the path's state after the time that has passed."""
         now_s = self._now_s()
         passed_s = min(now_s - way.since_s, LONGEST_S)
         more = self._per_s * passed_s / way.length if way.length else 1.0

@@ -1,16 +1,16 @@
-"""Micro-Manager's properties and states as drives; neither can be stopped."""
+"""Drives from Micro-Manager's properties or states, which cannot be stopped."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from microplan.executor.micromanager.drives import (
     SLACK,
-    DeviceScale,
     Interval,
-    Speed,
+    StageDrive,
     check_limits,
 )
 
@@ -20,61 +20,38 @@ if TYPE_CHECKING:
 _EVERYWHERE = (-math.inf, math.inf)
 
 
-class PropertyDrive:
+@dataclass(frozen=True, slots=True)
+class PropertyDrive(StageDrive):
     """A number that is a property of a device; it cannot be stopped under way."""
 
-    def __init__(
-        self,
-        core: CMMCorePlus,
-        label: str,
-        property_name: str,
-        name: str,
-        *,
-        limits: Interval,
-        scale: DeviceScale,
-        speed: Speed,
-    ) -> None:
-        self._core, self.label, self._name = core, label, name
-        self._property, self._scale, self._speed = property_name, scale, speed
-        self._limits = limits
-        check_property(core, label, property_name)
+    property_name: str
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Return what it moves."""
-        return (self._name,)
+    def __post_init__(self) -> None:
+        check_property(self.core, self.label, self.property_name)
 
     def check(self, targets: Mapping[str, float]) -> None:
         """Refuse what is beyond the limits of the file or of the property."""
-        check_limits(self.label, targets, {self._name: self._limits})
-        number = {self._property: self._scale.number(targets[self._name])}
-        own = property_limits(self._core, self.label, self._property)
-        check_limits(self.label, number, {self._property: own})
-
-    def pace(self, per_s: float | None) -> None:
-        """Choose the speed of the next motion."""
-        self._speed.order(self._core, self.label, per_s)
+        check_limits(self.label, targets, {self.name: self.limits})
+        number = {self.property_name: self.scale.number(targets[self.name])}
+        own = property_limits(self.core, self.label, self.property_name)
+        check_limits(self.label, number, {self.property_name: own})
 
     def go(self, targets: Mapping[str, float]) -> None:
         """Set the property."""
-        number = self._scale.number(targets[self._name])
-        self._core.setProperty(self.label, self._property, number)
+        number = self.scale.number(targets[self.name])
+        self.core.setProperty(self.label, self.property_name, number)
 
     def read(self) -> dict[str, float]:
-        """Return what the property says."""
-        number = float(self._core.getProperty(self.label, self._property))
-        return {self._name: self._scale.value(number)}
-
-    def busy(self) -> bool:
-        """Return whether the device says that it is at work."""
-        return bool(self._core.deviceBusy(self.label))
+        """Return the property's value."""
+        number = float(self.core.getProperty(self.label, self.property_name))
+        return {self.name: self.scale.value(number)}
 
     def stop(self) -> None:
         """Do nothing: a property has no stop."""
 
 
 class StateDrive:
-    """Some values only, each a state of a state device, as on a turret.
+    """Drive of a state device, as a turret: some values only, a state each.
 
     Micro-Manager cannot stop a state device; a change goes on to its end.
     """
@@ -88,7 +65,7 @@ class StateDrive:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Return what it moves."""
+        """Return the names of its numbers."""
         return (self._name,)
 
     def check(self, targets: Mapping[str, float]) -> None:
@@ -112,7 +89,7 @@ class StateDrive:
         return {self._name: self._values[state]}
 
     def busy(self) -> bool:
-        """Return whether the device says that it changes."""
+        """Return whether the device reports a change under way."""
         return bool(self._core.deviceBusy(self.label))
 
     def stop(self) -> None:

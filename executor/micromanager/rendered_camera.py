@@ -1,7 +1,7 @@
-"""A camera device for Micro-Manager that shows a plan's scene where the devices are.
+"""Rendered camera for Micro-Manager: a plan's scene where the devices are.
 
 For a core that takes devices written in Python, `UniMMCore` of pymmcore-plus. The
-picture is the simulated cell's: its own blur law, noise, and errors of a drawn seed.
+picture is the simulated cell's: its own defocus model, noise, and drawn errors.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Labels:
-    """Which devices of the core the picture follows; "" is none: that stands still.
+    """Labels of the core's devices that the picture follows; "": none, it stays.
 
     All are read in um as they are; `magnification` is where the zoom stays.
     """
@@ -39,7 +39,7 @@ class Labels:
     magnification: float | None = None
 
     def readings(self, core: CMMCorePlus, start: AxisReading) -> DeviceReadings:
-        """Return where the devices of a core are."""
+        """Return the readings of a core's devices."""
         from microplan.executor.simulated.following import DeviceReadings
 
         x_um, y_um = (

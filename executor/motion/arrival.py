@@ -1,4 +1,4 @@
-"""The arrival of an axis group: it is there, on its way, or will never be."""
+"""Arrival of an axis group: settled, under way, or failed."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ def arrive(
     Parameters
     ----------
     read : callable
-        Gives the group's reading, and whether it says that it moves.
+        Gives the group's reading, and whether it reports motion.
     start : AxisReading
         The reading before the motion.
     target : mapping of str to float
-        Where the axes that were told to move go.
+        Targets of the axes that were ordered.
     seconds : float
         What distance and speed explain.
 

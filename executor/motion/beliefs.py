@@ -1,4 +1,4 @@
-"""Where parts and tools are thought to be.
+"""Beliefs: the poses that parts or tools are thought to have.
 
 A belief is a pose in its carrier's frame: on the stage, the world at stage reading 0;
 on the robot, the grip as the reading gives it. Measurements re-anchor beliefs, moves of
@@ -22,7 +22,7 @@ ANY_ANGLE_RAD = 3.0  # a plan says pi for "any"; six digits of it are less than 
 
 
 def stage_pose(reading: AxisReading, axis_um: Point) -> Pose:
-    """Return the world pose of the stage's frame: a turn about `axis_um`, then a shift.
+    """Return the world pose of the stage's frame: rotated about `axis_um`, shifted.
 
     The axis is a world point at reading 0 and travels with the stage.
     """
@@ -72,7 +72,7 @@ class Readings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BeliefRecord:
-    """All that a record of beliefs holds at one moment."""
+    """Snapshot of all beliefs at one moment."""
 
     owners: tuple[Belief, ...]
     held: Mapping[str, str]  # part -> tool
@@ -93,7 +93,7 @@ class Beliefs:
         return BeliefRecord(owners=tuple(self._owners.values()), held=dict(self._held))
 
     def restore(self, known: BeliefRecord) -> None:
-        """Believe what `known` says, and nothing else."""
+        """Believe what `known` holds, and nothing else."""
         self._owners = {b.name: b for b in known.owners}
         self._held = dict(known.held)
 
@@ -115,18 +115,18 @@ class Beliefs:
         raise ValueError(f"nothing is known of {name!r}")
 
     def anchor(self, name: str) -> tuple[str, Point]:
-        """Return the owner of `name` and its place in the owner's frame, um."""
+        """Return the owner of `name` and its position in the owner's frame, um."""
         return self.owner(name), self._offset(name)
 
     def world(self, name: str, readings: Readings) -> Pose:
-        """Return where `name` is thought to be; its angle is its owner's."""
+        """Return the believed world pose of `name`; its angle is its owner's."""
         belief = self._owners[self.owner(name)]
         pose = readings.carrier(belief.carrier).compose(belief.pose)
         x_um, y_um = pose.apply(*self._offset(name))
         return Pose(x_um=x_um, y_um=y_um, theta_rad=pose.theta_rad)
 
     def belief(self, name: str) -> Belief:
-        """Return what is believed of the part or tool that `name` is or belongs to."""
+        """Return the belief of the part or tool that `name` is or belongs to."""
         return self._owners[self.owner(name)]
 
     def knows_angle(self, name: str) -> bool:
@@ -161,7 +161,7 @@ class Beliefs:
         turn = Pose(x_um=0.0, y_um=0.0, theta_rad=angle)
         dx_um, dy_um = turn.apply(*self._offset(name))
         pose = Pose(x_um=x_um - dx_um, y_um=y_um - dy_um, theta_rad=angle)
-        self._place(owner, belief.carrier, pose, readings)
+        self._anchor(owner, belief.carrier, pose, readings)
         if theta_rad is not None:
             self._owners[owner] = replace(
                 self._owners[owner], sigma_theta_rad=sigma_theta_rad or 0.0
@@ -178,13 +178,13 @@ class Beliefs:
         grip = self.world(holder, readings)
         inside = grip.inverse().compose(self.world(owner, readings))
         pose = grip.compose(replace(inside, x_um=across_um))
-        self._place(owner, "robot", pose, readings)
+        self._anchor(owner, "robot", pose, readings)
         self._held[owner] = holder
 
     def release(self, part: str, readings: Readings) -> None:
         """Put a part down where it is thought to be."""
         owner = self.owner(part)
-        self._place(owner, "stage", self.world(owner, readings), readings)
+        self._anchor(owner, "stage", self.world(owner, readings), readings)
         self._held.pop(owner, None)
 
     def held_by(self, tool: str) -> tuple[str, ...]:
@@ -193,11 +193,11 @@ class Beliefs:
         return tuple(sorted(p for p, t in self._held.items() if t == holder))
 
     def _offset(self, name: str) -> Point:
-        """Return a name's place in its owner's frame, um."""
-        place = self._features.get(name)
-        return (0.0, 0.0) if place is None else (place.x_um, place.y_um)
+        """Return a name's position in its owner's frame, um."""
+        feature = self._features.get(name)
+        return (0.0, 0.0) if feature is None else (feature.x_um, feature.y_um)
 
-    def _place(
+    def _anchor(
         self, owner: str, carrier: AxesName, world: Pose, readings: Readings
     ) -> None:
         """Note the world pose `world` of `owner` in the frame of `carrier`."""

@@ -1,4 +1,4 @@
-"""What a station's devices answer: asked within a time limit, and checked."""
+"""Calls of a station's devices, each within a time limit, each answer checked."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class DeviceCalls:
         return self.caller.call(name, call, self.station.rules.safety.call_s, late)
 
     def reading(self, group: AxesName) -> tuple[AxisReading, bool]:
-        """Return where an axis group is, and whether it says that it moves."""
+        """Return an axis group's reading, and whether it reports motion."""
         axes = self.station.axes(group)
         name = f"{group}.reading"
 
@@ -75,7 +75,7 @@ class DeviceCalls:
     def wait_until_still(
         self, name: str, moving: Callable[[], bool], read: Callable[[], object]
     ) -> None:
-        """Wait until a drive says that it stands; its reading is checked meanwhile."""
+        """Wait until a drive reports no motion; its reading is checked meanwhile."""
         clock, rules = self.station.clock, self.station.rules
         limit_s, began_s = rules.drive_timeout_s, clock.now_s()
         asked = f"{name}.moving"
@@ -128,7 +128,7 @@ class DeviceCalls:
         return [*call_all(calls, limit_s), *self.caller.settle(limit_s)]
 
     def movers(self) -> dict[str, Mover]:
-        """Return what can move, by name."""
+        """Return the moving devices by name."""
         station = self.station
         named = {
             "stage": station.stage,

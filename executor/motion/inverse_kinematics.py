@@ -1,4 +1,4 @@
-"""The readings that bring what the axes carry to a place."""
+"""Inverse kinematics: axis readings that bring a carried point to a position."""
 
 from __future__ import annotations
 

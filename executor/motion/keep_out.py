@@ -1,4 +1,4 @@
-"""What a move would touch: parts and fingers, by where they are believed to be."""
+"""Keep-out check: collisions of a move with parts or fingers, by their beliefs."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ SURFACE = "the stage"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Moment:
-    """Where everything is before a motion."""
+    """Beliefs, readings and jaw openings before a motion."""
 
     beliefs: Beliefs
     readings: Readings
@@ -39,19 +39,19 @@ class Moment:
 class KeepOut:
     """Refuses motions whose swept room meets anything that is not to be touched.
 
-    A plan that does not tell the room of its parts lets everything pass.
+    A plan without the volumes of its parts lets everything pass.
 
     Parameters
     ----------
     plan : Plan
-        Gives the parts' and fingers' room, and who may touch whom from which step on.
+        Gives the parts' and fingers' volumes, and the contacts allowed by step.
     surface_um : float
         World height of the stage's surface at reading 0.
 
     Raises
     ------
     ExecutorError
-        MP802 if the plan tells the room of something and not where it is.
+        MP802 if the plan has the volume of something and not its position.
     """
 
     def __init__(self, plan: Plan, surface_um: float) -> None:
@@ -69,7 +69,7 @@ class KeepOut:
 
     @property
     def known(self) -> bool:
-        """Return whether the plan tells what room things take up."""
+        """Return whether the plan has the volumes of things."""
         return bool(self._parts)
 
     def check(self, move: AxisMove, now: Moment, step: str) -> None:
@@ -124,7 +124,7 @@ class KeepOut:
         return self._sunk(move, travel, now, allowed) if met is None else met
 
     def allowed(self, step: str) -> frozenset[Pair]:
-        """Return who may touch whom in a step: what it or an earlier one joined.
+        """Return the contacts allowed in a step: what it or an earlier one joined.
 
         A part and what it is put onto may touch from the step that inserts it, a part
         and the fingers from the step that grasps it.
@@ -155,8 +155,8 @@ class KeepOut:
 
         The fingers have a rule of their own, MP842.
         """
-        way_um = travel.end.z_um - travel.start.z_um
-        nearer_um = way_um if move.axes == "stage" else -way_um
+        rise_um = travel.end.z_um - travel.start.z_um
+        nearer_um = rise_um if move.axes == "stage" else -rise_um
         if not self.known or nearer_um <= 0 or now.readings.robot is None:
             return None
         robot_um = now.readings.robot.z_um
@@ -232,7 +232,7 @@ def _standing(
 
 
 def _pivot_um(axes: AxesName, readings: Readings) -> tuple[float, float]:
-    """Return the point that an axis group turns about at reading 0."""
+    """Return the point, um, that an axis group rotates about at reading 0."""
     return readings.theta_axis_um if axes == "stage" else (0.0, 0.0)
 
 

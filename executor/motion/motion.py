@@ -1,4 +1,4 @@
-"""Everything that moves, moves through here: checked, watched, stopped at a fault."""
+"""Motion of all devices: checked before, watched meanwhile, stopped at a fault."""
 
 from __future__ import annotations
 
@@ -48,24 +48,24 @@ class Motion:
         self._fault: ExecutorError | None = None
 
     def reading(self, station: Station, group: AxesName) -> AxisReading:
-        """Return where an axis group is; MP847 if a number is not finite."""
+        """Return an axis group's reading; MP847 if a number is not finite."""
         with self._using(station) as devices:
             return devices.reading(group)[0]
 
     def opening(self, station: Station) -> float:
-        """Return what the jaws read, um; MP847 if it is not finite."""
+        """Return the jaws' reading, um; MP847 if it is not finite."""
         with self._using(station) as devices:
             return devices.opening_um()
 
     def magnification(self, station: Station) -> float:
-        """Return what the zoom reads; MP847 if it is not finite."""
+        """Return the zoom's reading; MP847 if it is not finite."""
         with self._using(station) as devices:
             return devices.lens()[0]
 
     def rest(self, station: Station) -> None:
-        """Stop everything and wait until it stands; MP841, MP844, MP845 if it does not.
+        """Stop everything and wait for rest; MP841, MP844, MP845 if it does not come.
 
-        A drive that is stopped still takes its way to a stand.
+        A drive that is stopped still has to brake.
         """
         with self._using(station) as devices:
             left = devices.stop()
@@ -90,7 +90,8 @@ class Motion:
             now, _ = devices.reading(group)
             target = targets(move)
             _check_move(devices, move, now, phase)
-            axes, speed = station.axes(group), _speed(station, move, phase)
+            axes = station.axes(group)
+            speed = rules.speed(group, phase, move.speed_um_per_s)
             devices.call(
                 f"{group}.start",
                 lambda: axes.start(**target, speed_um_per_s=speed),
@@ -106,7 +107,7 @@ class Motion:
         Raises
         ------
         ExecutorError
-            MP840, MP844, MP845, MP847; MP849 if they do not go where they were told.
+            MP840, MP844, MP845, MP847; MP849 if they do not go where they were sent.
         """
         with self._moving(station) as devices:
             jaws, window_um = station.jaws(), station.rules.jaws_window_um
@@ -161,7 +162,7 @@ class Motion:
     def halt(self, station: Station, fault: ExecutorError) -> None:
         """Stop everything and refuse all that comes later, because of `fault`.
 
-        What cannot be stopped is told in the fault's message.
+        What cannot be stopped is named in the fault's message.
         """
         if self._fault is None:
             self._fault = fault
@@ -202,11 +203,6 @@ class Motion:
             self._pause()
 
 
-def _speed(station: Station, move: AxisMove, phase: Phase) -> float | None:
-    """Return how fast an axis group moves in a phase; None: its own speed."""
-    return station.rules.speed(move.axes, phase, move.speed_um_per_s)
-
-
 def _check_move(
     devices: DeviceCalls, move: AxisMove, now: AxisReading, phase: Phase
 ) -> None:
@@ -231,7 +227,7 @@ def _check_move(
 def _check_jaws(
     before_um: float, after_um: float, target_um: float, window_um: float
 ) -> None:
-    """Raise MP849 unless the jaws went where they were told, or onto a part."""
+    """Raise MP849 unless the jaws went where they were sent, or onto a part."""
     if abs(after_um - target_um) <= window_um:
         return
     closing = target_um < before_um

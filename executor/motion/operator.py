@@ -1,4 +1,4 @@
-"""The operator's Ctrl-C: once is a pause, twice is a stop."""
+"""Interrupts by the operator: one Ctrl-C is a pause, two are a stop."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Operator:
     Parameters
     ----------
     ask : callable or None
-        Return whether to go on; None where nobody can be asked: a pause is a stop then.
+        Return whether to go on; None without an operator: a pause is a stop then.
     """
 
     def __init__(self, ask: Callable[[], bool] | None = None) -> None:
@@ -49,7 +49,7 @@ class Operator:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Give interrupts back to whom they were."""
+        """Restore the former handlers of interrupts."""
         for number, handler in self._before.items():
             signal.signal(number, handler)
 

@@ -1,7 +1,7 @@
-"""The room that a motion covers, and whether it meets what stands: convex shapes.
+"""Swept volumes of motions, as convex prisms, with their collision test.
 
 No path between two readings is supposed: axes that are ordered together may arrive one
-after the other, so that a move covers all places between its ends, axis by axis.
+after the other, so that a move covers all positions between its ends, axis by axis.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from microplan.executor.devices.drivers import AxisReading
 
 # What sums of readings may miss contact by: plans carry six digits, of at most 10 mm.
 ROUNDING_UM = 1e-2
-# A piece of an arc; its corner stands off by 1 - cos(2.5 deg), a thousandth.
+# A piece of an arc; its corner is off by 1 - cos(2.5 deg), a thousandth.
 TURN_RAD = math.radians(5.0)
 
 
@@ -34,19 +34,19 @@ class SweptVolume:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Travel:
-    """The two ends of a motion of one axis group, and the point it turns about."""
+    """The two ends of a motion of one axis group, with its centre of rotation."""
 
     start: AxisReading
     end: AxisReading
     pivot_um: tuple[float, float] = (0.0, 0.0)  # at reading 0; travels along
 
     def heights_um(self, room: SweptVolume) -> tuple[float, float]:
-        """Return the least and the greatest height that `room` reaches on the way."""
+        """Return the least and the greatest height of `room` during the motion, um."""
         ends = (self.start.z_um, self.end.z_um)
         return room.low_um + min(ends), room.high_um + max(ends)
 
     def covered(self, room: SweptVolume) -> Iterator[SweptVolume]:
-        """Yield rooms that together hold all that `room` covers on the way.
+        """Yield volumes that together hold all that `room` covers during the motion.
 
         `room` is where it is with the axes at reading 0.
         """
@@ -91,12 +91,12 @@ def meets(room: SweptVolume, other: SweptVolume, *, margin_um: float = 0.0) -> b
 def first_meeting(
     room: SweptVolume, others: Iterable[SweptVolume], *, margin_um: float = 0.0
 ) -> SweptVolume | None:
-    """Return the first of `others` that a room meets, None if all stay apart."""
+    """Return the first of `others` that a volume meets, None if all stay apart."""
     return next((o for o in others if meets(room, o, margin_um=margin_um)), None)
 
 
 def hull(points: FloatArray) -> FloatArray:
-    """Return the corners of the convex hull, counter-clockwise, (M, 2).
+    """Return the corners of the convex hull of (N, 2) um, counter-clockwise, (M, 2) um.
 
     References
     ----------
@@ -123,10 +123,10 @@ def _chain(ranked: FloatArray) -> list[tuple[float, float]]:
 
 
 def _turned(corners: FloatArray, start: float, end: float) -> Iterator[FloatArray]:
-    """Yield points whose hulls hold the corners on their way from angle to angle.
+    """Yield (M, 2) points, um, whose hulls hold the corners from angle to angle, rad.
 
     An arc lies within its ends and the point where their tangents meet. Beyond a whole
-    turn there is nothing more to cover.
+    rotation there is nothing more to cover.
     """
     if abs(end - start) > math.tau:
         end = start + math.copysign(math.tau, end - start)
@@ -142,7 +142,7 @@ def _turned(corners: FloatArray, start: float, end: float) -> Iterator[FloatArra
 
 
 def _rotated(corners: FloatArray, angle_rad: float) -> FloatArray:
-    """Turn points about the origin, (N, 2) to (N, 2)."""
+    """Rotate points about the origin, (N, 2) um to (N, 2) um."""
     c, s = math.cos(angle_rad), math.sin(angle_rad)
     turned: FloatArray = corners @ np.array([[c, s], [-s, c]])
     return turned

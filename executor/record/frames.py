@@ -43,25 +43,16 @@ class Frames:
         self, folder: Path | None, *, wanted: bool | None = None, tag: str = ""
     ) -> None:
         self._folder, self._tag = folder, tag
-        self._wanted = folder is not None if wanted is None else wanted
+        # whether whole frames are to be taken for the record
+        self.wanted = folder is not None if wanted is None else wanted
+        self.last: str | None = None  # path of the last frame, None if it was not kept
         self._name, self._step, self._count = "", "", 0
         self._look: tuple[str, Region | None] = ("", None)
-        self._last: str | None = None
         if folder is not None:
             try:
                 (folder / FOLDER).mkdir(parents=True, exist_ok=True)
             except OSError as error:
                 raise ExecutorError("MP863", f"{FOLDER}: {error}") from error
-
-    @property
-    def wanted(self) -> bool:
-        """Return whether whole frames are to be taken for the record."""
-        return self._wanted
-
-    @property
-    def last(self) -> str | None:
-        """Return the path of the last frame kept, None if it was not."""
-        return self._last
 
     def enter(self, number: int, step: str) -> None:
         """Begin a step; its number keeps the files in order."""
@@ -72,7 +63,7 @@ class Frames:
         self._name, self._step = "", ""
 
     def expect(self, look: str, measured: Region | None) -> None:
-        """Say which look the next frame is for, and which part of it is measured."""
+        """Note which look the next frame is for, and which region of it is measured."""
         self._look = (look, measured)
 
     def save(
@@ -99,7 +90,7 @@ class Frames:
         ExecutorError
             MP863 if it cannot be written.
         """
-        self._last = None
+        self.last = None
         if self._folder is None or not is_frame(counts):
             return None
         self._count += 1
@@ -117,7 +108,7 @@ class Frames:
                 index.write(json.dumps(line, ensure_ascii=False) + "\n")
         except OSError as error:
             raise ExecutorError("MP863", f"{path}: {error}") from error
-        self._last = path
+        self.last = path
         return path
 
 
@@ -162,7 +153,7 @@ def read_png(path: Path) -> Counts:
     data = np.frombuffer(path.read_bytes(), dtype=np.uint8)
     try:
         counts: Any = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
-    except cv2.error as error:  # a head that tells of more than OpenCV takes
+    except cv2.error as error:  # a head with more than OpenCV takes
         raise OSError(f"it cannot be read: {error.err}") from error
     if not is_frame(counts):
         raise OSError("it is no grey picture")

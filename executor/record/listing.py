@@ -1,4 +1,4 @@
-"""A plan in words: every move, look and action of every step."""
+"""Listing of a plan in words: moves, looks, actions of every step."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def step_lines(plan: Plan, step: Step) -> list[str]:
 
 
 def action_line(step: Step) -> str:
-    """Return what a step's action does, "" if it only looks or moves."""
+    """Return a step's action in words, "" if it only looks or moves."""
     words = _action(step)
     return f"{words} (cannot be undone)" if step.irreversible else words
 

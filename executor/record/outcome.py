@@ -37,7 +37,7 @@ def table(result: RunResult, errors_um: Mapping[str, float] | None = None) -> st
     """Return one line a step: what happened / what the plan predicted.
 
     `errors_um` are the true errors of the steps' last looks, which only a simulated
-    cell knows; where nobody does, the routines' own estimates stand in their place.
+    cell knows; elsewhere the routines' own estimates are shown.
     """
     known = errors_um or {}
     head = list(_HEAD)
@@ -70,7 +70,7 @@ def columns(rows: Sequence[Sequence[str]]) -> str:
 
 
 def _row(step: StepResult, look: float | None) -> tuple[str, ...]:
-    """Return the cells of one step; `look` says how far off its last look was, um."""
+    """Return the cells of one step; `look` is the error of its last look, um."""
     return (
         step.id,
         "ok" if step.code is None else step.code,
@@ -90,7 +90,7 @@ def _pair(actual: float | None, predicted: float | None) -> str:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StepResult:
-    """What one step did; None where it does not apply."""
+    """Result of one step; None where a number does not apply."""
 
     id: str
     verb: str
@@ -110,7 +110,7 @@ class StepResult:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunResult:
-    """How the run ended; `code` is None if everything was done and verified."""
+    """Result of a run; `code` is None if everything was done and verified."""
 
     code: str | None
     message: str

@@ -1,4 +1,4 @@
-"""The plan as its file holds it: the bytes, and what they say."""
+"""Plan files: the plan, with the bytes it was read from."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from microplan.schemas.plan import Plan, parse_plan
 
 _NO_FILE = frozenset('/\\:*?"<>|')  # of Windows' names, which take in all others
 _MOST_WORLD = 1 << 26  # bytes
-_MOST = 200  # bytes; a file's name has 255 with what stands around it
+_MOST = 200  # bytes; a file's name has 255, its additions included
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,7 +67,7 @@ def _check_names(plan: Plan) -> None:
         if not _fits(name):
             raise CodecError(f"{what} {name[:40]!r} can be no part of a file's name")
     twice = next((name for k, name in enumerate(ids) if name in ids[:k]), None)
-    if twice is not None:  # the journal tells steps by their names
+    if twice is not None:  # the journal distinguishes steps by their names
         raise CodecError(f"two steps are called {twice!r}")
 
 

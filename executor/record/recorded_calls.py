@@ -1,4 +1,4 @@
-"""The record of a run as a tape: it answers the calls that were made in it."""
+"""Recorded calls of a run as a tape that answers them again."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from microplan.executor.devices.errors import ExecutorError, why
+from microplan.executor.devices.errors import ExecutorError, failing
 from microplan.executor.record.recording import CALLS, COMMANDS, FORMAT, MORE_CALLS
 
 # Far below what any axis resolves, above what other processors round otherwise.
@@ -23,12 +23,12 @@ _NOW = "clock.now_s"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recorded:
-    """What a record holds: its first line, the calls, how its executor ended."""
+    """Record of one executor: its first line, the calls, how it ended."""
 
     path: Path
     head: Mapping[str, Any]
     rows: tuple[Mapping[str, Any], ...]
-    broken_off: bool  # nobody wrote how it ended
+    broken_off: bool  # without a last line on how it ended
     ended: str | None  # its code, None: done
 
     @property
@@ -43,7 +43,7 @@ class Recorded:
 
     @property
     def commands(self) -> int:
-        """Return how many commands were given."""
+        """Return the number of commands that were given."""
         return sum(is_command(row["call"]) for row in self.rows)
 
 
@@ -51,7 +51,7 @@ def records_of(folder: Path) -> tuple[Path, ...]:
     """Return the records of a run folder, one of every executor that worked on it."""
     try:
         later = [path for path in folder.glob(MORE_CALLS) if _number(path)]
-    except OSError:  # whoever reads the first tells what is wrong with the folder
+    except OSError:  # reading the first one reports what is wrong with the folder
         later = []
     return (folder / CALLS, *sorted(later, key=_number))
 
@@ -70,14 +70,12 @@ def read_record(path: Path) -> Recorded:
     ExecutorError
         MP877 if there is none, or it cannot be understood.
     """
-    try:
+    with failing("MP877", path, (OSError, UnicodeDecodeError)):
         if path.stat().st_size > MOST_BYTES:
             raise ExecutorError(
                 "MP877", f"{path} is larger than {MOST_BYTES} bytes", place=path
             )
         lines = path.read_text(encoding="utf-8").split("\n")
-    except (OSError, UnicodeDecodeError) as error:
-        raise ExecutorError("MP877", f"{path}: {why(error)}", place=path) from error
     data = [_row(path, number, line) for number, line in _whole(lines)]
     if not data or data[0].get("microplan_record") != FORMAT:
         raise ExecutorError(
@@ -164,19 +162,19 @@ class Tape:
         return self._last[name]
 
     def now_s(self) -> float:
-        """Return the recorded time; waits count where it says no more."""
+        """Return the recorded time; waits count where the record has no more."""
         found = self.query(_NOW)
         return _float(found, _NOW) + self._waited_s
 
     def wait(self, seconds: float) -> None:
-        """Let time pass in case the record does not say how much did."""
+        """Let time pass in case the record does not hold how much did."""
         self._waited_s += seconds
 
     def left(self) -> str:
         """Return the first command that was not given again, "" if all were."""
         for row in self.recorded.rows[self.position :]:
             if is_command(row["call"]):
-                return told(row["call"], row.get("with", {}))
+                return call_text(row["call"], row.get("with", {}))
         return ""
 
     def _beyond(self, name: str, given: Mapping[str, Any]) -> ExecutorError:
@@ -184,7 +182,7 @@ class Tape:
         if self.recorded.unfinished:
             return self._over()
         return self._parted(
-            f"command {self.used + 1}: {told(name, given)}; the record has no more"
+            f"command {self.used + 1}: {call_text(name, given)}; the record has no more"
         )
 
     def _over(self) -> ExecutorError:
@@ -201,13 +199,13 @@ class Tape:
 def difference(
     name: str, given: Mapping[str, Any], row: Mapping[str, Any]
 ) -> str | float:
-    """Return how a command differs from the recorded one, in words if it does.
+    """Return a command's difference from the recorded one, in words if it is one.
 
     Times are not compared: they are not commanded.
     """
     then = row.get("with", {})
     if name != row["call"]:
-        return f"{told(name, given)}; recorded was {told(row['call'], then)}"
+        return f"{call_text(name, given)}; recorded was {call_text(row['call'], then)}"
     keys = sorted((set(given) | set(then)) - {"after_s"})
     largest = 0.0
     for key in keys:
@@ -223,7 +221,7 @@ def difference(
     return largest
 
 
-def told(name: str, given: Mapping[str, Any]) -> str:
+def call_text(name: str, given: Mapping[str, Any]) -> str:
     """Return a command in words."""
     words = [f"{k}={v:.9g}" if isinstance(v, float) else f"{k}={v}"
              for k, v in given.items() if k != "after_s"]  # fmt: skip
@@ -291,7 +289,7 @@ def _is_row(row: Mapping[str, Any]) -> bool:
 
 
 def _fault_told(raised: Any) -> bool:
-    """Return whether what a device raised is told as it should be."""
+    """Return whether the record of what a device raised is well formed."""
     if raised is None:
         return True
     return isinstance(raised, list) and len(raised) == 2

@@ -1,4 +1,4 @@
-"""The record of a run: every call of a device with its answer, at full precision."""
+"""Recording of a run: every call of a device with its answer, at full precision."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from microplan.executor.devices.errors import ExecutorError
 from microplan.executor.devices.safety import AXES
 from microplan.executor.devices.station import Station
 from microplan.executor.record.frames import Frames, region_data
+from microplan.schemas.plan import Region
 
 FORMAT = 1
 RESUMES = "journal_lines"  # of the first line: how many a run was resumed from, or 0
@@ -52,7 +53,7 @@ class CallRecorder:
         self._stream, self._frames, self._found = stream, frames, station
         self._lock = threading.RLock()
         self._count = 0
-        self._state: dict[str, Any] = {}  # what the index tells of a frame
+        self._state: dict[str, Any] = {}  # what the index holds of a frame
         self._begun: dict[int, dict[str, Any]] = {}  # calls that have not returned
         self._open = True
         self._write(
@@ -154,7 +155,7 @@ class CallRecorder:
             self._state[kept[name]] = given.get("value")
 
     def _kept(self, frame: Frame, given: Mapping[str, Any]) -> dict[str, Any]:
-        """Keep a frame; return where, and what tells whether it is still the same."""
+        """Keep a frame; return its path and its hash."""
         exposed_s = _number(frame.exposed_s)
         facts = {**self._state, "exposed_s": exposed_s}
         rows = given.get("region")
@@ -205,8 +206,8 @@ class _Noted:
 def plain(value: Any) -> Any:
     """Return dataclasses as JSON data at full precision.
 
-    An infinite limit is left out: JSON has none, and it is what stands for "no limit"
-    where nothing is said.
+    An infinite limit is left out: JSON has none, and it is the default, "no limit",
+    where the key is missing.
     """
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         found = {f.name: getattr(value, f.name) for f in dataclasses.fields(value)}
@@ -225,6 +226,7 @@ def pixels_sha256(counts: Any) -> str:
 
 
 def _infinite(value: object) -> bool:
+    """Return whether a value is an infinite number."""
     return isinstance(value, float) and math.isinf(value)
 
 
@@ -236,17 +238,15 @@ def _given(args: tuple[Any, ...], named: Mapping[str, Any]) -> dict[str, Any]:
     return {k: _number(v) if isinstance(v, float) else v for k, v in found.items()}
 
 
-def _region(rows: Any) -> Any:
+def _region(rows: Any) -> Region | None:
     """Return a region from its four numbers."""
-    from microplan.schemas.plan import Region
-
     if rows is None:
         return None
     return Region(row=rows[0], column=rows[1], rows=rows[2], columns=rows[3])
 
 
 def _words(error: BaseException) -> str:
-    """Return what an error says, "" if it cannot."""
+    """Return the message of an error, "" if it has none."""
     try:
         return str(error)
     except Exception:  # noqa: BLE001 - a driver's class may do what it likes

@@ -1,4 +1,4 @@
-"""What an earlier executor left behind: its journal, read back and checked."""
+"""Recovery of an interrupted run: its journal, read back with its checksums."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from microplan.schemas.plan import View
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Header:
-    """What a run was begun with; none of it may change."""
+    """Header of a journal: what a run was begun with; none of it may change."""
 
     plan_sha256: str
     station: str  # "sim", or the sha256 of the station file
@@ -39,7 +39,7 @@ class Header:
 
 @dataclass(slots=True, kw_only=True)
 class ResumeState:
-    """How far the run had come, and what of its present step is done.
+    """State that a run is resumed from: finished steps, motions of the present one.
 
     An empty one is that of a run that begins.
     """
@@ -49,9 +49,7 @@ class ResumeState:
     finished: set[str] = field(default_factory=set)  # names of its motions
     opened: Intent | None = None  # begun, perhaps, and not known to be done
     again: Intent | None = None  # to be brought to its target
-    away: Intent | None = (
-        None  # brought the axes near a look, and nothing took them back
-    )
+    away: Intent | None = None  # brought the axes near a look, and nothing back
     errors_um: list[float] = field(default_factory=list)  # of its alignment's looks
     known: BeliefRecord | None = None
     phase: Phase = "approach"  # after the last finished step
@@ -69,7 +67,7 @@ class ResumeState:
             self.finished.add(name)
 
     def close(self, done: bool, standing: DriveReadings) -> None:  # noqa: FBT001 - a fact
-        """Note what became of the motion begun last, and where everything stands."""
+        """Note what became of the motion begun last, and the present readings."""
         intent, self.opened, self.standing = self.opened, None, standing
         self.ended, self.code = False, None
         if intent is not None and done:
@@ -81,26 +79,26 @@ class ReadJournal:
     """A journal as it was found."""
 
     header: Header
-    past: ResumeState
+    state: ResumeState
     seq: int  # of the last whole line
     chain: int
     size: int  # bytes; a torn line may follow
 
 
-def read_past(path: Path) -> ReadJournal:
-    """Return what a journal tells; see `past_in`."""
+def read_journal(path: Path) -> ReadJournal:
+    """Return the contents of a journal; see `journal_in`."""
     try:
         data = path.read_bytes()
     except OSError as error:
         raise ExecutorError("MP867", f"{path}: {error.strerror}") from error
-    return past_in(data, str(path))
+    return journal_in(data, str(path))
 
 
-def past_in(data: bytes, name: str = FILE) -> ReadJournal:
-    """Return what the bytes of a journal tell.
+def journal_in(data: bytes, name: str = FILE) -> ReadJournal:
+    """Return the contents of a journal's bytes.
 
     The last line may be torn or damaged: it was not yet on the disk when the executor
-    died, so what it tells of had not begun, or is seen from the readings.
+    died, so what it announces had not begun, or is seen from the readings.
 
     Raises
     ------
@@ -121,10 +119,10 @@ def past_in(data: bytes, name: str = FILE) -> ReadJournal:
     if not records:
         raise ExecutorError("MP868", f"{name} tells nothing: nothing had begun")
     try:
-        header, past = _told(records)
+        header, state = _read_back(records)
     except (CodecError, KeyError, TypeError) as error:
         raise ExecutorError("MP867", f"{name}: {error}") from error
-    return ReadJournal(header=header, past=past, seq=seq, chain=chain, size=size)
+    return ReadJournal(header=header, state=state, seq=seq, chain=chain, size=size)
 
 
 def is_open(folder: Path) -> bool:
@@ -136,68 +134,68 @@ def is_open(folder: Path) -> bool:
     if not is_file(path):
         return False
     try:
-        past = read_past(path).past
+        state = read_journal(path).state
     except ExecutorError as error:
-        return error.code != "MP868"  # a damaged one tells of no end
-    return not past.ended or past.code == "MP860"
+        return error.code != "MP868"  # a damaged one has no end
+    return not state.ended or state.code == "MP860"
 
 
-def _told(records: Sequence[Mapping[str, Any]]) -> tuple[Header, ResumeState]:
+def _read_back(records: Sequence[Mapping[str, Any]]) -> tuple[Header, ResumeState]:
     """Return what the lines add up to."""
-    first, past = records[0], ResumeState()
+    first, state = records[0], ResumeState()
     if first["kind"] != "run" or first["format"] != FORMAT:
         raise CodecError(f"no journal of format {FORMAT}")
-    past.standing = from_data(DriveReadings, first["standing"])
+    state.standing = from_data(DriveReadings, first["standing"])
     for record in records[1:]:
-        _KINDS[record["kind"]](past, record)
-    return from_data(Header, first["header"]), past
+        _KINDS[record["kind"]](state, record)
+    return from_data(Header, first["header"]), state
 
 
-def _begin(past: ResumeState, record: Mapping[str, Any]) -> None:
-    if record["step"] != past.step:
-        past.step, past.finished, past.errors_um = record["step"], set(), []
-        past.away = None
+def _begin(state: ResumeState, record: Mapping[str, Any]) -> None:
+    if record["step"] != state.step:
+        state.step, state.finished, state.errors_um = record["step"], set(), []
+        state.away = None
 
 
-def _intent(past: ResumeState, record: Mapping[str, Any]) -> None:
-    past.opened = from_data(Intent, record["intent"])
-    if past.opened.name in AWAY and past.away is None:
-        past.away = past.opened
+def _intent(state: ResumeState, record: Mapping[str, Any]) -> None:
+    state.opened = from_data(Intent, record["intent"])
+    if state.opened.name in AWAY and state.away is None:
+        state.away = state.opened
 
 
-def _done(past: ResumeState, record: Mapping[str, Any]) -> None:
-    past.done(record["name"], from_data(DriveReadings, record["standing"]))
+def _done(state: ResumeState, record: Mapping[str, Any]) -> None:
+    state.done(record["name"], from_data(DriveReadings, record["standing"]))
 
 
-def _resumed(past: ResumeState, record: Mapping[str, Any]) -> None:
-    past.close(record["was"] == "done", from_data(DriveReadings, record["standing"]))
+def _resumed(state: ResumeState, record: Mapping[str, Any]) -> None:
+    state.close(record["was"] == "done", from_data(DriveReadings, record["standing"]))
 
 
-def _undone(past: ResumeState, record: Mapping[str, Any]) -> None:
-    past.finished.discard(record["name"])
+def _undone(state: ResumeState, record: Mapping[str, Any]) -> None:
+    state.finished.discard(record["name"])
 
 
-def _known(past: ResumeState, record: Mapping[str, Any]) -> None:
-    past.known = from_data(BeliefRecord, record["known"])
+def _known(state: ResumeState, record: Mapping[str, Any]) -> None:
+    state.known = from_data(BeliefRecord, record["known"])
 
 
-def _error(past: ResumeState, record: Mapping[str, Any]) -> None:
-    past.errors_um.append(float(record["error_um"]))
+def _error(state: ResumeState, record: Mapping[str, Any]) -> None:
+    state.errors_um.append(float(record["error_um"]))
 
 
-def _view(past: ResumeState, record: Mapping[str, Any]) -> None:
-    past.view = from_data(View, record["view"])
+def _view(state: ResumeState, record: Mapping[str, Any]) -> None:
+    state.view = from_data(View, record["view"])
 
 
-def _step(past: ResumeState, record: Mapping[str, Any]) -> None:
-    past.results.append(from_data(StepResult, record["result"]))
-    past.phase = record["phase"]
-    _known(past, record)
+def _step(state: ResumeState, record: Mapping[str, Any]) -> None:
+    state.results.append(from_data(StepResult, record["result"]))
+    state.phase = record["phase"]
+    _known(state, record)
 
 
-def _end(past: ResumeState, record: Mapping[str, Any]) -> None:
-    past.ended, past.code = True, record["code"]
-    past.errors_um = []  # what failed by them begins anew when it is resumed
+def _end(state: ResumeState, record: Mapping[str, Any]) -> None:
+    state.ended, state.code = True, record["code"]
+    state.errors_um = []  # what failed by them begins anew when it is resumed
 
 
 _KINDS = {

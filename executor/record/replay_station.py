@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from microplan.executor.devices.drivers import AxisReading, Frame
-from microplan.executor.devices.errors import ExecutorError, why
+from microplan.executor.devices.errors import ExecutorError, failing
 from microplan.executor.devices.safety import AXES, Rules
 from microplan.executor.devices.station import Offer, Station
 from microplan.executor.devices.station_file import stays_in
@@ -23,7 +23,7 @@ def tape_station(tape: Tape, *, anyway: bool = False) -> Station:
     Raises
     ------
     ExecutorError
-        MP877 if the record does not say what the station offered.
+        MP877 if the record does not hold what the station offered.
     """
     head = tape.recorded.head
     devices = head.get("devices")
@@ -52,19 +52,10 @@ class _TapeDevice:
 
     def __init__(self, tape: Tape, name: str) -> None:
         self._tape, self._name = tape, name
-
-    @property
-    def model(self) -> str:
-        """Return what the device is."""
-        return f"recorded {self._name}"
-
-    @property
-    def serial(self) -> str:
-        """Return which record it answers from."""
-        return str(self._tape.recorded.folder)
+        self.model, self.serial = f"recorded {name}", str(tape.recorded.folder)
 
     def moving(self) -> bool:
-        """Return what the device said of itself."""
+        """Return whether the device reported motion."""
         return bool(self._tape.query(f"{self._name}.moving"))
 
     def stop(self) -> None:
@@ -145,10 +136,8 @@ class TapeCamera(_TapeDevice):
         path = folder / gave["frame"]
         if not stays_in(path, folder):
             raise ExecutorError("MP877", f"{gave['frame']} leaves the run folder")
-        try:
+        with failing("MP877", path):
             counts = read_png(path)
-        except OSError as error:
-            raise ExecutorError("MP877", f"{path}: {why(error)}", place=path) from error
         if pixels_sha256(counts) != gave.get("sha256") and not self._anyway:
             raise ExecutorError("MP877", f"{path} is not the frame that was recorded")
         exposed_s = numbers([gave.get("exposed_s")], 1, "camera.grab")[0]

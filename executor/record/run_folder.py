@@ -13,17 +13,22 @@ from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from pathlib import Path
 
-from microplan.executor.devices.errors import ExecutorError, why
+from microplan.executor.devices.errors import ExecutorError, failing, why
 from microplan.executor.devices.station_file import is_file
 from microplan.executor.record.frames import FOLDER
 from microplan.executor.record.recording import CALLS, MORE_CALLS
-from microplan.executor.record.recovery import Header, ReadJournal, is_open, read_past
+from microplan.executor.record.recovery import (
+    Header,
+    ReadJournal,
+    is_open,
+    read_journal,
+)
 from microplan.executor.record.write_ahead_log import FILE, FileStore, WriteAheadLog
 
 if sys.platform == "win32":  # pragma: no cover - there is no fcntl
     import msvcrt
 
-    _FAR = 1 << 20  # a byte that nobody writes: what is locked cannot be read there
+    _FAR = 1 << 20  # a byte that is never written: what is locked cannot be read there
 
     def _take(number: int) -> None:
         os.lseek(number, _FAR, os.SEEK_SET)
@@ -54,10 +59,8 @@ def held(path: Path, what: str) -> Iterator[None]:
         MP861 if another process holds it, with its number and host; MP804 if there
         can be no such file.
     """
-    try:
+    with failing("MP804", path):
         number = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
-    except OSError as error:
-        raise ExecutorError("MP804", f"{path}: {why(error)}", place=path) from error
     try:
         try:
             _take(number)
@@ -71,7 +74,7 @@ def held(path: Path, what: str) -> Iterator[None]:
 
 
 def _write(number: int, text: str) -> None:
-    """Put the holder's name into the file; a disk that is full keeps nobody out."""
+    """Put the holder's name into the file; a full disk is no obstacle."""
     with suppress(OSError):
         os.ftruncate(number, 0)
         os.lseek(number, 0, os.SEEK_SET)
@@ -79,7 +82,7 @@ def _write(number: int, text: str) -> None:
 
 
 def _holder(path: Path) -> str:
-    """Return who holds a lock, as far as its file tells."""
+    """Return the holder of a lock, as far as its file has it."""
     try:
         return path.read_text(encoding="utf-8").strip() or "another process"
     except (OSError, UnicodeDecodeError):
@@ -108,7 +111,7 @@ class RunFolder:
 
     @property
     def header(self) -> Header:
-        """Return what the run began with.
+        """Return the header of the run's journal.
 
         Raises
         ------
@@ -121,7 +124,7 @@ class RunFolder:
 
     @property
     def cell(self) -> Path:
-        """Return where a simulated cell keeps its world."""
+        """Return the path of a simulated cell's state."""
         return self.path / CELL
 
     def begin(self, plan_file: Path, plan: bytes, station: bytes | None) -> None:
@@ -145,7 +148,7 @@ class RunFolder:
             raise ExecutorError(
                 "MP804", f"the plan itself is in {self.path}", place=self.path
             )
-        try:
+        with failing("MP804", self.path):
             for path in self.path.iterdir():
                 if path.is_dir() and not path.is_symlink():
                     shutil.rmtree(path)
@@ -155,23 +158,16 @@ class RunFolder:
             (self.path / PLAN).write_bytes(plan)
             if station is not None:
                 (self.path / STATION).write_bytes(station)
-        except OSError as error:
-            raise ExecutorError(
-                "MP804", f"{self.path}: {why(error)}", place=self.path
-            ) from error
 
     @contextmanager
-    def intents(self) -> Iterator[WriteAheadLog]:
+    def write_ahead(self) -> Iterator[WriteAheadLog]:
         """Return the journal, open for what comes next; a torn line is cut off."""
         found = self.found
         seq, chain, size = (
             (0, 0, 0) if found is None else (found.seq, found.chain, found.size)
         )
-        try:
+        with failing("MP863", self.path / FILE):
             store = FileStore(self.path / FILE, size)
-        except OSError as error:
-            file = self.path / FILE
-            raise ExecutorError("MP863", f"{file}: {why(error)}", place=file) from error
         try:
             yield WriteAheadLog(store, seq=seq, chain=chain)
         finally:
@@ -179,7 +175,7 @@ class RunFolder:
 
     @property
     def executors(self) -> int:
-        """Return how many executors have worked on the run before this one."""
+        """Return the number of executors that worked on the run before this one."""
         calls = len(list(self.path.glob("calls*.jsonl")))
         return 0 if self.found is None else max(calls, 1)
 
@@ -188,15 +184,13 @@ class RunFolder:
         path = self.path / EVENTS
         if self.found is None or not is_file(path):
             return 0
-        try:
+        with failing("MP867", path, (OSError, ValueError, KeyError, TypeError)):
             data = path.read_bytes()
             whole = data[: data.rfind(b"\n") + 1]
             if len(whole) < len(data):  # never written anew: the disk may be full
                 os.truncate(path, len(whole))
             lines = whole.splitlines()
             return int(json.loads(lines[-1])["seq"]) if lines else 0
-        except (OSError, ValueError, KeyError, TypeError) as error:
-            raise ExecutorError("MP867", f"{path}: {why(error)}", place=path) from error
 
 
 def check_free(path: Path, *, discard: bool) -> None:
@@ -236,10 +230,8 @@ def check_free(path: Path, *, discard: bool) -> None:
 def new_run(path: Path, *, discard: bool) -> Iterator[RunFolder]:
     """Lock a folder for a new run; codes of `check_free`, MP861 if it is in use."""
     check_free(path, discard=discard)
-    try:
+    with failing("MP804", path):
         path.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ExecutorError("MP804", f"{path}: {why(error)}", place=path) from error
     with held(path / LOCK, str(path)):
         check_free(path, discard=discard)
         yield RunFolder(path=path, found=None)
@@ -258,8 +250,8 @@ def old_run(path: Path) -> Iterator[RunFolder]:
     if not is_file(path / FILE):
         raise ExecutorError("MP868", f"{path} holds no {FILE}", place=path)
     with held(path / LOCK, str(path)):
-        found = read_past(path / FILE)
-        done = found.past.ended and found.past.code is None
+        found = read_journal(path / FILE)
+        done = found.state.ended and found.state.code is None
         if done and is_file(path / SUMMARY):  # the last thing that is written
             raise ExecutorError("MP868", f"the run in {path} was done", place=path)
         yield RunFolder(path=path, found=found)

@@ -1,4 +1,4 @@
-"""Logs of a run: what is about to be done, on disk before it begins; what was done.
+"""Write-ahead log of a run: each motion is on disk before it begins.
 
 One JSON object a line, with a number and a checksum that hangs on the line before.
 `docs/journal.md` lists the kinds of lines.
@@ -31,16 +31,11 @@ class Journal:
         self._stream = stream
         self._clock = clock
         self._seq = seq  # of the last event that is there
-        self._step = ""
-
-    @property
-    def step(self) -> str:
-        """Return the step that events belong to, "" between steps."""
-        return self._step
+        self.step = ""  # that events belong to, "" between steps
 
     def enter(self, step: str) -> None:
         """Name the step that the events to come belong to."""
-        self._step = step
+        self.step = step
 
     def write(self, event: str, **details: Any) -> None:
         """Append one event; `details` are JSON data or frozen dataclasses.
@@ -54,7 +49,7 @@ class Journal:
         line = {
             "seq": self._seq,
             "t_s": round(self._clock.now_s(), 6),
-            "step": self._step,
+            "step": self.step,
             "event": event,
             **{name: to_data(value) for name, value in details.items()},
         }
@@ -77,7 +72,7 @@ HEAD = len(MARK + b'00000000", ')
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriveReadings:
-    """What all drives that touch anything read at one moment."""
+    """Readings of all drives that touch anything, at one moment."""
 
     stage: AxisReading
     robot: AxisReading | None
@@ -86,7 +81,7 @@ class DriveReadings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Intent:
-    """One motion that is about to begin."""
+    """Intent of one motion, written before it begins."""
 
     step: str
     name: str  # within the step; "": one that a resumed step decides on anew
@@ -98,7 +93,7 @@ class Intent:
 
 
 class LogStore(Protocol):
-    """Where lines are kept."""
+    """Store of a log's lines."""
 
     def append(self, line: bytes) -> None:
         """Return when the line would survive a loss of power; OSError if it cannot."""
@@ -132,7 +127,7 @@ class FileStore:
     def append(self, line: bytes) -> None:
         """Write a line and wait until the disk has it."""
         left = memoryview(line)
-        while left:  # a disk that fills takes part of it and says so afterwards
+        while left:  # a disk that fills takes part of it and fails afterwards
             left = left[os.write(self._file, left) :]
         self._sync(self._file)
 
@@ -159,7 +154,7 @@ def sealed(body: str, chain: int) -> tuple[bytes, int]:
 
 
 def opened(line: bytes, chain: int) -> tuple[dict[str, Any], int] | None:
-    """Return what a line holds and the next checksum; None if it is damaged."""
+    """Return the contents of a line and the next checksum; None if it is damaged."""
     body = b"{" + line[HEAD:].removesuffix(b"\n")
     chain = zlib.crc32(body, chain)
     if line[:HEAD] != f'{{"crc": "{chain:08x}", '.encode():
@@ -179,7 +174,7 @@ class WriteAheadLog:
 
     Parameters
     ----------
-    store : Store or None
+    store : LogStore or None
         Where lines go.
     seq, chain : int
         Number and checksum of the last line that is there.
@@ -198,7 +193,7 @@ class WriteAheadLog:
         Parameters
         ----------
         kind : str
-            What the line tells.
+            What the line holds.
         details
             JSON data or frozen dataclasses; numbers are kept exactly.
 

@@ -1,4 +1,4 @@
-"""The plan's routines, loaded with the arrays that `measure` needs."""
+"""Artifacts of a plan's routines: what they measure with, read from the plan folder."""
 
 from __future__ import annotations
 
@@ -62,13 +62,13 @@ class Artifacts:
 
 
 def answer_of(image: FloatArray, stages: Stages, start: Guess) -> Measurement | Failure:
-    """Return what a chain of the plan's routines answers.
+    """Return the answer of a chain of routines on an image, (rows, columns), 0..1.
 
     Raises
     ------
     ExecutorError
         MP803 if it fails on the numbers and arrays that the plan folder gives it, or
-        answers with what is no number: a routine that cannot tell says so otherwise.
+        answers with what is no number: a routine that finds nothing returns a failure.
     """
     names = " > ".join(name for name, _ in stages)
     try:
@@ -94,7 +94,7 @@ def answer_of(image: FloatArray, stages: Stages, start: Guess) -> Measurement | 
 
 
 def key_of(look: Look, measure: Measure) -> str:
-    """Return what the artifacts of a look's feature are kept under."""
+    """Return the key of the artifacts of a look's feature."""
     return f"{look.id}.{measure.feature}" if measure.feature else look.id
 
 

@@ -1,4 +1,4 @@
-"""The height of a face by focus: a sweep and its curve, or a pair of pictures."""
+"""Height of a face by focus: a sweep with its curve, or a pair of pictures."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ LEAST_HEIGHT = 8.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SharpnessCurve:
-    """What a sweep saw: sharpness over focus."""
+    """Curve of a sweep: sharpness over focus."""
 
     focus_um: tuple[float, ...]
     scores: tuple[float, ...]
@@ -43,12 +43,12 @@ def height_by_sweep(
 ) -> Height:
     """Return the height at which the part's face is sharpest, um.
 
-    Both ends of the sweep are taken twice, which tells the noise of a score.
+    Both ends of the sweep are taken twice, which gives the noise of a score.
 
     Raises
     ------
     ExecutorError
-        MP853, with the cause: "flat" (no peak stands out of the noise, or too little),
+        MP853, with the cause: "flat" (no peak exceeds the noise, or by too little),
         "border" (the peak is at an end of the sweep), "several_peaks", "coarse" or
         "few_stops".
     """
@@ -68,9 +68,8 @@ def height_by_sweep(
 
 def peak_of(curve: SharpnessCurve, target: str, seconds: float = 0.0) -> Height:
     """Return the one true peak of a curve; MP853 if it has none."""
-    from microplan.featuresel.routines.focus.focus import (
-        peak,  # loads cv2, not needed at start
-    )
+    # loads cv2, which is not needed at start
+    from microplan.featuresel.routines.focus.focus import peak
 
     height = max(curve.scores) - min(curve.scores)
     if not height >= LEAST_HEIGHT * curve.noise:
@@ -80,7 +79,7 @@ def peak_of(curve: SharpnessCurve, target: str, seconds: float = 0.0) -> Height:
             f"is {curve.noise:.3g}",
             cause="flat",
         )
-    # two differences are too few to go by for the spread: it comes from the fit
+    # two differences are too few for a standard deviation: it comes from the fit
     found = peak(curve.focus_um, curve.scores)
     if isinstance(found, Failure):
         raise ExecutorError(
@@ -118,7 +117,7 @@ def height_by_pair(
     Raises
     ------
     ExecutorError
-        MP853 if the pictures tell no height.
+        MP853 if the pictures give no height.
     """
     from microplan.featuresel.routines.likelihood import defocus_pair
 
@@ -140,7 +139,7 @@ def height_by_pair(
         )
     if found.z_um is None or found.spread_z_um is None:
         raise ExecutorError("MP853", f"{part.target}: the pair tells no height")
-    # the fit tells how far the focus is above the face
+    # the fit gives the height of the focus above the face
     return Height(
         z_um=expected_um - found.z_um, sigma_um=found.spread_z_um, seconds=seconds
     )

@@ -1,4 +1,4 @@
-"""What an answer must meet to be accepted: score, spread, place and angle."""
+"""Gates of a measurement: limits of score, standard deviation, position, angle."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from microplan.schemas.plan import Measure
 from microplan.schemas.pose import Pose
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class GateValue:
-    """One value of an answer and its limit."""
+    """Gate of a measurement: one value and its limit."""
 
     name: str
     code: str  # of an answer that does not pass
@@ -28,7 +28,7 @@ class GateValue:
 
     @property
     def words(self) -> str:
-        """Return what does not pass, after the name of the feature."""
+        """Return the failure in words that follow the feature's name."""
         value, limit = f"{self.value:.3g}", f"{self.limit:.3g}"
         return {
             "score": f"scored {value}, needs {limit}",
@@ -50,39 +50,24 @@ def gates_of(
         How the feature is measured.
     score, spread_um : float
         The routine's own.
-    seen : Seen
+    seen : SeenFeature
         Where it was found.
     expected : Pose
         Where the look's target is expected, world.
     """
-    limits = measure.gates
-    found = [
-        GateValue(
-            name="score",
-            code="MP821",
-            value=score,
-            limit=limits.min_score,
-            unit="",
-            least=True,
-        )
-    ]
-    if limits.max_spread_um is not None:
-        most = limits.max_spread_um
-        found.append(
-            GateValue(
-                name="spread", code="MP825", value=spread_um, limit=most, unit="um"
-            )
-        )
+    limits, turn_rad = measure.gates, None
+    if seen.theta_rad is not None:
+        turn_rad = abs(math.remainder(seen.theta_rad - expected.theta_rad, math.tau))
     x_um, y_um = expected.apply(*measure.offset_um)
     shift_um = math.hypot(seen.x_um - x_um, seen.y_um - y_um)
-    most = limits.max_shift_um
-    found.append(
-        GateValue(name="shift", code="MP822", value=shift_um, limit=most, unit="um")
+    asked = (
+        ("score", "MP821", score, limits.min_score, ""),
+        ("spread", "MP825", spread_um, limits.max_spread_um, "um"),
+        ("shift", "MP822", shift_um, limits.max_shift_um, "um"),
+        ("turn", "MP823", turn_rad, limits.max_turn_rad, "rad"),
     )
-    if limits.max_turn_rad is not None and seen.theta_rad is not None:
-        turn = abs(math.remainder(seen.theta_rad - expected.theta_rad, math.tau))
-        most = limits.max_turn_rad
-        found.append(
-            GateValue(name="turn", code="MP823", value=turn, limit=most, unit="rad")
-        )
-    return tuple(found)
+    return tuple(
+        GateValue(name, code, value, limit, unit, least=name == "score")
+        for name, code, value, limit, unit in asked
+        if value is not None and limit is not None
+    )

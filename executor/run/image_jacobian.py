@@ -1,4 +1,4 @@
-"""How an image follows the axes: a matrix by least squares, and what it must be."""
+"""Image Jacobian: how an image follows the axes, by least squares, with its limits."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from microplan.schemas.plan import Look
 
 LIMIT = 4.5  # sigmas: of eight numbers one is beyond it in 20 000 probes
 
-# what a matrix near one of these means; the other four signs are the turns
+# what a matrix near one of these means; the other four signs are the rotations
 _TWISTS: dict[tuple[int, int, int, int], str] = {
     (-1, 0, 0, 1): "x is mirrored: a mirrored camera, or x of the axes is reversed",
     (1, 0, 0, -1): "y is mirrored: a mirrored camera, or y of the axes is reversed",
@@ -28,80 +28,82 @@ _TWISTS: dict[tuple[int, int, int, int], str] = {
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Followed:
-    """How the image follows the axes, over what the calibration says: 1 is right."""
+class ImageJacobian:
+    """Measured image Jacobian over the calibrated one: the identity is right."""
 
     matrix: FloatArray  # (2, 2), a move of the axes to one of the image
     sigma: FloatArray  # (2, 2), one standard deviation of each number
 
 
-def followed(
-    readings: Sequence[Point], places: Sequence[Point], sigma_um: float
-) -> Followed:
-    """Return the matrix from moves to places by least squares, and its spread.
+def fit_jacobian(
+    readings: Sequence[Point], positions: Sequence[Point], sigma_um: float
+) -> ImageJacobian:
+    """Return the (2, 2) matrix from moves to positions by least squares, with sigma.
 
     Parameters
     ----------
-    readings, places : (N, 2) sequence of float
+    readings, positions : (N, 2) sequence of float
         um; N >= 3, not on one line.
     sigma_um : float
-        Of each place per axis, the axes' landing included.
+        Of each position per axis, the axes' landing included.
     """
-    moves, seen = np.array(readings), np.array(places)
+    moves, seen = np.array(readings), np.array(positions)
     moves, seen = moves - moves.mean(axis=0), seen - seen.mean(axis=0)
     inverse = np.linalg.inv(moves.T @ moves)
     sigma = sigma_um * np.sqrt(np.diag(inverse))
-    return Followed(matrix=(inverse @ moves.T @ seen).T, sigma=np.stack((sigma, sigma)))
+    return ImageJacobian(
+        matrix=(inverse @ moves.T @ seen).T, sigma=np.stack((sigma, sigma))
+    )
 
 
-def check_directions(found: Followed, look: Look) -> None:
-    """Raise MP833 unless the image goes the way of the axes."""
+def check_directions(found: ImageJacobian, look: Look) -> None:
+    """Raise MP833 unless the image goes in the direction of the axes."""
     flat = found.matrix.ravel()
     nearest = min(
         ((1, 0, 0, 1), *_TWISTS), key=lambda twist: float(np.hypot.reduce(flat - twist))
     )
     if nearest in _TWISTS:
-        raise ExecutorError("MP833", f"{_told(found, look)}: {_TWISTS[nearest]}")
+        raise ExecutorError("MP833", f"{_seen(found, look)}: {_TWISTS[nearest]}")
     across = np.abs(found.matrix - np.diag(np.diag(found.matrix)))
     if (across > ALIGNED + LIMIT * found.sigma).any():
         turn_rad = math.atan2(flat[2] - flat[1], flat[0] + flat[3])
         raise ExecutorError(
             "MP833",
-            f"{_told(found, look)}: it is turned by {math.degrees(turn_rad):.3g} deg",
+            f"{_seen(found, look)}: it is turned by {math.degrees(turn_rad):.3g} deg",
         )
 
 
-def check_scale(found: Followed, look: Look) -> None:
+def check_scale(found: ImageJacobian, look: Look) -> None:
     """Raise MP834 unless the image goes as far as the axes, in x, y and on average."""
     scales, sigma = np.diag(found.matrix), np.diag(found.sigma)
-    for name, scale, spread in (
+    for name, scale, sigma_of in (
         ("x", scales[0], sigma[0]),
         ("y", scales[1], sigma[1]),
         ("both", scales.mean(), np.hypot(*sigma) / 2),
     ):
-        limit = ALIGNED + LIMIT * spread
+        limit = ALIGNED + LIMIT * sigma_of
         if not abs(scale - 1) <= limit:
             raise ExecutorError(
                 "MP834",
-                f"{_told(found, look)}: {name} {scale:.4g} of the calibrated scale, "
+                f"{_seen(found, look)}: {name} {scale:.4g} of the calibrated scale, "
                 f"within {limit:.2g} of 1",
             )
 
 
 def check_turn(told_rad: float, seen_rad: float, sigma_rad: float, look: Look) -> None:
-    """Raise MP833 unless the image turns as the axes were told to."""
+    """Raise MP833 unless the image rotates as the axes were ordered to."""
     apart_rad = abs(math.remainder(seen_rad - told_rad, math.tau))
     if not apart_rad <= ALIGNED * abs(told_rad) + LIMIT * sigma_rad:
         told, seen = math.degrees(told_rad), math.degrees(seen_rad)
-        way = "the other way: an axis is reversed" if told * seen < 0 else "too far off"
+        how = "the other way: an axis is reversed" if told * seen < 0 else "too far off"
         raise ExecutorError(
             "MP833",
             f"look {look.id}: told to turn by {told:.3g} deg, the image turned by "
-            f"{seen:.3g} deg, {way}",
+            f"{seen:.3g} deg, {how}",
         )
 
 
-def _told(found: Followed, look: Look) -> str:
+def _seen(found: ImageJacobian, look: Look) -> str:
     """Return what was seen, in words."""
     (a, b), (c, d) = found.matrix
     return (

@@ -1,4 +1,4 @@
-"""One feature of a look: routines on the image, gates, bias, pixels to um."""
+"""Measurement of one feature of a look: routines, gates, bias, pixels to um."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from microplan.schemas.pose import Pose
 
 
 class Eye(Protocol):
-    """What measuring a picture needs: a rig, or what stands for one."""
+    """Context of measuring a picture: a rig, or a viewer of pictures."""
 
     artifacts: Artifacts
 
@@ -42,8 +42,10 @@ class Picture:
     expected: Pose  # of the look's target, world
     believed: Believed | None  # the part's angle, None if nothing is known of it
     dz_um: float  # of the focus from the look's own
-    near: WarmStart | None = None  # what a look just before found, a correction ago
-    trusted: bool = True  # whether what is expected says where to begin
+    warm_start: WarmStart | None = (
+        None  # what a look just before found, a correction ago
+    )
+    trusted: bool = True  # whether to begin at what is expected
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,18 +56,18 @@ class ShownFeature:
     score: float
     spread_um: float  # the routine's own estimate, one sigma per axis
     routines: tuple[str, ...]
-    pixels: Measurement  # what the last of them said, in the look's region
+    pixels: Measurement  # measured by the last of them, in the look's region
 
     @property
     def found(self) -> FoundFeature:
-        """Return what a look after a small correction starts from."""
+        """Return the start of a look after a small correction."""
         return FoundFeature(
             x_um=self.seen.x_um, y_um=self.seen.y_um, pixels=self.pixels
         )
 
 
 def look_for(rig: Rig, look: Look, measure: Measure, picture: Picture) -> ShownFeature:
-    """Return where a picture shows a feature: its chain, then the fallback.
+    """Return the position of a feature in a picture: its chain, then the fallback.
 
     Where a look just before has found it, the end of the chain alone comes first.
 
@@ -74,7 +76,7 @@ def look_for(rig: Rig, look: Look, measure: Measure, picture: Picture) -> ShownF
     ExecutorError
         MP820 if no routine finds it; MP821..MP823, MP825 if an answer fails a gate.
     """
-    if (shown := _from_near(rig, look, measure, picture)) is not None:
+    if (shown := _from_warm_start(rig, look, measure, picture)) is not None:
         return shown
     try:
         return _accepted(rig, look, measure, measure.chain, picture)
@@ -90,7 +92,7 @@ def look_for(rig: Rig, look: Look, measure: Measure, picture: Picture) -> ShownF
 
 
 def bias_at(curve: Sequence[BiasAt], dz_um: float) -> tuple[float, float]:
-    """Return how much a predicted bias differs at a focus from that at the look's own.
+    """Return the change of a predicted bias, um, at a focus off the look's own.
 
     Linear between the heights, beyond the outermost theirs; 0 without a curve.
     """
@@ -115,9 +117,9 @@ def _between(curve: Sequence[BiasAt], dz_um: float) -> tuple[float, float]:
 
 
 def spare(measure: Measure) -> Measure:
-    """Return how the fallback measures: with that chain's bias, spread and gate.
+    """Return the measurement by the fallback: that chain's bias, sigma and gate.
 
-    The spread's gate and the bias through focus are the first chain's own.
+    The gate of sigma and the bias through focus are the first chain's own.
     """
     gates = replace(
         measure.gates, min_score=measure.fallback_min_score, max_spread_um=None
@@ -145,7 +147,7 @@ def _accepted(
 def measured(
     rig: Eye, look: Look, measure: Measure, uses: Sequence[RoutineUse], picture: Picture
 ) -> ShownFeature:
-    """Return what one chain answers, whatever the gates say of it.
+    """Return the answer of one chain, before any gate.
 
     It starts where the feature is believed to be, not where the plan's own picture has
     it: tools land elsewhere, and what is aligned to them goes along. Where the belief
@@ -156,11 +158,11 @@ def measured(
     ExecutorError
         MP820 if it finds nothing.
     """
-    place = (measure.reference.column, measure.reference.row)
+    start_px = (measure.reference.column, measure.reference.row)
     if picture.trusted:
         at_um = picture.expected.apply(*measure.offset_um)
-        place = rig.frame_of(look).to_pixel(*at_um)
-    column, row = place
+        start_px = rig.frame_of(look).to_pixel(*at_um)
+    column, row = start_px
     start = Guess(
         column=column,
         row=row,
@@ -173,15 +175,15 @@ def measured(
     return _answer(rig, look, measure, stages, start, picture)
 
 
-def _from_near(
+def _from_warm_start(
     rig: Rig, look: Look, measure: Measure, picture: Picture
 ) -> ShownFeature | None:
     """Return what the end of the chain finds where the feature must be, if anything."""
-    name, near = measure.feature or look.target, picture.near
-    before = None if near is None else near.features.get(name)
-    if near is None or before is None:
+    name, warm_start = measure.feature or look.target, picture.warm_start
+    before = None if warm_start is None else warm_start.features.get(name)
+    if warm_start is None or before is None:
         return None
-    routine = nearest_routine(measure.chain, near, before, look.view.um_per_px)
+    routine = nearest_routine(measure.chain, warm_start, before, look.view.um_per_px)
     if routine is None:
         return None
     frame = rig.frame_of(look)
@@ -209,7 +211,7 @@ def _answer(
     start: Guess,
     picture: Picture,
 ) -> ShownFeature:
-    """Return what routines find from `start`, whatever the gates say of it."""
+    """Return what routines find from `start`, before any gate."""
     name = measure.feature or look.target
     try:
         found = answer_of(picture.image, stages, start)
@@ -230,7 +232,7 @@ def _answer(
 def _shown(
     rig: Eye, look: Look, measure: Measure, found: Measurement, picture: Picture
 ) -> ShownFeature:
-    """Turn pixels into um and take off the mean error that the trials showed.
+    """Convert pixels to um and subtract the mean error that the trials showed.
 
     That error is fixed in the part's frame: at an unknown angle it stays.
     """
@@ -263,7 +265,7 @@ def _shown(
 def _pass_gates(
     name: str, measure: Measure, shown: ShownFeature, picture: Picture
 ) -> None:
-    """Raise unless score, spread, place and angle are what they should be."""
+    """Raise unless score, sigma, position and angle pass their gates."""
     for gate in gates_of(
         measure, shown.score, shown.spread_um, shown.seen, picture.expected
     ):

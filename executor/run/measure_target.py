@@ -1,4 +1,4 @@
-"""One look: set the view, grab the region, measure its features, join them."""
+"""Measurement of a look's target: view, frame, features, fusion."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ UNSEEN = (NOT_FOUND, "MP821", "MP822", "MP823", "MP825", "MP826")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TargetSighting:
-    """Where a look found its target, world frame."""
+    """Pose at which a look found its target, world frame."""
 
     target: str
     x_um: float
@@ -46,7 +46,7 @@ def look_at(
     look: Look,
     on_failure: Sequence[OnFailure] = (),
     *,
-    near: WarmStart | None = None,
+    warm_start: WarmStart | None = None,
     trusted: bool = True,
 ) -> TargetSighting:
     """Measure a look's target and update the beliefs.
@@ -61,7 +61,7 @@ def look_at(
         How often a failure's code, or the routine's own, may be tried again. Every
         try takes the view's next focus stop, and each stop is tried once at least.
         Features that one stop shows and the next does not still count.
-    near : Near, optional
+    warm_start : WarmStart, optional
         What the same look has found, if a correction is all that happened since: the
         first try starts there.
     trusted : bool, optional
@@ -76,7 +76,7 @@ def look_at(
     while True:
         tries += 1
         try:
-            first = near if tries == 1 else None
+            first = warm_start if tries == 1 else None
             sighting = _sight(rig, look, tries, kept, first, trusted=trusted)
         except ExecutorError as error:
             rig.journal.write("not_seen", look=look.id, code=error.code, why=str(error))
@@ -112,7 +112,7 @@ def look_near(
     on_failure: Sequence[OnFailure] = (),
     seeing: Seeing = look_at,
 ) -> TargetSighting:
-    """Measure a look's target, coarsely first and brought near where the plan says so.
+    """Measure a look's target, coarsely first and brought near if the plan has it so.
 
     `seeing` is how each look is made.
 
@@ -135,11 +135,11 @@ def look_near(
     seeing(rig, coarse, on_failure)
     readings = rig.readings()
     here = rig.beliefs.world(look.target, readings)
-    way_um = math.dist((here.x_um, here.y_um), first.at_um)
-    if not way_um <= first.most_um:
+    off_um = math.dist((here.x_um, here.y_um), first.at_um)
+    if not off_um <= first.most_um:
         raise ExecutorError(
             "MP832",
-            f"look {look.id}: {look.target} is {way_um:.3g} um from where it is to be "
+            f"look {look.id}: {look.target} is {off_um:.3g} um from where it is to be "
             f"seen, the {first.axes} may bring it {first.most_um:.3g} um",
         )
     back = readings.reading(first.axes)
@@ -150,7 +150,7 @@ def look_near(
 
 
 def to_unit(counts: Counts, bits: int) -> FloatArray:
-    """Return counts as 0..1 of full scale, float64."""
+    """Return (rows, columns) counts as 0..1 of full scale, float64."""
     unit: FloatArray = counts / float(2**bits - 1)
     return unit
 
@@ -163,7 +163,7 @@ def _lit(image: FloatArray) -> str:
 
 
 def _searched(rig: Rig, look: Look) -> str:
-    """Return where a target was looked for: it may stand beyond."""
+    """Return where a target was looked for: it may be beyond."""
     at = rig.beliefs.world(look.target, rig.readings())
     return (
         f"it is looked for within {look.measure.capture_um:.3g} um of "
@@ -184,7 +184,7 @@ def _sight(
     look: Look,
     tries: int,
     kept: dict[str, ShownFeature],
-    near: WarmStart | None,
+    warm_start: WarmStart | None,
     *,
     trusted: bool,
 ) -> TargetSighting:
@@ -203,7 +203,7 @@ def _sight(
         expected=rig.beliefs.world(look.target, readings),
         believed=rig.beliefs.angle(look.target, readings),
         dz_um=focus_um - look.view.focus_um,
-        near=near,
+        warm_start=warm_start,
         trusted=trusted,
     )
     try:

@@ -1,4 +1,4 @@
-"""Probes: small known moves, within limits, that show how the image follows the axes.
+"""Probes: small known moves that measure how the image follows the axes.
 
 Made at the first look after every zoom change, before any motion that depends on it.
 """
@@ -17,17 +17,24 @@ from microplan.executor.devices.errors import ExecutorError
 from microplan.executor.devices.safety import check_step, check_travel, targets
 from microplan.executor.motion.inverse_kinematics import inverse_kinematics
 from microplan.executor.run.image_jacobian import (
-    Followed,
+    ImageJacobian,
     check_directions,
     check_scale,
     check_turn,
-    followed,
+    fit_jacobian,
 )
 from microplan.executor.run.measure_target import UNSEEN, TargetSighting, look_at
 from microplan.executor.run.run_context import Rig
 from microplan.executor.run.verify import in_view
 from microplan.executor.run.warm_start import WarmStart
-from microplan.schemas.plan import AlignAction, AxesName, AxisMove, Look, OnFailure
+from microplan.schemas.plan import (
+    AlignAction,
+    AxesName,
+    AxisMove,
+    Control,
+    Look,
+    OnFailure,
+)
 
 CLEAR = 3.0  # sigmas that a probe stays away from everything
 # A tolerance below .6 move sigmas is refused by the compiler.
@@ -36,38 +43,37 @@ TOLERANCE_PER_SIGMA = 0.6
 
 def steers_angle(rig: Rig, axes: AxesName) -> bool:
     """Return whether an alignment of the plan corrects an angle by these axes."""
-    return any(
-        isinstance(step.action, AlignAction)
-        and step.action.axes == axes
-        and step.control is not None
-        and step.control.tolerance_theta_rad is not None
-        for step in rig.plan.steps
-    )
+    return any(c.tolerance_theta_rad is not None for c in _controls(rig, axes))
 
 
-def axis_sigma_um(rig: Rig, axes: AxesName) -> float:
-    """Return one sigma per axis of where an axis group lands.
-
-    As the plan tells; else the most that its alignments' tolerances allow.
-    """
-    told = rig.plan.requirements.repeatability_um
-    if told is not None and axes in told:
-        return told[axes]
-    tolerances = [
-        step.control.tolerance_xy_um
+def _controls(rig: Rig, axes: AxesName) -> list[Control]:
+    """Return the controls of the plan's alignments by these axes."""
+    return [
+        step.control
         for step in rig.plan.steps
         if isinstance(step.action, AlignAction)
         and step.action.axes == axes
         and step.control is not None
     ]
+
+
+def axis_sigma_um(rig: Rig, axes: AxesName) -> float:
+    """Return one sigma per axis of where an axis group lands.
+
+    As the plan states; else the most that its alignments' tolerances allow.
+    """
+    told = rig.plan.requirements.repeatability_um
+    if told is not None and axes in told:
+        return told[axes]
+    tolerances = [control.tolerance_xy_um for control in _controls(rig, axes)]
     return min(tolerances, default=0.0) / TOLERANCE_PER_SIGMA
 
 
 def in_the_way(rig: Rig, look: Look, move: AxisMove) -> str:
-    """Return what forbids a probe's move, "" if nothing does.
+    """Return the obstacle to a probe's move in words, "" if there is none.
 
     Besides limits and steps a probe stays clear of everything by CLEAR sigmas, also of
-    what it is meant to touch later. Where the plan tells no room, nothing may be held
+    what it is meant to touch later. Where the plan has no volumes, nothing may be held
     and the tool must be out of view.
     """
     axes = move.axes
@@ -101,12 +107,12 @@ def _near_tool(rig: Rig, look: Look) -> str:
 
 LEAST_UM = 3.0  # a first move: what any stage can do and any eye can see
 WANTED = 10.0  # sigmas of a first move's own scatter: what it is to be
-ENOUGH = 5.0  # what it must be: a wrong direction is then told from a right one
+ENOUGH = 5.0  # what it must be: a wrong direction is then distinct from a right one
 REACH = 0.7  # of the look's capture range: trials succeed there as they do inside
 MOST_UM = 100.0  # beyond, lens distortion and lean of the axes come in
-LEAST_RAD = math.radians(1.0)  # of a turn, as LEAST_UM
+LEAST_RAD = math.radians(1.0)  # of a rotation, as LEAST_UM
 MOST_RAD = math.radians(8.0)  # less than half a tooth of 20 deg
-DECIMALS = 1  # of the places that a probe goes to, um
+DECIMALS = 1  # of the positions that a probe goes to, um
 
 
 @dataclass(slots=True)
@@ -114,22 +120,22 @@ class ProbeTrack:
     """Readings of the axes and where the target was seen, (x, y) um each."""
 
     readings: list[Point] = field(default_factory=list)
-    places: list[Point] = field(default_factory=list)
+    positions: list[Point] = field(default_factory=list)
 
     def note(self, reading: Point, seen: TargetSighting) -> None:
         """Add a reading and where the target was seen."""
         self.readings.append(reading)
-        self.places.append((seen.x_um, seen.y_um))
+        self.positions.append((seen.x_um, seen.y_um))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _ProbeState:
-    """What a probe works on, and what it has seen."""
+    """State of a probe: its look, its axes, its sightings."""
 
     rig: Rig
     look: Look
     axes: AxesName  # that carry the look's target
-    sigma_um: float  # of a place per axis, the axes' landing included
+    sigma_um: float  # of a position per axis, the axes' landing included
     on_failure: tuple[OnFailure, ...]
     track: ProbeTrack = field(default_factory=ProbeTrack)
 
@@ -139,19 +145,19 @@ def look_probed(
     look: Look,
     on_failure: Sequence[OnFailure] = (),
     *,
-    near: WarmStart | None = None,
+    warm_start: WarmStart | None = None,
 ) -> TargetSighting:
     """Look, and probe if nothing was probed at this zoom yet; then look again.
 
-    `near` is as in `look_at`.
+    `warm_start` is as in `look_at`.
 
     Raises
     ------
     ExecutorError
-        As `look_at`; MP833 if the image goes another way than the axes, MP834 if it is
+        As `look_at`; MP833 if the image does not go as the axes, MP834 if it is
         out of scale, MP835 if the target is lost by the first moves.
     """
-    seen = look_at(rig, look, on_failure, near=near)
+    seen = look_at(rig, look, on_failure, warm_start=warm_start)
     if rig.probed == look.view.magnification:
         return seen
     why = probe(rig, look, seen, on_failure)
@@ -167,8 +173,8 @@ def probe(
 ) -> str:
     """Move what carries the target in x and y, look after each, and go back.
 
-    Two short moves tell the directions. Then four places around the look's own, as far
-    as it is sure to find the target, tell the scale.
+    Two short moves show the directions. Then four positions around the look's own,
+    as far as it is sure to find the target, show the scale.
 
     Returns
     -------
@@ -188,18 +194,18 @@ def probe(
         return f"a move of {step_um:.3g} um does not stand out of {sigma_um:.3g} um"
     home = rig.readings().reading(job.axes)
     x_um, y_um = home.x_um, home.y_um
-    way_x, way_y = _inward(look, seen)
-    first = (x_um + _toward(way_x, step_um), y_um)
-    second = (first[0], y_um + _toward(way_y, step_um))
-    for place in (first, second):
-        why = in_the_way(rig, look, _to(job.axes, place))
+    inward_x, inward_y = _inward(look, seen)
+    first = (x_um + _toward(inward_x, step_um), y_um)
+    second = (first[0], y_um + _toward(inward_y, step_um))
+    for position in (first, second):
+        why = in_the_way(rig, look, _to(job.axes, position))
         if why:
             return why
     job.track.note((x_um, y_um), seen)
-    for place in (first, second):
-        _step(job, place)
-    check_directions(_followed(job), look)
-    _reach_out(job, (x_um + way_x, y_um + way_y), reach_um)
+    for position in (first, second):
+        _step(job, position)
+    check_directions(_measured_jacobian(job), look)
+    _reach_out(job, (x_um + inward_x, y_um + inward_y), reach_um)
     _judge(job)
     rig.move(_to(job.axes, (x_um, y_um)), "probe back")
     if seen.theta_rad is not None and steers_angle(rig, job.axes):
@@ -217,7 +223,7 @@ def _job(rig: Rig, look: Look, on_failure: Sequence[OnFailure]) -> _ProbeState:
 
 
 def _inward(look: Look, seen: TargetSighting) -> Point:
-    """Return the way from where a target is to the middle of its look's range.
+    """Return the vector from a target to the middle of its look's range, um.
 
     Rounded, so that the noise of a look does not change what is ordered.
     """
@@ -228,18 +234,18 @@ def _inward(look: Look, seen: TargetSighting) -> Point:
     )
 
 
-def _step(job: _ProbeState, place: Point) -> None:
+def _step(job: _ProbeState, position: Point) -> None:
     """Move, look and note; MP835 if the target is not seen there."""
-    job.track.note(place, _moved(job, _to(job.axes, place)))
+    job.track.note(position, _moved(job, _to(job.axes, position)))
 
 
 def _reach_out(job: _ProbeState, middle: Point, reach_um: float) -> None:
-    """Look from four places about a middle, as far as nothing is in the way."""
-    for place in _around(middle, reach_um):
-        if in_the_way(job.rig, job.look, _to(job.axes, place)):
+    """Look from four positions about a middle, those without a collision."""
+    for position in _around(middle, reach_um):
+        if in_the_way(job.rig, job.look, _to(job.axes, position)):
             continue
         try:
-            _step(job, place)
+            _step(job, position)
         except ExecutorError as error:
             if error.code != "MP835":
                 raise
@@ -249,26 +255,26 @@ def _reach_out(job: _ProbeState, middle: Point, reach_um: float) -> None:
 
 def _judge(job: _ProbeState) -> None:
     """Note how the image followed, and raise if it did not."""
-    found = _followed(job)
+    found = _measured_jacobian(job)
     job.rig.journal.write(
         "probe",
         look=job.look.id,
         axes=job.axes,
         matrix=found.matrix.ravel().tolist(),
         sigma=found.sigma.ravel().tolist(),
-        looks=len(job.track.places),
+        looks=len(job.track.positions),
     )
     check_directions(found, job.look)
     check_scale(found, job.look)
 
 
-def _followed(job: _ProbeState) -> Followed:
+def _measured_jacobian(job: _ProbeState) -> ImageJacobian:
     """Return how the image followed, the calibration's own matrix taken off."""
     calibration = job.rig.station.offer.calibration
     meant = IDENTITY
     if job.axes == "stage" and calibration is not None:
         meant = calibration.camera_from_stage
-    found = followed(job.track.readings, job.track.places, job.sigma_um)
+    found = fit_jacobian(job.track.readings, job.track.positions, job.sigma_um)
     return replace(found, matrix=found.matrix @ np.linalg.inv(np.array(meant)))
 
 
@@ -291,7 +297,7 @@ def _moved(job: _ProbeState, move: AxisMove) -> TargetSighting:
 
 
 def _probe_turn(job: _ProbeState, theta_rad: float) -> None:
-    """Turn a little about the target, look, and turn back."""
+    """Rotate a little about the target, look, and rotate back."""
     rig, look, axes = job.rig, job.look, job.axes
     sigma_rad = math.sqrt(2) * (look.sigma_theta_rad or 0.0)
     gate_rad = look.measure.gates.max_turn_rad
@@ -316,17 +322,17 @@ def _probe_turn(job: _ProbeState, theta_rad: float) -> None:
     rig.move(back, "probe back")
 
 
-def _to(axes: AxesName, place: Point) -> AxisMove:
+def _to(axes: AxesName, position: Point) -> AxisMove:
     """Return a move to readings in x and y."""
-    return AxisMove(axes=axes, x_um=place[0], y_um=place[1])
+    return AxisMove(axes=axes, x_um=position[0], y_um=position[1])
 
 
-def _toward(way_um: float, step_um: float) -> float:
-    """Return a step with the sign of a way; up where there is none to go."""
-    return -step_um if way_um < 0 else step_um
+def _toward(distance_um: float, step_um: float) -> float:
+    """Return a step with the sign of a distance; positive for 0."""
+    return -step_um if distance_um < 0 else step_um
 
 
 def _around(middle: Point, reach_um: float) -> Iterator[Point]:
-    """Yield four places about a middle, each axis from end to end."""
+    """Yield four positions about a middle, each axis from end to end, um."""
     for dx, dy in ((1, 0), (-1, 0), (0, 1), (0, -1)):
         yield middle[0] + dx * reach_um, middle[1] + dy * reach_um

@@ -1,4 +1,4 @@
-"""Take up a run that another executor left: sense where all stands, and decide."""
+"""Resumption of a run that another executor left: read the devices, decide, go on."""
 
 from __future__ import annotations
 
@@ -24,77 +24,77 @@ Ask = Callable[[str], bool]
 
 def begin(rig: Rig, header: Header) -> None:
     """Note in the journal what a run begins with."""
-    rig.intents.write("run", format=FORMAT, header=header, standing=rig.standing())
+    rig.write_ahead.write("run", format=FORMAT, header=header, standing=rig.standing())
 
 
-def take_up(rig: Rig, past: ResumeState, ask: Ask | None = None) -> None:
+def take_up(rig: Rig, state: ResumeState, ask: Ask | None = None) -> None:
     """Make a rig ready to go on where another executor was.
 
     Everything is stopped first, then read, and nothing moves until it is clear how far
-    the last motion went. What `decide` says goes into the journal.
+    the last motion went. The decision goes into the journal.
 
     Parameters
     ----------
     rig : Rig
         Of the same plan and station; `run_plan` goes on with it.
-    past : Past
-        What the journal tells.
+    state : ResumeState
+        The state by the journal.
     ask : callable or None
-        Put a question to the operator and return whether to go on; None where nobody
-        can be asked.
+        Put a question to the operator and return whether to go on; None without
+        an operator.
 
     Raises
     ------
     ExecutorError
         MP841 or MP845 if something cannot be stopped; MP864 if an irreversible motion
-        is half done and nobody says that it may go on; MP865 if the station is not
+        is half done and no operator lets it go on; MP865 if the station is not
         where the journal left it; codes of readings.
     """
     rig.motion.rest(rig.station)
     now = rig.standing()
-    was = decide(past, now, rig.station.rules)
-    intent = past.opened
+    was = decide(state, now, rig.station.rules)
+    intent = state.opened
     if intent is not None and was == "on the way":
         if intent.irreversible:
             _let_go_on(intent, now, ask)
         if intent.name not in REPEATED:
-            past.again = intent
-    rig.journal.write("resumed", step=past.step, motion=intent, was=was)
-    rig.intents.write("resumed", was=was, standing=now)
-    if past.known is not None:
-        rig.beliefs.restore(past.known)
-    past.close(was == "done", now)
-    rig.past, rig.phase = past, past.phase
-    _restore_view(rig, past)
+            state.again = intent
+    rig.journal.write("resumed", step=state.step, motion=intent, was=was)
+    rig.write_ahead.write("resumed", was=was, standing=now)
+    if state.known is not None:
+        rig.beliefs.restore(state.known)
+    state.close(was == "done", now)
+    rig.resume_state, rig.phase = state, state.phase
+    _restore_view(rig, state)
 
 
-def decide(past: ResumeState, now: DriveReadings, rules: Rules) -> Was:
-    """Return how far the motion that the journal leaves open went.
+def decide(state: ResumeState, now: DriveReadings, rules: Rules) -> Was:
+    """Return the progress of the motion that the journal leaves open.
 
     Parameters
     ----------
-    past : Past
-        What the journal tells; without an open motion all must stand where it did.
-    now : Standing
+    state : ResumeState
+        The state by the journal; without an open motion all must be where it was.
+    now : DriveReadings
         What the devices read.
     rules : Rules
-        Windows: one for where a device stood, one for where it stands.
+        Windows: one for the reading before, one for the reading now.
 
     Raises
     ------
     ExecutorError
-        MP865 if something stands elsewhere.
+        MP865 if something is elsewhere.
     """
-    intent = past.opened
-    before = past.standing if intent is None else intent.before
+    intent = state.opened
+    before = state.standing if intent is None else intent.before
     if before is None:
         raise ExecutorError("MP865", "the journal tells no readings")
-    target = {} if intent is None else _places(intent.device, intent.target)
+    target = {} if intent is None else _target_readings(intent.device, intent.target)
     was, is_now = _flat(before), _flat(now)
     if was.keys() != is_now.keys():
         raise ExecutorError("MP865", f"it had {list(was)}, now {list(is_now)}")
-    for name, place in is_now.items():
-        _check_on_the_way(name, was[name], place, target.get(name), rules)
+    for name, reading in is_now.items():
+        _check_on_the_way(name, was[name], reading, target.get(name), rules)
     if intent is None:
         return "not begun"
     if all(abs(is_now[n] - v) <= _window(n, rules) for n, v in target.items()):
@@ -119,29 +119,29 @@ def _check_on_the_way(
 def _let_go_on(intent: Intent, now: DriveReadings, ask: Ask | None) -> None:
     """Return if the operator lets a half-done irreversible motion go on."""
     was, is_now = _flat(intent.before), _flat(now)
-    way = ", ".join(
+    under_way = ", ".join(
         f"{name} is at {is_now[name]:.6g} on its way from {was[name]:.6g} to {v:.6g}"
-        for name, v in _places(intent.device, intent.target).items()
+        for name, v in _target_readings(intent.device, intent.target).items()
     )
-    what = f"step {intent.step}: {way}"
+    what = f"step {intent.step}: {under_way}"
     if ask is None:
         raise ExecutorError("MP864", f"{what}; run at a terminal to be asked")
     if not ask(f"{what}; may it go on?"):
         raise ExecutorError("MP864", f"{what}; the operator did not let it go on")
 
 
-def _restore_view(rig: Rig, past: ResumeState) -> None:
+def _restore_view(rig: Rig, state: ResumeState) -> None:
     """Keep the zoom if it reads what it was sent to; focus and light are set anew.
 
     A zoom that is sent where it is may still land a little elsewhere, and looks before
     and after must share the image's jump.
     """
-    if past.view is None:
+    if state.view is None:
         return
     reading = rig.motion.magnification(rig.station)
-    within = rig.station.rules.zoom_window * abs(past.view.magnification)
-    if abs(reading - past.view.magnification) <= within:
-        rig.view = replace(past.view, focus_um=math.nan, light=math.nan)
+    within = rig.station.rules.zoom_window * abs(state.view.magnification)
+    if abs(reading - state.view.magnification) <= within:
+        rig.view = replace(state.view, focus_um=math.nan, light=math.nan)
 
 
 def _flat(standing: DriveReadings) -> dict[str, float]:
@@ -155,7 +155,7 @@ def _flat(standing: DriveReadings) -> dict[str, float]:
     return found
 
 
-def _places(device: str, target: Mapping[str, float]) -> dict[str, float]:
+def _target_readings(device: str, target: Mapping[str, float]) -> dict[str, float]:
     """Return a motion's targets by the names of readings."""
     return {f"{device}.{axis}": value for axis, value in target.items()}
 

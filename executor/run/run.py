@@ -1,4 +1,4 @@
-"""Runs a plan: the moves of each step, then its action, until done or a fault."""
+"""Execution of a plan: each step's moves, then its action, until done or a fault."""
 
 from __future__ import annotations
 
@@ -35,18 +35,18 @@ IN_THE_WAY = "MP836"
 def insert(rig: Rig, action: InsertAction, retreat: Sequence[AxisMove]) -> None:
     """Make an insertion's moves; if one of them is refused, go back by the others.
 
-    Only what keep-out refuses is gone back from, while every device does as it is told.
+    Only what keep-out refuses is gone back from, while every device does as ordered.
     After any other fault the axes stay where they are. The jaws never move.
 
     Parameters
     ----------
     retreat : sequence of AxisMove
-        The way back from the last move to the first; () to stay.
+        The moves back, from the last to the first; () to stay.
 
     Raises
     ------
     ExecutorError
-        Of the move that failed; MP836 if it was in the way, also after the way back.
+        Of the move that failed; MP836 if it would collide, also after the return.
     """
     rig.phase = "insert"
     for made, move in enumerate(action.moves):
@@ -59,17 +59,17 @@ def insert(rig: Rig, action: InsertAction, retreat: Sequence[AxisMove]) -> None:
 
 
 def name_of(number: int) -> str:
-    """Return what the journal calls a move of an insertion, counted from 0."""
+    """Return the journal's name of a move of an insertion, counted from 0."""
     return f"insert {number + 1}"
 
 
 def _go_back(rig: Rig, moves: Sequence[AxisMove], why: ExecutorError) -> None:
-    """Undo the moves that were made, as far as nothing is in the way."""
+    """Undo the moves that were made, until one would collide."""
     rig.journal.write("retreat", why=str(why), moves=len(moves))
     rig.phase = "retreat"
     for left, move in enumerate(moves, start=1):
         # before it is: an executor that takes over here makes that move once more
-        rig.intents.write("undone", name=name_of(len(moves) - left))
+        rig.write_ahead.write("undone", name=name_of(len(moves) - left))
         try:
             rig.move(move)
         except ExecutorError as error:
@@ -98,7 +98,9 @@ def run_plan(rig: Rig) -> RunResult:
     After a fault nothing moves any more: the jaws keep what they hold.
     """
     began_s = rig.worked_s()
-    results = list(rig.past.results)  # of steps that an earlier executor finished
+    results = list(
+        rig.resume_state.results
+    )  # of steps that an earlier executor finished
     finished, before_s = len(results), sum(result.time_s for result in results)
     rig.journal.write(
         "run",
@@ -120,7 +122,7 @@ def run_plan(rig: Rig) -> RunResult:
     rig.frames.leave()
     rig.journal.enter("")
     own_s = _since_s(rig, began_s)
-    if own_s is None:  # the steps have told theirs
+    if own_s is None:  # the steps have their own
         own_s = sum(result.time_s for result in results[finished:])
     time_s = before_s + own_s
     return _noted(rig, _result(rig, results, time_s))
@@ -128,10 +130,8 @@ def run_plan(rig: Rig) -> RunResult:
 
 def _noted(rig: Rig, ended: RunResult) -> RunResult:
     """Note how the run ended; an end that cannot be noted is a fault of its own."""
-    for log in (
-        rig.journal,
-        rig.intents,
-    ):  # one that fails keeps nothing from the other
+    # one that fails keeps nothing from the other
+    for log in (rig.journal, rig.write_ahead):
         try:
             log.write("end", code=ended.code, why=ended.message)
         except ExecutorError as error:
@@ -161,7 +161,7 @@ def acts_unverified(plan: Plan) -> bool:
 
 
 def _run_step(rig: Rig, step: Step) -> StepResult:
-    """Run one step and say how it went."""
+    """Run one step and return its result."""
     began_s: float | None = None
     try:
         began_s = rig.worked_s()
@@ -182,7 +182,7 @@ def _run_step(rig: Rig, step: Step) -> StepResult:
     except ExecutorError as error:
         rig.motion.halt(rig.station, error)
         code, message = error.code, error.message
-        with suppress(ExecutorError):  # a full disk is told already
+        with suppress(ExecutorError):  # a full disk is reported already
             rig.journal.write("failed", code=code, why=message)
         time_s = _since_s(rig, began_s) or 0.0
         return _step_result(rig, step, _Outcome(), code, message, time_s)
@@ -245,7 +245,7 @@ def _act(rig: Rig, step: Step) -> _Outcome:
 
 
 def _align(rig: Rig, step: Step, action: AlignAction) -> _Outcome:
-    """Align as the step's control says."""
+    """Align by the step's control."""
     if step.control is None:
         raise ExecutorError("MP802", f"step {step.id} aligns without a control")
     look = _look(step, action.look)
@@ -273,7 +273,7 @@ def _step_result(
     message: str,
     time_s: float,
 ) -> StepResult:
-    """Set what happened beside what was predicted."""
+    """Return the step's result: what happened, with what was predicted."""
     control, action = step.control, step.action
     limit_um = None if control is None else control.tolerance_xy_um
     if isinstance(action, VerifyAction):
@@ -297,7 +297,7 @@ def _step_result(
 
 
 def _expected_sigma_um(step: Step) -> float | None:
-    """Return the spread that the trials promise of a step's own look."""
+    """Return the standard deviation of a step's own look by the trials, um."""
     action = step.action
     match action:
         case LocateAction() | AlignAction() | VerifyAction():

@@ -1,4 +1,4 @@
-"""Plan, devices, beliefs and log, held together while a plan runs."""
+"""Context of a running plan: devices, beliefs, logs, progress."""
 
 from __future__ import annotations
 
@@ -37,11 +37,11 @@ from microplan.schemas.plan import AxisMove, Look, Plan, Region, View
 
 @dataclass(slots=True, kw_only=True)
 class Rig:
-    """What every phase of a run works on; `view` is what the lens is set to.
+    """Context of every phase of a run; `view` is what the lens is set to.
 
-    `watch` is told of every accepted sighting: a simulated cell compares it with the
-    truth. `on_step` is told of every step: a simulated cell begins and ends its faults.
-    Nothing in a run depends on either. `gate` is told what comes next, before every
+    `watch` gets every accepted sighting: a simulated cell compares it with the
+    truth. `on_step` gets every step: a simulated cell begins and ends its faults.
+    Nothing in a run depends on either. `gate` is shown what comes next, before every
     step and before what cannot be undone; it may wait, or raise MP860.
     """
 
@@ -53,31 +53,30 @@ class Rig:
     frames: Frames
     view: View | None = None
     watch: Callable[[str, float, float], None] | None = None  # target, x um, y um
-    on_step: Callable[[str], None] | None = None  # told of every step that begins
+    on_step: Callable[[str], None] | None = None  # called with every step that begins
     gate: Callable[[str], None] | None = None
     waited_s: float = 0.0  # at the gate, no part of the work
     motion: Motion = field(default_factory=Motion)
     phase: Phase = "approach"  # what moves are for now: it sets their limits
-    intents: WriteAheadLog = field(default_factory=WriteAheadLog)
-    past: ResumeState = field(
-        default_factory=ResumeState
-    )  # empty unless the run is resumed
+    write_ahead: WriteAheadLog = field(default_factory=WriteAheadLog)
+    # empty unless the run is resumed
+    resume_state: ResumeState = field(default_factory=ResumeState)
     planned_s: Mapping[str, float] = field(default_factory=dict)  # step -> as planned
 
     def enter(self, step: str) -> None:
         """Begin a step; what an earlier executor did of another is no longer asked."""
-        if self.past.step != step:
-            self.past = ResumeState()
-        self.intents.write("begin", step=step)
+        if self.resume_state.step != step:
+            self.resume_state = ResumeState()
+        self.write_ahead.write("begin", step=step)
 
     def finish(self, result: StepResult) -> None:
         """Have in the journal that a step is done, and all that the next one needs."""
-        self.intents.write(
+        self.write_ahead.write(
             "step", result=result, known=self.beliefs.known(), phase=self.phase
         )
 
     def announce(self, what: str) -> None:
-        """Say what comes next, and go on when the gate lets it."""
+        """Show what comes next, and go on when the gate lets it."""
         if self.gate is None:
             return
         began_s = self.station.clock.now_s()
@@ -93,7 +92,7 @@ class Rig:
     _keep_out: KeepOut | None = None
 
     def readings(self) -> Readings:
-        """Return where the axes are now."""
+        """Return the present readings of the axes."""
         station = self.station
         return Readings(
             stage=self.motion.reading(station, "stage"),
@@ -102,7 +101,7 @@ class Rig:
         )
 
     def standing(self) -> DriveReadings:
-        """Return what axes and jaws read now."""
+        """Return the present readings of axes and jaws."""
         readings = self.readings()
         jaws = self.station.gripper
         return DriveReadings(
@@ -113,14 +112,14 @@ class Rig:
 
     @property
     def keep_out(self) -> KeepOut:
-        """Return what a motion must not touch."""
+        """Return the keep-out check of the plan."""
         if self._keep_out is None:
             surface_um = self.station.rules.stage_datum_z_um
             self._keep_out = KeepOut(self.plan, surface_um)
         return self._keep_out
 
     def moment(self, *openings_um: float) -> Moment:
-        """Return where everything is now; the jaws may go on to other openings."""
+        """Return beliefs and readings now; the jaws may go on to other openings."""
         first = (
             () if self.station.gripper is None else (self.motion.opening(self.station),)
         )
@@ -134,11 +133,11 @@ class Rig:
         """Move one axis group and note it; what it would hit is refused before.
 
         A motion with a name is not made again if an earlier executor finished it; one
-        that it left on the way goes on to where it was meant to go.
+        that it left under way goes on to where it was meant to go.
         """
-        if name in self.past.finished:
+        if name in self.resume_state.finished:
             return
-        again = self.past.again
+        again = self.resume_state.again
         if again is not None and name == again.name:
             move = AxisMove(
                 axes=move.axes, speed_um_per_s=move.speed_um_per_s, **again.target
@@ -155,7 +154,7 @@ class Rig:
 
     def grip(self, opening_um: float) -> None:
         """Move the jaws and note it, unless an earlier executor did."""
-        if "jaws" in self.past.finished:
+        if "jaws" in self.resume_state.finished:
             return
         with self.motion.guarded(self.station):
             check_opening(opening_um, self.station.offer.opening_um)
@@ -168,18 +167,18 @@ class Rig:
 
     def go_back(self) -> None:
         """Take the axes back from where an earlier executor left them for a look."""
-        away = self.past.away
+        away = self.resume_state.away
         if away is None or away.device == "jaws":
             return
         before = away.before.stage if away.device == "stage" else away.before.robot
         if before is not None:
-            way = {axis: getattr(before, axis) for axis in away.target}
-            self.move(AxisMove(axes=away.device, **way), AWAY[away.name])
-        self.past.away = None
+            readings_before = {axis: getattr(before, axis) for axis in away.target}
+            self.move(AxisMove(axes=away.device, **readings_before), AWAY[away.name])
+        self.resume_state.away = None
 
     def keep_beliefs(self) -> None:
         """Have what is believed now in the journal."""
-        self.intents.write("known", known=self.beliefs.known())
+        self.write_ahead.write("known", known=self.beliefs.known())
 
     @contextmanager
     def _intended(
@@ -201,9 +200,9 @@ class Rig:
             irreversible=device == "jaws" or self.phase == "insert",
             before=self.standing(),
         )
-        self.intents.write("intent", intent=intent)
+        self.write_ahead.write("intent", intent=intent)
         yield
-        self.intents.write("done", name=name, standing=self.standing())
+        self.write_ahead.write("done", name=name, standing=self.standing())
 
     def set_view(self, view: View, *, focus_um: float | None = None) -> None:
         """Set zoom, focus and light, each only if it changes."""
@@ -211,7 +210,7 @@ class Rig:
         old = self.view
         if old is None or old.magnification != view.magnification:
             self.journal.write("zoom", magnification=view.magnification)
-            self.intents.write("view", view=view)
+            self.write_ahead.write("view", view=view)
             self.motion.zoom(self.station, view.magnification)
             self.probed = None
         if old is None or old.focus_um != focus:
@@ -228,7 +227,7 @@ class Rig:
         """Return a frame of `region`, and note it with the look it is for.
 
         Where frames are kept for the record the whole frame is taken and the region
-        cut out of it, unless `keep` says that nobody wants to see it.
+        cut out of it, unless `keep` is False.
 
         Raises
         ------
@@ -237,7 +236,7 @@ class Rig:
         """
         whole = region is None or (keep and self.frames.wanted)
         if self.frames.wanted:
-            self.readings()  # the index tells where the axes were
+            self.readings()  # the index holds the readings of the axes
         self.journal.write("grab", look=look, region=region)
         self.frames.expect(look, region)
         counts = self._checked(None if whole else region)

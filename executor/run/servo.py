@@ -22,7 +22,7 @@ NOISE_PER_TOLERANCE = 5 / 0.6
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Aligned:
-    """How an alignment ended."""
+    """Result of an alignment."""
 
     cycles: int  # looks; each followed a move, the first the approach
     error_um: float  # |goal - measured| of the last look
@@ -53,10 +53,10 @@ def align(
     rig.phase = "approach"
     approach(rig, action, control)
     rig.phase = "servo"
-    errors_um = list(rig.past.errors_um)  # before the executor was killed
-    watch, near = _Watch(action), None
+    errors_um = list(rig.resume_state.errors_um)  # before the executor was killed
+    watch, warm_start = _Watch(action), None
     while True:
-        seen = watch.look(rig, look, on_failure, near)
+        seen = watch.look(rig, look, on_failure, warm_start)
         if control.tolerance_theta_rad is not None and seen.theta_rad is None:
             raise ExecutorError("MP824", f"look {look.id} gives no angle")
         error_um, turn_rad = _error(rig, action)
@@ -65,7 +65,7 @@ def align(
             cycles=len(errors_um), error_um=error_um, spread_um=seen.spread_um
         )
         rig.journal.write("error", error_um=error_um, turn_rad=turn_rad)
-        rig.intents.write("error", error_um=error_um)
+        rig.write_ahead.write("error", error_um=error_um)
         if _inside(error_um, turn_rad, control):
             return ended
         _check(errors_um, turn_rad, control, action)
@@ -73,10 +73,10 @@ def align(
         rig.move(correction(rig, action, control, control.gain if servo else 1.0))
         if not servo:
             return ended
-        near = _near(seen, look, control)
+        warm_start = _warm_start(seen, look, control)
 
 
-def _near(seen: TargetSighting, look: Look, control: Control) -> WarmStart | None:
+def _warm_start(seen: TargetSighting, look: Look, control: Control) -> WarmStart | None:
     """Return where a look's features must be after a correction, if that is known."""
     if control.move_sigma_um is None:
         return None
@@ -97,11 +97,11 @@ class _Watch:
         rig: Rig,
         look: Look,
         on_failure: Sequence[OnFailure],
-        near: WarmStart | None = None,
+        warm_start: WarmStart | None = None,
     ) -> TargetSighting:
         """Look; a target that is lost is looked for where it was seen last."""
         try:
-            seen = look_probed(rig, look, on_failure, near=near)
+            seen = look_probed(rig, look, on_failure, warm_start=warm_start)
         except ExecutorError as error:
             back = self._seen_at
             if self._lost or back is None or error.code not in UNSEEN:
@@ -115,7 +115,7 @@ class _Watch:
 
 
 def approach(rig: Rig, action: AlignAction, control: Control) -> None:
-    """Go where the beliefs say, one entry of the path after the other."""
+    """Go where the beliefs are, one entry of the path after the other."""
     final = correction(rig, action, control, 1.0)
     for number, axes in enumerate(action.path):
         rig.move(
@@ -132,9 +132,9 @@ def approach(rig: Rig, action: AlignAction, control: Control) -> None:
 def correction(
     rig: Rig, action: AlignAction, control: Control, gain: float
 ) -> AxisMove:
-    """Return the readings that take the target `gain` of the way to its goal.
+    """Return the readings that take the target `gain` times the distance to its goal.
 
-    A turn about the axis is made up for in x and y by the same move.
+    A rotation about the axis is compensated in x and y by the same move.
     """
     readings = rig.readings()
     here = rig.beliefs.world(action.target, readings)
@@ -158,7 +158,7 @@ def _standing(rig: Rig, action: AlignAction) -> AxisMove:
 
 
 def _error(rig: Rig, action: AlignAction) -> tuple[float, float]:
-    """Return distance (um) and turn (rad) from the measured target to its goal."""
+    """Return distance (um) and rotation (rad) from the measured target to its goal."""
     readings = rig.readings()
     here = rig.beliefs.world(action.target, readings)
     goal = rig.beliefs.world(action.to, readings)

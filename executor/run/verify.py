@@ -1,4 +1,4 @@
-"""Verification: offset, height and an empty tool; each of them can say no."""
+"""Verification of a seated part: offset, rotation, height, an empty tool."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from microplan.executor.devices.errors import ExecutorError
-from microplan.executor.run.focus_sweep import Height, height_by_sweep
+from microplan.executor.run.focus_sweep import height_by_sweep
 from microplan.executor.run.measure_target import UNSEEN, TargetSighting, look_at
 from microplan.executor.run.run_context import Rig
 from microplan.schemas.plan import HeightSearch, Look, OnFailure, VerifyAction
@@ -16,12 +16,11 @@ from microplan.schemas.pose import Pose
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Verified:
-    """What was measured of a seated part."""
+    """Result of a verification."""
 
     offset_um: float
     height_um: float | None  # None: the plan does not ask for it
     turn_rad: float | None = None  # against the seat; None: the same
-    height: Height | None = None  # with the curve of its sweep
 
 
 def verify(
@@ -36,7 +35,7 @@ def verify(
     ------
     ExecutorError
         MP802 if the plan names a look that the step has not; MP850 if part or seat is
-        not found, MP851 for the offset, MP856 for the turn, MP852 and MP853 for the
+        not found, MP851 for the offset, MP856 for the rotation, MP852 and MP853 for the
         height, MP854 if the tool may still hold something.
     """
     by_id = {look.id: look for look in looks}
@@ -59,17 +58,13 @@ def verify(
     turn_rad = None
     if action.within_rad is not None:
         turn_rad = check_turn(action, action.within_rad, part, seat)
-    height = None
+    height_um = None
     if action.height is not None:
-        height = _check_height(rig, action.height, by_id[action.height.look], part)
+        look = by_id[action.height.look]
+        height_um = _check_height(rig, action.height, look, part)
     if action.empty is not None:
         _check_empty(rig, action.empty)
-    return Verified(
-        offset_um=offset_um,
-        height_um=None if height is None else height.z_um,
-        turn_rad=turn_rad,
-        height=height,
-    )
+    return Verified(offset_um=offset_um, height_um=height_um, turn_rad=turn_rad)
 
 
 def _find(rig: Rig, look: Look, on_failure: Sequence[OnFailure]) -> TargetSighting:
@@ -87,7 +82,7 @@ def _find(rig: Rig, look: Look, on_failure: Sequence[OnFailure]) -> TargetSighti
 def check_turn(
     action: VerifyAction, within_rad: float, part: TargetSighting, seat: TargetSighting
 ) -> float:
-    """Return how far the part is turned against its seat, rad."""
+    """Return the rotation of the part against its seat, rad."""
     if part.theta_rad is None or seat.theta_rad is None:
         blind = part if part.theta_rad is None else seat
         raise ExecutorError("MP824", f"the look at {blind.target} gives no angle")
@@ -103,8 +98,8 @@ def check_turn(
 
 def _check_height(
     rig: Rig, search: HeightSearch, look: Look, part: TargetSighting
-) -> Height:
-    """Return the height of the part's face; MP852 if it is not that of a seated one."""
+) -> float:
+    """Return the height of the part's face, um; MP852 unless it is a seated one's."""
     found = height_by_sweep(rig, search, look, part)
     rig.journal.write("height", z_um=found.z_um, sigma_um=found.sigma_um)
     if not abs(found.z_um - search.expected_um) <= search.within_um:
@@ -113,11 +108,11 @@ def _check_height(
             f"{part.target} is at {found.z_um:.4g} um, expected "
             f"{search.expected_um:g} um within {search.within_um:g} um",
         )
-    return found
+    return found.z_um
 
 
 def _check_empty(rig: Rig, tool: str) -> None:
-    """Raise unless the tool holds nothing, as far as anything can tell.
+    """Raise unless the tool holds nothing, as far as that can be known.
 
     The part was just found on its seat, so it is not in the jaws; what is left is that
     the record agrees, and that the tool is out of the picture in which it was found.
@@ -142,11 +137,11 @@ def in_view(grip: Pose, field_um: tuple[float, float]) -> bool:
     """
     first_um, last_um = 0.0, math.inf
     ray = (-math.sin(grip.theta_rad), math.cos(grip.theta_rad))
-    for place, slope, side in zip((grip.x_um, grip.y_um), ray, field_um, strict=True):
+    for start, slope, side in zip((grip.x_um, grip.y_um), ray, field_um, strict=True):
         if abs(slope) < 1e-12:  # parallel to this pair of borders
-            if abs(place) > side / 2:
+            if abs(start) > side / 2:
                 return False
             continue
-        ends = sorted(((-side / 2 - place) / slope, (side / 2 - place) / slope))
+        ends = sorted(((-side / 2 - start) / slope, (side / 2 - start) / slope))
         first_um, last_um = max(first_um, ends[0]), min(last_um, ends[1])
     return first_um <= last_um

@@ -1,4 +1,4 @@
-"""Where features must be after a correction, and the routine that starts there."""
+"""Warm start of a look: where features must be after a correction."""
 
 from __future__ import annotations
 
@@ -25,14 +25,17 @@ class FoundFeature:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WarmStart:
-    """What the look before found, and how well the move since is known."""
+    """Warm start of a look: features found before, with sigma of the move since."""
 
     features: Mapping[str, FoundFeature]
-    sigma_um: float  # of a feature's place now, per axis
+    sigma_um: float  # of a feature's position now, per axis
 
 
 def nearest_routine(
-    uses: Sequence[RoutineUse], near: WarmStart, before: FoundFeature, um_per_px: float
+    uses: Sequence[RoutineUse],
+    warm_start: WarmStart,
+    before: FoundFeature,
+    um_per_px: float,
 ) -> str | None:
     """Return the routine that may start where a feature must be, None for the chain.
 
@@ -40,7 +43,7 @@ def nearest_routine(
     """
     if not uses or uses[-1].id != FIT:
         return None
-    reach_px = HANDOVER_SIGMAS * near.sigma_um / um_per_px
+    reach_px = HANDOVER_SIGMAS * warm_start.sigma_um / um_per_px
     known = before.pixels.z_um is not None
     for name in (STEP, FIT) if known else (FIT,):
         if reach_px <= load(name).CAPTURE_PX:
@@ -54,14 +57,14 @@ def guess_from(
     then_px: tuple[float, float],
     theta_rad: float,
 ) -> Guess:
-    """Return where a feature must be now.
+    """Return the first guess of a feature after a correction.
 
     Parameters
     ----------
-    before : Found
+    before : FoundFeature
         What the look before found.
     now_px, then_px : (column, row)
-        Of the feature's believed place now, and of the place that it was found at:
+        Of the feature's believed position now, and of the one that it was found at:
         they differ from its pixels by the routine's mean error.
     theta_rad : float
         The angle that it must have now; used if the look before measured one.

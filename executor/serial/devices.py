@@ -1,4 +1,4 @@
-"""Lens and jaws of a controller on a serial line, as a hub of a station file."""
+"""Driver of a controller on a serial line (lens, jaws), as a hub of a station file."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Controller:
     OSError
         If the port cannot be opened.
     ExecutorError
-        MP844 if nobody answers.
+        MP844 if there is no answer.
     ValueError
         If an option makes no sense, or the answer to `id` is not two words.
     """
@@ -81,7 +81,7 @@ class _Axis:
         self._link.ask("go", self._name, f"{value:.6f}")
 
     def state(self) -> tuple[float, bool]:
-        """Return where it is, and whether it moves."""
+        """Return its position, and whether it moves."""
         value, moving = _two(self._name, self._link.ask("at", self._name))
         if moving not in ("0", "1"):
             raise ValueError(f"{self._name}: moving is {moving!r}, not 0 or 1")

@@ -72,7 +72,7 @@ def question(number: int, words: Sequence[str]) -> bytes:
 
 
 def answer(line: bytes) -> Answer | None:
-    """Return what a line answers; None if it is noise.
+    """Return the answer in a line; None if it is noise.
 
     Noise before the mark is cut off: a line may begin with what was left of another.
     """
@@ -176,8 +176,8 @@ _SLICE_S = 0.01  # between two looks at whether another thread took the answer
 class Link:
     """A port on which several threads may ask at once.
 
-    A stop does not wait for the answer that somebody else is waiting for: questions are
-    numbered, and whoever reads hands each answer on.
+    A stop does not wait for the answer to another question: questions are
+    numbered, and the thread that reads passes each answer on.
     """
 
     def __init__(self, port: Port, *, answer_s: float = ANSWER_S) -> None:
@@ -196,7 +196,7 @@ class Link:
         ExecutorError
             MP844 if no answer comes.
         RefusedError
-            If the device says no.
+            If the device refuses.
         OSError
             If the port is gone.
         """

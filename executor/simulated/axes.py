@@ -1,4 +1,4 @@
-"""Stage and robot of the simulated cell: every axis lands with a new error."""
+"""Axis groups of the simulated cell: every axis lands with a new error."""
 
 from __future__ import annotations
 
@@ -10,22 +10,23 @@ from typing import Any
 import numpy as np
 
 from microplan.executor.devices.drivers import AxisReading
+from microplan.executor.devices.safety import AXES
 from microplan.executor.simulated.contact import touch
 from microplan.executor.simulated.timeline import DeviceFaults, Timeline
-from microplan.executor.simulated.truth import AXES, AxisState
+from microplan.executor.simulated.truth import AxisState
 
 STEP_UM = {"x_um": 4.0, "y_um": 4.0, "z_um": 1.0}  # between contact tests
 STEP_RAD = 0.02  # 2 um at 100 um from the axis
-SLIP = 0.1  # of the way: how far an axis that slips moves along
+SLIP = 0.1  # of the distance: how far an axis that slips moves along
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriveError:
-    """How a drive differs from one that is where it reads; 0 is none of it."""
+    """Errors of a drive against one that is where it reads; 0 is none."""
 
     quantum_um: float = 0.0  # targets and readings are multiples of it
     quantum_rad: float = 0.0
-    backlash_um: float = 0.0  # lost on x, y and z when the direction turns
+    backlash_um: float = 0.0  # lost on x, y and z when the direction reverses
     lag_s: float = 0.0  # the reading follows so much later
 
     def rounded(self, axis: str, value: float) -> float:
@@ -33,21 +34,21 @@ class DriveError:
         quantum = self.quantum_rad if axis == "theta_rad" else self.quantum_um
         return quantum * round(value / quantum) if quantum else value
 
-    def slack(self, axis: str, way: float) -> float:
-        """Return how far the axis stays behind after a motion of `way`, um."""
-        if axis == "theta_rad" or not way:
+    def slack(self, axis: str, distance: float) -> float:
+        """Return the backlash after a motion by `distance`, um."""
+        if axis == "theta_rad" or not distance:
             return 0.0
-        return -math.copysign(self.backlash_um / 2, way)
+        return -math.copysign(self.backlash_um / 2, distance)
 
 
 @dataclass(slots=True, kw_only=True)
 class _Motion:
-    """One motion in small steps, from old to new commands and true places."""
+    """Motion in small steps, from old to new commands and true positions."""
 
     began_s: float
     seconds: float
     count: int
-    old: dict[str, tuple[float, float, float]]  # command, true place, error
+    old: dict[str, tuple[float, float, float]]  # command, true position, error
     new: dict[str, tuple[float, float, float]]
     taken: int = 0
     halt: int | None = None  # the step after which nothing more happens
@@ -69,22 +70,13 @@ class SimAxes:
     ) -> None:
         self._timeline = timeline
         self._name = name
+        self.model, self.serial = f"simulated {name}", f"sim-{name}"
         self._state = state
         self._rng = rng
         self._trouble = trouble
         self._drive = drive or DriveError()
         self._motion: _Motion | None = None
         timeline.add(self)
-
-    @property
-    def model(self) -> str:
-        """Return what the device is."""
-        return f"simulated {self._name}"
-
-    @property
-    def serial(self) -> str:
-        """Return the device's number: there is one of each."""
-        return f"sim-{self._name}"
 
     def start(
         self,
@@ -151,7 +143,7 @@ class SimAxes:
             self._timeline.changed()
 
     def state(self) -> dict[str, Any]:
-        """Return commands, true places, errors and the motion under way."""
+        """Return commands, true positions, errors and the motion under way."""
         now, motion = self._state, self._motion
         return {
             "commanded": now.commanded,
@@ -239,7 +231,7 @@ class SimAxes:
         )
 
     def _backwards(self) -> bool:
-        """Return whether x truly goes the other way."""
+        """Return whether x truly goes in the other direction."""
         return self._name == "stage" and self._trouble.faults.on("reversed_axis")
 
     def _slip(
@@ -247,12 +239,12 @@ class SimAxes:
         old: dict[str, tuple[float, float, float]],
         new: dict[str, tuple[float, float, float]],
     ) -> None:
-        """Take an axis along that was not told to move."""
+        """Take an axis along that was not ordered to move."""
         axis = next(name for name in AXES if name not in new)
-        way = max(abs(new[a][0] - old[a][0]) for a in new)
+        by = max(abs(new[a][0] - old[a][0]) for a in new)
         state = self._state
         old[axis] = (state.commanded[axis], state.actual[axis], state.error[axis])
-        new[axis] = (old[axis][0] + SLIP * way, old[axis][1] + SLIP * way, old[axis][2])
+        new[axis] = (old[axis][0] + SLIP * by, old[axis][1] + SLIP * by, old[axis][2])
 
     def _draw(self, name: str) -> float:
         """Return a new repeatability error of one axis."""

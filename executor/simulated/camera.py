@@ -1,4 +1,4 @@
-"""The simulated microscope: what the true world looks like, with noise."""
+"""Camera of the simulated cell: images of its true world, with noise."""
 
 from __future__ import annotations
 
@@ -25,13 +25,10 @@ from microplan.schemas.files.world import WorldOptics
 from microplan.schemas.plan import Region
 from microplan.schemas.pose import Pose
 
-# Another blur law than the compiler's: it is not the cell's judge.
+# Another defocus model than the compiler's: the cell must not share its mistakes.
 BLUR_LAW = "stokseth"
 SCALED = 1.1  # the magnification of a camera with the fault `scale_camera`
-UNEVEN = (
-    0.6,
-    0.4,
-)  # relative change of the light across the field, with `uneven_light`
+UNEVEN = (0.6, 0.4)  # relative change of light across the field, `uneven_light`
 STALE_S = 3600.0  # how old a frame of a camera with the fault `stale_frames` is
 
 
@@ -41,6 +38,7 @@ class SimLight:
     def __init__(
         self, optics: WorldOptics, rng: np.random.Generator, faults: Faults
     ) -> None:
+        self.model, self.serial = "simulated light", "sim-light"
         angle = rng.uniform(0, 2 * math.pi)
         self._gradient = (
             optics.light_gradient * math.cos(angle),
@@ -48,16 +46,6 @@ class SimLight:
         )
         self._level = 1.0
         self._faults = faults
-
-    @property
-    def model(self) -> str:
-        """Return what the device is."""
-        return "simulated light"
-
-    @property
-    def serial(self) -> str:
-        """Return the device's number."""
-        return "sim-light"
 
     def set_level(self, level: float) -> None:
         """Set the brightness."""
@@ -93,6 +81,7 @@ class SimCamera:
         rng: np.random.Generator,
         faults: Faults,
     ) -> None:
+        self.model, self.serial = "simulated camera", "sim-camera"
         self._timeline = timeline
         self._truth = timeline.truth
         self._lens = lens
@@ -100,16 +89,6 @@ class SimCamera:
         self._rng = rng
         self._faults = faults
         self._trouble = DeviceFaults(faults, "camera")
-
-    @property
-    def model(self) -> str:
-        """Return what the device is."""
-        return "simulated camera"
-
-    @property
-    def serial(self) -> str:
-        """Return the device's number."""
-        return "sim-camera"
 
     def grab(self, region: Region | None = None, *, after_s: float = 0.0) -> Frame:
         """Expose and return a frame; see `drivers.Camera`."""

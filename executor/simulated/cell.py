@@ -1,4 +1,4 @@
-"""Build a simulated cell from world.json: its truth and the devices that work on it."""
+"""Assembly of a simulated cell from world.json: its truth, its devices."""
 
 from __future__ import annotations
 
@@ -54,8 +54,8 @@ class Cell:
 
         By true pose and height: the underside on the face of the seat's part, the tool
         has let go, and the hole is around the post; where the seat is a round hole, the
-        target's own place is within `within_um` of its middle. Where `within_rad` is
-        stated, the part is turned no farther against the seat's part.
+        target's own position is within `within_um` of its middle. Where `within_rad` is
+        stated, the part is rotated no farther against the seat's part.
 
         Raises
         ------
@@ -65,7 +65,7 @@ class Cell:
         return judge(self.truth, target, on, within_um, within_rad)
 
     def shown_um(self, owner: str, x_um: float, y_um: float) -> tuple[float, float]:
-        """Return where a point of a part, or of the tool's grip, is truly shown now.
+        """Return the true shown position, um, of a point of a part or of the grip.
 
         The lens' own sideways shift is in it: all looks share it, and what they differ
         by has its own rows in the plan's budget. Its distortion is not.
@@ -102,7 +102,7 @@ def build_cell(
         Root of all the cell's random numbers.
     faults : iterable of str
         Names of `microplan.executor.simulated.faults.FAULTS`, or NAME@STEP.
-    drives : mapping of str to Drive
+    drives : mapping of str to DriveError
         By "stage" and "robot"; a drive that is left out is where it reads.
     """
     rng, made = _generators(seed), drives or {}
@@ -156,7 +156,7 @@ def _lens(
 
 
 def offer_of(world: World) -> Offer:
-    """Return what the simulated devices can do."""
+    """Return the capabilities of the simulated devices."""
     optics = world.optics
     travel = {
         f"{name}.{axis}": limits
@@ -177,7 +177,7 @@ def offer_of(world: World) -> Offer:
 
 
 def rules_of(world: World) -> Rules:
-    """Return how the simulated axes settle and what they may do."""
+    """Return the rules of the simulated axes."""
     return Rules(
         stage=_settle(world.stage),
         robot=_settle(world.robot),

@@ -1,4 +1,4 @@
-"""Contact in the simulated cell: what seats, what wedges, what fingers collide with.
+"""Contact model of the simulated cell: seating, wedging, collisions of fingers.
 
 Written from the contact model's words, apart from the compiler's own version of it.
 """
@@ -63,7 +63,7 @@ BENT_UM = 5.0  # pushed farther than this, a post or finger is bent
 def touch(truth: Truth, block: Callable[[], bool] = lambda: False) -> None:
     """Let everything that now overlaps make contact; call after every small move.
 
-    `block` is asked when a hole is over its post, and says whether it rests on top.
+    `block` is asked when a hole is over its post, and returns whether it rests on top.
     """
     held = truth.bodies.get(truth.held)
     if held is not None:
@@ -77,7 +77,7 @@ def touch(truth: Truth, block: Callable[[], bool] = lambda: False) -> None:
 
 
 def posts(truth: Truth) -> Iterator[tuple[TrueBody, TruePost]]:
-    """Yield every post with the body it stands on, by name."""
+    """Yield every post with its body, by name."""
     for name in sorted(truth.bodies):
         for post in truth.bodies[name].posts:
             yield truth.bodies[name], post
@@ -136,7 +136,7 @@ def _meet_post(
 
 
 def keep_around(truth: Truth, body: TrueBody, host: TrueBody, post: TruePost) -> None:
-    """Push a part whose hole a post stands in, so that the post stays inside."""
+    """Push a part whose hole is around a post, so that the post stays inside."""
     error = hole_error(truth, body, host, post)
     if error is None:
         return
@@ -167,7 +167,7 @@ def _meet_plates(truth: Truth, body: TrueBody) -> None:
 def _floors(
     truth: Truth, body: TrueBody, *, above_um: float = -math.inf
 ) -> Iterator[tuple[float, str]]:
-    """Yield height and name of stage and top faces in the body's way, if above."""
+    """Yield height (um) and name of faces under or in a body that are above."""
     if truth.stage_z_um() > above_um:
         yield truth.stage_z_um(), "the stage"
     for name in sorted(truth.bodies):

@@ -1,4 +1,4 @@
-"""The simulated cell's truth led by readings from outside, as if they were true."""
+"""Following of outer devices: their readings become the simulated cell's truth."""
 
 from __future__ import annotations
 
@@ -7,21 +7,22 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from microplan.executor.devices.drivers import AxisReading
+from microplan.executor.devices.safety import AXES
 from microplan.executor.simulated.axes import STEP_RAD, STEP_UM
 from microplan.executor.simulated.cell import Cell
 from microplan.executor.simulated.contact import touch
-from microplan.executor.simulated.truth import AXES, AxisState
+from microplan.executor.simulated.truth import AxisState
 
 DIGITS = 6  # of a reading, um: what differs by less has not moved
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DeviceReadings:
-    """Where outer devices are now; None is what nobody reads, and stays as it is."""
+    """Readings of outer devices now; None is not read, and stays as it is."""
 
     stage: AxisReading | None = None
     robot: AxisReading | None = None
-    opening_um: float | None = None  # only of jaws that stand
+    opening_um: float | None = None  # only of jaws at rest
     magnification: float | None = None
     focus_um: float | None = None
     level: float | None = None
@@ -31,13 +32,13 @@ def follow(cell: Cell, readings: DeviceReadings, now_s: float) -> None:
     """Bring a cell to where outer devices are, in steps in which things may touch.
 
     The axes' own errors are left out: the outer readings are the truth. Jaws and lens
-    are told only what changed, and each change of the lens has its errors.
+    are ordered only what changed, and each change of the lens has its errors.
 
     Parameters
     ----------
     cell : Cell
         What is led.
-    readings : Readings
+    readings : DeviceReadings
         Where to.
     now_s : float
         The time of it, never less than before; drift runs by it.

@@ -1,4 +1,4 @@
-"""The jaws of the simulated cell: what they take or let go."""
+"""Jaws of the simulated cell: grasping, releasing."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ BEHIND_TIPS_UM = 5.0  # a part's middle must lie at least this far behind the ti
 
 
 def close_jaws(truth: Truth, opening_um: float) -> None:
-    """Close the jaws; a part between them is centred, turned and held."""
+    """Close the jaws; a part between them is centred, rotated and held."""
     truth.opening_um, before = opening_um, truth.opening_um
     if truth.held:
         return
@@ -30,7 +30,7 @@ def close_jaws(truth: Truth, opening_um: float) -> None:
         theta_rad = _settled(truth, body)
         low, high = extent_x(body.edge, theta_rad)
         if high - low <= opening_um:
-            continue  # the jaws close beside it and hold nothing
+            continue  # the jaws close without touching it
         grip, under = truth.grip_pose(), truth.under_um(body)
         y_um = grip.inverse().compose(truth.pose(body)).y_um
         inner = Pose(x_um=-(low + high) / 2, y_um=y_um, theta_rad=theta_rad)
@@ -79,9 +79,9 @@ def _between(truth: Truth, body: TrueBody, opening_um: float) -> bool:
 
 
 def _settled(truth: Truth, body: TrueBody) -> float:
-    """Return the angle to the jaws that squeezing turns a body to: the nearest minimum.
+    """Return the angle of a squeezed body to the jaws, rad: the nearest least width.
 
-    A width repeats after half a turn.
+    A width repeats after half a rotation.
     """
     inner = truth.grip_pose().inverse().compose(truth.pose(body)).theta_rad
     turns = [math.remainder(m - inner, math.pi) for m in body.part.hull_minima_rad]
@@ -92,7 +92,7 @@ JAW_TIME_S = 0.3  # the workcell states none
 
 
 class SimGripper:
-    """Jaws; `stick` is the chance that a released part follows a finger."""
+    """Jaws; `stick` is the probability that a released part follows a finger."""
 
     def __init__(
         self,
@@ -103,6 +103,7 @@ class SimGripper:
         stick: float = 0.0,
     ) -> None:
         self._timeline = timeline
+        self.model, self.serial = "simulated jaws", "sim-jaws"
         self._truth = timeline.truth
         self._rng = rng
         self._trouble = trouble
@@ -110,16 +111,6 @@ class SimGripper:
         self._commanded = self._truth.opening_um
         self._target_um = self._commanded
         self.motion = Delayed(timeline)
-
-    @property
-    def model(self) -> str:
-        """Return what the device is."""
-        return "simulated jaws"
-
-    @property
-    def serial(self) -> str:
-        """Return the device's number."""
-        return "sim-jaws"
 
     def start(self, opening_um: float) -> None:
         """Begin to open or close; see `microplan.executor.devices.drivers.Gripper`."""

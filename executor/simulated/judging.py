@@ -1,4 +1,4 @@
-"""What truly became of the parts, by the simulated cell's own poses and heights."""
+"""Verdicts on parts by the simulated cell's own true poses."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ SEATED_UM = 1.0  # a part lying this close to its seat lies on it
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Verdict:
-    """What truly became of a part that was to be put onto a post, or beside a mark."""
+    """Verdict on a part that was to be put onto a post, or next to a mark."""
 
     success: bool
     offset_um: float  # from the seat's centre to what belongs there
@@ -30,7 +30,7 @@ def judge(
     within_um: float = 0.0,
     within_rad: float | None = None,
 ) -> Verdict:
-    """Return what became of a part; see `Cell.judge`."""
+    """Return the verdict on a part; see `Cell.judge`."""
     body = truth.bodies.get(target.partition(".")[0])
     host = truth.bodies.get(on.partition(".")[0])
     if body is None or host is None:
@@ -68,7 +68,7 @@ def _off_seat(
 
 
 def _point(body: TrueBody, name: str) -> tuple[float, float]:
-    """Return a hole's centre in its part's frame; a part's own place is its origin."""
+    """Return a hole's centre in its part's frame, um; a part's own is the origin."""
     if name == body.part.name:
         return (0.0, 0.0)
     for hole in body.part.holes:

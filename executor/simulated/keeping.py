@@ -1,4 +1,4 @@
-"""The simulated world outlives the executor: it is kept in a file as it changes.
+"""State of the simulated cell, kept in a file as it changes, to outlive the executor.
 
 Written by the cell after every order that a device took, as a whole or not at all. What
 was under way then has ended by itself when the file is read: a real drive goes on too.

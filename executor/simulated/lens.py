@@ -1,4 +1,4 @@
-"""The lens of the simulated cell: zoom and focus, each move a little off."""
+"""Lens of the simulated cell: zoom, focus, a new error after each move."""
 
 from __future__ import annotations
 
@@ -30,6 +30,7 @@ class SimLens:
         trouble: DeviceFaults,
     ) -> None:
         self._timeline = timeline
+        self.model, self.serial = "simulated lens", "sim-lens"
         self._optics = timeline.truth.world.optics
         self._zoom_rng, self._focus_rng = rngs
         self._lateral = lateral  # um sideways per um of focus
@@ -41,16 +42,6 @@ class SimLens:
         self._jump = (0.0, 0.0)
         self._commanded = (self.magnification, 0.0)
         self._target = ("focus_um", 0.0)
-
-    @property
-    def model(self) -> str:
-        """Return what the device is."""
-        return "simulated lens"
-
-    @property
-    def serial(self) -> str:
-        """Return the device's number."""
-        return "sim-lens"
 
     def start_magnification(self, magnification: float) -> None:
         """Zoom: the image jumps and the scale is off by a new amount."""
@@ -73,7 +64,7 @@ class SimLens:
         self._timeline.run_out(self.motion)
 
     def reading(self) -> tuple[float, float]:
-        """Return what was commanded: the drives do not see their errors."""
+        """Return the commands: the drives do not see their errors."""
         if self.motion.pending():
             self._trouble.hang("hangs")
             if self._trouble.on("nan"):
@@ -114,7 +105,7 @@ class SimLens:
 
     @property
     def shift_um(self) -> tuple[float, float]:
-        """Return how far the whole image is off."""
+        """Return the shift of the whole image, um."""
         x, y = self._lateral
         return (self._jump[0] + x * self.focus_um, self._jump[1] + y * self.focus_um)
 
@@ -164,7 +155,7 @@ def _pair(values: Sequence[float]) -> tuple[float, float]:
 
 
 def drawn_errors(lens: WorldLens, rng: np.random.Generator) -> LensErrors:
-    """Return what the lens truly does: the known part and a draw of the unknown."""
+    """Return the true errors of the lens: the known part and a draw of the unknown."""
     distortion, scale, curvature = rng.standard_normal(3)
     true = lens.distortion + lens.distortion_sigma * distortion
     return LensErrors(

@@ -1,9 +1,10 @@
-"""Outlines of the simulated world, and the plain geometry that contact needs."""
+"""Outlines of the simulated world with the plain geometry of contact."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -67,7 +68,7 @@ def polygons(outline: Outline) -> tuple[FloatArray, ...]:
 
 
 def inside(points: FloatArray, rings: Iterable[FloatArray]) -> npt.NDArray[np.bool_]:
-    """Return which points lie in the even-odd interior of `rings`, (N,) bool."""
+    """Return which (N, 2) um points lie in (M, 2) um `rings`, even-odd, (N,) bool."""
     odd = np.zeros(len(points), dtype=bool)
     x, y = points[:, :1], points[:, 1:]
     for ring in rings:
@@ -81,7 +82,7 @@ def inside(points: FloatArray, rings: Iterable[FloatArray]) -> npt.NDArray[np.bo
 
 
 def moved(points: FloatArray, pose: Pose) -> FloatArray:
-    """Turn, then shift; (N, 2) um to (N, 2) um."""
+    """Rotate, then shift; (N, 2) um to (N, 2) um."""
     c, s = math.cos(pose.theta_rad), math.sin(pose.theta_rad)
     turn = np.array([[c, s], [-s, c]])
     there: FloatArray = points @ turn + np.array([pose.x_um, pose.y_um])
@@ -89,7 +90,7 @@ def moved(points: FloatArray, pose: Pose) -> FloatArray:
 
 
 def extent_x(points: FloatArray, theta_rad: float) -> tuple[float, float]:
-    """Return least and most x of the points turned by `theta_rad`, um."""
+    """Return least and most x, um, of (N, 2) um points rotated by `theta_rad`."""
     x = points[:, 0] * math.cos(theta_rad) - points[:, 1] * math.sin(theta_rad)
     return float(x.min()), float(x.max())
 
@@ -143,12 +144,6 @@ def _grown(ring: Ring, center: tuple[float, float], ratio: float) -> Ring:
         if isinstance(edge, Segment):
             edges.append(Segment(start=out(edge.start), end=out(edge.end)))
             continue
-        edges.append(
-            Arc(
-                center=out(edge.center),
-                radius_um=edge.radius_um * ratio,
-                start_rad=edge.start_rad,
-                sweep_rad=edge.sweep_rad,
-            )
-        )
+        radius_um = edge.radius_um * ratio
+        edges.append(replace(edge, center=out(edge.center), radius_um=radius_um))
     return Ring(edges=tuple(edges), layer=ring.layer)

@@ -1,4 +1,4 @@
-"""The simulated cell's time: it runs while it is waited for, and everything with it."""
+"""Time of the simulated cell: processes advance while it is waited for."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ HANG_S = 60.0  # of the machine's own time; `stop` ends it
 
 
 class Process(Protocol):
-    """Something that happens by itself while time passes."""
+    """Process that advances by itself while time passes."""
 
     def due_s(self) -> float:
         """Return when its next step is due; infinity if nothing is under way."""
@@ -62,7 +62,7 @@ class Timeline:
 
 
 class Delayed:
-    """One change of the truth at a time, some seconds after it was asked for."""
+    """Delayed change of the truth, one at a time."""
 
     def __init__(self, timeline: Timeline) -> None:
         self._timeline = timeline
@@ -82,7 +82,7 @@ class Delayed:
             self._due_s, self._change = math.inf, None
 
     def left_s(self) -> float | None:
-        """Return how long until the change, None if there is none to come."""
+        """Return the time left until the change, None if there is none to come."""
         if self._change is None:
             return None
         return self._due_s - self._timeline.truth.time_s

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from microplan.arrays import FloatArray
+from microplan.executor.devices.safety import AXES
 from microplan.executor.simulated.shapes import (
     boundary,
     made_post,
@@ -54,17 +55,17 @@ def made_truth(
 
 
 def _axis(spec: WorldAxes, rng: np.random.Generator) -> AxisState:
-    """Return an axis group at its start, where it stands with an error already."""
-    state = AxisState.at_start(spec)
+    """Return an axis group at its start, with a first landing error."""
+    start = {name: float(getattr(spec.start, name) or 0.0) for name in AXES}
     x, y, z, theta = rng.standard_normal(4)
-    state.error = {
+    error = {
         "x_um": spec.repeatability_xy_um * x,
         "y_um": spec.repeatability_xy_um * y,
         "z_um": spec.repeatability_z_um * z,
         "theta_rad": spec.repeatability_theta_rad * theta,
     }
-    state.actual = {k: v + state.error[k] for k, v in state.commanded.items()}
-    return state
+    actual = {k: v + error[k] for k, v in start.items()}
+    return AxisState(spec=spec, commanded=start, error=error, actual=actual)
 
 
 def _add_fingers(truth: Truth) -> None:
@@ -85,12 +86,19 @@ def _body(part: WorldPart, rng: Mapping[str, np.random.Generator]) -> TrueBody:
     dx, dy, turn = rng["start"].standard_normal(3)
     theta = part.start.theta_rad + part.sigma_theta_rad * turn
     anywhere = rng["start"].uniform(-math.pi, math.pi)
-    return TrueBody.made(
-        part,
-        with_holes(outline_of(part.outline), made),
-        {hole.name: hole.radius_um + offset for hole, offset in made},
-        tuple(_post(post, rng["profile"]) for post in part.posts),
-        Pose(
+    outline = with_holes(outline_of(part.outline), made)
+    edge = boundary(outline)
+    return TrueBody(
+        part=part,
+        outline=outline,
+        hole_radius_um={hole.name: hole.radius_um + offset for hole, offset in made},
+        posts=tuple(_post(post, rng["profile"]) for post in part.posts),
+        edge=edge,
+        rings=polygons(outline),
+        reach_um=float(np.hypot(*edge.T).max()),
+        carrier="stage",
+        z_um=0.0,
+        pose=Pose(
             x_um=part.start.x_um + part.sigma_xy_um * dx,
             y_um=part.start.y_um + part.sigma_xy_um * dy,
             theta_rad=float(anywhere) if part.theta_any else theta,
@@ -113,9 +121,6 @@ def _post(post: WorldPost, rng: np.random.Generator) -> TruePost:
         edge=boundary(outline),
         rings=polygons(outline),
     )
-
-
-AXES = ("x_um", "y_um", "z_um", "theta_rad")
 
 
 @dataclass(slots=True, kw_only=True)
@@ -146,57 +151,22 @@ class TrueBody:
     carrier: AxesName
     pose: Pose  # in the carrier's frame
     z_um: float  # underside above the carrier: stage surface, or the fingers' underside
-    on_post: str = ""  # the post that stands in one of its holes
-
-    @classmethod
-    def made(
-        cls,
-        part: WorldPart,
-        outline: Outline,
-        holes: dict[str, float],
-        posts: tuple[TruePost, ...],
-        pose: Pose,
-    ) -> TrueBody:
-        """Return a part lying on the stage at `pose`."""
-        edge = boundary(outline)
-        return cls(
-            part=part,
-            outline=outline,
-            hole_radius_um=holes,
-            posts=posts,
-            edge=edge,
-            rings=polygons(outline),
-            reach_um=float(np.hypot(*edge.T).max()),
-            carrier="stage",
-            pose=pose,
-            z_um=0.0,
-        )
+    on_post: str = ""  # the post that is in one of its holes
 
 
 @dataclass(slots=True, kw_only=True)
 class AxisState:
-    """One axis group: what was commanded, its error, and where it truly is."""
+    """State of an axis group: its commands, its errors, its true positions."""
 
     spec: WorldAxes
     commanded: dict[str, float]
     error: dict[str, float]
     actual: dict[str, float]
 
-    @classmethod
-    def at_start(cls, spec: WorldAxes) -> AxisState:
-        """Return the group at its start reading, without error."""
-        start = {name: float(getattr(spec.start, name) or 0.0) for name in AXES}
-        return cls(
-            spec=spec,
-            commanded=dict(start),
-            error=dict.fromkeys(AXES, 0.0),
-            actual=dict(start),
-        )
-
 
 @dataclass(slots=True, kw_only=True)
 class Truth:
-    """Everything that is so, whether anyone measures it or not."""
+    """True state of the cell, measured or not."""
 
     world: World
     bodies: dict[str, TrueBody]

@@ -1,4 +1,4 @@
-"""The bench a driver is tested on: clock, safe steps, and how checks are run."""
+"""Test bench of a driver: clock, safe steps, guarded calls."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ BAD = (math.nan, math.inf, -math.inf)
 
 
 class ConformanceError(AssertionError):
-    """A driver does not do what `microplan.executor.devices.drivers` says."""
+    """A driver does not do what `microplan.executor.devices.drivers` states."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Bench:
-    """How far a device may be moved for a test, and how long it may take.
+    """Bench of a driver's test: steps, windows and time limits.
 
-    Steps go from where the device stands, up and back; `beyond` holds a target outside
+    Steps go from where the device is, up and back; `beyond` holds a target outside
     the device's limits by the name of the argument, to see it refused.
     """
 
@@ -45,7 +45,7 @@ class Bench:
     caller: Caller = field(default_factory=Caller)
 
     def call(self, name: str, call: Callable[[], T]) -> T:
-        """Return what a device call returns; ConformanceError if it raises or hangs."""
+        """Return a device call's result; ConformanceError if it raises or hangs."""
         try:
             return self.caller.call(name, call, self.call_s)
         except ExecutorError as error:
@@ -62,7 +62,7 @@ class Bench:
         raise ConformanceError(f"{name} must raise ValueError and was accepted")
 
     def rest(self, device: Any) -> None:
-        """Wait until a device says that it stands."""
+        """Wait until a device reports no motion."""
         began_s = self.clock.now_s()
         while self.call("moving", device.moving):
             if self.clock.now_s() - began_s > self.timeout_s:

@@ -15,7 +15,7 @@ from microplan.executor.testing.others import CAMERA, CLOCK, LIGHT
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """One check: its name, and what is wrong; "" if nothing is."""
+    """Result of one check: its name, and what is wrong; "" if nothing is."""
 
     check: str
     wrong: str

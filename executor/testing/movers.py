@@ -1,4 +1,4 @@
-"""Checks of everything that moves: axes, jaws, zoom and focus."""
+"""Conformance checks of everything that moves: axes, jaws, zoom, focus."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from microplan.executor.testing.bench import BAD, Bench, Check, identity, must
 
 @dataclass(frozen=True, slots=True)
 class _Kind:
-    """How a kind of device is ordered and read, by the names of its targets."""
+    """Kind of moving device: how it is ordered and read, by its targets' names."""
 
     names: tuple[str, ...]
     start: Callable[[Any, Mapping[str, float]], None]
@@ -157,7 +157,7 @@ def _stop_from_another_thread(kind: _Kind, device: Any, bench: Bench) -> None:
     def stop() -> None:
         try:
             device.stop()
-        except BaseException as error:  # noqa: BLE001 - told by the main thread
+        except BaseException as error:  # noqa: BLE001 - reported by the main thread
             wrong.append(error)
 
     def elsewhere() -> None:
@@ -172,23 +172,22 @@ def _stop_from_another_thread(kind: _Kind, device: Any, bench: Bench) -> None:
 
 def _refuses_bad_numbers(kind: _Kind, device: Any, bench: Bench) -> None:
     """Nan and infinity are refused, and nothing moves."""
-    home = _read(kind, device, bench)
-    for name in kind.names:
-        for value in BAD:
-            bench.refused(
-                f"start({name}={value})",
-                lambda name=name, value=value: kind.start(device, {name: value}),  # type: ignore[misc]  # bound names
-            )
-    bench.rest(device)
-    _at(kind, device, bench, home, "after orders that were refused")
+    _refuses(kind, device, bench, dict.fromkeys(kind.names, BAD))
 
 
 def _keeps_limits(kind: _Kind, device: Any, bench: Bench) -> None:
     """A target beyond the limits is refused, and nothing moves."""
+    beyond = {n: (bench.beyond[n],) for n in kind.names if n in bench.beyond}
+    _refuses(kind, device, bench, beyond)
+
+
+def _refuses(
+    kind: _Kind, device: Any, bench: Bench, targets: Mapping[str, tuple[float, ...]]
+) -> None:
+    """Order targets, each of which must be refused while nothing moves."""
     home = _read(kind, device, bench)
-    for name in kind.names:
-        if name in bench.beyond:
-            value = bench.beyond[name]
+    for name, values in targets.items():
+        for value in values:
             bench.refused(
                 f"start({name}={value:g})",
                 lambda name=name, value=value: kind.start(device, {name: value}),  # type: ignore[misc]  # bound names

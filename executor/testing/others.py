@@ -1,4 +1,4 @@
-"""Checks of what does not move: camera, light and clock."""
+"""Conformance checks of what does not move: camera, light, clock."""
 
 from __future__ import annotations
 

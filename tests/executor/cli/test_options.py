@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from microplan.executor.cli.main import _answer, _asker, _question, _teller
+from microplan.executor.cli.main import _answer, _asking, _teller
 from microplan.executor.cli.options import parse
 from microplan.executor.record.outcome import injected
 from microplan.executor.simulated.faults import Faults
@@ -60,13 +60,16 @@ def test_nobody_is_asked_where_standard_streams_are_closed(
 ) -> None:
     monkeypatch.setattr(sys, "stdin", Terminal())
     monkeypatch.setattr(sys, "stderr", Terminal())
-    assert _asker() is not None
-    assert _question() is not None
+    call, plan = parse(["p", "--station", "sim"]), plan_of([])
+    asking = _asking(call, plan)
+    assert asking.pause is not None
+    assert asking.question is not None
     for stream in ("stdin", "stderr"):
         with monkeypatch.context() as closed:
             closed.setattr(sys, stream, None)  # as the interpreter has it then
-            assert _asker() is None
-            assert _question() is None
+            asking = _asking(call, plan)
+            assert asking.pause is None
+            assert asking.question is None
 
 
 def test_an_answer_that_is_no_text_says_no(monkeypatch: pytest.MonkeyPatch) -> None:

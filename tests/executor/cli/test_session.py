@@ -75,7 +75,7 @@ def test_what_could_not_be_stopped_is_told_on_a_full_disk_too(tmp_path: Path) ->
 
     rig.on_step = interrupt
     job = RunJob(
-        call=parse([str(tmp_path), "--station", "sim"]),
+        options=parse([str(tmp_path), "--station", "sim"]),
         file=PlanFile(plan=plan, source=b""),
         site=Site(name="sim", station=station, cell=None),
         artifacts=Artifacts({}),

@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from microplan.executor.micromanager.drives import DeviceScale
-from microplan.executor.micromanager.movers import MMAxes, MMLens, Moved
+from microplan.executor.micromanager.movers import MMAxes, MMLens
 from microplan.executor.micromanager.paced import LONGEST_S, Paced
 
 ROOT = Path(__file__).parents[3]
@@ -125,7 +125,7 @@ def test_a_stop_during_a_step_is_followed_by_another() -> None:
 
 def test_a_stop_between_two_drives_keeps_the_second_from_moving() -> None:
     first, second = Jumps("z_um"), Jumps("theta_rad")
-    axes = MMAxes(Moved("", "robot", [first, second]))
+    axes = MMAxes("", "robot", [first, second])
     first.on_go = axes.stop
     axes.start(z_um=5.0, theta_rad=1.0)
     assert second.at == 0.0
@@ -134,7 +134,7 @@ def test_a_stop_between_two_drives_keeps_the_second_from_moving() -> None:
 
 def test_one_bad_target_of_an_order_moves_nothing() -> None:
     first, second = Jumps("z_um"), Jumps("theta_rad")
-    axes = MMAxes(Moved("", "robot", [first, second]))
+    axes = MMAxes("", "robot", [first, second])
     for bad in ({"theta_rad": math.nan}, {"x_um": 1.0}, {"speed_um_per_s": math.nan}):
         with pytest.raises(ValueError, match=r"nan|has no x_um"):
             axes.start(**{"z_um": 5.0, **bad})
@@ -147,7 +147,7 @@ def test_a_drive_that_cannot_be_stopped_keeps_no_other_from_it() -> None:
             raise OSError("E07")
 
     second = Jumps("focus_um")
-    lens = MMLens(Moved("", "lens", [Broken("magnification"), second]))
+    lens = MMLens("", "lens", [Broken("magnification"), second])
     with pytest.raises(RuntimeError, match="magnification: E07"):
         lens.stop()
     assert second.stops == 1

@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from microplan.executor.devices.errors import ExecutorError
-from microplan.executor.record.recovery import past_in, read_past
+from microplan.executor.record.recovery import journal_in, read_journal
 from microplan.executor.record.write_ahead_log import (
     FILE,
     FileStore,
@@ -46,11 +46,11 @@ class Disk:
 def journal(errors: int) -> bytes:
     """Return the bytes of a journal of a step with some errors."""
     disk = Disk()
-    intents = WriteAheadLog(disk)
-    intents.write("run", **HEADER)
-    intents.write("begin", step="over_shaft")
+    write_ahead = WriteAheadLog(disk)
+    write_ahead.write("run", **HEADER)
+    write_ahead.write("begin", step="over_shaft")
     for number in range(errors):
-        intents.write("error", error_um=1 / 3 + number)
+        write_ahead.write("error", error_um=1 / 3 + number)
     return disk.data
 
 
@@ -61,9 +61,9 @@ def test_a_line_is_on_the_disk_before_the_call_returns(tmp_path: Path) -> None:
         synced.append(os.fstat(number).st_size)
 
     store = FileStore(tmp_path / FILE, sync=sync)
-    intents = WriteAheadLog(store)
+    write_ahead = WriteAheadLog(store)
     for step in ("a", "b"):
-        intents.write("begin", step=step)
+        write_ahead.write("begin", step=step)
         assert synced[-1] == (tmp_path / FILE).stat().st_size
     store.close()
     lines = (tmp_path / FILE).read_text(encoding="ascii").splitlines()
@@ -71,7 +71,7 @@ def test_a_line_is_on_the_disk_before_the_call_returns(tmp_path: Path) -> None:
 
 
 def test_numbers_come_back_exactly() -> None:
-    assert past_in(journal(3)).past.errors_um == [1 / 3, 4 / 3, 7 / 3]
+    assert journal_in(journal(3)).state.errors_um == [1 / 3, 4 / 3, 7 / 3]
 
 
 @given(st.dictionaries(st.text(min_size=1), st.text()), st.integers(0, 2**32 - 1))
@@ -87,10 +87,10 @@ def test_what_was_sealed_opens_with_the_same_chain_only(
 def test_a_journal_cut_anywhere_tells_of_its_whole_lines(data: st.DataObject) -> None:
     whole = journal(6)
     cut = data.draw(st.integers(whole.index(b"\n") + 1, len(whole)))
-    found = past_in(whole[:cut])
+    found = journal_in(whole[:cut])
     assert found.size == whole[:cut].rfind(b"\n") + 1
     assert found.seq == whole[:cut].count(b"\n")
-    assert len(found.past.errors_um) == max(found.seq - 2, 0)
+    assert len(found.state.errors_um) == max(found.seq - 2, 0)
 
 
 @given(st.data())
@@ -101,7 +101,7 @@ def test_a_changed_byte_is_found_wherever_it_is(data: st.DataObject) -> None:
     told = code_of(bytes(whole))
     if at > journal(6)[:-1].rfind(b"\n"):  # the last line is dropped, it may be torn
         assert told is None
-        assert past_in(bytes(whole)).seq == 7
+        assert journal_in(bytes(whole)).seq == 7
     else:
         assert told in ("MP867", "MP868")
 
@@ -109,7 +109,7 @@ def test_a_changed_byte_is_found_wherever_it_is(data: st.DataObject) -> None:
 def code_of(data: bytes) -> str | None:
     """Return why a journal is refused, None if it is not."""
     try:
-        past_in(data)
+        journal_in(data)
     except ExecutorError as error:
         return error.code
     return None
@@ -137,34 +137,34 @@ def test_lines_that_are_lost_or_moved_are_found(
     lines = spoil(journal(6).splitlines(keepends=True))
     (tmp_path / FILE).write_bytes(b"".join(lines))
     with pytest.raises(ExecutorError, match=f"line {line} is damaged") as caught:
-        read_past(tmp_path / FILE)
+        read_journal(tmp_path / FILE)
     assert caught.value.code == "MP867"
 
 
 def test_a_whole_line_that_means_nothing_is_refused() -> None:
     disk = Disk()
-    intents = WriteAheadLog(disk)
-    intents.write("run", **{**HEADER, "format": 99})
-    intents.write("begin", step="")
+    write_ahead = WriteAheadLog(disk)
+    write_ahead.write("run", **{**HEADER, "format": 99})
+    write_ahead.write("begin", step="")
     with pytest.raises(ExecutorError, match="no journal of format 1"):
-        past_in(disk.data)
+        journal_in(disk.data)
 
 
 def test_errors_count_on_after_a_kill_and_not_after_a_failure() -> None:
     """A run that gave up after so many looks may be mended, and tries anew."""
     disk = Disk()
-    intents = WriteAheadLog(disk)
-    intents.write("run", **HEADER)
-    intents.write("begin", step="over_shaft")
-    intents.write("error", error_um=2.0)
-    assert past_in(disk.data).past.errors_um == [2.0]
-    intents.write("end", code="MP830", why="too many looks")
-    assert past_in(disk.data).past.errors_um == []
+    write_ahead = WriteAheadLog(disk)
+    write_ahead.write("run", **HEADER)
+    write_ahead.write("begin", step="over_shaft")
+    write_ahead.write("error", error_um=2.0)
+    assert journal_in(disk.data).state.errors_um == [2.0]
+    write_ahead.write("end", code="MP830", why="too many looks")
+    assert journal_in(disk.data).state.errors_um == []
 
 
 def test_an_empty_journal_has_nothing_to_resume() -> None:
     with pytest.raises(ExecutorError) as caught:
-        past_in(b"")
+        journal_in(b"")
     assert caught.value.code == "MP868"
 
 
@@ -179,16 +179,16 @@ def test_after_a_line_that_failed_no_other_is_written(
             raise OSError(number, os.strerror(number))
 
     store = FileStore(tmp_path / FILE, sync=sync)
-    intents = WriteAheadLog(store)
-    intents.write("run", **HEADER)
+    write_ahead = WriteAheadLog(store)
+    write_ahead.write("run", **HEADER)
     failing[0] = True
     for _ in range(2):
         with pytest.raises(ExecutorError, match=r"line 2 of journal\.jsonl") as caught:
-            intents.write("begin", step="a")
+            write_ahead.write("begin", step="a")
         assert caught.value.code == "MP863"
         failing[0] = False  # the disk may recover, a torn line does not
     store.close()
-    assert read_past(tmp_path / FILE).seq <= 2
+    assert read_journal(tmp_path / FILE).seq <= 2
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="Linux has /dev/full")
@@ -207,8 +207,8 @@ def test_a_full_disk_is_told() -> None:
 def test_a_torn_line_is_cut_off_before_the_next_is_written(tmp_path: Path) -> None:
     path, whole = tmp_path / FILE, journal(2)
     path.write_bytes(whole + b'{"crc": "01')
-    found = read_past(path)
+    found = read_journal(path)
     store = FileStore(path, found.size)
     WriteAheadLog(store, seq=found.seq, chain=found.chain).write("error", error_um=9.0)
     store.close()
-    assert read_past(path).past.errors_um[-1] == 9.0
+    assert read_journal(path).state.errors_um[-1] == 9.0

@@ -15,7 +15,7 @@ from microplan.executor.devices.drivers import Counts
 from microplan.executor.devices.errors import ExecutorError
 from microplan.executor.devices.safety import PhaseLimit
 from microplan.executor.devices.station import ALIGNED
-from microplan.executor.run.image_jacobian import LIMIT, followed
+from microplan.executor.run.image_jacobian import LIMIT, fit_jacobian
 from microplan.executor.run.probe import axis_sigma_um, look_probed
 from microplan.executor.run.run_context import Rig
 from microplan.executor.simulated.cell import Cell, build_cell
@@ -218,7 +218,7 @@ def test_the_matrix_and_its_spread_are_those_of_many_draws() -> None:
     for _ in range(3000):
         noise = sigma_um * rng.standard_normal((len(readings), 2))
         places = np.array(readings) @ true.T + (300.0, -40.0) + noise
-        told = followed(readings, places.tolist(), sigma_um)
+        told = fit_jacobian(readings, places.tolist(), sigma_um)
         drawn.append(told.matrix)
     spread = np.std(drawn, axis=0)
     # a standard deviation of 3000 draws is known to 1.3 %

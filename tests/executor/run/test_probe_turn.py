@@ -73,11 +73,11 @@ def probed(made: tuple[Plan, Artifacts], *, backwards: bool) -> list[dict[str, A
     plan, artifacts = made
     cell, stream = build_cell(quiet(world()), 0), io.StringIO()
     # turned about a point near the gear, so that little room is swept
-    near = replace(plan.requirements, theta_axis_um=(600.0, 0.0))
+    warm_start = replace(plan.requirements, theta_axis_um=(600.0, 0.0))
     stage = Reversed(cell.stage) if backwards else cell.stage
     cell.truth.world = replace(cell.truth.world, stage_theta_axis_um=(600.0, 0.0))
     rig = Rig(
-        plan=replace(plan, requirements=near),
+        plan=replace(plan, requirements=warm_start),
         station=replace(cell.station, stage=stage),
         beliefs=Beliefs(plan.beliefs, plan.features),
         artifacts=artifacts,

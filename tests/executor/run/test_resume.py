@@ -90,10 +90,10 @@ def test_what_stands_elsewhere_is_refused(now: DriveReadings, told: str) -> None
 
 
 def test_between_two_motions_everything_stands_as_it_did() -> None:
-    past = ResumeState(standing=BEFORE)
-    assert decide(past, BEFORE, RULES) == "not begun"
+    state = ResumeState(standing=BEFORE)
+    assert decide(state, BEFORE, RULES) == "not begun"
     with pytest.raises(ExecutorError) as caught:
-        decide(past, stage(z_um=-259.0), RULES)
+        decide(state, stage(z_um=-259.0), RULES)
     assert caught.value.code == "MP865"
 
 
@@ -101,9 +101,9 @@ def test_between_two_motions_everything_stands_as_it_did() -> None:
 def test_a_place_on_the_way_is_never_refused_and_never_both(
     share: float, x_um: float, y_um: float
 ) -> None:
-    past = left(x_um=x_um, y_um=y_um)
+    state = left(x_um=x_um, y_um=y_um)
     now = stage(x_um=10.0 + share * (x_um - 10.0), y_um=20.0 + share * (y_um - 20.0))
-    was = decide(past, now, RULES)
+    was = decide(state, now, RULES)
     far = max(abs(x_um - 10.0), abs(y_um - 20.0))
     window_um = RULES.stage.window_um
     if was == "done":

@@ -141,8 +141,8 @@ def test_the_reach_is_that_of_a_hand_over() -> None:
     blind = replace(before, pixels=replace(pixels, z_um=None))
 
     def routine(sigma_um: float, found: FoundFeature = before) -> str | None:
-        near = WarmStart(features={"gear": found}, sigma_um=sigma_um)
-        return nearest_routine(uses, near, found, 0.5)
+        warm_start = WarmStart(features={"gear": found}, sigma_um=sigma_um)
+        return nearest_routine(uses, warm_start, found, 0.5)
 
     assert routine(0.5 * 0.349 / 3) == STEP
     assert routine(0.5 * 0.351 / 3) == "likelihood"

@@ -20,7 +20,7 @@ from microplan.executor.devices.timeouts import Caller
 from microplan.executor.motion.beliefs import Beliefs
 from microplan.executor.motion.motion import Motion
 from microplan.executor.record.frames import Frames
-from microplan.executor.record.recovery import Header, ReadJournal, past_in
+from microplan.executor.record.recovery import Header, ReadJournal, journal_in
 from microplan.executor.record.write_ahead_log import Journal, WriteAheadLog
 from microplan.executor.run.artifacts import Artifacts
 from microplan.executor.run.resume import begin, take_up
@@ -333,12 +333,12 @@ def _work(
         journal=Journal(io.StringIO(), station.clock),
         frames=Frames(None),
         motion=Motion(caller=Direct()),
-        intents=WriteAheadLog(life, seq=seq, chain=chain),
+        write_ahead=WriteAheadLog(life, seq=seq, chain=chain),
     )
     if found is None:
         begin(rig, HEADER)
     else:
-        take_up(rig, found.past, ask)
+        take_up(rig, found.state, ask)
     result = run_plan(rig)
     return result.code, result.message
 
@@ -346,7 +346,7 @@ def _work(
 def _found(ledger: Ledger) -> ReadJournal | None:
     """Return what the journal tells, None if nothing had begun."""
     try:
-        return past_in(bytes(ledger.disk))
+        return journal_in(bytes(ledger.disk))
     except ExecutorError as error:
         if error.code != "MP868":
             raise

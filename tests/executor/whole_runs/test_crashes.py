@@ -66,12 +66,12 @@ def test_axes_that_were_brought_away_for_a_look_are_taken_back(job: Job) -> None
     """By a probe, or near a look; whoever takes over begins where the step began."""
     whole = outcome(job, (Fate(0, "before"),)).orders
     moves = [i for i, order in enumerate(whole) if order.startswith("stage")]
-    near = next(k for k, i in enumerate(moves) if "-595.0" in whole[i])
-    assert near >= 3  # two short moves of the probe, and its way back, at least
-    home = whole[moves[near + 1]]
+    warm_start = next(k for k, i in enumerate(moves) if "-595.0" in whole[i])
+    assert warm_start >= 3  # two short moves of the probe, and its way back, at least
+    home = whole[moves[warm_start + 1]]
     assert "'x_um': -600.0, 'y_um': 0.0" in home
-    assert whole[moves[near - 1]] == home  # the probe's way back
-    for number in moves[: near + 2]:
+    assert whole[moves[warm_start - 1]] == home  # the probe's way back
+    for number in moves[: warm_start + 2]:
         for how in ORDER_HOWS:
             found = outcome(job, (Fate(number, how),))
             assert not found.wrong

@@ -20,6 +20,7 @@ from microplan.schemas.plan import Plan
 from tests.executor.bench import Folder, assembly, quiet, world
 from tests.executor.pictures import remembered
 from tests.executor.recorder import Run, run
+from tests.executor.whole_runs.fault_ends import ENDS
 
 GOLDEN = Path(__file__).parents[2] / "golden" / "executor"
 # steps of the plan in which a device does something
@@ -77,7 +78,7 @@ def impatient(station: Station) -> Station:
 
 def check(found: Run, name: str, step: str) -> None:
     """Hold a run with a fault against all that must be so after it."""
-    assert found.result.code in FAULTS[name].codes, found.result
+    assert found.result.code in ENDS[name].codes, found.result
     assert CODES[str(found.result.code)][1] in (1, 3)
     assert step in ("", found.result.step)
     cell, calls = found.cell, found.recorder.calls
@@ -165,10 +166,10 @@ def test_a_fault_from_the_start_on_ends_in_its_code(
         for p in still.parts
     )
     found = run(plan, artifacts, replace(still, parts=shifted), [name])
-    if FAULTS[name].may_stand and found.result.done:
+    if ENDS[name].may_stand and found.result.done:
         assert found.cell.judge("gear", "shaft_plate.post").success
         return
-    assert found.result.code in (FAULTS[name].from_start or FAULTS[name].codes)
+    assert found.result.code in (ENDS[name].from_start or ENDS[name].codes)
     check_journal(found)
 
 
@@ -185,7 +186,7 @@ def test_wrong_geometry_is_caught_by_the_probe_before_the_part_is_at_risk(
 
 def test_every_fault_is_in_the_matrix() -> None:
     covered = {name for name, _ in (*CASES, *HANGS)} | set(WHOLE)
-    assert covered == set(FAULTS)
+    assert covered == set(FAULTS) == set(ENDS)
 
 
 @cache
@@ -225,8 +226,8 @@ def same(word: str, other: str) -> bool:
 
 def test_the_page_about_the_executor_has_the_table_of_faults() -> None:
     page = (Path(__file__).parents[3] / "docs" / "executor.md").read_text("utf-8")
-    for name, fault in FAULTS.items():
+    for name, fault in ENDS.items():
         ends = ", ".join(fault.codes) + (", or well" if fault.may_stand else "")
         if fault.from_start:
             ends = f"from the start {', '.join(fault.from_start)}; later {ends}"
-        assert f"| `{name}` | {fault.what} | {ends} |" in page
+        assert f"| `{name}` | {FAULTS[name]} | {ends} |" in page

@@ -56,7 +56,7 @@ SLACK = 1.1e-5
 awkward = st.sampled_from([1e308, -1e308, 5e-324, -0.0, 0.0, 1e-9])
 
 
-def near(most: float) -> st.SearchStrategy[float]:
+def warm_start(most: float) -> st.SearchStrategy[float]:
     """Return numbers of which some are allowed, some are not and some are none."""
     return st.floats(-most, most) | st.floats(-most / 50, most / 50) | awkward
 
@@ -71,11 +71,11 @@ def mostly(
 wild_moves = st.builds(
     AxisMove,
     axes=st.sampled_from(["stage", "robot"]),
-    x_um=st.none() | near(6e3),
-    y_um=st.none() | near(6e3),
-    z_um=st.none() | near(1.5e3),
-    theta_rad=st.none() | near(3.0),
-    speed_um_per_s=st.none() | near(4e3),
+    x_um=st.none() | warm_start(6e3),
+    y_um=st.none() | warm_start(6e3),
+    z_um=st.none() | warm_start(1.5e3),
+    theta_rad=st.none() | warm_start(3.0),
+    speed_um_per_s=st.none() | warm_start(4e3),
 )
 stage_moves = st.builds(
     AxisMove,
@@ -99,7 +99,7 @@ gentle_moves = st.builds(
 )
 several = st.lists(mostly(stage_moves | robot_moves, wild_moves), max_size=2).map(tuple)
 inserting = st.lists(mostly(gentle_moves, wild_moves), max_size=2).map(tuple)
-openings = mostly(st.floats(80.0, 200.0), near(300.0))
+openings = mostly(st.floats(80.0, 200.0), warm_start(300.0))
 controls = mostly(
     st.builds(
         control,
@@ -111,7 +111,7 @@ controls = mostly(
     st.builds(
         control,
         method=st.sampled_from(["servo", "look_then_move"]),
-        gain=near(10.0),
+        gain=warm_start(10.0),
         tolerance_xy_um=awkward,
         max_step_um=awkward,
         max_cycles=st.integers(0, 6),
