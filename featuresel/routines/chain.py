@@ -42,13 +42,13 @@ def advance(
     if before is not None and not _captures(routine, before):
         reach = HANDOVER_SIGMAS * before.spread_px
         message = f"{HANDOVER_SIGMAS:g} spreads of the place before it are {reach:.3g}"
-        message += f" px, it captures {routine.CAPTURE_PX:g} px"
+        message += f" px, it captures {routine.capture_px:g} px"
         return Failure(code="not_captured", message=f"{name}: {message}")
     found = routine.measure(image, artifact, progress.guess)
     if isinstance(found, Failure):
         return Failure(code=found.code, message=f"{name}: {found.message}")
     if before is not None:
-        found = _kept(found, before, placed="xy" in routine.PROVIDES)
+        found = _kept(found, before, placed="xy" in routine.provides)
     start = progress.guess
     guess = Guess(
         column=found.column,
@@ -99,9 +99,9 @@ def measure_chain(
 
 def _captures(routine: Routine, before: Measurement) -> bool:
     """Return whether what was found is near enough for `routine` to start from."""
-    if math.isinf(routine.CAPTURE_PX):
+    if math.isinf(routine.capture_px):
         return True  # it searches where the target may be
-    return HANDOVER_SIGMAS * before.spread_px <= routine.CAPTURE_PX  # no for a nan
+    return HANDOVER_SIGMAS * before.spread_px <= routine.capture_px  # no for a nan
 
 
 def _kept(found: Measurement, before: Measurement, *, placed: bool) -> Measurement:

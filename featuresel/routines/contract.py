@@ -8,7 +8,8 @@ rows down, pixel centres are integers. Angles are counter-clockwise as displayed
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, Protocol
 
@@ -237,39 +238,34 @@ class LookModel(Protocol):
         ...
 
 
-class Routine(Protocol):
-    """One image routine; modules in this package are such objects."""
+Prepare = Callable[[LookModel, Target], Artifact | Failure]
+Measure = Callable[[FloatArray, Artifact, Guess], Measurement | Failure]
+Cost = Callable[[Artifact, int], float]
 
-    NAME: str
-    VERSION: str
-    KINDS: tuple[TargetKind, ...]  # target kinds it can look for
-    PROVIDES: tuple[PoseTerm, ...]
-    REQUIRES: tuple[PoseTerm, ...]  # of the guess, better than nominal; () if nothing
-    CAPTURE_PX: float  # how far off the guess may be; inf: the target's `search_px`
-    BASELINE: bool  # known to be bad: tried where asked for only, as a control
-    EXPENSIVE: (
-        bool  # takes dozens of images to prepare: tried where others leave no room
-    )
 
-    def prepare(self, render: LookModel, target: Target) -> Artifact | Failure:
-        """Return what `measure` needs, computed from the nominal image."""
-        ...
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Routine:
+    """Declaration of one image routine: what it looks for, and its three functions.
 
-    def measure(
-        self, image: FloatArray, artifact: Artifact, guess: Guess
-    ) -> Measurement | Failure:
-        """Return where the target is in `image`, (rows, columns) 0..1, or why not.
+    `prepare(model, target)` returns what `measure` needs, computed from the nominal
+    image. `measure(image, artifact, guess)` returns where the target is in an image,
+    (rows, columns) 0..1 of full scale, which it does not change, or why not.
+    `cost(artifact, pixels)` returns the predicted work of one `measure` on a region of
+    so many pixels, in 640 x 480 box filters of 64-bit pixels; it depends on nothing
+    measured.
+    """
 
-        The image is not changed.
-        """
-        ...
-
-    def cost(self, artifact: Artifact, pixels: int, /) -> float:
-        """Return the predicted work of one `measure` on a region of `pixels`.
-
-        In 640 x 480 box filters of 64-bit pixels; it depends on nothing measured.
-        """
-        ...
+    name: str  # its key in the registry
+    version: str
+    kinds: tuple[TargetKind, ...]  # target kinds it can look for
+    provides: tuple[PoseTerm, ...]
+    requires: tuple[PoseTerm, ...] = ()  # of the guess, better than nominal
+    capture_px: float = math.inf  # how far off the guess may be; inf: `search_px`
+    baseline: bool = False  # known to be bad: tried where asked for only
+    expensive: bool = False  # dozens of images to prepare: tried where others fail
+    prepare: Prepare
+    measure: Measure
+    cost: Cost
 
 
 FRAME_PX = 640 * 480  # what a unit of cost filters

@@ -250,7 +250,7 @@ def make_ready(
     names = [
         name
         for name in routines(case.target, controls=controls)
-        if dear or not load(name).EXPENSIVE
+        if dear or not load(name).expensive
     ]
     ready = {name: found for name, found in (known or {}).items() if name in names}
     fresh = prepare(case, [(name,) for name in names if name not in ready])

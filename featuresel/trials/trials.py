@@ -62,7 +62,7 @@ def prepare(case: LookCase, chains: Sequence[Chain]) -> PreparedRoutines:
     artifacts: dict[str, Artifact | Failure] = {}
     for name in names:
         routine = load(name)
-        if case.target.kind not in routine.KINDS:
+        if case.target.kind not in routine.kinds:
             message = f"{name} cannot look for {case.target.kind}"
             artifacts[name] = Failure(code="wrong_kind", message=message)
         else:

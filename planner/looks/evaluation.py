@@ -234,7 +234,7 @@ def use_of(look: str, tried: Evaluation, name: str) -> p.RoutineUse:
     artifact = _artifact(tried, name)
     return p.RoutineUse(
         id=name,
-        version=load(name).VERSION,
+        version=load(name).version,
         parameters=artifact.parameters,
         arrays=_array_path(look, name) if artifact.arrays else None,
     )

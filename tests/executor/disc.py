@@ -89,7 +89,7 @@ def look() -> tuple[Look, Artifacts]:
     assert isinstance(artifact, Artifact)
     use = RoutineUse(
         id="circle_caliper",
-        version=circle_caliper.VERSION,
+        version=circle_caliper.CIRCLE_CALIPER.version,
         parameters=artifact.parameters,
         arrays=None,
     )

@@ -20,10 +20,9 @@ from microplan.featuresel.routines.contract import (
     Failure,
     Guess,
     Measurement,
-    PoseTerm,
     Render,
+    Routine,
     Target,
-    TargetKind,
 )
 from microplan.featuresel.routines.picture import refused
 from microplan.featuresel.routines.sampling import (
@@ -35,15 +34,6 @@ from microplan.featuresel.routines.sampling import (
     find_edges,
     line_samples,
 )
-
-NAME = "circle_caliper"
-VERSION = "3"
-KINDS: tuple[TargetKind, ...] = ("circle", "teeth")
-PROVIDES: tuple[PoseTerm, ...] = ("xy",)
-REQUIRES: tuple[PoseTerm, ...] = ()
-CAPTURE_PX = math.inf
-BASELINE = False
-EXPENSIVE = False
 
 _FAINT = 0.02  # step height below which an edge drowns in 8 bits and shot noise
 _WEAKEST = 0.3  # of the predicted step: light falls to .7, focus errors take the rest
@@ -141,6 +131,17 @@ def cost(artifact: Artifact, _pixels: int) -> float:
     refined = work.edges(rays, length, kernel) + work.circle(rays)
     seed = work.edges(_SEARCH_RAYS, search, kernel) + work.centre()
     return seed + _REFINED * refined
+
+
+CIRCLE_CALIPER = Routine(
+    name="circle_caliper",
+    version="3",
+    kinds=("circle", "teeth"),
+    provides=("xy",),
+    prepare=prepare,
+    measure=measure,
+    cost=cost,
+)
 
 
 def _span(radius_px: float) -> float:

@@ -14,21 +14,11 @@ from microplan.featuresel.routines.contract import (
     Failure,
     Guess,
     Measurement,
-    PoseTerm,
     Render,
+    Routine,
     Target,
-    TargetKind,
 )
 from microplan.featuresel.routines.picture import refused
-
-NAME = "hough"
-VERSION = "1"
-KINDS: tuple[TargetKind, ...] = ("circle", "teeth")
-PROVIDES: tuple[PoseTerm, ...] = ("xy",)
-REQUIRES: tuple[PoseTerm, ...] = ()
-CAPTURE_PX = math.inf
-BASELINE = True
-EXPENSIVE = False
 
 _FAINT = 0.1  # span of values below which there is no edge to vote
 _RADIUS_OFF = 0.1  # of the radius, at least 1 px
@@ -114,6 +104,18 @@ def measure(
 def cost(_artifact: Artifact, pixels: int) -> float:
     """Return the work of one `measure`, see `contract.Routine`."""
     return _FIXED_WORK + _PIXEL_WORK * pixels
+
+
+HOUGH = Routine(
+    name="hough",
+    version="1",
+    kinds=("circle", "teeth"),
+    provides=("xy",),
+    baseline=True,
+    prepare=prepare,
+    measure=measure,
+    cost=cost,
+)
 
 
 def _grey(image: FloatArray, span: float) -> npt.NDArray[np.uint8]:

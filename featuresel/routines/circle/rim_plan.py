@@ -13,6 +13,7 @@ from microplan.featuresel.routines.circle.rim import (
     FEWEST,
     STEP_PX,
     THICK,
+    RimCurve,
     rings,
 )
 from microplan.featuresel.routines.contract import (
@@ -35,9 +36,7 @@ _PLACES_PX = (
 )  # none repeats a phase
 
 
-Fit = Callable[
-    [FloatArray, Mapping[str, float], Guess], tuple[float, float, float] | Failure
-]
+Fit = Callable[[FloatArray, Mapping[str, float], Guess], RimCurve | Failure]
 
 
 def rim_radius_um(target: Target) -> float:
@@ -96,36 +95,35 @@ def prepare_rim(render: Render, target: Target, fit: Fit) -> Artifact | Failure:
     target : Target
         What is to be found.
     fit : callable
-        Returns (column, row, radius), px, of a curve through an image's rim, from the
-        numbers of `rim_numbers` and a guess.
+        Returns the curve through an image's rim, from the numbers of `rim_numbers` and
+        a guess.
     """
     numbers = rim_numbers(render, target)
     if isinstance(numbers, Failure):
         return numbers
-    offset = part_offset(render, target, lambda image, at: fit(image, numbers, at))
+    offset = _part_offset(render, target, numbers, fit)
     if isinstance(offset, Failure):
         return offset
     return Artifact(parameters={**numbers, **offset})
 
 
-def part_offset(
-    render: Render,
-    target: Target,
-    centre: Callable[[FloatArray, Guess], tuple[float, float, float] | Failure],
+def _part_offset(
+    render: Render, target: Target, numbers: Mapping[str, float], fit: Fit
 ) -> dict[str, float] | Failure:
     """Return how far the fit's centre is off the reference point, and its radius.
 
     The mean over some sub-pixel places, so that it holds what the part's shape does and
-    not what one place on the pixels does. `centre` returns (column, row, radius).
+    not what one place on the pixels does.
     """
     um_per_px, found = 1 / target.px_per_um, []
     for dx, dy in _PLACES_PX:
         image = render(dx_um=dx * um_per_px, dy_um=dy * um_per_px)
         at = Guess(column=target.column + dx, row=target.row - dy)
-        fitted = centre(image, at)
+        fitted = fit(image, numbers, at)
         if isinstance(fitted, Failure):
             return fitted
-        found.append((fitted[0] - at.column, fitted[1] - at.row, fitted[2]))
+        off = (fitted.column - at.column, fitted.row - at.row)
+        found.append((*off, fitted.radius_px))
     dx, dy, radius = np.mean(found, axis=0).tolist()
     turns = target.theta_range_rad > _SIDE_RAD
     if turns and math.hypot(dx, dy) > _OFF_CENTRE_PX:

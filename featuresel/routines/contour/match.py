@@ -42,20 +42,10 @@ from microplan.featuresel.routines.contract import (
     Guess,
     LookModel,
     Measurement,
-    PoseTerm,
+    Routine,
     Target,
-    TargetKind,
 )
 from microplan.featuresel.routines.picture import refused
-
-NAME = "contour_match"
-VERSION = "1"
-KINDS: tuple[TargetKind, ...] = ("circle", "teeth", "outline", "jaws")
-PROVIDES: tuple[PoseTerm, ...] = ("xy", "theta")
-REQUIRES: tuple[PoseTerm, ...] = ()
-CAPTURE_PX = math.inf
-BASELINE = False
-EXPENSIVE = False
 
 _FAINT_SCORE = 0.1  # of gradients, where the search ends: light and blur take the rest
 _LEAST_SCORE = 0.5  # of their directions, at the end: noise and blur leave .7 and more
@@ -156,6 +146,17 @@ def cost(artifact: Artifact, pixels: int) -> float:
         turned = p["order"] or 4 * math.pi * rim_px(points)
         total += turned * (_TURN + search_work(breaking, 1, 1))
     return total + fit_work(_lines(artifact, points))
+
+
+CONTOUR_MATCH = Routine(
+    name="contour_match",
+    version="1",
+    kinds=("circle", "teeth", "outline", "jaws"),
+    provides=("xy", "theta"),
+    prepare=prepare,
+    measure=measure,
+    cost=cost,
+)
 
 
 def _turns(model: ContourModel, target: Target) -> bool:

@@ -14,10 +14,9 @@ from microplan.featuresel.routines.contract import (
     Failure,
     Guess,
     Measurement,
-    PoseTerm,
     Render,
+    Routine,
     Target,
-    TargetKind,
 )
 from microplan.featuresel.routines.edge.faces import (
     LINES_PX,
@@ -31,15 +30,6 @@ from microplan.featuresel.routines.edge.faces import (
 )
 from microplan.featuresel.routines.picture import refused
 from microplan.featuresel.routines.sampling import edge_kernel, line_samples
-
-NAME = "edge_caliper"
-VERSION = "2"
-KINDS: tuple[TargetKind, ...] = ("jaws",)
-PROVIDES: tuple[PoseTerm, ...] = ("xy", "theta")
-REQUIRES: tuple[PoseTerm, ...] = ()
-CAPTURE_PX = math.inf
-BASELINE = False
-EXPENSIVE = False
 
 _TURN_STEP_RAD = math.radians(3)  # half of it moves a face's far end by 3 to 4 px
 _SPARSE = 4  # lines are skipped for the rough turn
@@ -137,6 +127,17 @@ def cost(artifact: Artifact, _pixels: int) -> float:
             if name in SIDES[:2]:
                 total += rough * _face_work(lines / _SPARSE, p["search_px"], width)
     return total
+
+
+EDGE_CALIPER = Routine(
+    name="edge_caliper",
+    version="2",
+    kinds=("jaws",),
+    provides=("xy", "theta"),
+    prepare=prepare,
+    measure=measure,
+    cost=cost,
+)
 
 
 def _face_work(lines: float, half_px: float, width_px: float) -> float:

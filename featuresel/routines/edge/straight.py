@@ -47,7 +47,11 @@ _LINE = 2.0  # work of the line through an edge, in calls
 
 
 def prepare_faces(
-    render: LookModel, target: Target, faces: Mapping[str, JawFace], *, breathes: bool
+    render: LookModel,
+    target: Target,
+    faces: Mapping[str, JawFace],
+    *,
+    breathes: bool = False,
 ) -> Artifact | Failure:
     """Return the edges' numbers as seen on the nominal image.
 
@@ -114,8 +118,8 @@ def measure_faces(image: FloatArray, artifact: Artifact, guess: Guess) -> Fix | 
     )
 
 
-def faces_work(artifact: Artifact) -> float:
-    """Return the work of `measure_faces`, see `Routine.cost`."""
+def faces_work(artifact: Artifact, _pixels: int) -> float:
+    """Return the work of `measure_faces`, see `contract.Routine`."""
     p = artifact.parameters
     turns = 2 * math.ceil(p["range_rad"] / _TURN_STEP_RAD) + 1
     total = 0.0

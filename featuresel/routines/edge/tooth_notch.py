@@ -13,22 +13,12 @@ from microplan.featuresel.routines.contract import (
     Failure,
     Guess,
     Measurement,
-    PoseTerm,
     Render,
+    Routine,
     Target,
-    TargetKind,
 )
 from microplan.featuresel.routines.picture import refused
 from microplan.featuresel.routines.sampling import cubic
-
-NAME = "tooth_notch"
-VERSION = "1"
-KINDS: tuple[TargetKind, ...] = ("teeth",)
-PROVIDES: tuple[PoseTerm, ...] = ("theta",)
-REQUIRES: tuple[PoseTerm, ...] = ("xy",)
-CAPTURE_PX = 2.0
-BASELINE = False
-EXPENSIVE = False
 
 _SAMPLES = 40  # per tooth pitch: the harmonic's aliases are far away
 _IN_VIEW = 0.6  # of the tooth ring must be inside the image
@@ -127,6 +117,19 @@ def cost(artifact: Artifact, _pixels: int) -> float:
     radii = max(5, int(2 * (p["outer_px"] - p["root_px"])) + 1)
     teeth = work.read(ring * radii) + work.least_squares(ring, 9)
     return teeth + 3 * work.read(p["count"] * 7 * 3) + 0.5
+
+
+TOOTH_NOTCH = Routine(
+    name="tooth_notch",
+    version="1",
+    kinds=("teeth",),
+    provides=("theta",),
+    requires=("xy",),
+    capture_px=2.0,
+    prepare=prepare,
+    measure=measure,
+    cost=cost,
+)
 
 
 def _teeth(

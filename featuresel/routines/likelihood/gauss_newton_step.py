@@ -17,9 +17,8 @@ from microplan.featuresel.routines.contract import (
     Guess,
     LookModel,
     Measurement,
-    PoseTerm,
+    Routine,
     Target,
-    TargetKind,
 )
 from microplan.featuresel.routines.likelihood.comparison import DefocusedImage
 from microplan.featuresel.routines.likelihood.fit_problem import prepare_job, read_job
@@ -28,14 +27,7 @@ from microplan.featuresel.routines.likelihood.pose_fit import step_once
 from microplan.featuresel.routines.likelihood.pose_start import start_pose
 from microplan.featuresel.routines.picture import refused
 
-NAME = "one_step"
-VERSION = "4"
-KINDS: tuple[TargetKind, ...] = ("circle", "teeth", "outline", "jaws")
-PROVIDES: tuple[PoseTerm, ...] = ("xy", "theta", "z", "zoom")
-REQUIRES: tuple[PoseTerm, ...] = ("xy", "theta", "z")
-CAPTURE_PX = 0.35
-BASELINE = False
-EXPENSIVE = True
+_CAPTURE_PX = 0.35
 
 _AGAIN_PX = 0.1  # a step that is shorter leaves nothing that noise would not hide
 
@@ -62,7 +54,7 @@ def measure(
     if isinstance(found, Failure):
         return found
     moved = math.hypot(found.pose.column - guess.column, found.pose.row - guess.row)
-    if moved > 2 * CAPTURE_PX:
+    if moved > 2 * _CAPTURE_PX:
         return Failure(code="not_captured", message=f"a step of {moved:.2f} px")
     if moved > _AGAIN_PX:
         found = step_once(job, found.pose)
@@ -72,3 +64,17 @@ def measure(
 def cost(artifact: Artifact, _pixels: int) -> float:
     """Return the work of one `measure`, see `contract.Routine`."""
     return 4.0 + 1e-4 * float(artifact.arrays["planes"].shape[2])
+
+
+ONE_STEP = Routine(
+    name="one_step",
+    version="4",
+    kinds=("circle", "teeth", "outline", "jaws"),
+    provides=("xy", "theta", "z", "zoom"),
+    requires=("xy", "theta", "z"),
+    capture_px=_CAPTURE_PX,
+    expensive=True,
+    prepare=prepare,
+    measure=measure,
+    cost=cost,
+)

@@ -21,9 +21,8 @@ from microplan.featuresel.routines.contract import (
     Guess,
     LookModel,
     Measurement,
-    PoseTerm,
+    Routine,
     Target,
-    TargetKind,
 )
 from microplan.featuresel.routines.likelihood.appearance import ImagePose
 from microplan.featuresel.routines.likelihood.comparison import (
@@ -40,15 +39,6 @@ from microplan.featuresel.routines.likelihood.pose_start import (
     start_pose,
 )
 from microplan.featuresel.routines.picture import refused
-
-NAME = "likelihood"
-VERSION = "5"
-KINDS: tuple[TargetKind, ...] = ("circle", "teeth", "outline", "jaws")
-PROVIDES: tuple[PoseTerm, ...] = ("xy", "theta", "z", "zoom")
-REQUIRES: tuple[PoseTerm, ...] = ("xy",)
-CAPTURE_PX = 2.0
-BASELINE = False
-EXPENSIVE = True
 
 _WORST_CHI2 = 60.0  # worse is another thing; what trials show sets a finer gate
 _LEAST_USED = 0.55  # share of pixels that must be the target's
@@ -89,6 +79,20 @@ def cost(artifact: Artifact, _pixels: int) -> float:
     """Return the work of one `measure`, see `contract.Routine`."""
     cells = artifact.arrays["planes"].shape[2]
     return 4.0 + 3e-4 * float(cells)
+
+
+LIKELIHOOD = Routine(
+    name="likelihood",
+    version="5",
+    kinds=("circle", "teeth", "outline", "jaws"),
+    provides=("xy", "theta", "z", "zoom"),
+    requires=("xy",),
+    capture_px=2.0,
+    expensive=True,
+    prepare=prepare,
+    measure=measure,
+    cost=cost,
+)
 
 
 def _freed(job: ImageComparison, start: ImagePose) -> PoseFit | Failure:

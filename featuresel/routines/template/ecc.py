@@ -20,9 +20,8 @@ from microplan.featuresel.routines.contract import (
     Guess,
     LookModel,
     Measurement,
-    PoseTerm,
+    Routine,
     Target,
-    TargetKind,
 )
 from microplan.featuresel.routines.picture import cut, half_px, refused
 from microplan.featuresel.routines.template.ecc_search import (
@@ -39,14 +38,7 @@ from microplan.featuresel.routines.template.template_fit import (
     refine_work,
 )
 
-NAME = "ecc"
-VERSION = "2"
-KINDS: tuple[TargetKind, ...] = ("circle", "teeth", "outline", "jaws")
-PROVIDES: tuple[PoseTerm, ...] = ("xy", "theta")
-REQUIRES: tuple[PoseTerm, ...] = ("xy", "theta")
-CAPTURE_PX = 3.0
-BASELINE = False
-EXPENSIVE = False
+_CAPTURE_PX = 3.0
 
 _LEAST_SCORE = 0.8  # correlation; blur and light gradients leave .9 and more
 _TURNED_RAD = 0.2  # from the guess: beyond, it has run away
@@ -71,7 +63,7 @@ def prepare(render: LookModel, target: Target) -> Artifact | Failure:
     and goes into the spread.
     """
     image = render()
-    half = half_px(target, image.shape, CAPTURE_PX)
+    half = half_px(target, image.shape, _CAPTURE_PX)
     if min(half) < 4:
         return Failure(
             code="outside", message=f"{min(half)} px between target and border"
@@ -127,6 +119,19 @@ def cost(artifact: Artifact, _pixels: int) -> float:
     if artifact.parameters["scales"]:
         work += refine_work(template.astype(np.float64), part, _SHRINK)
     return work
+
+
+ECC = Routine(
+    name="ecc",
+    version="2",
+    kinds=("circle", "teeth", "outline", "jaws"),
+    provides=("xy", "theta"),
+    requires=("xy", "theta"),
+    capture_px=_CAPTURE_PX,
+    prepare=prepare,
+    measure=measure,
+    cost=cost,
+)
 
 
 def _told(template: FloatArray, *, round_target: bool) -> dict[str, float]:

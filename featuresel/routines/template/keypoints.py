@@ -19,21 +19,11 @@ from microplan.featuresel.routines.contract import (
     Failure,
     Guess,
     Measurement,
-    PoseTerm,
     Render,
+    Routine,
     Target,
-    TargetKind,
 )
 from microplan.featuresel.routines.picture import half_px, refused
-
-NAME = "keypoints"
-VERSION = "1"
-KINDS: tuple[TargetKind, ...] = ("teeth", "outline", "jaws")
-PROVIDES: tuple[PoseTerm, ...] = ("xy", "theta")
-REQUIRES: tuple[PoseTerm, ...] = ()
-CAPTURE_PX = math.inf
-BASELINE = True
-EXPENSIVE = False
 
 _FAINT = 0.05  # span of values below which there is nothing to describe
 _THRESHOLD = 5e-4  # of the detector; its default finds next to nothing on smooth edges
@@ -108,6 +98,18 @@ def measure(
 def cost(_artifact: Artifact, pixels: int) -> float:
     """Return the work of one `measure`, see `contract.Routine`."""
     return _PIXEL_WORK * pixels
+
+
+KEYPOINTS = Routine(
+    name="keypoints",
+    version="1",
+    kinds=("teeth", "outline", "jaws"),
+    provides=("xy", "theta"),
+    baseline=True,
+    prepare=prepare,
+    measure=measure,
+    cost=cost,
+)
 
 
 def _answer(

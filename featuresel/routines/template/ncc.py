@@ -16,9 +16,8 @@ from microplan.featuresel.routines.contract import (
     Guess,
     LookModel,
     Measurement,
-    PoseTerm,
+    Routine,
     Target,
-    TargetKind,
 )
 from microplan.featuresel.routines.peak import find_peak
 from microplan.featuresel.routines.picture import cut, half_px, refused
@@ -28,15 +27,6 @@ from microplan.featuresel.routines.template.template_fit import (
     refine,
     refine_work,
 )
-
-NAME = "ncc"
-VERSION = "2"
-KINDS: tuple[TargetKind, ...] = ("circle", "teeth", "outline", "jaws")
-PROVIDES: tuple[PoseTerm, ...] = ("xy", "theta")
-REQUIRES: tuple[PoseTerm, ...] = ()
-CAPTURE_PX = math.inf
-BASELINE = False
-EXPENSIVE = False
 
 _LEAST_SCORE = 0.6  # correlation; noise, blur and gradients leave .8 and more
 _COARSE_PX = 16.0  # half the template's side where angles are searched
@@ -142,6 +132,17 @@ def cost(artifact: Artifact, pixels: int) -> float:
         nominal = artifact.arrays["nominal"].astype(np.float64)
         total += refine_work(nominal, pixels, shrink)
     return total
+
+
+NCC = Routine(
+    name="ncc",
+    version="2",
+    kinds=("circle", "teeth", "outline", "jaws"),
+    provides=("xy", "theta"),
+    prepare=prepare,
+    measure=measure,
+    cost=cost,
+)
 
 
 def _answer(

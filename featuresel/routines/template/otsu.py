@@ -17,9 +17,8 @@ from microplan.featuresel.routines.contract import (
     Guess,
     LookModel,
     Measurement,
-    PoseTerm,
+    Routine,
     Target,
-    TargetKind,
 )
 from microplan.featuresel.routines.contract import Measurement as Found
 from microplan.featuresel.routines.picture import refused
@@ -73,15 +72,6 @@ def spread_px(render: LookModel, target: Target, find: Find) -> float | None:
     worse = float(np.square(errors).mean(axis=0).max())
     return max(math.sqrt(worse), LEAST_PX)
 
-
-NAME = "otsu"
-VERSION = "2"
-KINDS: tuple[TargetKind, ...] = ("circle", "teeth", "outline")
-PROVIDES: tuple[PoseTerm, ...] = ("xy",)
-REQUIRES: tuple[PoseTerm, ...] = ()
-CAPTURE_PX = math.inf
-BASELINE = False
-EXPENSIVE = False
 
 _AREA = (0.7, 1.4)  # accepted blob area over the predicted one: blur moves the edge
 _CONTRAST = 0.1  # least difference of the two classes' means, full scale
@@ -173,6 +163,17 @@ def measure(
 def cost(_artifact: Artifact, pixels: int) -> float:
     """Return the work of one `measure`, see `contract.Routine`."""
     return _FIXED_WORK + _PIXEL_WORK * pixels
+
+
+OTSU = Routine(
+    name="otsu",
+    version="2",
+    kinds=("circle", "teeth", "outline"),
+    provides=("xy",),
+    prepare=prepare,
+    measure=measure,
+    cost=cost,
+)
 
 
 def _offset(artifact: Artifact, guess: Guess) -> tuple[float, float]:

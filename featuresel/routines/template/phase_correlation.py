@@ -19,21 +19,11 @@ from microplan.featuresel.routines.contract import (
     Failure,
     Guess,
     Measurement,
-    PoseTerm,
     Render,
+    Routine,
     Target,
-    TargetKind,
 )
 from microplan.featuresel.routines.picture import cut, half_px, refused
-
-NAME = "phase_correlation"
-VERSION = "1"
-KINDS: tuple[TargetKind, ...] = ("circle", "teeth", "outline", "jaws")
-PROVIDES: tuple[PoseTerm, ...] = ("xy",)
-REQUIRES: tuple[PoseTerm, ...] = ()
-CAPTURE_PX = math.inf
-BASELINE = True
-EXPENSIVE = False
 
 _LEAST_RESPONSE = 0.3  # share of the power near the peak; noise leaves a third
 _FAINT = 0.01  # standard deviation below which an image shows nothing
@@ -101,3 +91,15 @@ def measure(
 def cost(artifact: Artifact, _pixels: int) -> float:
     """Return the work of one `measure`, see `contract.Routine`."""
     return work.correlate(_TRANSFORMS * artifact.arrays["template"].size)
+
+
+PHASE_CORRELATION = Routine(
+    name="phase_correlation",
+    version="1",
+    kinds=("circle", "teeth", "outline", "jaws"),
+    provides=("xy",),
+    baseline=True,
+    prepare=prepare,
+    measure=measure,
+    cost=cost,
+)

@@ -104,7 +104,7 @@ def artifact(name: str) -> Artifact:
 def measured(name: str) -> Measure:
     """Return how one of the discs is measured."""
     use = RoutineUse(
-        id="circle_caliper", version=circle_caliper.VERSION,
+        id="circle_caliper", version=circle_caliper.CIRCLE_CALIPER.version,
         parameters=artifact(name).parameters, arrays=None,
     )  # fmt: skip
     pixel = (CENTER[0] + ARMS[name], CENTER[1])

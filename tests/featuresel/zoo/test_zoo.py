@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from dataclasses import replace
+from types import ModuleType
 
 import pytest
 
@@ -20,10 +21,12 @@ TRIALS = 16
 @pytest.fixture
 def zoo(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let the registry load the zoo's animals like any routine."""
-    names = {animal.NAME: f"zoo_of_{animal.NAME}" for animal in ANIMALS}
-    monkeypatch.setattr(registry, "REGISTRY", {**registry.REGISTRY, **names})
+    cages = ModuleType("animals")
+    monkeypatch.setitem(sys.modules, "animals", cages)
     for animal in ANIMALS:
-        monkeypatch.setitem(sys.modules, names[animal.NAME], animal)
+        setattr(cages, animal.name, animal)
+    names = {animal.name: f"animals:{animal.name}" for animal in ANIMALS}
+    monkeypatch.setattr(registry, "REGISTRY", {**registry.REGISTRY, **names})
 
 
 @pytest.mark.usefixtures("zoo")
@@ -58,6 +61,6 @@ def test_each_is_rejected_for_its_own_reason(name: str) -> None:
 def test_the_zoo_is_large_enough_and_no_animal_is_a_neighbour() -> None:
     shown = {resident.chain for cage in CAGES.values() for resident in cage.residents}
     assert len(shown) >= 10
-    assert not {animal.NAME for animal in ANIMALS} & set(registry.REGISTRY)
+    assert not {animal.name for animal in ANIMALS} & set(registry.REGISTRY)
     used = {name for chain in shown for name in chain}
-    assert {animal.NAME for animal in ANIMALS} <= used
+    assert {animal.name for animal in ANIMALS} <= used
