@@ -25,7 +25,7 @@ from microplan.featuresel.selection.race import race
 from microplan.featuresel.selection.select import select
 from microplan.featuresel.trials.bounds import CONFIDENCE
 from microplan.featuresel.trials.calibration import SigmaCalibration
-from microplan.featuresel.trials.gates import choose_gate, gated
+from microplan.featuresel.trials.gates import Gate, choose_gate
 from microplan.featuresel.trials.outcomes import Outcome, Outcomes
 from microplan.featuresel.trials.score import ChainScore, score
 from microplan.featuresel.trials.trials import PreparedRoutines, is_wrong, prepare, run
@@ -35,6 +35,7 @@ TRIALS = 64  # what the preset `balanced` spends
 FRESH = 256
 RACES = 16  # of the problems, with and without dropping chains
 LONG = 256  # trials of those
+GATED = "gated"  # the failure of an answer that a gate refuses
 SILENT = 0.05  # the limit that gates are chosen for: 64 trials show no less
 PROMISES = ("success", "silent", "sigma", "need", "theta", "gate")
 AXES = ("x", "y", "theta")
@@ -94,6 +95,24 @@ def _broken(said: ChainScore, truth: ChainScore) -> Iterator[str]:
         turn = said.theta
         if truth.theta.sigma > turn.sigma_upper or truth.theta.need > turn.need_upper:
             yield "theta"
+
+
+def gated(outcome: Outcome, gate: Gate) -> Outcome:
+    """Return the outcome, an answer that the gate refuses turned into a failure."""
+    if outcome.score is None or outcome.spread_um is None:
+        return outcome
+    if gate.passes(outcome.score, outcome.spread_um):
+        return outcome
+    return Outcome(
+        chain=outcome.chain,
+        trial=outcome.trial,
+        failure=GATED,
+        world_um=None,
+        target_um=None,
+        theta_rad=None,
+        score=None,
+        spread_um=None,
+    )
 
 
 def _gate_broken(

@@ -1,4 +1,4 @@
-"""Which unknowns of the light to fit: what each costs, and which are worth it."""
+"""Choice of the light's unknowns to fit: those whose bias outweighs their variance."""
 
 from __future__ import annotations
 
@@ -10,46 +10,6 @@ import numpy as np
 
 from microplan.featuresel.limits.information import Information, inverse, limit, places
 from microplan.optics.outline import tolerant_order as ties
-
-
-def prices(
-    information: Information,
-    wanted: Collection[str],
-    *,
-    free: Collection[str] = (),
-    extra: Collection[str],
-) -> dict[str, float]:
-    """Return how many times larger one more unknown makes the limits.
-
-    Parameters
-    ----------
-    information : Information
-        About all names below.
-    wanted : collection of str
-        What is to be found.
-    free : collection of str
-        What is unknown anyway.
-    extra : collection of str
-        What could be unknown too; each alone is added.
-
-    Returns
-    -------
-    dict of str to float
-        Of each `extra` the largest ratio of limits over what is wanted and observable,
-        at least 1; inf if it makes one of them unobservable, 1 if none is observable.
-
-    Raises
-    ------
-    KeyError
-        If a name is missing.
-    """
-    without = limit(information.only({*wanted, *free}))
-    cost = {}
-    for name in extra:
-        given = limit(information.only({*wanted, *free, name}))
-        ratios = [given[w] / without[w] for w in wanted if without[w] < math.inf]
-        cost[name] = max([1.0, *ratios])
-    return cost
 
 
 def choose(

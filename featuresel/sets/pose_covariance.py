@@ -63,15 +63,6 @@ def known(sights: Sequence[FeatureMeasurement], need: PoseRequirement) -> PoseAc
     )
 
 
-def log_det(sights: Sequence[FeatureMeasurement], need: PoseRequirement) -> float:
-    """Return -log det of the covariance of what is wanted, um; -inf if it is blind."""
-    wanted = 2 if need.sigma_theta_rad is None else 3
-    found = covariance(sights, need.radius_um)[:wanted, :wanted]
-    if not np.isfinite(found).all():
-        return -math.inf
-    return -float(np.linalg.slogdet(found)[1])
-
-
 FINEST_UM = 1e-4  # a spread below it counts as it: less than an atom's width
 _BLIND = 1e-6  # of the largest singular value: an arm of .1 nm on a part of 100 um
 

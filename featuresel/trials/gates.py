@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,8 +13,6 @@ from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.trials.bounds import CONFIDENCE, failure_upper
 from microplan.featuresel.trials.outcomes import Outcome
 from microplan.featuresel.trials.trials import is_wrong
-
-GATED = "gated"  # the failure of an answer that a gate refuses
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -97,28 +95,6 @@ def choose_gate(
     ]
     best = min(found, key=lambda gate: gate.lost)  # the first where both lose alike
     return best if best.kept else None
-
-
-def gated(outcome: Outcome, gate: Gate) -> Outcome:
-    """Return the outcome, an answer that the gate refuses turned into a failure."""
-    if outcome.score is None or outcome.spread_um is None:
-        return outcome
-    if gate.passes(outcome.score, outcome.spread_um):
-        return outcome
-    return replace(
-        outcome,
-        failure=GATED,
-        world_um=None,
-        target_um=None,
-        theta_rad=None,
-        score=None,
-        spread_um=None,
-        spread_theta_rad=None,
-        axis_rad=None,
-        depth_um=None,
-        z_um=None,
-        zoom=None,
-    )
 
 
 def _answers(

@@ -12,7 +12,7 @@ from typing import Protocol, TypeVar
 from microplan.arrays import FloatArray
 from microplan.featuresel.look.design import Trial
 from microplan.featuresel.look.nominal import nominal_render
-from microplan.featuresel.look.perturb import counts, image
+from microplan.featuresel.look.perturb import counts
 from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.look.templates import Located, along, located
 from microplan.featuresel.routines.chain import ChainState, advance
@@ -154,16 +154,6 @@ def _asked(prepared: PreparedRoutines, trial: Trial, seen: Known) -> _PlannedTri
         ),
         picture=seen.pictures.get(trial.index),
     )
-
-
-def measure_trial(
-    case: LookCase,
-    prepared: PreparedRoutines,
-    trial: Trial,
-    curves: Curves | None = None,
-) -> tuple[Outcome, ...]:
-    """Return what each chain says of one trial's image."""
-    return measure_picture(case, prepared, trial, image(case, trial), curves)
 
 
 def measure_picture(

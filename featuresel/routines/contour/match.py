@@ -113,8 +113,7 @@ def measure(
     The angle is None if the contour is round, or if no edge in sight tells the turns of
     its symmetry apart.
     """
-    unfit = refused(image)
-    if unfit is not None:
+    if unfit := refused(image):
         return unfit
     if min(image.shape) < 4 * artifact.parameters["shrink"]:
         return Failure(code="outside", message=f"an image of {image.shape} px")
@@ -125,8 +124,7 @@ def measure(
     fitted = fit(image, _lines(artifact, points), pose)
     if isinstance(fitted, Failure):
         return fitted
-    problem = _misplaced(fitted, artifact, guess, pose)
-    if problem is not None:
+    if problem := _misplaced(fitted, artifact, guess, pose):
         return problem
     return _answer(image, artifact, points, fitted)
 

@@ -22,16 +22,17 @@ from microplan.featuresel.routines.edge.faces import (
     LINES_PX,
     SIDES,
     TIPS,
+    TURN_STEP_RAD,
     MeasuredFace,
     calibrate,
     in_view,
     measure_face,
     predicted,
+    rough_turn,
 )
 from microplan.featuresel.routines.picture import refused
 from microplan.featuresel.routines.sampling import edge_kernel, line_samples
 
-_TURN_STEP_RAD = math.radians(3)  # half of it moves a face's far end by 3 to 4 px
 _SPARSE = 4  # lines are skipped for the rough turn
 _NEAR_PX = 4.0  # what the first fit leaves to search
 _LINE_WORK = 0.4  # of the line through a face's edges, in box filters
@@ -77,7 +78,10 @@ def measure(
         return unfit
     p = artifact.parameters
     column, row = guess.column, guess.row
-    theta = p["theta_rad"] + _rough_turn(image, p, guess)
+    inner_faces = [_numbers(p, name) for name in SIDES[:2]]
+    theta = p["theta_rad"] + rough_turn(
+        image, inner_faces, p, guess, sparse=lambda _: _SPARSE
+    )
     found: dict[str, MeasuredFace] = {}
     for half in (p["search_px"], _NEAR_PX, _NEAR_PX):
         faces = _find(image, p, (column, row, theta), half)
@@ -116,7 +120,7 @@ def measure(
 def cost(artifact: Artifact, _pixels: int) -> float:
     """Return the work of one `measure`, see `contract.Routine`."""
     p = artifact.parameters
-    rough = 2 * math.ceil(p["range_rad"] / _TURN_STEP_RAD) + 1
+    rough = 2 * math.ceil(p["range_rad"] / TURN_STEP_RAD) + 1
     total = 0.0
     for name in (*SIDES, *TIPS):
         if f"{name}.step" in p:
@@ -144,28 +148,6 @@ def _face_work(lines: float, half_px: float, width_px: float) -> float:
     """Return the work of measuring one face."""
     length, kernel = len(line_samples(half_px, width_px)), len(edge_kernel(width_px))
     return work.edges(lines, length, kernel) + _LINE_WORK
-
-
-def _rough_turn(image: FloatArray, p: Mapping[str, float], guess: Guess) -> float:
-    """Return the turn by the inner faces, from the start that meets them squarest."""
-    count = math.ceil(p["range_rad"] / _TURN_STEP_RAD)
-    seen: list[tuple[int, float, float]] = []  # lines, slope left, turn
-    for k in range(-count, count + 1):
-        turn = k * _TURN_STEP_RAD
-        at = (guess.column, guess.row, p["theta_rad"] + turn)
-        faces = [
-            measure_face(image, _numbers(p, name), at, p["search_px"], sparse=_SPARSE)
-            for name in SIDES[:2]
-        ]
-        found = [face for face in faces if face is not None]
-        if found:
-            slope = float(np.mean([face.slope for face in found]))
-            seen.append((sum(face.lines for face in found), slope, turn - slope))
-    if not seen:
-        return 0.0
-    most = max(lines for lines, _, _ in seen)
-    best = min((s for s in seen if s[0] >= 0.9 * most), key=lambda s: abs(s[1]))
-    return best[2]
 
 
 def _find(

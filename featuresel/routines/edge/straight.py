@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-import numpy as np
-
 from microplan.arrays import FloatArray
 from microplan.featuresel.routines import work
 from microplan.featuresel.routines.contract import (
@@ -18,11 +16,13 @@ from microplan.featuresel.routines.contract import (
 )
 from microplan.featuresel.routines.edge.faces import (
     LINES_PX,
+    TURN_STEP_RAD,
     JawFace,
     MeasuredFace,
     calibrate,
     in_view,
     measure_face,
+    rough_turn,
 )
 from microplan.featuresel.routines.edge.straight_fit import (
     Fix,
@@ -36,10 +36,8 @@ from microplan.featuresel.routines.picture import refused
 from microplan.featuresel.routines.sampling import edge_kernel, line_samples
 
 MOST_TURN_RAD = 0.5  # beyond, the stretches no longer lie on their edges
-_TURN_STEP_RAD = math.radians(3)  # `measure_face` copes with twice of it
 _ROUGH = 10  # lines an edge when the turn is looked for
 _HALF_PX = 4.0  # search once the edges are found
-_ALMOST = 0.9  # of the most lines: turns with as many are told apart by their slope
 _TRIED = 0.7  # of the search: from so far the nominal edges must be found
 _SAME_PX = 0.5  # two measurements of one edge differ by less
 _BENT_PX = 0.6  # rms about a straight line, beyond the one predicted
@@ -103,7 +101,9 @@ def measure_faces(image: FloatArray, artifact: Artifact, guess: Guess) -> Fix | 
     if min(image.shape) < 4:
         return Failure(code="outside", message=f"an image of {image.shape} px")
     faces = _faces(p)
-    theta = p["theta_rad"] + _rough_turn(image, faces, p, guess)
+    theta = p["theta_rad"] + rough_turn(
+        image, list(faces.values()), p, guess, sparse=_sparse
+    )
     at = (guess.column, guess.row, theta)
     for half_px in (p["search_px"], _HALF_PX, _HALF_PX):
         found = {n: measure_face(image, f, at, half_px) for n, f in faces.items()}
@@ -121,7 +121,7 @@ def measure_faces(image: FloatArray, artifact: Artifact, guess: Guess) -> Fix | 
 def faces_work(artifact: Artifact, _pixels: int) -> float:
     """Return the work of `measure_faces`, see `contract.Routine`."""
     p = artifact.parameters
-    turns = 2 * math.ceil(p["range_rad"] / _TURN_STEP_RAD) + 1
+    turns = 2 * math.ceil(p["range_rad"] / TURN_STEP_RAD) + 1
     total = 0.0
     for face in _faces(p).values():
         lines = (face["high_px"] - face["low_px"]) / LINES_PX
@@ -195,29 +195,6 @@ def _rivalled(image: FloatArray, artifact: Artifact, target: Target) -> Failure 
                     code="ambiguous", message=f"{name} is not the only such edge near"
                 )
     return None
-
-
-def _rough_turn(
-    image: FloatArray, faces: Mapping[str, Numbers], p: Numbers, guess: Guess
-) -> float:
-    """Return the turn from nominal, from the start that meets the edges squarest."""
-    count = math.ceil(p["range_rad"] / _TURN_STEP_RAD)
-    tried: list[tuple[int, float, float]] = []  # lines, slope left, turn
-    for k in range(-count, count + 1):
-        turn = k * _TURN_STEP_RAD
-        at = (guess.column, guess.row, p["theta_rad"] + turn)
-        found = [
-            measure_face(image, f, at, p["search_px"], sparse=_sparse(f))
-            for f in faces.values()
-        ]
-        seen = [one for one in found if one is not None]
-        if seen:
-            slope = float(np.mean([one.slope for one in seen]))
-            tried.append((sum(one.lines for one in seen), slope, turn - slope))
-    if not tried:
-        return 0.0
-    most = max(lines for lines, _, _ in tried)
-    return min((t for t in tried if t[0] >= _ALMOST * most), key=lambda t: abs(t[1]))[2]
 
 
 def _sparse(numbers: Numbers) -> int:

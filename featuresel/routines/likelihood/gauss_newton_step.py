@@ -15,10 +15,8 @@ from microplan.featuresel.routines.contract import (
     Artifact,
     Failure,
     Guess,
-    LookModel,
     Measurement,
     Routine,
-    Target,
 )
 from microplan.featuresel.routines.likelihood.comparison import DefocusedImage
 from microplan.featuresel.routines.likelihood.fit_problem import prepare_job, read_job
@@ -32,17 +30,11 @@ _CAPTURE_PX = 0.35
 _AGAIN_PX = 0.1  # a step that is shorter leaves nothing that noise would not hide
 
 
-def prepare(model: LookModel, target: Target) -> Artifact | Failure:
-    """Return what `routines.likelihood.likelihood` prepares too."""
-    return prepare_job(model, target)
-
-
 def measure(
     image: FloatArray, artifact: Artifact, guess: Guess
 ) -> Measurement | Failure:
     """Return the pose after a step; fails if that is longer than a step may be."""
-    unfit = refused(image)
-    if unfit is not None:
+    if unfit := refused(image):
         return unfit
     if guess.z_um is None and artifact.parameters["focus_sigma_um"] > 0:
         return Failure(code="no_focus", message="one step needs to know the focus")
@@ -74,7 +66,7 @@ ONE_STEP = Routine(
     requires=("xy", "theta", "z"),
     capture_px=_CAPTURE_PX,
     expensive=True,
-    prepare=prepare,
+    prepare=prepare_job,
     measure=measure,
     cost=cost,
 )

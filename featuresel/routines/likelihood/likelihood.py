@@ -19,10 +19,8 @@ from microplan.featuresel.routines.contract import (
     Artifact,
     Failure,
     Guess,
-    LookModel,
     Measurement,
     Routine,
-    Target,
 )
 from microplan.featuresel.routines.likelihood.appearance import ImagePose
 from microplan.featuresel.routines.likelihood.comparison import (
@@ -47,17 +45,11 @@ _DIMMEST = 0.02  # of the nominal light: less is told apart from none by roundin
 _FAR_PX = 3.0  # the most that the fit may move from the guess
 
 
-def prepare(model: LookModel, target: Target) -> Artifact | Failure:
-    """Return the target's planes, what stands before it, and what is free."""
-    return prepare_job(model, target)
-
-
 def measure(
     image: FloatArray, artifact: Artifact, guess: Guess
 ) -> Measurement | Failure:
     """Return the likeliest pose near the guess; fails if too little of it fits."""
-    unfit = refused(image)
-    if unfit is not None:
+    if unfit := refused(image):
         return unfit
     job, p = read_job((DefocusedImage(image=image),), artifact), artifact.parameters
     start = start_pose(job, p, guess)
@@ -89,7 +81,7 @@ LIKELIHOOD = Routine(
     requires=("xy",),
     capture_px=2.0,
     expensive=True,
-    prepare=prepare,
+    prepare=prepare_job,
     measure=measure,
     cost=cost,
 )

@@ -7,10 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.localisation.depth_of_field import prices
 from microplan.arrays import FloatArray
 from microplan.featuresel.limits.crlb import camera_of, fisher
 from microplan.featuresel.limits.information import Information, limit
-from microplan.featuresel.limits.nuisances import choose, prices
+from microplan.featuresel.limits.nuisances import choose
 from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.look.sensitivity import LIGHT, LookSetting, sensitivities
 from microplan.optics.render.scene import Window

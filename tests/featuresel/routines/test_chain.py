@@ -63,7 +63,7 @@ def test_a_routine_of_the_earlier_contract_is_refused_with_the_new_words(
 def test_routines_load_neither_scipy_nor_the_optics() -> None:
     program = (
         "import sys; from microplan.featuresel.routines.registry import REGISTRY; "
-        "import microplan.featuresel.routines.focus.focus; "
+        "import microplan.featuresel.routines.focus.measures; "
         "from microplan.featuresel.routines.registry import load; "
         "[load(n) for n in REGISTRY]; "
         "heavy = ('scipy', 'skimage', 'microplan.optics'); "

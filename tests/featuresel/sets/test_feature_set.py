@@ -10,12 +10,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.selection.feature_sets import log_det
 from microplan.featuresel.sets.feature_set import choose_set
 from microplan.featuresel.sets.pose_covariance import (
     FeatureMeasurement,
     PoseRequirement,
     known,
-    log_det,
 )
 from microplan.featuresel.sets.set_search import MARGIN, SetSearch
 

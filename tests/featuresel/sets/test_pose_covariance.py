@@ -10,8 +10,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from microplan.featuresel.limits.information import covariance as pixel_covariance
-from microplan.featuresel.limits.points import across, pose_information
 from microplan.featuresel.sets.pose_covariance import (
     FINEST_UM,
     FeatureMeasurement,
@@ -20,18 +18,6 @@ from microplan.featuresel.sets.pose_covariance import (
     covariance,
     information,
     jacobian,
-)
-from microplan.optics.lens.jacobian import to_px
-from microplan.optics.transfer.microscope import Microscope
-
-MICROSCOPE = Microscope(
-    aperture=0.42,
-    wavelength_um=0.6,
-    medium_index=1.0,
-    magnification=6.9,
-    pitch_um=7.5,
-    width_px=640,
-    height_px=480,
 )
 
 
@@ -66,23 +52,21 @@ def test_the_jacobian_is_how_places_move() -> None:
 
 def test_the_covariance_is_that_of_points_in_pixels() -> None:
     rng = np.random.default_rng(3)
-    k = MICROSCOPE.px_per_um
+    k, radius = 0.92, 50.0  # px per um
     for _ in range(20):
         xy = rng.uniform(-50, 50, (5, 2))
         sigma = rng.uniform(0.01, 1.0, 5)
         axes = [None, None, None, *rng.uniform(-3, 3, 2)]
-        sights, weights = [], []
+        sights, total = [], np.zeros((3, 3))
         for (x, y), s, axis in zip(xy, sigma, axes, strict=True):
             sights.append(replace(point(x, y, s), axis_rad=axis))
-            if axis is None:
-                weights.append(np.eye(2) / (s * k) ** 2)
-            else:
-                weights.append(across(axis, s * k))
-        told = pose_information(to_px(xy, MICROSCOPE), np.array(weights), MICROSCOPE)
-        radius = 50.0
-        scale = np.array([1, 1, radius])
-        expected = pixel_covariance(told) * np.outer(scale, scale)
-        # rotation of pixels is about the image's middle, here the frame's origin
+            weight = np.eye(2)
+            if axis is not None:  # rows go down
+                normal = np.array([math.cos(axis), -math.sin(axis)])
+                weight = np.outer(normal, normal)
+            moves = k * np.array([[1, 0, -y / radius], [0, -1, -x / radius]])
+            total += moves.T @ weight @ moves / (s * k) ** 2
+        expected = np.linalg.inv(total)
         np.testing.assert_allclose(covariance(sights, radius), expected, rtol=1e-8)
 
 

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from scipy.stats import beta, binom
 
+from benchmarks.selection.promises import GATED, gated
 from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.trials.bounds import failure_upper
-from microplan.featuresel.trials.gates import GATED, Gate, choose_gate, gated
+from microplan.featuresel.trials.gates import Gate, choose_gate
 from microplan.featuresel.trials.outcomes import Outcome
 from microplan.featuresel.trials.score import score
 from microplan.featuresel.trials.trials import prepare

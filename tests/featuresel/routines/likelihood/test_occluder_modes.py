@@ -182,7 +182,7 @@ def test_what_lies_elsewhere_leads_no_fit_astray() -> None:
     the fit .7 um away, from where a fit of all did not come back.
     """
     shown = in_fingers()
-    made = likelihood.prepare(nominal_render(shown), shown.target)
+    made = likelihood.LIKELIHOOD.prepare(nominal_render(shown), shown.target)
     assert isinstance(made, Artifact)
     for trial in [t for t in design(shown, 392, 1998) if t.index in (135, 167, 391)]:
         column, row = shown.frame.to_pixel(
