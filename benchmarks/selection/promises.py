@@ -21,6 +21,7 @@ from benchmarks.selection.problems import draw
 from microplan.arrays import FloatArray
 from microplan.featuresel.look.design import design
 from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.selection.constraints import Constraints
 from microplan.featuresel.selection.race import race
 from microplan.featuresel.selection.select import select
 from microplan.featuresel.trials.bounds import CONFIDENCE
@@ -62,8 +63,9 @@ def judge(index: int) -> Judged:
     scores = score(case, ready, outcomes)
     chosen = select(
         scores,
-        tolerance_um=case.tolerance_um,
-        tolerance_theta_rad=case.tolerance_theta_rad,
+        Constraints(
+            tolerance_um=case.tolerance_um, tolerance_theta_rad=case.tolerance_theta_rad
+        ),
     ).chosen
     judged = chosen or max(scores, key=lambda s: s.success)
     alone = replace(ready, chains=(judged.chain,))
@@ -165,8 +167,10 @@ def judge_race(index: int) -> tuple[float, bool]:
     choices = [
         select(
             scores,
-            tolerance_um=case.tolerance_um,
-            tolerance_theta_rad=case.tolerance_theta_rad,
+            Constraints(
+                tolerance_um=case.tolerance_um,
+                tolerance_theta_rad=case.tolerance_theta_rad,
+            ),
         ).chosen
         for scores in (raced.scores, peeked)
     ]

@@ -91,17 +91,15 @@ def compare_routines(
         case=case,
         root_seed=root_seed,
         most=min(most, ROUNDS[0]) if hopeless else most,
-        limits=bounds,
-        in_set=in_set,
+        task=replace(_task(case, bounds, visible), in_set=in_set),
         map=map,
         races=1 if once else 2,
         to_the_end=thorough or to_the_end,
         limit_um=_limit_um(case, known) if limited and not hopeless else None,
-        visible=visible,
         known=known,
     )
     found = judge.contest(judge.ready(dear=thorough and not hopeless))
-    if once or has_margin(case, found.selection, judge.limits):
+    if once or has_margin(case, found.selection, bounds):
         return found
     return judge.with_dear(found)
 
@@ -148,13 +146,11 @@ class _Judge:
     case: LookCase
     root_seed: int
     most: int
-    limits: Limits
-    in_set: bool
+    task: Constraints
     map: Map
     races: int  # at most
     to_the_end: bool  # all chains have all trials, whatever the choice hangs on
     limit_um: float | None
-    visible: float | None
     known: Known
 
     def ready(self, *, dear: bool = True) -> PreparedRoutines:
@@ -185,9 +181,9 @@ class _Judge:
             prepared=PreparedRoutines(chains=chains_, artifacts=artifacts),
             outcomes=outcomes,
             scores=scores,
-            selection=self.select(scores),
+            selection=select(scores, self.task),
             limit_um=self.limit_um,
-            visible=self.visible,
+            visible=self.task.visible,
         )
 
     def race(self, ready: PreparedRoutines, before: RoutineComparison | None) -> Race:
@@ -197,10 +193,10 @@ class _Judge:
             ready,
             root_seed=self.root_seed,
             most=self.most,
-            limits=self.limits,
+            limits=self.task.limits,
             rounds=ROUNDS,
             interim_tests=self.races * len(round_ends(ROUNDS, self.most)),
-            in_set=self.in_set,
+            in_set=self.task.in_set,
             ahead=None if self.to_the_end else partial(self.ahead, before),
             map=self.map,
             known=self.known,
@@ -211,20 +207,7 @@ class _Judge:
     ) -> frozenset[Chain]:
         """Return the chains that the choice hangs on, an earlier contest's included."""
         whole = [*(before.scores if before else ()), *scores]
-        task = _task(self.case, self.limits, self.visible)
-        return chains_ahead(whole, self.select(whole), task)
-
-    def select(self, scores: Sequence[ChainScore]) -> Selection:
-        """Return the choice."""
-        return select(
-            scores,
-            tolerance_um=self.case.tolerance_um,
-            tolerance_theta_rad=self.case.tolerance_theta_rad,
-            limits=self.limits,
-            target=self.case.target,
-            visible=self.visible,
-            in_set=self.in_set,
-        )
+        return chains_ahead(whole, select(whole, self.task), self.task)
 
 
 def make_ready(

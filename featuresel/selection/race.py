@@ -15,7 +15,7 @@ from microplan.featuresel.trials.chains import Chain
 from microplan.featuresel.trials.outcomes import Outcome, Outcomes
 from microplan.featuresel.trials.score import ChainScore, score
 from microplan.featuresel.trials.trial_cache import Known
-from microplan.featuresel.trials.trials import Curves, Map, PreparedRoutines, run
+from microplan.featuresel.trials.trials import Map, PreparedRoutines, run
 
 
 def chains_ahead(
@@ -157,7 +157,6 @@ def race(
     in_set: bool = False,
     ahead: Ahead | None = None,
     map: Map = map,  # noqa: A002 - it is the builtin, or a pool's
-    curves: Curves | None = None,
     known: Known | None = None,
 ) -> Race:
     """Return the outcomes of chains that are tried while they may be chosen.
@@ -203,7 +202,7 @@ def race(
         Returns the chains that the choice hangs on by the scores so far, as
         `microplan.featuresel.selection.race.chains_ahead` does. Without it that is
         all.
-    map, curves, known
+    map, known
         As in `microplan.featuresel.trials.trials.run`.
 
     Returns
@@ -232,18 +231,16 @@ def race(
     heats = Heats(
         prepared=prepared,
         trials=design(case, most, root_seed),
-        run=partial(run, case, map=map, curves=curves, known=known or Known()),
+        run=partial(run, case, map=map, known=known or Known()),
         scored=verdicts.scores,
-        judged=partial(score, case, interim_tests=interim_tests, curves=curves),
+        judged=partial(score, case, interim_tests=interim_tests),
         ahead=ahead,
     )
     for end in ends:
         scores = heats.round(end)
         if verdicts.is_decided(heats.left(scores, verdicts.fallen(scores))):
             break
-    found = score(
-        case, prepared, heats.outcomes, interim_tests=interim_tests, curves=curves
-    )
+    found = score(case, prepared, heats.outcomes, interim_tests=interim_tests)
     return Race(
         outcomes=heats.outcomes,
         scores=found,

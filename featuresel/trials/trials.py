@@ -86,7 +86,6 @@ def run(
     prepared: PreparedRoutines,
     trials: Sequence[Trial],
     map: Map = map,  # noqa: A002 - it is the builtin, or a pool's
-    curves: Curves | None = None,
     known: Known | None = None,
 ) -> Outcomes:
     """Return what every chain said of every trial, trial by trial.
@@ -102,22 +101,17 @@ def run(
     map : callable
         Stands in for the builtin; gets a picklable function and chunks of trials, so
         that a process pool's `map` can do the work. The result does not depend on it.
-    curves : mapping of Chain to BiasCurve, optional
-        What is taken off the places that a chain finds, by
-        `microplan.featuresel.trials.bias_prediction.predict_bias`.
     known : Known, optional
-        What is known of the look already, with the same artifacts and without curves:
-        no chain measures a trial twice. Takes what is found.
+        What is known of the look already, with the same artifacts: no chain measures a
+        trial twice. Takes what is found.
 
     Returns
     -------
     Outcomes
         Each image is made once and every chain measures it.
     """
-    if curves:
-        known = None
     seen = known or Known()
-    work = partial(_run_chunk, case, prepared, curves or {}, known is not None)
+    work = partial(_run_chunk, case, prepared, known is not None)
     order = array("i")
     for first in range(0, len(trials), _AT_ONCE):
         some = [_asked(prepared, t, seen) for t in trials[first : first + _AT_ONCE]]
@@ -215,7 +209,6 @@ def _step(
 def _run_chunk(
     case: LookCase,
     prepared: PreparedRoutines,
-    curves: Curves,
     keeps: bool,  # noqa: FBT001 - a partial's
     asked: Sequence[_PlannedTrial],
 ) -> list[tuple[tuple[Outcome, ...], CountArray | None]]:
@@ -230,7 +223,6 @@ def _run_chunk(
             replace(prepared, chains=each.chains),
             each.trial,
             to_unit(picture, case.sensor.bits),
-            curves,
         )
         fresh = picture if keeps and each.picture is None else None
         found.append((outcomes, fresh))

@@ -23,6 +23,7 @@ from microplan.featuresel.routines.contract import (
     Routine,
 )
 from microplan.featuresel.routines.registry import REGISTRY, load
+from microplan.featuresel.selection.constraints import Constraints
 from microplan.featuresel.selection.select import Selection, select
 from microplan.featuresel.trials.chains import Chain, chains
 from microplan.featuresel.trials.score import ChainScore, score
@@ -213,8 +214,8 @@ def judged() -> tuple[dict[Chain, ChainScore], Selection]:
     scores = score(case, prepared, outcomes)
     selection = select(
         scores,
-        tolerance_um=TOLERANCE_UM,
-        tolerance_theta_rad=None,
-        target=case.target,
+        Constraints(
+            tolerance_um=TOLERANCE_UM, tolerance_theta_rad=None, target=case.target
+        ),
     )
     return {s.chain: s for s in scores}, selection

@@ -10,6 +10,7 @@ import pytest
 
 from microplan.featuresel.look.design import design
 from microplan.featuresel.routines import registry
+from microplan.featuresel.selection.constraints import Constraints
 from microplan.featuresel.selection.select import select
 from microplan.featuresel.trials.score import score
 from microplan.featuresel.trials.trials import prepare, run
@@ -46,8 +47,10 @@ def test_each_is_rejected_for_its_own_reason(name: str) -> None:
         scores = {s.chain: s for s in score(judged, ready, outcomes)}
         found = select(
             [scores[cage.good], scores[resident.chain]],
-            tolerance_um=resident.tolerance_um,
-            tolerance_theta_rad=resident.tolerance_theta_rad,
+            Constraints(
+                tolerance_um=resident.tolerance_um,
+                tolerance_theta_rad=resident.tolerance_theta_rad,
+            ),
         )
         reason = dict(found.reasons)[resident.chain]
         bad = scores[resident.chain]
