@@ -11,7 +11,7 @@ from microplan.featuresel.features.feature import Feature
 from microplan.featuresel.features.ring_cleanup import SAME, Clean
 from microplan.optics.outline.outline import Segment
 
-LONG = 0.1  # of the extent: shorter edges say too little of a place
+LONG = 0.1  # of the extent: shorter edges say too little of a position
 PARALLEL_RAD = 1e-3  # what a drawing that rounds to 1 nm may err over a 1 um edge
 _OVERLAP = 0.5  # of the shorter edge that has to face the other one
 # rad inside the material; flatter or sharper legs meet at no well-known point
@@ -69,7 +69,7 @@ def sides(rings: Sequence[Clean], least_um: float) -> tuple[Side, ...]:
 
 
 def edge_features(found: Sequence[Side]) -> list[Feature]:
-    """Return each edge as a feature without a name; its place is its middle."""
+    """Return each edge as a feature without a name; its position is its middle."""
     return [
         Feature(
             name="",

@@ -27,14 +27,14 @@ from microplan.featuresel.look.sensitivity import Sensitivities, sensitivities
 from microplan.featuresel.routines.contract import CameraNoise
 from microplan.featuresel.routines.likelihood.foreground import principal
 
-_SWAY = "sway_"  # begins the names of what lies elsewhere
+_SWAY = "sway_"  # begins the names of occluder modes
 
 
 def limit_um(case: LookCase) -> float | None:
     """Return the Cramer-Rao limit of a look's place, the worse axis, as planned.
 
     What the trials vary is unknown to the estimator too: angle, focus, zoom, light, and
-    within its spread where what stands above the target is, and how it is turned.
+    within its spread where the occluder is, and how it is turned.
     """
     worse = max(place_limits_um(case))
     return worse if worse < float("inf") else None
@@ -50,7 +50,7 @@ def place_limits_um(case: LookCase) -> tuple[float, float]:
 
 
 def unknowns(case: LookCase) -> Sequence[str]:
-    """Return what an estimator must find besides the place, by the limit's names."""
+    """Return what an estimator must find besides the position, by the limit's names."""
     spread, names = case.spread, ["x", "y"]
     if case.target.kind != "circle":
         names.append("theta")
@@ -65,7 +65,7 @@ def unknowns(case: LookCase) -> Sequence[str]:
 
 
 def _with_sways(case: LookCase, seen: Sensitivities) -> Sensitivities:
-    """Return slopes by what stands above too, each over one standard deviation."""
+    """Return slopes by the occluders too, each over one standard deviation."""
     changes = case.sensor.gain * swayed(case)
     if len(changes) == 0:
         return seen
@@ -82,7 +82,7 @@ def _with_sways(case: LookCase, seen: Sensitivities) -> Sensitivities:
 IndexArray = npt.NDArray[np.intp]
 
 _FAR = 38.0  # sigmas beyond which a normal density is 0 in double precision
-_NOTHING = 1e-12  # of what a pixel tells in mid-scale: what rounding leaves of 0
+_NOTHING = 1e-12  # of a pixel's information in mid-scale: rounding of 0
 _ROUNDS = 2  # of choosing pixels: a third takes none off a gear's
 
 
@@ -100,7 +100,7 @@ def camera_of(case: LookCase) -> CameraNoise:
 def weights(
     mean: FloatArray, camera: CameraNoise, *, ceiling: float = 1.0
 ) -> FloatArray:
-    """Return what each pixel tells about its own mean.
+    """Return the information of each pixel about its own mean.
 
     Parameters
     ----------
@@ -140,7 +140,7 @@ def weights(
 def fisher(
     seen: Sensitivities, camera: CameraNoise, *, mask: BoolArray | None = None
 ) -> Information:
-    """Return what one image tells.
+    """Return the information of one image.
 
     Parameters
     ----------
@@ -247,7 +247,7 @@ def _scores(
 def _summed(
     names: tuple[str, ...], slopes: FloatArray, errors: FloatArray
 ) -> Information:
-    """Return what pixels tell, from slopes and errors over their noise, (P, N)."""
+    """Return the pixels' information, from slopes and errors over noise, (P, N)."""
     return Information(
         names=names, matrix=slopes @ slopes.T, faked=(errors**2).sum(axis=1)
     )
@@ -260,6 +260,6 @@ def _normal(t: FloatArray) -> FloatArray:
 
 
 def _cut(t: FloatArray) -> FloatArray:
-    """Return what it tells that a normal value lies below t: density**2 over share."""
+    """Return the information in whether a normal value is below t: density**2 / share."""
     found: FloatArray = np.exp(-(t**2) - log_ndtr(t)) / (2 * math.pi)
     return found

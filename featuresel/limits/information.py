@@ -10,8 +10,8 @@ import numpy as np
 
 from microplan.arrays import BoolArray, FloatArray
 
-# A slope known to a tenth only is none: what it tells is below 100 times what its
-# errors can fake.
+# A slope known to a tenth only is none: its information is below 100 times what
+# its errors can fake.
 _TRUST = 100.0
 _FAKED = 3.0  # how far errors of several slopes may add up in one direction
 _ROUNDING = 1e-14  # of a sum of squares, and of eigenvalues of a scaled matrix
@@ -121,12 +121,12 @@ def places(names: tuple[str, ...], wanted: Collection[str]) -> list[int]:
 
 
 def inverse(information: Information) -> tuple[FloatArray, BoolArray]:
-    """Return the pseudo-inverse over what can be told, and what is not observable.
+    """Return the pseudo-inverse over what is observable, and whether each name is.
 
     Returns
     -------
     (P, P) float64 array
-        Directions that cannot be told are left out, as if they were known.
+        Directions that are not observable are left out, as if they were known.
     (P,) bool array
         As in `covariance`.
     """

@@ -26,7 +26,7 @@ _EVERY = 4  # each fourth trial is an extreme, whatever their number
 _CORNER = 2.0  # sigmas at the extremes, all at once: already far out together
 _BLOCK = 1024  # points drawn at a time, a power of two
 MOST_TRIALS = 2**20  # more than any look gets
-# The estimator's blur law must not always be the truth.
+# The estimator's defocus model must not always be the truth.
 _OTHER_MODEL = {"hopkins": "stokseth", "exact": "stokseth"}
 
 
@@ -251,7 +251,7 @@ def _trial(
     direction_rad: float,
     rest: _Rest,
 ) -> Trial:
-    """Return the trial with its blur law and noise seed."""
+    """Return the trial with its defocus model and noise seed."""
     sigma, (low, high) = case.spread.occluder_sigma_um, case.spread.noise
     # interior and extremes both meet both laws: the parity shifts by one every round
     other = (index + index // _EVERY) % 2 == 1

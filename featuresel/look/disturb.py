@@ -19,7 +19,7 @@ def shifted(
     by_um: tuple[float, float],
     turns: Sequence[tuple[UnknownRotation, float]] = (),
 ) -> tuple[Layer, ...]:
-    """Return what stands still, turned and moved as one where it is not the owner's.
+    """Return the static scene, turned and moved as one where it is not the owner's.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The image of any trial of a look, and what stands still in it."""
+"""The image of any trial of a look, and the static scene in it."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def image(
     The zoom error scales about the optical axis; the truth stays the target's world
     pose, so an estimator that trusts the nominal zoom errs by ratio x distance. Trials
     that differ in the target's pose, light and noise alone may share their `backdrop`.
-    By default `moved` are the target's layers in its place; none if they are in it.
+    By default `moved` are the target's layers at its position; none if they are in it.
     """
     return to_unit(counts(case, trial, backdrop, moved), case.sensor.bits)
 
@@ -65,7 +65,7 @@ def counts(
 
 
 def still(case: LookCase, trial: Trial, reach: Range | None = None) -> Backdrop:
-    """Return what stands still in a trial, blurred.
+    """Return the static scene in a trial, blurred.
 
     Focus, zoom, law, lens and the occluder's place matter, the target's pose does not.
     Trials of one `reach` share the transforms; by default it is that of the design.

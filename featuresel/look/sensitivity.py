@@ -116,7 +116,7 @@ def sensitivities(
     Parameters
     ----------
     case : LookCase
-        The look; its blur law, shade and lens are those of the images.
+        The look; its defocus model, shade and lens are those of the images.
     setting : Setting, optional
         Where the look stands. Default: as planned.
     names : sequence of str
@@ -172,8 +172,8 @@ class _FocusRenderer:
     case: LookCase
     at: LookSetting
     still: Standing | None  # None, both: images do not share layers
-    own: Standing | None  # the target in its place
-    behind: Backdrop  # what stands still, at the setting's focus and zoom
+    own: Standing | None  # the target in its position
+    behind: Backdrop  # the static scene, at the setting's focus and zoom
 
     @classmethod
     def of(

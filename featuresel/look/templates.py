@@ -24,7 +24,7 @@ class Located:
     x_um: float
     y_um: float
     theta_rad: float | None  # of the look's frame; None: not measured
-    axis_rad: float | None  # the one direction in which the place is known, world
+    axis_rad: float | None  # the one direction in which the position is known, world
 
 
 def located(case: LookCase, found: Measurement) -> Located | Failure:
@@ -90,7 +90,7 @@ def template(
 
 
 def _fine(case: LookCase, over: int, half_px: tuple[int, int]) -> LookCase:
-    """Return the target alone in a window of finer pixels about its nominal place."""
+    """Return the target alone in a window of finer pixels about its nominal pose."""
     scope: Microscope = replace(
         case.microscope,
         pitch_um=case.microscope.pitch_um / over,
@@ -109,7 +109,7 @@ def _fine(case: LookCase, over: int, half_px: tuple[int, int]) -> LookCase:
 
 
 def _window(case: LookCase, over: int, half_px: tuple[int, int]) -> Window:
-    """Return the finer pixels about the target's nominal place."""
+    """Return the finer pixels about the target's nominal position."""
     column = case.window.column + round(case.target.column)
     row = case.window.row + round(case.target.row)
     middle = (over - 1) // 2

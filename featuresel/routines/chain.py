@@ -16,7 +16,7 @@ from microplan.featuresel.routines.contract import (
 )
 from microplan.featuresel.routines.registry import load
 
-HANDOVER_SIGMAS = 3.0  # of the place before must fit into a routine's capture range
+HANDOVER_SIGMAS = 3.0  # of the last position must fit into a routine's capture range
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,10 +33,10 @@ def advance(
     """Return the chain's state after one more routine, or why that failed.
 
     Angle, focus and zoom are those of the last routine that gave them. A routine that
-    does not give the place leaves place and spread as they were, and the score is the
-    lower one. Hand-over is gated: the code is "not_captured" where
-    `HANDOVER_SIGMAS` spreads of the place before do not fit into the routine's capture
-    range.
+    does not give the position leaves it and its standard deviation as they were, and
+    the score is the lower one. Hand-over is gated: the code is "not_captured" where
+    `HANDOVER_SIGMAS` standard deviations of the position before do not fit into the
+    routine's capture range.
     """
     routine, before = load(name), progress.found
     if before is not None and not _captures(routine, before):
@@ -73,7 +73,7 @@ def measure_chain(
     stages : sequence of (routine name, artifact)
         Coarse to fine; at least one.
     start : Guess
-        The nominal place, px of the region.
+        The nominal position, px of the region.
 
     Returns
     -------
@@ -107,7 +107,7 @@ def _captures(routine: Routine, before: Measurement) -> bool:
 def _kept(found: Measurement, before: Measurement, *, placed: bool) -> Measurement:
     """Return `found` with what only the routine before it could tell.
 
-    `placed` says whether the place is new too.
+    `placed` says whether the position is new too.
     """
     if found.theta_rad is None:
         found = replace(

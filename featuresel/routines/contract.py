@@ -43,7 +43,7 @@ class Target:
 
     name: str
     kind: TargetKind
-    column: float  # nominal place of the reference point
+    column: float  # nominal position of the reference point
     row: float
     theta_rad: float  # nominal angle
     px_per_um: float
@@ -67,20 +67,20 @@ class Artifact:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Guess:
-    """Where to start: the nominal place, or what an earlier routine found."""
+    """Where to start: the nominal position, or what an earlier routine found."""
 
     column: float
     row: float
     theta_rad: float | None = None
     z_um: float | None = None  # of the focus from nominal
     zoom: float | None = None  # over nominal
-    # nobody has measured `theta_rad`: the true angle is anywhere in the target's range
+    # `theta_rad` is not measured: the true angle is anywhere in the target's range
     theta_assumed: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Measurement:
-    """Where the target is. `theta_rad` is None if the routine cannot tell."""
+    """Where the target is. `theta_rad` is None if the routine does not measure it."""
 
     column: float
     row: float
@@ -91,7 +91,7 @@ class Measurement:
     z_um: float | None = None  # of the focus from nominal; the sign may be unknown
     spread_z_um: float | None = None
     zoom: float | None = None  # over nominal
-    axis_rad: float | None = None  # the one direction in which the place is known
+    axis_rad: float | None = None  # the one direction in which the position is known
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -143,15 +143,15 @@ class Nuisances:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Occluders:
-    """What stands in front of the target: image = light + through x target alone."""
+    """Occluders of the target: image = light + through x target alone."""
 
-    light: FloatArray  # (rows, columns) sent back by what stands in front
+    light: FloatArray  # (rows, columns) sent back by the occluders
     through: FloatArray  # (rows, columns) share of the target's light let through
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OccluderMode:
-    """What one likely error in the place or angle of what stands still changes.
+    """What one likely error in the position or angle of the static scene changes.
 
     Such errors are independent and have mean 0: the sum of the products of their
     changes is the covariance of the image.
@@ -226,15 +226,15 @@ class LookModel(Protocol):
     def alone(
         self, *, dx_um: float = 0.0, dy_um: float = 0.0, dz_um: float = 0.0
     ) -> FloatArray:
-        """Return the image without what stands still, (rows, columns), not clipped."""
+        """Return the image without the static scene, (rows, columns), not clipped."""
         ...
 
     def occluders(self, dz_um: float = 0.0) -> Occluders:
-        """Return what stands in front of the target, `dz_um` off nominal focus."""
+        """Return the target's occluders, `dz_um` off nominal focus."""
         ...
 
     def occluder_modes(self) -> Sequence[OccluderMode]:
-        """Return how the image may differ as what stands still may lie elsewhere."""
+        """Return the image changes by likely displacements of the static scene."""
         ...
 
 

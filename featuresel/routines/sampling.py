@@ -68,7 +68,7 @@ def median(values: FloatArray) -> float:
 
 
 def _keys(t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return the weights of the 4 neighbours for a place `t` in 0..1 past the 2nd."""
+    """Return the weights of the 4 neighbours for `t` in 0..1 past the 2nd."""
     return (
         ((2 - t) * t - 1) * t / 2,
         ((3 * t - 5) * t * t + 2) / 2,

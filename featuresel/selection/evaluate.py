@@ -51,11 +51,12 @@ def compare_routines(
 ) -> RoutineComparison:
     """Return the chain to measure a look with, and what was tried to find it.
 
-    A target that is hidden, or whose angle cannot be told, gets the trials of one round
-    only: no chain can pass. Routines that are dear to prepare take part where the
-    others leave no room: where none passes, or the chosen one uses more than
-    `Limits.roomy` of a tolerance. Below that a dearer one is never chosen. They race by
-    themselves on the same trials; the bounds count the rounds of both races.
+    A target that is hidden, or whose angle is not observable, gets the trials of one
+    round only: no chain can pass. Routines that are expensive to prepare take part
+    where the others leave no room: where none passes, or the chosen one uses more than
+    `Limits.margin_share` of a tolerance. Below that a more expensive one is never
+    chosen. They race by themselves on the same trials; the bounds count the rounds of
+    both races.
 
     Parameters
     ----------
@@ -68,7 +69,7 @@ def compare_routines(
     limits : Limits, optional
         What a chain must meet, as in `microplan.featuresel.selection.select.select`.
     thorough : bool
-        Whether dear routines take part in any case, and `to_the_end`.
+        Whether expensive routines take part in any case, and `to_the_end`.
     to_the_end : bool
         Whether each chain that is not out has all trials; else one waits behind a
         cheaper one that leaves room.
@@ -98,10 +99,10 @@ def compare_routines(
         limit_um=_limit_um(case, known) if limited and not hopeless else None,
         known=known,
     )
-    found = judge.contest(judge.ready(dear=thorough and not hopeless))
+    found = judge.contest(judge.ready(expensive=thorough and not hopeless))
     if once or has_margin(case, found.selection, bounds):
         return found
-    return judge.with_dear(found)
+    return judge.with_expensive(found)
 
 
 def _visible(case: LookCase, known: Known) -> float | None:
@@ -153,14 +154,14 @@ class _Judge:
     limit_um: float | None
     known: Known
 
-    def ready(self, *, dear: bool = True) -> PreparedRoutines:
+    def ready(self, *, expensive: bool = True) -> PreparedRoutines:
         """Return routines prepared once, and the chains worth trying."""
-        found = make_ready(self.case, dear=dear, known=self.known.artifacts)
+        found = make_ready(self.case, expensive=expensive, known=self.known.artifacts)
         self.known.artifacts.update(found.artifacts)
         return found
 
-    def with_dear(self, found: RoutineComparison) -> RoutineComparison:
-        """Return a contest after the race of those that were too dear for it."""
+    def with_expensive(self, found: RoutineComparison) -> RoutineComparison:
+        """Return a contest after the race of those that were too expensive for it."""
         ready = self.ready()
         fresh = tuple(c for c in ready.chains if c not in found.prepared.chains)
         return self.contest(replace(ready, chains=fresh), found) if fresh else found
@@ -213,7 +214,7 @@ class _Judge:
 def make_ready(
     case: LookCase,
     *,
-    dear: bool = True,
+    expensive: bool = True,
     controls: bool = False,
     known: Mapping[str, Artifact | Failure] | None = None,
 ) -> PreparedRoutines:
@@ -223,8 +224,8 @@ def make_ready(
     ----------
     case : LookCase
         The look.
-    dear : bool
-        Whether routines that are dear to prepare are among them.
+    expensive : bool
+        Whether routines that are expensive to prepare are among them.
     controls : bool
         Whether known-bad ones are.
     known : mapping of str to Artifact or Failure, optional
@@ -233,7 +234,7 @@ def make_ready(
     names = [
         name
         for name in routines(case.target, controls=controls)
-        if dear or not load(name).expensive
+        if expensive or not load(name).expensive
     ]
     ready = {name: found for name, found in (known or {}).items() if name in names}
     fresh = prepare(case, [(name,) for name in names if name not in ready])

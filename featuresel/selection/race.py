@@ -23,9 +23,9 @@ def chains_ahead(
 ) -> frozenset[Chain]:
     """Return the chains whose trials may change the choice or what it falls back on.
 
-    Where the chosen one leaves room, nothing that costs more can take its place; where
-    the fallback begins with another routine and leaves room, nor can what costs more
-    take that one's. Where either leaves none, the choice hangs on all.
+    Where the chosen one leaves room, nothing that costs more can take its place;
+    where the fallback begins with another routine and leaves room, nor can what costs
+    more take that one's. Where either leaves none, the choice hangs on all.
 
     Parameters
     ----------
@@ -167,12 +167,12 @@ def race(
     - the upper bound of its success rate is below the limit,
     - the lower bound of its silent failures is above the limit,
     - the lower bound of what it needs (2 sigma + |bias|) is above a tolerance, or it
-      never gave an angle that is needed, or told the place in one direction only where
+      never gave an angle that is needed, or the position in one direction only where
       both are, or
-    - another that begins with the same routine and itself meets the limits is no
-      dearer, surely more accurate, and was on the same trials right no less often and
-      silently wrong no more often. One that begins with another routine is kept: it
-      may be the fallback.
+    - another that begins with the same routine and itself meets the limits is no more
+      expensive, surely more accurate, and was on the same trials right no less often
+      and wrong without a failure no more often. One that begins with another routine is
+      kept: it may be the fallback.
 
     After `microplan.featuresel.selection.race.SHOWN` trials only those chains
     go on that `ahead` tells; the others follow where that changes.

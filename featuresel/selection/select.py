@@ -41,8 +41,8 @@ def select(scores: Sequence[ChainScore], task: Constraints) -> Selection:
     upper bound below `limits.silent_upper`), gives the angle where that is needed, 2
     sigma + |bias| stays within each tolerance, and it costs no more than `limits.cost`.
     Of those the cheapest is taken, the first by name among equals, unless it uses more
-    than `limits.margin_share` of a tolerance and a dearer one is `task.limits.better`
-    times more accurate. Numbers within the margin of
+    than `limits.margin_share` of a tolerance and a more expensive one is
+    `task.limits.better` times more accurate. Numbers within the margin of
     `microplan.optics.outline.tolerant_order` are equal.
 
     Parameters

@@ -34,9 +34,9 @@ class Criteria:
     Of the control, by the Jacobian J of the features with the rotation scaled by the
     part's radius (`microplan.featuresel.sets.pose_covariance`):
 
-    - `resolution_um`: the smallest move that is told from noise, one standard deviation
-      of the place in the worse direction, what is left of the bias in it; of a set
-      that of sqrt(max eig C), C = (sum J^T R^-1 J)^-1.
+    - `resolution_um`: the smallest move that is distinguished from noise, one standard
+      deviation of the position in the worse direction, what is left of the bias in it;
+      of a set that of sqrt(max eig C), C = (sum J^T R^-1 J)^-1.
     - `rank`, `controllability`: rank of J and its smallest singular value, 0 where a
       wanted direction of the pose is not seen at all.
     - `conditioning`: largest over smallest singular value of J; 1 is best.

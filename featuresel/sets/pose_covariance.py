@@ -19,7 +19,7 @@ CONDITIONING = 50.0  # a set beyond it hardly sees some motion
 class PoseRequirement:
     """What a set has to tell."""
 
-    sigma_um: float  # at most, of the place in the direction known worst
+    sigma_um: float  # at most, of the position in the direction known worst
     sigma_theta_rad: float | None = None  # None: the angle is not wanted
     radius_um: float  # of the part: scales the rotation
     most: int = 4  # features in a set
@@ -36,16 +36,16 @@ class PoseRequirement:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PoseAccuracy:
-    """How well a set tells the pose."""
+    """How well a set determines the pose."""
 
     covariance: tuple[tuple[float, float, float], ...]  # x, y, um; theta, rad
-    sigma_um: float  # of the place in the direction known worst
+    sigma_um: float  # of the position in the direction known worst
     sigma_theta_rad: float
     conditioning: float
 
 
 def known(sights: Sequence[FeatureMeasurement], need: PoseRequirement) -> PoseAccuracy:
-    """Return how well the features together tell the pose."""
+    """Return how well the features together determine the pose."""
     found = covariance(sights, need.radius_um)
     place = found[:2, :2]
     worst = math.inf
@@ -74,8 +74,8 @@ class FeatureMeasurement:
     name: str
     x_um: float  # of the feature, seen from the point whose place is wanted
     y_um: float
-    sigma_um: float  # of its place per axis, what is left of the bias in it; inf: blind
-    axis_rad: float | None = None  # the one direction in which the place is known
+    sigma_um: float  # of its position per axis, bias included; inf: blind
+    axis_rad: float | None = None  # the one direction in which the position is known
     sigma_theta_rad: float | None = None  # of its own angle; None: not measured
     cost: float = 0.0
 
@@ -110,7 +110,7 @@ def sight_of(
     theta_rad : float
         Nominal angle of the part.
     made_um : float
-        One sigma per axis of where the part as made has the feature.
+        One sigma per axis of where the part as fabricated has the feature.
     """
     c, s = math.cos(theta_rad), math.sin(theta_rad)
     x, y = feature.center_um[0] - about_um[0], feature.center_um[1] - about_um[1]
@@ -138,7 +138,7 @@ def jacobian(sights: Sequence[FeatureMeasurement], radius_um: float) -> FloatArr
     Parameters
     ----------
     sights : sequence of Sight
-        A blind one has no rows, one known along an axis has that of its place.
+        A blind one has no rows, one known along an axis has that of its position.
     radius_um : float
         Of the part, > 0.
 
@@ -209,13 +209,13 @@ def covariance(sights: Sequence[FeatureMeasurement], radius_um: float) -> FloatA
     Returns
     -------
     (3, 3) float64 array
-        Of x and y, um, and the angle times the radius, um. What cannot be told has
+        Of x and y, um, and the angle times the radius, um. What is not observable has
         infinite variance and no covariance.
     """
     rows, sigmas = _rows(sights, radius_um)
     if not len(rows):
         return np.diag(np.full(3, math.inf))
-    # what can be told at all does not depend on how well
+    # what is observable at all does not depend on how well
     _, values, vectors = np.linalg.svd(rows)
     rank = int(np.count_nonzero(values > _BLIND * values[0]))
     seen = vectors[:rank].T

@@ -24,11 +24,11 @@ _SWEEPS = 20  # of exchanges: two are enough but for ties
 
 @dataclass(frozen=True, slots=True)
 class SetSearch:
-    """One choice among some features; sets are tuples of their places in `sights`."""
+    """Choice among some features; sets are tuples of their indices."""
 
     sights: tuple[FeatureMeasurement, ...]
     need: PoseRequirement
-    matrices: FloatArray  # (N, 3, 3) what each tells
+    matrices: FloatArray  # (N, 3, 3) the information of each
 
     @classmethod
     def of(
@@ -82,7 +82,7 @@ class SetSearch:
         return [self.sights[k] for k in taken]
 
     def known(self, taken: Sequence[int]) -> PoseAccuracy:
-        """Return how well some features tell the pose."""
+        """Return how well some features determine the pose."""
         return known(self.some(taken), self.need)
 
     def tells(self, ways: Sequence[Sequence[int]]) -> FloatArray:

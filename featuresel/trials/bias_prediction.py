@@ -39,10 +39,10 @@ def predict_bias(
 ) -> Mapping[Chain, BiasCurve]:
     """Return the bias that the renderer predicts for each chain.
 
-    Every chain measures images without noise, with the nominal zoom, light and blur
-    law, at several poses: places within a pixel, and angles of the look's spread. What
-    is common to them in the target's frame is the bias; the rest depends on how the
-    target lies on the pixels and cannot be taken off.
+    Every chain measures images without noise, with the nominal zoom, light and defocus
+    model, at several poses: places within a pixel, and angles of the look's spread.
+    What is common to them in the target's frame is the bias; the rest depends on how
+    the target lies on the pixels and cannot be taken off.
 
     Parameters
     ----------

@@ -31,11 +31,11 @@ def chains(
 ) -> tuple[Chain, ...]:
     """Return the chains to try on `target`, in a fixed order.
 
-    1. Each routine that needs nothing and gives the place, alone.
+    1. Each routine that needs nothing and gives the position, alone.
     2. Routines for the angle alone, behind the cheapest of those that lack it. Of a
        target with an angle, chains are tried with and without it, because the trials
        decide whether it is needed.
-    3. Each routine that needs a start, from coarse to fine: at the nominal place if
+    3. Each routine that needs a start, from coarse to fine: at the nominal position if
        that is sure to be within its capture range, else behind the cheapest chain that
        gives what it needs, with the angle if it gives one too.
     4. Those of step 3 that give the angle too, if there is one, behind a second chain,
@@ -50,8 +50,8 @@ def chains(
     costs : mapping of str to float, optional
         Work of one `measure` by routine, as `Routine.cost` predicts it for the look. A
         routine missing here is left out: it could not be prepared. Without `costs` a
-        routine counts as dearer the more it gives, the fewer kinds it looks for (the
-        special ones are the finer ones), and if it searches.
+        routine counts as more expensive the more it gives, the fewer kinds it looks for
+        (the special ones are the finer ones), and if it searches.
     controls : bool
         Whether routines known to be bad are tried too, one chain each, at the end.
     """
@@ -70,7 +70,7 @@ def chains(
 def routines(target: Target, *, controls: bool = False) -> tuple[str, ...]:
     """Return the routines that chains for `target` may use, by name.
 
-    They look for its kind and give its place, or its angle if it has one. What needs
+    They look for its kind and give its position, or its angle if it has one. What needs
     the focus to be known starts from an earlier image, not from another routine.
     """
     useful = {"xy", "theta"} if has_angle(target) else {"xy"}
@@ -85,7 +85,7 @@ def routines(target: Target, *, controls: bool = False) -> tuple[str, ...]:
 
 
 def has_angle(target: Target) -> bool:
-    """Return whether the target's angle can be told within its declared range.
+    """Return whether the target's angle is observable within its declared range.
 
     Circles have none. A pattern that repeats has one if a notch breaks the symmetry, or
     if half a period is wider than the range, so that no two angles look alike.
@@ -183,7 +183,7 @@ class _Plan:
         )
 
     def _capture_px(self, chain: Chain) -> float:
-        """Return the capture range of the last routine that gives the place."""
+        """Return the capture range of the last routine that gives the position."""
         placing = [name for name in chain if "xy" in load(name).provides]
         return load(placing[-1]).capture_px
 

@@ -20,7 +20,7 @@ class Gate:
     """What an answer must meet to be believed, and what that costs."""
 
     min_score: float
-    max_spread_um: float  # of the chain's own spread; inf: any
+    max_spread_um: float  # of the chain's own standard deviation; inf: any
     silent: int  # wrong answers that still pass
     silent_upper: float  # of their rate per look, one-sided
     kept: int  # right answers that pass

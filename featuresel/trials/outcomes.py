@@ -20,7 +20,7 @@ from microplan.featuresel.trials.chains import Chain
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlaceErrors:
-    """Errors of the place in the target's frame; None where they are too few."""
+    """Errors of the position in the target's frame; None where they are too few."""
 
     x: Estimate | None = None
     y: Estimate | None = None
@@ -93,11 +93,11 @@ class Outcome:
     score: float | None
     spread_um: float | None  # the chain's own estimate
     spread_theta_rad: float | None = None
-    # the one direction, in the target's true frame, in which the place is known: the
+    # the one direction, in the target's true frame, in which the position is known: the
     # errors above are the part along it
     axis_rad: float | None = None
     depth_um: float | None = None  # how far out of focus the chain says it is
-    z_um: float | None = None  # error of that; one image does not tell the sign
+    z_um: float | None = None  # error of that; one image does not determine the sign
     zoom: float | None = None  # error of the ratio to nominal
 
     @property

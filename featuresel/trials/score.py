@@ -31,7 +31,7 @@ _TOGETHER = 4  # sigma and mean of two axes: their bounds hold all at once
 class ChainScore:
     """What the trials said of one chain; statistics are over its successes.
 
-    Axes are those of the target's frame. Where the place is known in one direction
+    Axes are those of the target's frame. Where the position is known in one direction
     only, `x` and `y` are None, `along` has that direction, and so do the bias, its
     length along it, and sigma.
     """
@@ -57,13 +57,13 @@ class ChainScore:
     z: Estimate | None = None  # um, of the size of the defocus
     zoom: Estimate | None = None  # of the ratio to nominal
     axis_rad: float | None = None  # the one direction known, in the target's frame
-    # the chain's own spread to an honest one; along x where that is the one direction
+    # of the chain's own standard deviation; along x where that is the one direction
     spread_x: SigmaCalibration | None = None
     spread_y: SigmaCalibration | None = None
     spread_theta: SigmaCalibration | None = None
     worst_trial: int | None = None  # of the answers by distance: see `design.rebuild`
     median_trial: int | None = None
-    first_failing: int | None = None  # aloud or silently
+    first_failing: int | None = None  # with a failure, or without
     limit_um: float | None = None  # Cramer-Rao, the larger axis, if it was computed
 
     @property

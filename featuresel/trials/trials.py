@@ -71,7 +71,7 @@ def prepare(case: LookCase, chains: Sequence[Chain]) -> PreparedRoutines:
 
 
 def start(case: LookCase) -> Guess:
-    """Return where a look starts: the nominal place, and the angle if it is known."""
+    """Return where a look starts: the nominal position, the angle if known."""
     theta = None if case.theta_any else case.target.theta_rad
     return Guess(
         column=case.target.column,
@@ -259,7 +259,7 @@ def _outcome(
 def outcome_of(
     case: LookCase, trial: Trial, chain: Chain, place: Located | Failure
 ) -> Outcome:
-    """Return the errors of a place in the world's and the target's axes."""
+    """Return the errors of a position in the world's and the target's axes."""
     empty = Outcome(
         chain=chain,
         trial=trial.index,

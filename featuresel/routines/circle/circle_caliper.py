@@ -38,7 +38,7 @@ from microplan.featuresel.routines.sampling import (
 _FAINT = 0.02  # step height below which an edge drowns in 8 bits and shot noise
 _WEAKEST = 0.3  # of the predicted step: light falls to .7, focus errors take the rest
 _FEWEST = 0.5  # of the rays must carry an edge, and of those half must fit
-_SEARCH_RAYS = 60  # long rays are dear, and a pixel is good enough
+_SEARCH_RAYS = 60  # long rays are expensive, and a pixel is good enough
 # Of half the search: edges found anywhere in it, as in noise, scatter by 1 / sqrt(3).
 _SCATTERED = 0.5 / math.sqrt(3)
 _REFINED = 2  # rounds: the search leaves a pixel, the first round .01 px

@@ -95,7 +95,7 @@ def measure(
                 column=float(column),
                 row=float(row),
                 theta_rad=None,
-                score=0.5,  # the votes are not told
+                score=0.5,  # the votes are not reported
                 spread_px=_SPREAD_PX,
             )
     return Failure(code="outside", message="no circle is within the search")

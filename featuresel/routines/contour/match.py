@@ -52,7 +52,7 @@ _LEAST_SCORE = 0.5  # of their directions, at the end: noise and blur leave .7 a
 _RIVAL = 0.9  # of the best score, the most another pose may reach
 _VALLEY = 0.97  # of the lower score: what lies higher all the way is one hill
 _FEWEST = 12  # points to match
-_BREAKING = 3  # points that tell turns apart, at least
+_BREAKING = 3  # points that distinguish turns, at least
 _NO_TURN_RAD = 1e-3  # below this range the angle is not searched
 _SCALE_OFF = 0.05  # zoom errors stay below 2 %; what is farther off is another thing
 _NOISES = 3.0  # standard deviations of noise below which a gradient has no direction
@@ -108,10 +108,10 @@ def prepare(render: LookModel, target: Target) -> Artifact | Failure:
 def measure(
     image: FloatArray, artifact: Artifact, guess: Guess
 ) -> Measurement | Failure:
-    """Return place and angle; fails if the match is poor, ambiguous or out of view.
+    """Return position and angle; fails if the match is poor, ambiguous or out of view.
 
-    The angle is None if the contour is round, or if no edge in sight tells the turns of
-    its symmetry apart.
+    The angle is None if the contour is round, or if no edge in sight distinguishes
+    the turns of its symmetry.
     """
     if unfit := refused(image):
         return unfit
@@ -158,7 +158,7 @@ CONTOUR_MATCH = Routine(
 
 
 def _turns(model: ContourModel, target: Target) -> bool:
-    """Return whether the angle can be told."""
+    """Return whether the angle is observable."""
     if model.order == 1:
         return True
     if int(model.breaking.sum()) >= _BREAKING:

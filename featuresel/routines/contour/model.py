@@ -35,7 +35,7 @@ class ContourModel:
 
     points: FloatArray  # (N, 5), see the module
     order: int  # of the rotational symmetry of most of it; 1: none, 0: round
-    breaking: BoolArray  # (N,) points that tell one turn of the symmetry from another
+    breaking: BoolArray  # (N,) points that distinguish the turns of the symmetry
 
 
 def build(target: Target, seen: Prediction) -> ContourModel:

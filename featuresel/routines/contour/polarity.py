@@ -30,7 +30,7 @@ _WEAKEST = 0.15  # of the strongest tenth: less is the ring of another edge's bl
 _LOCAL = 0.2
 _SQUARE = 0.7  # cosine between the image's gradient and the normal
 _ASIDE_PX, _ASIDE = 1.0, 0.5  # the edge seen is this near: px, and of the filter
-_MOVED_PX = 0.2  # to tell the target's edges from others: the images have no noise
+_MOVED_PX = 0.2  # to distinguish the target's edges: the images have no noise
 _OWN = 0.5  # of the step must go with the target
 _FOCUS_SIGMAS = 2.0  # of the focus error, through which the polarity must hold
 # of the focus, where the sharpest image of the target is looked for
@@ -116,7 +116,7 @@ def worth(image: FloatArray, where: FloatArray, seen: Prediction) -> float:
     """Return how well the kept edges would fix place and turn, a log determinant.
 
     Each edge counts by the curvature of its response over the noise of the slope there,
-    squared: the inverse variance of its place (Canny 1986).
+    squared: the inverse variance of its position (Canny 1986).
     """
     if not seen.kept.any():
         return -math.inf

@@ -73,7 +73,7 @@ class Field:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Tried:
-    """Poses that are scored: angles, and shifts by samples about a place."""
+    """Poses that are scored: angles, and shifts by samples about a position."""
 
     found: Field
     points: FloatArray  # (N, 5), px of the image

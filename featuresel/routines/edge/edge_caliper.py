@@ -73,7 +73,7 @@ def prepare(render: Render, target: Target) -> Artifact | Failure:
 def measure(
     image: FloatArray, artifact: Artifact, guess: Guess
 ) -> Measurement | Failure:
-    """Return the grip's place and angle; fails if a face is missing or misplaced."""
+    """Return the grip's position and angle; fails if a face is missing or misplaced."""
     if unfit := refused(image):
         return unfit
     p = artifact.parameters
@@ -218,7 +218,8 @@ def _pose(
 def _scale(found: Mapping[str, MeasuredFace], p: Mapping[str, float]) -> float:
     """Return zoom over nominal by the widths of fingers seen whole, 1 if none is.
 
-    The fingers' width is as made; the opening is the gripper's and proves nothing.
+    The fingers' width is as fabricated; the opening is the gripper's and proves
+    nothing.
     """
     ratios = []
     for side in ("left", "right"):

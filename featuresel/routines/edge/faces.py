@@ -80,7 +80,7 @@ def in_view(
 def calibrate(
     image: FloatArray, face: JawFace, at: tuple[float, float, float]
 ) -> Mapping[str, float] | None:
-    """Return the face's numbers, its place and slope as measured; None if too faint."""
+    """Return the face's numbers as measured, px; None if too faint."""
     along = np.arange(face.low_px, face.high_px, LINES_PX)
     span = np.arange(-24, 25, dtype=np.float64) * STEP_PX
     profile = np.median(cubic(image, *points(face, at, along, span))[0], axis=0)

@@ -74,7 +74,7 @@ def solve(
 
 
 def moved(at: Place, change: FloatArray) -> Place:
-    """Return the place after a change in the target's own frame."""
+    """Return the position after a change in the target's own frame."""
     dx, dy, turn = (float(v) for v in change[:3])
     c, s = math.cos(at[2]), math.sin(at[2])
     return (at[0] + c * dx - s * dy, at[1] - s * dx - c * dy, at[2] + turn)

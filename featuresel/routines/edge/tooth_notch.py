@@ -1,4 +1,4 @@
-"""Angle of a toothed part: the phase of its teeth, then the notch tells which one."""
+"""Angle of a toothed part: the phase of its teeth, then the notch selects which one."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def prepare(render: Render, target: Target) -> Artifact | Failure:
 def measure(
     image: FloatArray, artifact: Artifact, guess: Guess
 ) -> Measurement | Failure:
-    """Return the angle, with the place of the guess (of which it says nothing)."""
+    """Return the angle, with the position of the guess (of which it says nothing)."""
     if unfit := refused(image):
         return unfit
     p = artifact.parameters

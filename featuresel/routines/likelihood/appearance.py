@@ -21,11 +21,11 @@ _NEAR = 0.25  # of a step, beside focus: there the square's slope is taken
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Veiling:
-    """How what stands in front is blurred: as some other blur law might do it."""
+    """How the occluder is blurred: as some other defocus model might do it."""
 
     focus_um: float  # off nominal
     core: float = 0.0  # share of its light that is blurred less
-    # how far it lies elsewhere, in standard deviations of each of its sways; () is 0
+    # its displacement in standard deviations of each occluder mode; none is 0
     occluder_modes: tuple[float, ...] = ()
 
 
@@ -38,11 +38,11 @@ class ImagePose:
     turn_rad: float  # from the template, counter-clockwise as displayed
     z_um: float
     zoom: float
-    front: Veiling | None = None  # None: what stands in front has the target's focus
+    front: Veiling | None = None  # None: the occluder has the target's focus
 
     @property
     def veiling(self) -> Veiling:
-        """Return how what stands in front is blurred."""
+        """Return how the occluder is blurred."""
         return self.front or Veiling(focus_um=self.z_um)
 
 
@@ -96,7 +96,7 @@ class Appearance:
     first_um: float  # focus of the first plane
     step_um: float
     is_even: bool  # images on both sides of focus are alike
-    heights: int  # of focus that `uses` tells apart
+    heights: int  # of focus that `uses` distinguishes
 
     @property
     def reach_um(self) -> float:
@@ -207,7 +207,7 @@ class Appearance:
         return value
 
     def _bits(self, z_um: float) -> int:
-        """Return the bits of the two heights about a focus that `uses` tells apart."""
+        """Return the bits of the two heights of `uses` about a focus."""
         low_um = 0.0 if self.is_even else self.first_um
         place = (abs(z_um) if self.is_even else z_um) - low_um
         share = place / (self.reach_um + BEYOND * self.step_um - low_um)

@@ -24,24 +24,25 @@ _SOME = 300  # pixels, enough to tell a wrong start
 _LOOSE = 3.0  # times the spread, that focus and zoom are held to: images tell more
 _IN_VIEW = 0.2  # of the cells, that a turn is judged by
 _CLEAR = 0.02  # share of the target's light that must come through
-# numbers of the pose: place, turn, focus, zoom, and two of the front; its sways follow
+# numbers of the pose: place, turn, focus, zoom, and two of the front; its occluder
+# modes follow
 POSE = 7
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Free:
-    """What the fit may change besides the place, and how far it is likely to."""
+    """What the fit may change besides the position, and how far it is likely to."""
 
     turn: bool
     z_sigma_um: float  # 0: the focus is nominal
     zoom_sigma: float  # 0: the zoom is nominal
     gradient: bool  # whether the light may have one
     front_sigmas: tuple[float, float] | None  # of `Veiling`; None: all is clear
-    occluder_modes: int = 0  # of what stands in front, S
+    occluder_modes: int = 0  # of the occluder, S
 
     @property
     def numbers(self) -> int:
-        """Return how many numbers a pose has, P: `POSE` and the sways."""
+        """Return how many numbers a pose has, P: `POSE` and the occluder modes."""
         return POSE + self.occluder_modes
 
     @property
@@ -99,7 +100,7 @@ class ImageComparison:
 
     @property
     def held(self) -> ImageComparison:
-        """Return the job with what stands in front held at the target's focus.
+        """Return the job with the occluder held at the target's focus.
 
         And where it is planned to be.
         """
@@ -109,7 +110,7 @@ class ImageComparison:
 
     @property
     def sides(self) -> tuple[int, ...]:
-        """Return the signs of the focus that only what stands in front can tell."""
+        """Return the signs of the focus that only the occluders determine."""
         return (1, -1) if self.squared and self.front is not None else (1,)
 
     def lit(
@@ -146,7 +147,7 @@ class PixelComparison:
 def pixels_of(
     job: ImageComparison, pose: ImagePose
 ) -> tuple[tuple[IntArray, IntArray], ...]:
-    """Return for each view (columns, rows) that tell the pose and can be seen."""
+    """Return for each view (columns, rows) that determine the pose and can be seen."""
     return tuple(_pixels(job, at(pose, view)) for view in job.views)
 
 
@@ -283,7 +284,7 @@ def _lights(
 
 
 def _pixels(job: ImageComparison, pose: ImagePose) -> tuple[IntArray, IntArray]:
-    """Return the pixels that tell the pose and can be seen."""
+    """Return the pixels that determine the pose and can be seen."""
     columns, rows = job.looks.pixels(pose, job.shape)
     if job.front is None:
         return columns, rows

@@ -34,8 +34,8 @@ from microplan.featuresel.routines.likelihood.spline import runout_coefficients
 _LEAST_SIGNAL = 0.03  # of full scale, that the target must vary by
 _SHARES = (-0.9, -0.5, 0.5, 0.7, 0.9)  # of the range of turns, where they are looked at
 _BESIDE_PX = 2  # about what is not round, as its blur grows out of focus
-# Wave depths of field, that blur laws may differ by in the height of what stands in
-# front: Hopkins' law and the exact one by 2 % of 130 um at an aperture of .42.
+# Wave depths of field, that defocus models may differ by in the occluders'
+# height: Hopkins' model and the exact one by 2 % of 130 um at an aperture of .42.
 _APART_DEPTHS = 1.0
 _BEYOND = 2.0  # times that, what the maps reach to beyond the focus
 _CORE_SIGMA = 0.1  # share that they may differ by in the core of a blur: so they do

@@ -2,7 +2,7 @@
 
 Its place is known to some um and its angle may be any, while its blur is wide: what it
 then changes is a sum of few images, the principal ones of its covariance. A fit that
-frees their amounts learns from the image where what stands in front really is.
+frees their amounts learns from the image where the occluder really is.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ _MOST = 9  # heights: each takes a dozen images
 _MOVED_PX = 1.5  # displacements that the light is compared at
 _FAR = 0.5  # of the search, along both axes
 _SAME = 0.002  # of full scale: an image that differs less from the target alone is it
-# Of the way to what stands in front: there a tenth of its light seems to come from, by
+# Of the distance to the occluder: there a tenth of its light seems to come from, by
 # the exact law at an aperture of .42 against Hopkins'; .2 to .3 serve equally well.
 _CORE = 0.3
 _FLAT = 1e-3  # per px: what is no steeper has no edge
-_DOUBT = 0.02  # of full scale: where the target's light varies less, the veil decides
+_DOUBT = 0.02  # of full scale: where the target varies less, the occluder decides
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,8 +59,8 @@ def front_maps(
     -----
     A line through what each pixel shows against the target alone, at nine places of the
     target, near nominal and as far as it is sought: what covers or shades it, what is
-    seen beside it, and what shades what. The slope is that of `LookModel.veil` where
-    the target's light hardly varies.
+    seen next to it, and what shades what. The slope is that of `LookModel.occluders`
+    where the target's light hardly varies.
     """
     if float(np.abs(image - np.clip(model.alone(), 0, 1)).max()) < _SAME:
         return None
@@ -77,7 +77,7 @@ def front_maps(
 
 
 def _cores(model: LookModel, target: Target, heights: FloatArray) -> list[Occluders]:
-    """Return what less blur of what stands in front changes, at some focus heights."""
+    """Return what less blur of the occluder changes, at some focus heights."""
     near_um = _CORE * _height_um(model, target)
     found = []
     for dz in heights.tolist():
@@ -90,7 +90,7 @@ def _cores(model: LookModel, target: Target, heights: FloatArray) -> list[Occlud
 
 
 def _height_um(model: LookModel, target: Target) -> float:
-    """Return how far above nominal focus the edges of what stands in front are.
+    """Return how far above nominal focus the edges of the occluder are.
 
     An edge blurred to a disc of radius R is nowhere steeper than 2 / (pi R).
     """
@@ -137,7 +137,7 @@ class SwayMaps:
 
 
 def sway_maps(model: LookModel, image: FloatArray) -> SwayMaps:
-    """Return what likely errors of what stands still change, none if that is nothing.
+    """Return what likely errors of the static scene change, none if that is nothing.
 
     Parameters
     ----------
@@ -198,7 +198,7 @@ class Veiled:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Front:
-    """What stands before the target at some focus heights, as maps of the region."""
+    """The target's occluder at some focus heights, as maps of the region."""
 
     light: Float32Array  # (K + 2, rows, columns), a spline's coefficients
     through: Float32Array  # (K + 2, rows, columns)
@@ -208,7 +208,8 @@ class Front:
         float  # the K heights are from -reach to reach off nominal, at equal steps
     )
     axis_px: tuple[float, float]  # column and row that zoom leaves alone
-    # (S, rows, columns) what each sway changes them by; zoom and focus do not move them
+    # (S, rows, columns) what each occluder mode changes them by; zoom and focus do not
+    # move them
     sway_light: Float32Array
     sway_through: Float32Array
 
@@ -257,7 +258,7 @@ class Front:
 
     @property
     def steady(self) -> Front:
-        """Return the same in its planned place, without sways."""
+        """Return the same in its planned place, without occluder modes."""
         none = self.sway_light[:0]
         return replace(self, sway_light=none, sway_through=none)
 

@@ -40,8 +40,8 @@ from microplan.featuresel.routines.picture import refused
 
 _WORST_CHI2 = 60.0  # worse is another thing; what trials show sets a finer gate
 _LEAST_USED = 0.55  # share of pixels that must be the target's
-_MOST_SPREAD_PX = 0.5  # of what an image tells: in more uncertainty nothing is found
-_DIMMEST = 0.02  # of the nominal light: less is told apart from none by rounding alone
+_MOST_SPREAD_PX = 0.5  # standard deviation: in more uncertainty nothing is found
+_DIMMEST = 0.02  # of the nominal light: less is rounding
 _FAR_PX = 3.0  # the most that the fit may move from the guess
 
 
@@ -88,7 +88,7 @@ LIKELIHOOD = Routine(
 
 
 def _freed(job: ImageComparison, start: ImagePose) -> PoseFit | Failure:
-    """Return the fit of the pose together with what stands in front, if anything does.
+    """Return the fit of the pose together with the occluder, if anything does.
 
     Held as planned where it is not, that draws the pose's focus and zoom away, and from
     there the fit of both may not come back. It settles where both together do not; one

@@ -9,9 +9,9 @@ from microplan.arrays import BoolArray, FloatArray, IntArray
 from microplan.featuresel.routines.contract import CameraNoise
 
 LOSS = 1.06  # of the limits, by leaving pixels out; neighbours halve it
-_WEAK = 1e-10  # of the strongest direction: what is weaker is not told at all
+_WEAK = 1e-10  # of the strongest direction: what is weaker is not determined at all
 _NEAR_PX = 1.0  # standard deviation of what counts as near
-_ROUNDS = 2  # of ranking: what a pixel tells depends on what else is taken
+_ROUNDS = 2  # of ranking: the information of a pixel depends on what else is taken
 
 
 def informative(

@@ -1,4 +1,4 @@
-"""A target's light over place, focus and turn as planes, where it tells the pose."""
+"""Planes of a target's light over position, focus and rotation."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _SAMPLES = 1.9  # a period of the finest detail; what is finer has no contrast
 _MOST_BITS = 20  # that 32-bit floats hold exactly, and to spare
 _MARGIN_PX = 10.0  # around the target, beyond its blur
 _FINGER = 1.2  # of a finger's width, taken in beside the opening: all of it
-_BEHIND = 2.0  # of the way from grip to tips, on both sides: far ends tell the angle
+_BEHIND = 2.0  # of the distance from grip to tips: far ends determine the angle
 _WANTED = 3  # column, row and turn keep their limits; focus and zoom come with them
 _SUPPORT = 2  # cells around one that a cubic spline needs
 
@@ -231,7 +231,7 @@ def _used(
     inner = np.zeros((rows, columns), dtype=bool)
     edge = grid.around
     inner[edge:-edge, edge:-edge] = True
-    # by the middle of its block: what is told in vain would else be counted on
+    # by the middle of its block: what is determined in vain would else be counted on
     own = own[: seen.shape[1], : seen.shape[2]] * inner[first::over, first::over]
     used = np.zeros(light.shape, dtype=bool)
     for k, mean in enumerate(seen):

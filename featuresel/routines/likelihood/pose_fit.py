@@ -32,7 +32,7 @@ _NEARLY = 100.0  # and of this one: farther off nothing is known of the next
 _FAR_PX = 1.5  # the most that one step may move the image
 _FAR_DEPTHS = 1.0  # the most that one step may change the focus, steps of the planes
 _FULL = 0.99  # of full scale, where the camera may have clipped
-_MOST_CORE = 0.3  # beyond, it would stand for another focus of what stands in front
+_MOST_CORE = 0.3  # beyond, it would stand for another focus of the occluder
 _MOST_SWAY = 5.0  # standard deviations: what lies farther off was not planned for
 _ZOOMS = (0.8, 1.25)  # beyond, nothing that starts near nominal gets
 
@@ -51,7 +51,7 @@ class PoseFit:
 
     @property
     def z_um(self) -> float:
-        """Return the focus, with the sign that what stands in front has, if any."""
+        """Return the focus, with the sign that the occluder has, if any."""
         pose = self.pose
         if not self.squared or pose.front is None:
             return pose.z_um
@@ -275,7 +275,7 @@ def _after(job: ImageComparison, pose: ImagePose, move: FloatArray) -> ImagePose
 def _front(
     job: ImageComparison, pose: ImagePose, z_um: float, move: FloatArray
 ) -> Veiling | None:
-    """Return how what stands in front is blurred after a step, within its maps."""
+    """Return how the occluder is blurred after a step, within its maps."""
     if job.front is None:
         return pose.front
     was, reach = pose.veiling, job.front.reach_um
@@ -293,7 +293,7 @@ def _front(
 
 
 def _sways(job: ImageComparison, front: Veiling) -> FloatArray:
-    """Return how far what stands in front lies elsewhere, (S,)."""
+    """Return the occluder modes' amounts, (S,), in standard deviations."""
     return np.array(front.occluder_modes or (0.0,) * job.free.occluder_modes)
 
 

@@ -103,7 +103,7 @@ def other_turns(turn_rad: float, symmetry: float, range_rad: float) -> FloatArra
 
 
 _DEPTHS = (0.1, 0.35, 0.6, 0.85)  # of the reach in focus, where fits start
-_DEEP = 2.5  # steps of the planes between focus heights, once the place is known
+_DEEP = 2.5  # steps of the planes between focus heights, once the position is known
 _ZOOM_PX = 1.5  # that the rim moves by between zooms where fits start
 _TURN_PX = 2.5  # that the rim moves by between turns where fits start
 _MOST_TURNS = 64  # of them, at every focus height: more take too long
@@ -138,8 +138,8 @@ def start_pose(
 def refocused(job: ImageComparison, pose: ImagePose) -> ImagePose:
     """Return a pose with the focus that fits best of all within reach.
 
-    At a place that is off, more blur fits better: what `start_pose` tells may be far
-    out of focus. Fitted at that focus the place is right, and there depths tell.
+    At a position that is off, more blur fits better: `start_pose` may be far out of
+    focus. Fitted at that focus the position is right, and there depths differ.
     """
     reach_um = job.looks.reach_um - max(abs(view.dz_um) for view in job.views)
     count = math.ceil(2 * reach_um / (_DEEP * job.looks.step_um))

@@ -25,7 +25,7 @@ _POLE = 1 / 3  # a cubic B-spline's samples have the transform 2/3 + cos(w)/3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Basis:
-    """Four neighbouring coefficients' weights at a place, and their slopes."""
+    """Four neighbouring coefficients' weights at a position, and their slopes."""
 
     first: int  # index of the first of the four
     weights: FloatArray  # (4,)

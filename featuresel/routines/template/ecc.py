@@ -56,7 +56,7 @@ _TURNS = (-1.0, -0.3, 0.3, 1.0)  # of the angle's range
 
 
 def prepare(render: LookModel, target: Target) -> Artifact | Failure:
-    """Return the nominal template, and how much it tells of place and angle.
+    """Return the nominal template, and its information about position and angle.
 
     The angle is not sought where nothing shows it, the scale not where it moves
     nothing. What bilinear sampling makes of sub-pixel places is measured on the render
@@ -72,7 +72,7 @@ def prepare(render: LookModel, target: Target) -> Artifact | Failure:
     if not float(template.std()) > FAINT:
         return Failure(code="no_contrast", message="the template is blank")
     zoom = _ZOOM_SIGMAS * render.drifts.zoom_sigma
-    alone = cut(render.alone(), target, half)  # what stands still pulls in any case
+    alone = cut(render.alone(), target, half)  # the static scene pulls in any case
     first = Artifact(
         parameters={
             "offset_column_px": target.column - round(target.column),
@@ -95,7 +95,7 @@ def prepare(render: LookModel, target: Target) -> Artifact | Failure:
 def measure(
     image: FloatArray, artifact: Artifact, guess: Guess
 ) -> Measurement | Failure:
-    """Return place and angle; fails if the guess is far off or the images differ."""
+    """Return position and angle; fails if the guess is far off or the images differ."""
     if unfit := refused(image):
         return unfit
     p = artifact.parameters

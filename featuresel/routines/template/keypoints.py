@@ -1,7 +1,7 @@
 """AKAZE keypoints matched with those of the nominal image. Kept as a control.
 
 Machined edges are alike everywhere, so descriptors of them are too; the corners that
-are told apart are few, and found to a good part of a pixel at best.
+differ are few, and found to a good part of a pixel at best.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Phase correlation with the nominal image: a shift of everything. Kept as a control.
 
-It takes shifts of the whole picture for the target's: what stands still in the view
-pulls it to the nominal place. OpenCV's function writes into its inputs where their size
-suits its transform, so it is handed copies.
+It takes shifts of the whole picture for the target's: the static scene in the view
+pulls it to the nominal position. OpenCV's function writes into its inputs where their
+size suits its transform, so it is handed copies.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def prepare(render: Render, target: Target) -> Artifact | Failure:
 def measure(
     image: FloatArray, artifact: Artifact, guess: Guess
 ) -> Measurement | Failure:
-    """Return the place that the highest peak of the phase correlation stands for."""
+    """Return the position that the highest peak of the phase correlation stands for."""
     if unfit := refused(image):
         return unfit
     p = artifact.parameters
