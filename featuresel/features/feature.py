@@ -24,8 +24,8 @@ def seen_share(target: Target, occluders: Occluders) -> float | None:
     ----------
     target : Target
         With its contour, whose points are evenly along the edges.
-    veil : Veil
-        The occluder, (rows, columns) of the region.
+    occluders : Occluders
+        In front of it, (rows, columns) of the region.
 
     Returns
     -------

@@ -21,13 +21,13 @@ from microplan.featuresel.limits.information import (
     limit,
     places,
 )
-from microplan.featuresel.look.nominal import swayed
+from microplan.featuresel.look.nominal import displacement_changes
 from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.look.sensitivity import Sensitivities, sensitivities
 from microplan.featuresel.routines.contract import CameraNoise
 from microplan.featuresel.routines.likelihood.foreground import principal
 
-_SWAY = "sway_"  # begins the names of occluder modes
+_MODE = "sway_"  # begins the names of occluder modes
 
 
 def limit_um(case: LookCase) -> float | None:
@@ -42,8 +42,8 @@ def limit_um(case: LookCase) -> float | None:
 
 def place_limits_um(case: LookCase) -> tuple[float, float]:
     """Return the Cramer-Rao limits of a look's place in x and y, see `limit_um`."""
-    seen = _with_sways(case, sensitivities(case, names=unknowns(case)))
-    occluder_modes = [name for name in seen.names if name.startswith(_SWAY)]
+    seen = _with_modes(case, sensitivities(case, names=unknowns(case)))
+    occluder_modes = [name for name in seen.names if name.startswith(_MODE)]
     told = fisher(seen, camera_of(case)).with_prior(dict.fromkeys(occluder_modes, 1.0))
     known = limit(told)
     return known["x"], known["y"]
@@ -64,16 +64,16 @@ def unknowns(case: LookCase) -> Sequence[str]:
     return names
 
 
-def _with_sways(case: LookCase, seen: Sensitivities) -> Sensitivities:
+def _with_modes(case: LookCase, seen: Sensitivities) -> Sensitivities:
     """Return slopes by the occluders too, each over one standard deviation."""
-    changes = case.sensor.gain * swayed(case)
+    changes = case.sensor.gain * displacement_changes(case)
     if len(changes) == 0:
         return seen
     noise = np.sqrt(camera_of(case).variance(seen.mean))
     occluder_modes = np.tensordot(principal(changes / noise), changes, 1)
     return replace(
         seen,
-        names=(*seen.names, *(f"{_SWAY}{k}" for k in range(len(occluder_modes)))),
+        names=(*seen.names, *(f"{_MODE}{k}" for k in range(len(occluder_modes)))),
         slopes=np.concatenate((seen.slopes, occluder_modes)),
         errors=np.concatenate((seen.errors, np.zeros_like(occluder_modes))),
     )
@@ -106,7 +106,7 @@ def weights(
     ----------
     mean : (...) float array
         Share of full scale, not clipped.
-    camera : Camera
+    camera : CameraNoise
         Its noise.
     ceiling : float
         Where the well is full, at most 1.
@@ -146,7 +146,7 @@ def fisher(
     ----------
     seen : Sensitivities
         The mean image and its slopes.
-    camera : Camera
+    camera : CameraNoise
         The noise, by `camera_of`.
     mask : (rows, columns) bool array, optional
         Which pixels count. Default: all.
@@ -260,6 +260,6 @@ def _normal(t: FloatArray) -> FloatArray:
 
 
 def _cut(t: FloatArray) -> FloatArray:
-    """Return the information in whether a normal value is below t: density**2 / share."""
+    """Return the information in a normal value's lying below t: density**2 / share."""
     found: FloatArray = np.exp(-(t**2) - log_ndtr(t)) / (2 * math.pi)
     return found

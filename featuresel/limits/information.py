@@ -84,7 +84,7 @@ class Information:
 
 
 def covariance(information: Information) -> FloatArray:
-    """Return the smallest covariance of unbiased estimates, (P, P).
+    """Return the smallest covariance of unbiased estimates, (P, P), e.g. um squared.
 
     A parameter that is not observable has infinite variance and no covariance. One is
     not if its slope is known to less than a tenth, or if it has a part in a direction
@@ -121,7 +121,7 @@ def places(names: tuple[str, ...], wanted: Collection[str]) -> list[int]:
 
 
 def inverse(information: Information) -> tuple[FloatArray, BoolArray]:
-    """Return the pseudo-inverse over what is observable, and whether each name is.
+    """Return the pseudo-inverse over what is observable, e.g. um^2, and what is that.
 
     Returns
     -------

@@ -29,7 +29,7 @@ def shifted(
         Whose layers stay.
     by_um : (x, y)
         How far the others move.
-    turns : sequence of (Turning, rad)
+    turns : sequence of (UnknownRotation, rad)
         By how much some of them turn first.
     """
     return tuple(_moved(layer, owner, by_um, turns) for layer in layers)

@@ -73,7 +73,7 @@ class NominalRender:
         )
 
     @property
-    def drifts(self) -> Nuisances:
+    def nuisances(self) -> Nuisances:
         """Return what else the trials of this look vary."""
         spread = self.case.spread
         return Nuisances(
@@ -109,7 +109,7 @@ class NominalRender:
     def at_height(
         self, dz_um: float, *, dx_um: float, dy_um: float, theta_rad: float
     ) -> FloatArray:
-        """Return the same image, of a pose that is asked for at several heights."""
+        """Return the image of a pose wanted at many heights, (rows, columns) 0..1."""
         found = self._picture(
             (dx_um, dy_um, theta_rad), dz_um=dz_um, zoom=1.0, again=True
         )
@@ -118,13 +118,15 @@ class NominalRender:
     def template(
         self, dz_um: Sequence[float], *, over: int, half_px: tuple[int, int]
     ) -> FloatArray:
-        """Return the target alone: see `look.templates.template`."""
+        """Return the target alone, (K, 2 R + 1, 2 C + 1) samples: see `template`."""
         return template(self.case, dz_um, over=over, half_px=half_px)
 
     def alone(
         self, *, dx_um: float = 0.0, dy_um: float = 0.0, dz_um: float = 0.0
     ) -> FloatArray:
-        """Return the region without the static scene, not clipped.
+        """Return the region without the static scene, (rows, columns), full scale 1.
+
+        It is not clipped.
 
         The light's gradient is left out: it belongs to the frame, not to the target.
         """
@@ -216,7 +218,7 @@ def nominal_render(case: LookCase) -> NominalRender:
     return NominalRender(case=case)
 
 
-def swayed(case: LookCase) -> FloatArray:
+def displacement_changes(case: LookCase) -> FloatArray:
     """Return the changes of a look's image by likely displacements of static bodies.
 
     Returns

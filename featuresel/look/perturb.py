@@ -45,7 +45,10 @@ def counts(
     backdrop: Backdrop | None = None,
     moved: tuple[Layer, ...] | None = None,
 ) -> CountArray:
-    """Return the trial's region as the camera's counts; arguments as in `image`."""
+    """Return the trial's region as the camera's counts, (rows, columns).
+
+    Arguments as in `image`.
+    """
     seen = _perturbed(case, trial)
     behind = still(case, trial) if backdrop is None else backdrop
     if moved is None:

@@ -195,7 +195,9 @@ def render_look(
     backdrop: Sequence[Covered] = (),
     under: Sequence[Irradiance] | None = None,
 ) -> FloatArray:
-    """Return the region without noise, as the case's fidelity has it.
+    """Return the region without noise, (rows, columns), 1 at full scale.
+
+    As the case's fidelity has it.
 
     Parameters
     ----------

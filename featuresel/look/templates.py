@@ -70,7 +70,7 @@ _POINT = 1e-12  # fill factor of samples that integrate over no area
 def template(
     case: LookCase, dz_um: Sequence[float], *, over: int, half_px: tuple[int, int]
 ) -> FloatArray:
-    """Return the target alone at points, see `contract.LookModel`.
+    """Return the target alone, (K, 2 R + 1, 2 C + 1) samples: see `LookModel`.
 
     Raises
     ------

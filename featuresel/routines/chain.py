@@ -32,6 +32,8 @@ def advance(
 ) -> ChainState | Failure:
     """Return the chain's state after one more routine, or why that failed.
 
+    `image` is (rows, columns), 0..1 of full scale.
+
     Angle, focus and zoom are those of the last routine that gave them. A routine that
     does not give the position leaves it and its standard deviation as they were, and
     the score is the lower one. Hand-over is gated: the code is "not_captured" where

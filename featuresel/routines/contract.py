@@ -112,7 +112,7 @@ class CameraNoise:
     fill_factor: float  # light-sensitive share of a pixel's area
 
     def variance(self, image: FloatArray) -> FloatArray:
-        """Return the variance of pixels whose mean is `image`, full scale squared.
+        """Return the variance of pixels, (...), by their mean, full scale squared.
 
         Shot noise, read noise and rounding to counts.
         """
@@ -185,7 +185,7 @@ class LookModel(Protocol):
         ...
 
     @property
-    def drifts(self) -> Nuisances:
+    def nuisances(self) -> Nuisances:
         """Return what else the trials of this look vary."""
         ...
 

@@ -12,7 +12,7 @@ _RIVAL = 0.95  # of the best score, the most a peak elsewhere may reach
 
 
 def find_peak(surface: Float32Array) -> tuple[float, float] | Failure:
-    """Return the peak (column, row) of a score map by a quadratic through 9 values."""
+    """Return the peak (column, row), px, of a (rows, columns) map of scores."""
     row, column = divmod(int(surface.argmax()), surface.shape[1])
     rows, columns = surface.shape
     if not (0 < row < rows - 1 and 0 < column < columns - 1):

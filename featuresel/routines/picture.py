@@ -61,7 +61,7 @@ def half_px(target: Target, shape: tuple[int, ...], room_px: float) -> tuple[int
 
 
 def cut(image: FloatArray, target: Target, half: tuple[int, int]) -> FloatArray:
-    """Return the template about the pixel nearest the reference point."""
+    """Return the template, (2 R + 1, 2 C + 1) px, about the reference point's pixel."""
     column, row = round(target.column), round(target.row)
     return image[
         row - half[1] : row + half[1] + 1, column - half[0] : column + half[0] + 1

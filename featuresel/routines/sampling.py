@@ -60,7 +60,7 @@ def cubic(
 
 
 def median(values: FloatArray) -> float:
-    """Return the median of (N,) values, N >= 1; a third of `np.median`'s time."""
+    """Return the median of (N,) samples, N >= 1; a third of `np.median`'s time."""
     ordered, half = np.sort(values), len(values) // 2
     if len(values) % 2:
         return float(ordered[half])
@@ -109,7 +109,7 @@ def find_edges(
 
     Returns
     -------
-    Edges
+    LineEdges
         By the peak of the first Gaussian derivative and a parabola through it.
     """
     profiles, inside = cubic(image, columns, rows)

@@ -19,7 +19,7 @@ def front(
 
     Parameters
     ----------
-    scores : sequence of Score
+    scores : sequence of ChainScore
         Those to compare.
     error : callable
         What is to be small beside the cost, such as the share of a tolerance that the
@@ -27,7 +27,7 @@ def front(
 
     Returns
     -------
-    tuple of Score
+    tuple of ChainScore
         The cheapest first, each more accurate than those before it. Of scores that are
         equal in both, within the margin of `microplan.optics.outline.tolerant_order`,
         the first by name.

@@ -29,7 +29,7 @@ def chains_ahead(
 
     Parameters
     ----------
-    scores : sequence of Score
+    scores : sequence of ChainScore
         Of all chains of one look, by the trials they had so far.
     found : Selection
         What `select` takes by these scores.

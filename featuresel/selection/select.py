@@ -47,7 +47,7 @@ def select(scores: Sequence[ChainScore], task: Constraints) -> Selection:
 
     Parameters
     ----------
-    scores : sequence of Score
+    scores : sequence of ChainScore
         Of the chains tried on one look, at least one.
     task : Constraints
         What a chain has to meet. Without a target uniqueness is not judged.

@@ -73,7 +73,7 @@ class Candidate:
 
     feature: Feature
     score: ChainScore
-    sight: FeatureMeasurement
+    measurement: FeatureMeasurement
     seen: (
         float | None
     )  # share of its edges, from `microplan.featuresel.features.feature`
@@ -99,7 +99,7 @@ def criteria(
     angle : bool
         Whether the angle is wanted.
     """
-    rank, least = controllability([candidate.sight], radius_um, angle=angle)
+    rank, least = controllability([candidate.measurement], radius_um, angle=angle)
     return Criteria(
         name=candidate.feature.name,
         chain=candidate.score.chain,
@@ -107,10 +107,10 @@ def criteria(
         uniqueness=uniqueness(candidate.feature, theta_range_rad, angle=angle),
         completeness=candidate.seen,
         cost=candidate.score.cost,
-        resolution_um=candidate.sight.sigma_um,
+        resolution_um=candidate.measurement.sigma_um,
         rank=rank,
         controllability=least,
-        conditioning=conditioning([candidate.sight], radius_um, angle=angle),
+        conditioning=conditioning([candidate.measurement], radius_um, angle=angle),
     )
 
 
@@ -131,8 +131,8 @@ def set_criteria(
     """
     if not candidates:
         raise ValueError("a set needs at least one feature")
-    sights = [c.sight for c in candidates]
-    rank, least = controllability(sights, radius_um, angle=angle)
+    measured = [c.measurement for c in candidates]
+    rank, least = controllability(measured, radius_um, angle=angle)
     return Criteria(
         name=" + ".join(c.feature.name for c in candidates),
         chain=tuple(c.feature.name for c in candidates),
@@ -145,7 +145,7 @@ def set_criteria(
         resolution_um=sigma_um,
         rank=rank,
         controllability=least,
-        conditioning=conditioning(sights, radius_um, angle=angle),
+        conditioning=conditioning(measured, radius_um, angle=angle),
     )
 
 

@@ -38,7 +38,7 @@ class FeatureSet:
 
 
 def choose_set(
-    sights: Sequence[FeatureMeasurement], need: PoseRequirement
+    measured: Sequence[FeatureMeasurement], need: PoseRequirement
 ) -> FeatureSet:
     """Return the smallest set that is good enough, the most telling of its size.
 
@@ -54,25 +54,25 @@ def choose_set(
 
     Parameters
     ----------
-    sights : sequence of Sight
+    measured : sequence of FeatureMeasurement
         At least one; names differ.
-    need : Need
+    need : PoseRequirement
         Limits of the set.
 
     Raises
     ------
     ValueError
-        If there is no sight or two share a name.
+        If there is no one or two share a name.
 
     References
     ----------
     D-optimal design with exchanges: Fedorov (1972), Mitchell (1974). The criteria of
     resolution and conditioning: Feddema, Lee & Mitchell (1991).
     """
-    names = [sight.name for sight in sights]
+    names = [one.name for one in measured]
     if not names or len(set(names)) < len(names):
-        raise ValueError(f"sights must have names that differ, got {names}")
-    search = SetSearch.of(sights, need)
+        raise ValueError(f"measured must have names that differ, got {names}")
+    search = SetSearch.of(measured, need)
     return _result(search, search.chosen())
 
 
@@ -81,15 +81,15 @@ def _result(search: SetSearch, taken: tuple[int, ...]) -> FeatureSet:
     found, dropped = search.known(taken), search.dropped(taken)
     qualifies = at_most(search.excess(taken), 1)
     return FeatureSet(
-        names=tuple(search.sights[k].name for k in taken),
+        names=tuple(search.measured[k].name for k in taken),
         known=found,
         dropped_um=max(d.sigma_um for d in dropped),
         dropped_theta_rad=max(d.sigma_theta_rad for d in dropped),
         cost=search.cost(taken),
         qualifies=qualifies,
         reasons=tuple(
-            (sight.name, _reason(search, k, taken))
-            for k, sight in enumerate(search.sights)
+            (one.name, _reason(search, k, taken))
+            for k, one in enumerate(search.measured)
         ),
         relaxations=() if qualifies else _relaxations(search, taken),
     )
@@ -97,17 +97,17 @@ def _result(search: SetSearch, taken: tuple[int, ...]) -> FeatureSet:
 
 def _reason(search: SetSearch, place: int, taken: tuple[int, ...]) -> str:
     """Return why a feature is in the set or not, with numbers."""
-    sight, with_all = search.sights[place], search.known(taken)
+    one, with_all = search.measured[place], search.known(taken)
     if place in taken:
         rest = search.known([k for k in taken if k != place])
         return f"taken: without it {_said(search, rest)}"
-    if not jacobian([sight], search.need.radius_um).any():
+    if not jacobian([one], search.need.radius_um).any():
         return "left out: it tells nothing of the pose"
     more = search.known((*taken, place))
     if len(taken) < search.need.most:
         return (
             f"left out: with it {_said(search, more)} instead of "
-            f"{_said(search, with_all)}, for cost {sight.cost:.3g}"
+            f"{_said(search, with_all)}, for cost {one.cost:.3g}"
         )
     ways = [(*taken[:at], place, *taken[at + 1 :]) for at in range(len(taken))]
     told = [-value for value in search.tells(ways).tolist()]
@@ -120,7 +120,7 @@ def _reason(search: SetSearch, place: int, taken: tuple[int, ...]) -> str:
 
 def _swapped(search: SetSearch, taken: Sequence[int], instead: Sequence[int]) -> str:
     """Return the name of the feature that an exchange takes out."""
-    return search.sights[next(k for k in taken if k not in instead)].name
+    return search.measured[next(k for k in taken if k not in instead)].name
 
 
 def _said(search: SetSearch, found: PoseAccuracy) -> str:
@@ -155,7 +155,7 @@ def _ways(search: SetSearch, taken: tuple[int, ...]) -> list[tuple[str, Changes]
     ways: list[tuple[str, Changes]] = []
     if need.redundant:
         ways.append(("a set that needs all its features", (("redundant", False),)))
-    more = min(need.most + _MORE, len(search.sights))
+    more = min(need.most + _MORE, len(search.measured))
     if more > need.most:
         ways.append((f"up to {more} features", (("most", more),)))
     if need.conditioning < found.conditioning < math.inf:
@@ -194,7 +194,7 @@ def _would_do(search: SetSearch, changes: Mapping[str, float]) -> bool:
 
 def _missing(search: SetSearch) -> tuple[str, ...]:
     """Return what no feature tells."""
-    found = search.known(range(len(search.sights)))
+    found = search.known(range(len(search.measured)))
     missing = []
     if math.isinf(found.sigma_um):
         missing.append("a feature that tells the other direction of the place")

@@ -26,22 +26,22 @@ _SWEEPS = 20  # of exchanges: two are enough but for ties
 class SetSearch:
     """Choice among some features; sets are tuples of their indices."""
 
-    sights: tuple[FeatureMeasurement, ...]
+    measured: tuple[FeatureMeasurement, ...]
     need: PoseRequirement
     matrices: FloatArray  # (N, 3, 3) the information of each
 
     @classmethod
     def of(
-        cls, sights: Sequence[FeatureMeasurement], need: PoseRequirement
+        cls, measured: Sequence[FeatureMeasurement], need: PoseRequirement
     ) -> SetSearch:
-        """Return the search among `sights`."""
-        matrices = [information([sight], need.radius_um) for sight in sights]
-        return cls(sights=tuple(sights), need=need, matrices=np.array(matrices))
+        """Return the search among `measured`."""
+        matrices = [information([one], need.radius_um) for one in measured]
+        return cls(measured=tuple(measured), need=need, matrices=np.array(matrices))
 
     def chosen(self) -> tuple[int, ...]:
         """Return the smallest set that meets the limits, or what comes nearest."""
         tried = []
-        for size in range(1, min(self.need.most, len(self.sights)) + 1):
+        for size in range(1, min(self.need.most, len(self.measured)) + 1):
             taken = self.best_of(size)
             if above(self.excess(taken), 1):
                 taken = self.nearer(taken)
@@ -79,14 +79,16 @@ class SetSearch:
 
     def some(self, taken: Sequence[int]) -> list[FeatureMeasurement]:
         """Return the features of a set."""
-        return [self.sights[k] for k in taken]
+        return [self.measured[k] for k in taken]
 
     def known(self, taken: Sequence[int]) -> PoseAccuracy:
         """Return how well some features determine the pose."""
         return known(self.some(taken), self.need)
 
     def tells(self, ways: Sequence[Sequence[int]]) -> FloatArray:
-        """Return log det of sets of one size, of blind ones as if a little were known.
+        """Return log det of the information of sets of one size, (N,), per um^2.
+
+        Of blind sets as if a little were known.
 
         It ranks blind sets by what they do tell; without an unwanted angle it is the
         log det of the Schur complement.
@@ -101,7 +103,7 @@ class SetSearch:
 
     def cost(self, taken: Sequence[int]) -> float:
         """Return the work of measuring a set."""
-        return sum(self.sights[k].cost for k in taken)
+        return sum(self.measured[k].cost for k in taken)
 
     def dropped(self, taken: Sequence[int]) -> list[PoseAccuracy]:
         """Return what is known with each feature dropped in turn."""
@@ -116,8 +118,8 @@ class SetSearch:
 
     def _order(self) -> list[int]:
         """Return the features, cheapest first, then by name."""
-        named = sorted(range(len(self.sights)), key=lambda k: self.sights[k].name)
-        return ordered(named, lambda k: self.sights[k].cost)
+        named = sorted(range(len(self.measured)), key=lambda k: self.measured[k].name)
+        return ordered(named, lambda k: self.measured[k].cost)
 
     def _neighbours(self, taken: tuple[int, ...]) -> list[tuple[int, ...]]:
         """Return the sets with one feature exchanged, in a fixed order."""

@@ -48,7 +48,7 @@ def predict_bias(
     ----------
     case : LookCase
         The look.
-    prepared : Prepared
+    prepared : PreparedRoutines
         Its chains and artifacts.
     dz_um : sequence of float, optional
         Focus heights from nominal, rising; by default 9 within 3 sigma of the look's

@@ -46,7 +46,7 @@ def calibrate(errors: FloatArray, spreads: FloatArray) -> SigmaCalibration | Non
 
     Returns
     -------
-    Calibration or None
+    SigmaCalibration or None
         None of fewer than four answers, or where a spread is not positive: nothing
         makes that an honest one.
 

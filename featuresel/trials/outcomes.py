@@ -73,7 +73,7 @@ def _direction(axes_rad: FloatArray) -> float | None:
 
 
 def given(values: Sequence[float | None]) -> FloatArray:
-    """Return the values that are there."""
+    """Return the (N,) values that are there, in their own unit, e.g. um."""
     return np.array([v for v in values if v is not None], dtype=np.float64)
 
 

@@ -132,7 +132,7 @@ def score(
     ----------
     case : LookCase
         The look.
-    prepared : Prepared
+    prepared : PreparedRoutines
         Its chains; each must have an outcome.
     outcomes : sequence of Outcome
         Of trials; chains may have different numbers of them.

@@ -94,7 +94,7 @@ def run(
     ----------
     case : LookCase
         The look.
-    prepared : Prepared
+    prepared : PreparedRoutines
         Its chains and artifacts.
     trials : sequence of Trial
         From `microplan.featuresel.look.design.design`.
@@ -157,7 +157,7 @@ def measure_picture(
     picture: FloatArray,
     curves: Curves | None = None,
 ) -> tuple[Outcome, ...]:
-    """Return what each chain says of an image of the region in which `trial` holds."""
+    """Return what each chain measures in `picture`, (rows, columns) 0..1."""
     done: dict[Chain, ChainState | Failure] = {}
     known = curves or {}
     return tuple(
@@ -179,7 +179,9 @@ def follow(
     picture: FloatArray,
     done: dict[Chain, ChainState | Failure],
 ) -> Measurement | Failure:
-    """Return what `measure_chain` would, doing a beginning that chains share once.
+    """Return what `measure_chain` would in `picture`, (rows, columns) 0..1.
+
+    A beginning that chains share is done once.
 
     `done` holds the beginnings done on this image so far, and takes what is added.
     """

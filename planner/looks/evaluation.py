@@ -122,7 +122,7 @@ def unseen(case: LookCase) -> str:
 def _candidate(raced: TestedFeature, sight: FeatureMeasurement) -> Candidate:
     """Return a raced feature as criteria want it."""
     return Candidate(
-        feature=raced.feature, score=raced.chosen, sight=sight, seen=raced.visible
+        feature=raced.feature, score=raced.chosen, measurement=sight, seen=raced.visible
     )
 
 

@@ -88,7 +88,10 @@ def prepare(render: Render, target: Target) -> Artifact | Failure:
 def measure(
     image: FloatArray, artifact: Artifact, guess: Guess
 ) -> Measurement | Failure:
-    """Return the circle's centre; fails if it is faint, cut off or of another size."""
+    """Return the circle's centre, px, in `image`, (rows, columns) 0..1.
+
+    Fails if the circle is faint, cut off or of another size.
+    """
     if unfit := refused(image):
         return unfit
     seed = _search(image, artifact, guess)

@@ -28,7 +28,9 @@ class FittedCircle:
 def fit_centre(
     columns: FloatArray, rows: FloatArray, radius_px: float, start: tuple[float, float]
 ) -> tuple[float, float]:
-    """Return the centre of a circle of known radius, whatever half the points do.
+    """Return the centre of a circle of known radius through (N,) points, px.
+
+    Half of the points may be anywhere.
 
     Gauss-Newton with Cauchy weights whose scale shrinks from a third of the radius to
     half a pixel, so that far points pull first and wrong ones stop pulling later.
@@ -66,7 +68,7 @@ def fit_circle(
 
     Returns
     -------
-    Circle
+    FittedCircle
         Points farther from it than 3 robust standard deviations (at least .05 px, the
         pattern that sampling leaves) are trimmed; never more than half.
     """

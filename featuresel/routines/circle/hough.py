@@ -67,7 +67,7 @@ def prepare(render: Render, target: Target) -> Artifact | Failure:
 def measure(
     image: FloatArray, artifact: Artifact, guess: Guess
 ) -> Measurement | Failure:
-    """Return the circle with the most votes within the search."""
+    """Return the circle with the most votes, px, in `image`, (rows, columns) 0..1."""
     if unfit := refused(image):
         return unfit
     p = artifact.parameters

@@ -130,7 +130,9 @@ def rim_points(
 def approach(
     image: FloatArray, p: Mapping[str, float], guess: Guess
 ) -> tuple[RimPoints, FittedCircle] | Failure:
-    """Return the points and the circle through them, sought until its centre stays.
+    """Return the rim's points and circle, px, in an image, (rows, columns) 0..1.
+
+    The centre is sought until it stays.
 
     The level is that of two rings about the last centre. Where blur reaches them it
     tilts with that centre's error, and each round keeps a share of it, the larger the
@@ -259,7 +261,10 @@ def _root(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> FloatAr
 def rings(
     image: FloatArray, centre: tuple[float, float], radii: FloatArray
 ) -> tuple[FloatArray, BoolArray]:
-    """Return values and whether they are in view on circles, (K, N)."""
+    """Return values on circles, (K, N), 0..1, and whether they are in view.
+
+    `radii` are (K,) px, `image` (rows, columns).
+    """
     count = _samples(float(radii.max()))
     angles = np.linspace(0, math.tau, count, endpoint=False)
     return cubic(

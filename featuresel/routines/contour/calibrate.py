@@ -46,7 +46,9 @@ _WAYS = ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0))
 
 
 def floor(image: FloatArray, points: FloatArray, at: ScoredPose, shrink: int) -> float:
-    """Return the size below which gradients count for their part: the middle one.
+    """Return the gradient below which points count for their part: the median.
+
+    Of (N, 4) points, px, on the nominal image, (rows, columns).
 
     Of the points on the nominal image. Lower, and directions alone would agree all over
     a wide blur.
@@ -61,7 +63,10 @@ def floor(image: FloatArray, points: FloatArray, at: ScoredPose, shrink: int) ->
 def coarsest(
     image: FloatArray, points: FloatArray, at: ScoredPose, floors: dict[int, float]
 ) -> int:
-    """Return how far the image may be shrunk for most points to be seen."""
+    """Return how far the image may be shrunk for most points to be seen.
+
+    Points are (N, 4) px, the image is (rows, columns).
+    """
     extent = rim_px(points)
     for shrink in SHRINKS:
         if extent / shrink < _COARSE_PX:
@@ -84,7 +89,9 @@ class Views:
     def at(
         self, dx_px: float, dy_px: float, rolled_px: float, dz_um: float = 0.0
     ) -> tuple[FloatArray, ScoredPose]:
-        """Return the image and the pose; a turn that is not observable is drawn anyhow.
+        """Return the image, (rows, columns) 0..1, and the pose it shows.
+
+        A turn that is not observable is drawn anyhow.
 
         `rolled_px` is that of the rim, or, of turns that are not observable, the share
         of their range.
@@ -110,7 +117,9 @@ class Views:
 def calibrated(
     views: Views, seen: Prediction, image: FloatArray
 ) -> tuple[Lines, tuple[float, float]] | None:
-    """Return the edges' mean places at several sub-pixel poses, their steps, the bias.
+    """Return the edges' mean positions at several sub-pixel poses, steps and bias.
+
+    `image` is the nominal one, (rows, columns).
 
     At one pose alone, edges along pixel rows would all have one sampling error. The
     bias is the rms of what is not noise in a fit, px per axis and rad: of sampling, of
@@ -134,7 +143,7 @@ def _mean_lines(
         step=np.zeros(len(points)),
         offset_px=np.zeros(len(points)),
         width_px=width_px,
-        zoom_sigma=views.render.drifts.zoom_sigma,
+        zoom_sigma=views.render.nuisances.zoom_sigma,
         turns=views.model.order != ROUND,
     )
     offsets, steps = [], []
@@ -156,7 +165,7 @@ def _bias(
 ) -> tuple[float, float] | None:
     """Return the rms of a fit's bias, px per axis and rad, see `calibrated`."""
     off_px = _AWAY * views.target.search_px
-    sigma_um = views.render.drifts.focus_sigma_um
+    sigma_um = views.render.nuisances.focus_sigma_um
     away = [views.at(x * off_px, y * off_px, 0.0) for x, y in _WAYS]
     blurred = [views.at(0.0, 0.0, 0.0, z * sigma_um) for z in (-1, 1)]
     total = np.zeros(3)

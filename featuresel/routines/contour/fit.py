@@ -56,7 +56,7 @@ class Lines:
 
 
 def fit(image: FloatArray, lines: Lines, start: ScoredPose) -> ContourFit | Failure:
-    """Return the pose that the edges near `start` ask for.
+    """Return the pose, px and rad, of edges near `start`, in (rows, columns) pixels.
 
     Fails with "outside" if too little is in view, "few_edges" if too few edges agree.
     """
@@ -106,7 +106,9 @@ def fit_work(lines: Lines) -> float:
 def cast(
     image: FloatArray, lines: Lines, pose: FloatArray, half_px: float
 ) -> tuple[LineEdges, BoolArray]:
-    """Return the edges from dark to bright through all points, and who is in view.
+    """Return the edges from dark to bright through N points, px; (N,) in view.
+
+    `image` is (rows, columns).
 
     `pose` is (column, row, angle, scale); offsets are from the edges drawn.
     """

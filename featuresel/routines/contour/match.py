@@ -89,7 +89,7 @@ def prepare(render: LookModel, target: Target) -> Artifact | Failure:
             "bias_px": bias[0],
             "bias_rad": bias[1],
             "noise": _NOISES * sigma * gradient_noise(),
-            "zoom_sigma": render.drifts.zoom_sigma,
+            "zoom_sigma": render.nuisances.zoom_sigma,
             "search_px": target.search_px,
             "theta_rad": target.theta_rad,
             "range_rad": target.theta_range_rad,
@@ -108,7 +108,9 @@ def prepare(render: LookModel, target: Target) -> Artifact | Failure:
 def measure(
     image: FloatArray, artifact: Artifact, guess: Guess
 ) -> Measurement | Failure:
-    """Return position and angle; fails if the match is poor, ambiguous or out of view.
+    """Return position, px, and angle in `image`, (rows, columns) 0..1.
+
+    Fails if the match is poor, ambiguous or out of view.
 
     The angle is None if the contour is round, or if no edge in sight distinguishes
     the turns of its symmetry.

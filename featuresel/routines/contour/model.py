@@ -71,7 +71,7 @@ def turned(points: FloatArray, theta_rad: float) -> FloatArray:
 
 
 def rim_px(points: FloatArray) -> float:
-    """Return how far from the reference point the farthest point is."""
+    """Return the distance of the farthest of (N, 4) points from the reference, px."""
     return float(np.hypot(points[:, 0], points[:, 1]).max())
 
 

@@ -113,7 +113,9 @@ def profiles(image: FloatArray, where: FloatArray, half_px: float) -> FloatArray
 
 
 def worth(image: FloatArray, where: FloatArray, seen: Prediction) -> float:
-    """Return how well the kept edges would fix place and turn, a log determinant.
+    """Return the log determinant of position and turn by the kept edges, px.
+
+    `image` is (rows, columns), `where` (N, M) px.
 
     Each edge counts by the curvature of its response over the noise of the slope there,
     squared: the inverse variance of its position (Canny 1986).
@@ -242,7 +244,7 @@ def _steadfast(
     render: LookModel, target: Target, where: FloatArray, seen: Prediction
 ) -> BoolArray:
     """Return which edges are brighter on the same side in all images they may have."""
-    off = _FOCUS_SIGMAS * render.drifts.focus_sigma_um
+    off = _FOCUS_SIGMAS * render.nuisances.focus_sigma_um
     heights = {-off, off, _sharpest_um(render, target)} - {0.0}
     same = np.ones(len(where), dtype=np.bool_)
     for dz_um in sorted(heights):

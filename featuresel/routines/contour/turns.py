@@ -20,7 +20,10 @@ _SAME_PX = 3.0  # of the farthest edge: turns by less are not rivals
 def choose_turn(
     fine: Field, artifact: Artifact, points: FloatArray, pose: ScoredPose
 ) -> ScoredPose | Failure:
-    """Return the pose at the one turn of the symmetry that its breach confirms."""
+    """Return the pose at the one turn that the symmetry's breach confirms.
+
+    Points are (N, 4) px.
+    """
     p = artifact.parameters
     breaking = points[artifact.arrays["breaking"] > 0]
     angles = list(_turned(p, pose, breaking))

@@ -73,7 +73,10 @@ def prepare(render: Render, target: Target) -> Artifact | Failure:
 def measure(
     image: FloatArray, artifact: Artifact, guess: Guess
 ) -> Measurement | Failure:
-    """Return the grip's position and angle; fails if a face is missing or misplaced."""
+    """Return the grip's position, px, and angle in `image`, (rows, columns) 0..1.
+
+    Fails if a face is missing or misplaced.
+    """
     if unfit := refused(image):
         return unfit
     p = artifact.parameters

@@ -80,7 +80,7 @@ def in_view(
 def calibrate(
     image: FloatArray, face: JawFace, at: tuple[float, float, float]
 ) -> Mapping[str, float] | None:
-    """Return the face's numbers as measured, px; None if too faint."""
+    """Return a face's numbers, px, in a (rows, columns) image; None if too faint."""
     along = np.arange(face.low_px, face.high_px, LINES_PX)
     span = np.arange(-24, 25, dtype=np.float64) * STEP_PX
     profile = np.median(cubic(image, *points(face, at, along, span))[0], axis=0)
@@ -144,7 +144,10 @@ def measure_face(
     *,
     sparse: int = 1,
 ) -> MeasuredFace | None:
-    """Return the straight line through the edges on every `sparse`-th line, or None."""
+    """Return the line, px, through a face's edges in an image, (rows, columns).
+
+    Every `sparse`-th line is read; None if too few meet the edge.
+    """
     face = JawFace(
         normal=(numbers["normal_x"], numbers["normal_y"]),
         offset_px=numbers["offset_px"],
@@ -205,7 +208,7 @@ def rough_turn(
 def points(
     face: JawFace, at: tuple[float, float, float], along: FloatArray, out: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return (columns, rows), (N, L), of lines across the face, outwards."""
+    """Return (columns, rows), (N, L) px, of lines across the face, outwards."""
     column, row, theta = at
     nx, ny = face.normal
     normal = face.offset_px + out

@@ -59,7 +59,7 @@ def prepare_faces(
         The look.
     target : Target
         The target.
-    faces : mapping of str to Face
+    faces : mapping of str to JawFace
         The edges in the target's frame, px; their normals may point either way.
     breathes : bool
         Whether all edges may be farther out than predicted, by one number: that of a
@@ -94,7 +94,10 @@ def prepare_faces(
 
 
 def measure_faces(image: FloatArray, artifact: Artifact, guess: Guess) -> Fix | Failure:
-    """Return where the edges are; fails if one is missing, bent or out of range."""
+    """Return the edges' pose, px, in `image`, (rows, columns) 0..1.
+
+    Fails if an edge is missing, bent or out of range.
+    """
     if unfit := refused(image):
         return unfit
     p = artifact.parameters

@@ -49,7 +49,7 @@ class Fix:
 def solve(
     found: Mapping[str, MeasuredFace], faces: Mapping[str, Numbers], *, breathes: bool
 ) -> tuple[FloatArray, FloatArray]:
-    """Return (x, y, turn, grown) against where the edges were sought, and covariance.
+    """Return (x, y, turn, grown), (4,) px and rad, and its covariance, (4, 4).
 
     In the target's own frame, px with y up. A shift moves an edge's offset by its part
     along the normal; a turn by t changes its slope by -t and the offset at the middle
@@ -74,7 +74,7 @@ def solve(
 
 
 def moved(at: Place, change: FloatArray) -> Place:
-    """Return the position after a change in the target's own frame."""
+    """Return the pose after a (4,) change in the target's own frame, px and rad."""
     dx, dy, turn = (float(v) for v in change[:3])
     c, s = math.cos(at[2]), math.sin(at[2])
     return (at[0] + c * dx - s * dy, at[1] - s * dx - c * dy, at[2] + turn)
@@ -87,7 +87,7 @@ def fix(
     found: Mapping[str, MeasuredFace],
     faces: Mapping[str, Numbers],
 ) -> Fix:
-    """Return the answer."""
+    """Return the pose with its standard deviations, by a (4, 4) covariance, px."""
     lines = sum(
         max(1.0, (f["high_px"] - f["low_px"]) / LINES_PX) for f in faces.values()
     )

@@ -76,7 +76,7 @@ def prepare(render: Render, target: Target) -> Artifact | Failure:
 def measure(
     image: FloatArray, artifact: Artifact, guess: Guess
 ) -> Measurement | Failure:
-    """Return the angle, with the position of the guess (of which it says nothing)."""
+    """Return the angle in `image`, (rows, columns) 0..1, at the guess's position."""
     if unfit := refused(image):
         return unfit
     p = artifact.parameters

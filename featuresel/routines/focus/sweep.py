@@ -65,7 +65,7 @@ def focus_curve(
         Without noise, 0..1 of full scale.
     measure : Measure
         One of `microplan.featuresel.routines.focus.measures`.
-    camera : Camera
+    camera : CameraNoise
         Its noise.
     rng : numpy.random.Generator
         Source of the noise.

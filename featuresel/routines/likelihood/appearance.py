@@ -20,7 +20,7 @@ _NEAR = 0.25  # of a step, beside focus: there the square's slope is taken
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Veiling:
+class OccluderBlur:
     """How the occluder is blurred: as some other defocus model might do it."""
 
     focus_um: float  # off nominal
@@ -38,12 +38,12 @@ class ImagePose:
     turn_rad: float  # from the template, counter-clockwise as displayed
     z_um: float
     zoom: float
-    front: Veiling | None = None  # None: the occluder has the target's focus
+    front: OccluderBlur | None = None  # None: the occluder has the target's focus
 
     @property
-    def veiling(self) -> Veiling:
+    def occluder_blur(self) -> OccluderBlur:
         """Return how the occluder is blurred."""
-        return self.front or Veiling(focus_um=self.z_um)
+        return self.front or OccluderBlur(focus_um=self.z_um)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -135,7 +135,7 @@ class Appearance:
         )
 
     def some_cells(self, z_um: float, count: int) -> IntArray:
-        """Return about `count` of the cells that are worth comparing at a focus."""
+        """Return indices of about `count` cells worth comparing at a focus, (N,)."""
         every = next(k for k in (_APART, _APART + 2) if self.shape[1] % k)
         bits, uses = self._bits(z_um), self.uses.ravel()
         cells = every * np.flatnonzero(uses[::every].astype(np.int32) & bits)

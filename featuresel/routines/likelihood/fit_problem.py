@@ -25,7 +25,7 @@ from microplan.featuresel.routines.likelihood.comparison import (
 from microplan.featuresel.routines.likelihood.foreground import (
     Front,
     front_maps,
-    sway_maps,
+    mode_maps,
 )
 from microplan.featuresel.routines.likelihood.planes import FOCUS_SIGMAS, prepare_planes
 from microplan.featuresel.routines.likelihood.pose_start import beside
@@ -46,7 +46,7 @@ def prepare_job(
     model: LookModel, target: Target, *, offset_um: float = 0.0
 ) -> Artifact | Failure:
     """Return what `read_job` reads, for images taken up to `offset_um` off focus."""
-    reach_um = offset_um + FOCUS_SIGMAS * model.drifts.focus_sigma_um
+    reach_um = offset_um + FOCUS_SIGMAS * model.nuisances.focus_sigma_um
     image = model()
     if float(np.ptp(image)) < _LEAST_SIGNAL:
         return Failure(code="no_contrast", message="the target does not stand out")
@@ -75,12 +75,12 @@ def prepare_job(
         }
         for name, values in maps.items():
             arrays[name] = runout_coefficients(values).astype(np.float32)
-        swaying = sway_maps(model, image)
-        arrays["front_sway_light"] = swaying.light.astype(np.float32)
-        arrays["front_sway_through"] = swaying.through.astype(np.float32)
+        modes = mode_maps(model, image)
+        arrays["front_sway_light"] = modes.light.astype(np.float32)
+        arrays["front_sway_through"] = modes.through.astype(np.float32)
     if odd_px is not None:
         arrays["odd"] = _cells(odd_px, made)
-    camera, drifts = model.camera, model.drifts
+    camera, drifts = model.camera, model.nuisances
     return Artifact(
         parameters={
             **made.parameters,
@@ -117,8 +117,8 @@ def read_job(views: tuple[DefocusedImage, ...], artifact: Artifact) -> ImageComp
             core_through=arrays["front_core_through"],
             reach_um=p["front_reach_um"],
             axis_px=(p["axis_column"], p["axis_row"]),
-            sway_light=arrays["front_sway_light"],
-            sway_through=arrays["front_sway_through"],
+            mode_light=arrays["front_sway_light"],
+            mode_through=arrays["front_sway_through"],
         )
         sigmas = (
             p["front_focus_sigma_um"],
@@ -140,7 +140,7 @@ def read_job(views: tuple[DefocusedImage, ...], artifact: Artifact) -> ImageComp
             zoom_sigma=p["zoom_sigma"],
             gradient=p["gradient"] > 0,
             front_sigmas=sigmas,
-            occluder_modes=0 if front is None else len(front.sway_light),
+            occluder_modes=0 if front is None else len(front.mode_light),
         ),
         symmetry=int(p["symmetry"]),
     )

@@ -129,15 +129,17 @@ _OCCLUDER_MODES_MOST = 8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SwayMaps:
+class ModeMaps:
     """Changes by one standard deviation each of independent amounts of mean 0."""
 
     light: FloatArray  # (S, rows, columns)
     through: FloatArray  # (S, rows, columns)
 
 
-def sway_maps(model: LookModel, image: FloatArray) -> SwayMaps:
-    """Return what likely errors of the static scene change, none if that is nothing.
+def mode_maps(model: LookModel, image: FloatArray) -> ModeMaps:
+    """Return the changes by likely errors of the static scene, (S, rows, columns).
+
+    In shares of full scale; none if they change nothing.
 
     Parameters
     ----------
@@ -150,13 +152,13 @@ def sway_maps(model: LookModel, image: FloatArray) -> SwayMaps:
     changes = model.occluder_modes()
     if not changes:
         none = np.zeros((0, *image.shape))
-        return SwayMaps(light=none, through=none)
+        return ModeMaps(light=none, through=none)
     shown = np.stack([change.shown for change in changes])
     through = np.stack([change.through for change in changes])
     kept = principal(shown / np.sqrt(model.camera.variance(image)))
     through = np.tensordot(kept, through, 1)
     light = np.tensordot(kept, shown, 1) - through * model.alone()
-    return SwayMaps(light=light, through=through)
+    return ModeMaps(light=light, through=through)
 
 
 def principal(changes: FloatArray) -> FloatArray:
@@ -192,7 +194,7 @@ class Veiled:
 
     light: FloatArray  # (N,)
     through: FloatArray  # (N,)
-    light_slopes: FloatArray  # (2 + S, N) by the numbers of a `Veiling`
+    light_slopes: FloatArray  # (2 + S, N) by the numbers of a `OccluderBlur`
     through_slopes: FloatArray  # (2 + S, N)
 
 
@@ -210,33 +212,35 @@ class Front:
     axis_px: tuple[float, float]  # column and row that zoom leaves alone
     # (S, rows, columns) what each occluder mode changes them by; zoom and focus do not
     # move them
-    sway_light: Float32Array
-    sway_through: Float32Array
+    mode_light: Float32Array
+    mode_through: Float32Array
 
     def at(self, pose: ImagePose, columns: IntArray, rows: IntArray) -> Veiled:
         """Return what pixels show, (N,), as the pose has it in front.
 
         A cubic spline through the heights, linear between pixels.
         """
-        front = pose.veiling
+        front = pose.occluder_blur
         four, (value, by_focus) = self._heights(front.focus_um)
         seen, slopes = [], []
         cells = rows * self.light.shape[2] + columns
         places = self._places(pose.zoom, columns, rows)
         for maps, cores, occluder_modes in (
-            (self.light, self.core_light, self.sway_light),
-            (self.through, self.core_through, self.sway_through),
+            (self.light, self.core_light, self.mode_light),
+            (self.through, self.core_through, self.mode_through),
         ):
             near = places.read(maps[four])
             core = value @ places.read(cores[four])
-            swayed = occluder_modes.reshape(
+            displaced = occluder_modes.reshape(
                 len(occluder_modes), self.light[0].size
             ).take(cells, axis=1)
             shown = value @ near + front.core * core
             if front.occluder_modes:
-                shown += np.array(front.occluder_modes, np.float32) @ swayed
+                shown += np.array(front.occluder_modes, np.float32) @ displaced
             seen.append(shown)
-            slopes.append(np.concatenate((np.stack((by_focus @ near, core)), swayed)))
+            slopes.append(
+                np.concatenate((np.stack((by_focus @ near, core)), displaced))
+            )
         return Veiled(
             light=seen[0],
             through=seen[1],
@@ -248,7 +252,7 @@ class Front:
         self, pose: ImagePose, columns: IntArray, rows: IntArray
     ) -> tuple[FloatArray, FloatArray]:
         """Return light and share let through at pixels, (...), by focus alone."""
-        four, (value, _) = self._heights(pose.veiling.focus_um)
+        four, (value, _) = self._heights(pose.occluder_blur.focus_um)
         places = self._places(pose.zoom, columns, rows)
         light, through = (
             np.tensordot(value, places.read(m[four]), 1)
@@ -259,8 +263,8 @@ class Front:
     @property
     def steady(self) -> Front:
         """Return the same in its planned place, without occluder modes."""
-        none = self.sway_light[:0]
-        return replace(self, sway_light=none, sway_through=none)
+        none = self.mode_light[:0]
+        return replace(self, mode_light=none, mode_through=none)
 
     def _heights(self, focus_um: float) -> tuple[slice, FloatArray]:
         """Return four coefficients and their weights, (2, 4): of value and slope."""
@@ -271,7 +275,7 @@ class Front:
         return slice(at.first, at.first + 4), np.stack((at.weights, slopes))
 
     def clear(self, columns: IntArray, rows: IntArray) -> FloatArray:
-        """Return the share let through at N pixels at nominal focus and zoom."""
+        """Return the share let through at (N,) pixels at nominal focus and zoom."""
         four, (value, _) = self._heights(0.0)
         return np.asarray(value @ self.through[four, rows, columns])
 

@@ -33,7 +33,10 @@ _AGAIN_PX = 0.1  # a step that is shorter leaves nothing that noise would not hi
 def measure(
     image: FloatArray, artifact: Artifact, guess: Guess
 ) -> Measurement | Failure:
-    """Return the pose after a step; fails if that is longer than a step may be."""
+    """Return the pose, px, after a step in `image`, (rows, columns) 0..1.
+
+    Fails if that step is longer than a step may be.
+    """
     if unfit := refused(image):
         return unfit
     if guess.z_um is None and artifact.parameters["focus_sigma_um"] > 0:

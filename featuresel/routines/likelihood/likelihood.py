@@ -48,7 +48,10 @@ _FAR_PX = 3.0  # the most that the fit may move from the guess
 def measure(
     image: FloatArray, artifact: Artifact, guess: Guess
 ) -> Measurement | Failure:
-    """Return the likeliest pose near the guess; fails if too little of it fits."""
+    """Return the likeliest pose, px, near the guess in `image`, (rows, columns) 0..1.
+
+    Fails if too little of the image fits.
+    """
     if unfit := refused(image):
         return unfit
     job, p = read_job((DefocusedImage(image=image),), artifact), artifact.parameters

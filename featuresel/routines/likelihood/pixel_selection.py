@@ -29,7 +29,7 @@ def informative(
         Light of the pixels, 0..1 of full scale.
     slopes : (P, rows, columns) float array
         What they change by with each number that the fit leaves free.
-    camera : Camera
+    camera : CameraNoise
         Its noise.
     wanted : int
         How many of the numbers, the first, must keep their limits within `LOSS`.

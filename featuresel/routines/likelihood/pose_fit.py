@@ -12,7 +12,7 @@ from microplan.featuresel.routines.contract import Failure
 from microplan.featuresel.routines.likelihood.appearance import (
     AGAIN_PX,
     ImagePose,
-    Veiling,
+    OccluderBlur,
 )
 from microplan.featuresel.routines.likelihood.comparison import (
     FEWEST,
@@ -33,7 +33,7 @@ _FAR_PX = 1.5  # the most that one step may move the image
 _FAR_DEPTHS = 1.0  # the most that one step may change the focus, steps of the planes
 _FULL = 0.99  # of full scale, where the camera may have clipped
 _MOST_CORE = 0.3  # beyond, it would stand for another focus of the occluder
-_MOST_SWAY = 5.0  # standard deviations: what lies farther off was not planned for
+_MOST_MODE = 5.0  # standard deviations: what lies farther off was not planned for
 _ZOOMS = (0.8, 1.25)  # beyond, nothing that starts near nominal gets
 
 
@@ -164,9 +164,11 @@ class _Linear:
         after = _after(job, pose, move)
         move[3] = job.focus(after) - job.focus(pose)
         if job.free.front_sigmas is not None:
-            move[5] = after.veiling.focus_um - pose.veiling.focus_um
-            move[6] = after.veiling.core - pose.veiling.core
-            move[POSE:-3] = _sways(job, after.veiling) - _sways(job, pose.veiling)
+            move[5] = after.occluder_blur.focus_um - pose.occluder_blur.focus_um
+            move[6] = after.occluder_blur.core - pose.occluder_blur.core
+            move[POSE:-3] = _modes(job, after.occluder_blur) - _modes(
+                job, pose.occluder_blur
+            )
         return move, share
 
     def after(self, move: FloatArray) -> _Linear:
@@ -219,9 +221,9 @@ def _linear(
     design = np.concatenate((seen.slopes * lit, seen.target)) / noise
     pull = job.free.precision(squared=job.squared)
     right = design @ (weight * residual)
-    front = pose.veiling
+    front = pose.occluder_blur
     off = (job.focus(pose), pose.zoom - 1, front.focus_um, front.core)
-    right[3:-3] -= pull[3:-3] * np.append(off, _sways(job, front))
+    right[3:-3] -= pull[3:-3] * np.append(off, _modes(job, front))
     return _Linear(
         light=light,
         normal=(design * weight) @ design.T + np.diag(pull),
@@ -274,25 +276,25 @@ def _after(job: ImageComparison, pose: ImagePose, move: FloatArray) -> ImagePose
 
 def _front(
     job: ImageComparison, pose: ImagePose, z_um: float, move: FloatArray
-) -> Veiling | None:
+) -> OccluderBlur | None:
     """Return how the occluder is blurred after a step, within its maps."""
     if job.front is None:
         return pose.front
-    was, reach = pose.veiling, job.front.reach_um
+    was, reach = pose.occluder_blur, job.front.reach_um
     if job.free.front_sigmas is None:
-        return Veiling(
+        return OccluderBlur(
             focus_um=math.copysign(z_um, was.focus_um) if job.squared else z_um
         )
-    return Veiling(
+    return OccluderBlur(
         focus_um=min(max(was.focus_um + float(move[0]), -reach), reach),
         core=min(max(was.core + float(move[1]), -_MOST_CORE), _MOST_CORE),
         occluder_modes=tuple(
-            np.clip(_sways(job, was) + move[2:], -_MOST_SWAY, _MOST_SWAY).tolist()
+            np.clip(_modes(job, was) + move[2:], -_MOST_MODE, _MOST_MODE).tolist()
         ),
     )
 
 
-def _sways(job: ImageComparison, front: Veiling) -> FloatArray:
+def _modes(job: ImageComparison, front: OccluderBlur) -> FloatArray:
     """Return the occluder modes' amounts, (S,), in standard deviations."""
     return np.array(front.occluder_modes or (0.0,) * job.free.occluder_modes)
 

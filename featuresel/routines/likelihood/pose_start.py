@@ -89,13 +89,13 @@ def beside(symmetry: int) -> float:
 
 
 def equal_turns(turn_rad: float, symmetry: int) -> FloatArray:
-    """Return a turn, those half a period off, and all others of a pattern, rad."""
+    """Return (N,) equal turns of a pattern, half a period off too, rad."""
     steps = np.array([0.0, -0.5, 0.5, *range(1, symmetry)])
     return np.asarray(turn_rad + steps * 2 * math.pi / symmetry)
 
 
 def other_turns(turn_rad: float, symmetry: float, range_rad: float) -> FloatArray:
-    """Return the equal turns of a pattern besides one, that are within a range."""
+    """Return the (N,) other equal turns of a pattern within a range, rad."""
     turns = turn_rad + 2 * math.pi / symmetry * np.arange(1, int(symmetry))
     turns = np.remainder(turns + math.pi, 2 * math.pi) - math.pi
     within: FloatArray = turns[np.abs(turns) <= range_rad]

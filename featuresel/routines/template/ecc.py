@@ -71,7 +71,7 @@ def prepare(render: LookModel, target: Target) -> Artifact | Failure:
     template = cut(image, target, half)
     if not float(template.std()) > FAINT:
         return Failure(code="no_contrast", message="the template is blank")
-    zoom = _ZOOM_SIGMAS * render.drifts.zoom_sigma
+    zoom = _ZOOM_SIGMAS * render.nuisances.zoom_sigma
     alone = cut(render.alone(), target, half)  # the static scene pulls in any case
     first = Artifact(
         parameters={
@@ -95,7 +95,10 @@ def prepare(render: LookModel, target: Target) -> Artifact | Failure:
 def measure(
     image: FloatArray, artifact: Artifact, guess: Guess
 ) -> Measurement | Failure:
-    """Return position and angle; fails if the guess is far off or the images differ."""
+    """Return position, px, and angle in `image`, (rows, columns) 0..1.
+
+    Fails if the guess is far off or the images differ.
+    """
     if unfit := refused(image):
         return unfit
     p = artifact.parameters

@@ -34,7 +34,7 @@ class TemplatePose:
 def align(
     image: FloatArray, upright: Float32Array, start: TemplatePose, *, turns: bool
 ) -> TemplatePose | Failure:
-    """Return the pose of the highest correlation.
+    """Return the pose, px, of the highest correlation in a (rows, columns) image.
 
     OpenCV takes the angle from its sine, so the template is turned by quarters first,
     which moves pixels onto pixels. Its warp rounds coordinates to 1/32 px and then

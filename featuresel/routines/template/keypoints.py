@@ -69,7 +69,7 @@ def prepare(render: Render, target: Target) -> Artifact | Failure:
 def measure(
     image: FloatArray, artifact: Artifact, guess: Guess
 ) -> Measurement | Failure:
-    """Return the motion that most matches agree on."""
+    """Return the motion, px, most matches agree on in `image`, (rows, columns) 0..1."""
     if unfit := refused(image):
         return unfit
     p = artifact.parameters

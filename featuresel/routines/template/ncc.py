@@ -74,7 +74,7 @@ def prepare(render: LookModel, target: Target) -> Artifact | Failure:
             "theta_rad": target.theta_rad,
             "range_rad": target.theta_range_rad,
             "least_score": SURE_SCORE if target.kind == "jaws" else _LEAST_SCORE,
-            "scale_off": max(SCALE_OFF, _ZOOM_SIGMAS * render.drifts.zoom_sigma),
+            "scale_off": max(SCALE_OFF, _ZOOM_SIGMAS * render.nuisances.zoom_sigma),
         },
         arrays={
             "templates": np.stack(templates).astype(np.float32),
@@ -87,7 +87,10 @@ def prepare(render: LookModel, target: Target) -> Artifact | Failure:
 def measure(
     image: FloatArray, artifact: Artifact, guess: Guess
 ) -> Measurement | Failure:
-    """Return the best match's place, and its angle where that is searched."""
+    """Return the best match's position, px, in `image`, (rows, columns) 0..1.
+
+    Its angle too, where that is searched.
+    """
     if unfit := refused(image):
         return unfit
     p = artifact.parameters

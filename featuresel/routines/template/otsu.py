@@ -53,7 +53,7 @@ def spread_px(render: LookModel, target: Target, find: Find) -> float | None:
             dx_um=dx / target.px_per_um,
             dy_um=dy / target.px_per_um,
             theta_rad=theta_rad,
-            dz_um=sigmas * render.drifts.focus_sigma_um,
+            dz_um=sigmas * render.nuisances.focus_sigma_um,
         )
         noise = np.sqrt(render.camera.variance(image))
         found = find(
@@ -132,7 +132,10 @@ def prepare(render: LookModel, target: Target) -> Artifact | Failure:
 def measure(
     image: FloatArray, artifact: Artifact, guess: Guess
 ) -> Measurement | Failure:
-    """Return the target's place; fails if no blob, or more than one, fits."""
+    """Return the target's position, px, in `image`, (rows, columns) 0..1.
+
+    Fails if no blob, or more than one, fits.
+    """
     if unfit := refused(image):
         return unfit
     p = artifact.parameters

@@ -56,7 +56,7 @@ def prepare(render: Render, target: Target) -> Artifact | Failure:
 def measure(
     image: FloatArray, artifact: Artifact, guess: Guess
 ) -> Measurement | Failure:
-    """Return the position that the highest peak of the phase correlation stands for."""
+    """Return the phase correlation's peak, px, in `image`, (rows, columns) 0..1."""
     if unfit := refused(image):
         return unfit
     p = artifact.parameters

@@ -69,7 +69,7 @@ def refine(
 
     Returns
     -------
-    Fit or Failure
+    TemplateFit or Failure
         Fails with "diverged" if it does not settle, "outside" if too little is in view,
         "scale_off" and "low_score" beyond the limits.
     """
@@ -98,7 +98,7 @@ def refine(
 
 
 def refine_work(template: FloatArray, pixels: float, shrink: int) -> float:
-    """Return the work of `refine` on an image of so many pixels."""
+    """Return the work of `refine` on so many pixels, (2 R + 1, 2 C + 1) template."""
     total, near = 0.0, int(_near_edges(template).sum())
     while shrink >= 1:
         compared = near / shrink**2

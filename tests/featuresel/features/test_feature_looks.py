@@ -22,7 +22,7 @@ from microplan.featuresel.sets.feature_set import choose_set
 from microplan.featuresel.sets.pose_covariance import (
     FeatureMeasurement,
     PoseRequirement,
-    sight_of,
+    measurement_of,
 )
 from microplan.featuresel.trials.chains import Chain, chains
 from microplan.featuresel.trials.score import score
@@ -110,7 +110,9 @@ def sight(case: LookCase, feature: Feature, chain: Chain) -> FeatureMeasurement 
     )
     if chosen.chosen is None:
         return chosen.advice
-    return sight_of(feature, chosen.chosen, about_um=(0, 0), theta_rad=case.theta_rad)
+    return measurement_of(
+        feature, chosen.chosen, about_um=(0, 0), theta_rad=case.theta_rad
+    )
 
 
 def test_another_feature_is_used_when_the_notch_is_hidden(look: Look) -> None:
@@ -162,7 +164,7 @@ def test_two_edges_tell_the_pose_that_neither_tells(look: Look) -> None:
             )
             assert alone.chosen == seen
             sights.append(
-                sight_of(feature, seen, about_um=(0, 0), theta_rad=case.theta_rad)
+                measurement_of(feature, seen, about_um=(0, 0), theta_rad=case.theta_rad)
             )
     need = PoseRequirement(
         sigma_um=0.5, sigma_theta_rad=0.01, radius_um=80.0, redundant=False, most=2
