@@ -12,7 +12,8 @@ from benchmarks.localisation.depth_of_field import (
     limit_curve,
     prices,
 )
-from microplan.featuresel.limits.crlb import camera_of, fisher, informative
+from benchmarks.localisation.informative import informative
+from microplan.featuresel.limits.crlb import camera_of, fisher
 from microplan.featuresel.limits.information import limit
 from microplan.featuresel.limits.resolution import contrast, spurious_um
 from microplan.featuresel.look.scenario import LookCase

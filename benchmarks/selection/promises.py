@@ -105,16 +105,7 @@ def gated(outcome: Outcome, gate: Gate) -> Outcome:
         return outcome
     if gate.passes(outcome.score, outcome.spread_um):
         return outcome
-    return Outcome(
-        chain=outcome.chain,
-        trial=outcome.trial,
-        failure=GATED,
-        world_um=None,
-        target_um=None,
-        theta_rad=None,
-        score=None,
-        spread_um=None,
-    )
+    return Outcome(chain=outcome.chain, trial=outcome.trial, failure=GATED)
 
 
 def _gate_broken(

@@ -6,20 +6,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 from scipy.special import log_ndtr, ndtr
 
 from microplan.arrays import BoolArray, FloatArray
 from microplan.featuresel.limits.information import (
     Information,
-    covariance,
-    inverse,
     limit,
-    places,
 )
 from microplan.featuresel.look.nominal import displacement_changes
 from microplan.featuresel.look.scenario import LookCase
@@ -79,11 +75,8 @@ def _with_modes(case: LookCase, seen: Sensitivities) -> Sensitivities:
     )
 
 
-IndexArray = npt.NDArray[np.intp]
-
 _FAR = 38.0  # sigmas beyond which a normal density is 0 in double precision
 _NOTHING = 1e-12  # of a pixel's information in mid-scale: rounding of 0
-_ROUNDS = 2  # of choosing pixels: a third takes none off a gear's
 
 
 def camera_of(case: LookCase) -> CameraNoise:
@@ -156,81 +149,14 @@ def fisher(
     ValueError
         If the mask does not fit the image.
     """
-    slopes, errors = _scores(seen, camera, mask)
-    return _summed(seen.names, slopes, errors)
+    slopes, errors = pixel_scores(seen, camera, mask)
+    return summed(seen.names, slopes, errors)
 
 
-def density(
-    seen: Sensitivities, camera: CameraNoise, *, mask: BoolArray | None = None
-) -> FloatArray:
-    """Return each pixel's part of the information, (P, rows, columns).
-
-    Of each parameter after all others are projected out, so that a parameter's sum is
-    1 / limit**2; 0 for one that is not observable. Arguments as in `fisher`.
-    """
-    slopes, errors = _scores(seen, camera, mask)
-    found, lost = inverse(_summed(seen.names, slopes, errors))
-    influence = found @ slopes
-    variance = np.where(lost, math.inf, np.diag(found))
-    shares: FloatArray = (influence / variance[:, None]) ** 2
-    return shares.reshape(seen.slopes.shape)
-
-
-def informative(
-    seen: Sensitivities,
-    camera: CameraNoise,
-    wanted: Collection[str],
-    *,
-    share: float = 0.98,
-    mask: BoolArray | None = None,
-) -> BoolArray:
-    """Return few pixels that tell nearly as much as all, (rows, columns).
-
-    Pixels are taken in falling order of their `density` of what is wanted, relative to
-    each limit, until 1 / limit**2 of every wanted parameter that is observable reaches
-    `share` of what all pixels give, the rest of `seen` being unknown. What pixels tell
-    depends on what else is taken, so they are ranked again by those found first; the
-    smaller set is returned. None if nothing wanted is observable.
-
-    Raises
-    ------
-    KeyError
-        If something wanted has no slopes.
-    ValueError
-        If `share` is not in (0, 1], or the mask does not fit.
-    """
-    if not 0 < share <= 1:
-        raise ValueError(f"share must be in (0, 1], got {share}")
-    slopes, errors = _scores(seen, camera, mask)
-    known = _summed(seen.names, slopes, errors)
-    variances, at = np.diag(covariance(known)), places(seen.names, wanted)
-    at = [k for k in at if variances[k] < math.inf]
-    goal = variances[at] / share * (1 + 1e-12)
-
-    def told(taken: IndexArray) -> Information:
-        return _summed(seen.names, slopes[:, taken], errors[:, taken])
-
-    best: IndexArray = np.arange(seen.mean.size if at else 0)
-    for _ in range(_ROUNDS if at else 0):
-        influence = inverse(known)[0][at] @ slopes
-        rank = (influence**2 / variances[at, None]).sum(axis=0)
-        order = np.argsort(-rank, kind="stable")
-        few, many = 0, len(order)
-        while many - few > 1:
-            middle = (few + many) // 2
-            left = np.diag(covariance(told(order[:middle])))[at]
-            few, many = (few, middle) if (left <= goal).all() else (middle, many)
-        known = told(order[:many])
-        best = min(best, order[:many], key=len)
-    chosen = np.zeros(seen.mean.size, dtype=np.bool_)
-    chosen[best] = True
-    return chosen.reshape(seen.mean.shape)
-
-
-def _scores(
+def pixel_scores(
     seen: Sensitivities, camera: CameraNoise, mask: BoolArray | None
 ) -> tuple[FloatArray, FloatArray]:
-    """Return slopes and their errors over the pixels' noise, (P, N) each."""
+    """Return slopes and their errors over the pixels' noise, (P, N), per um etc."""
     weight = weights(seen.mean, camera, ceiling=seen.ceiling)
     if mask is not None:
         if mask.shape != weight.shape:
@@ -244,10 +170,10 @@ def _scores(
     )
 
 
-def _summed(
+def summed(
     names: tuple[str, ...], slopes: FloatArray, errors: FloatArray
 ) -> Information:
-    """Return the pixels' information, from slopes and errors over noise, (P, N)."""
+    """Return the pixels' information by slopes and errors over noise, (P, N) per um."""
     return Information(
         names=names, matrix=slopes @ slopes.T, faked=(errors**2).sum(axis=1)
     )

@@ -38,11 +38,11 @@ class Trial:
     dx_um: float  # of the target from nominal, world
     dy_um: float
     dtheta_rad: float
-    dz_um: float  # of the focus from nominal
-    magnification: float  # ratio to nominal
-    gain: float  # times the nominal light
-    gradient_x: float  # added to the nominal light's
-    gradient_y: float
+    dz_um: float = 0.0  # of the focus from nominal
+    magnification: float = 1.0  # ratio to nominal
+    gain: float = 1.0  # times the nominal light
+    gradient_x: float = 0.0  # added to the nominal light's
+    gradient_y: float = 0.0
     model: str
     seed: tuple[int, ...]  # of the noise
     occluder_um: tuple[float, float] = (0.0, 0.0)  # of what is not the target's owner

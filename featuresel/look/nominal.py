@@ -169,8 +169,7 @@ class NominalRender:
         The target is transformed once for all places at its own angle, and for all
         heights of a pose that is asked for `again`.
         """
-        case, zoomed = self.case, self.case.microscope.magnification * zoom
-        scope = replace(case.microscope, magnification=zoomed)
+        case, scope = self.case, self.case.zoomed(zoom)
         focus_um = case.focus_um + dz_um
         shown = _held(
             self.known.backdrops,

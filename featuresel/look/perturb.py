@@ -18,9 +18,8 @@ from microplan.featuresel.look.static_layers import (
     usual_range,
 )
 from microplan.optics.lens.sensor import CountArray, expose, to_unit
-from microplan.optics.render.scene import Illumination, Layer
+from microplan.optics.render.scene import Layer
 from microplan.optics.render.view_range import Range
-from microplan.optics.transfer.microscope import Microscope
 
 
 def image(
@@ -88,36 +87,22 @@ def still(case: LookCase, trial: Trial, reach: Range | None = None) -> Backdrop:
     return found.with_(fresh(seen, [there for _, there in left])) if left else found
 
 
-def _owner(case: LookCase) -> str:
-    return case.target.name.partition(".")[0]
-
-
 def _perturbed(case: LookCase, trial: Trial) -> LookCase:
     """Return the look as it truly is in a trial, but for the target's pose."""
     return replace(
         case,
         static=shifted(
             case.static,
-            _owner(case),
+            case.target.name.partition(".")[0],
             trial.occluder_um,
             tuple(zip(case.spread.turning, trial.turns_rad, strict=True))
             if trial.turns_rad  # a trial made elsewhere turns nothing
             else (),
         ),
-        microscope=_zoomed(case, trial),
+        microscope=case.zoomed(trial.magnification),
         focus_um=case.focus_um + trial.dz_um,
         model=trial.model,
-        light=Illumination(
-            gain=case.light.gain * trial.gain,
-            gradient_x=case.light.gradient_x + trial.gradient_x,
-            gradient_y=case.light.gradient_y + trial.gradient_y,
-        ),
+        light=case.lit(trial.gain, trial.gradient_x, trial.gradient_y),
         lens=case.lens if trial.lens is None else trial.lens,
         sensor=noisier(case.sensor, trial.noise),
     )
-
-
-def _zoomed(case: LookCase, trial: Trial) -> Microscope:
-    """Return the case's microscope at the trial's zoom."""
-    magnification = case.microscope.magnification * trial.magnification
-    return replace(case.microscope, magnification=magnification)

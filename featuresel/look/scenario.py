@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from microplan.arrays import FloatArray
 from microplan.featuresel.routines.contract import Target
@@ -135,6 +135,19 @@ class LookCase:
     def shares_spectra(self) -> bool:
         """Return whether images at several focus heights come from the same spectra."""
         return self.shares_still_layers and self.lamp_aperture is None
+
+    def zoomed(self, ratio: float) -> Microscope:
+        """Return the microscope at so many times the nominal magnification."""
+        magnification = self.microscope.magnification * ratio
+        return replace(self.microscope, magnification=magnification)
+
+    def lit(self, gain: float, gradient_x: float, gradient_y: float) -> Illumination:
+        """Return the light with its gain multiplied and gradients added."""
+        return Illumination(
+            gain=self.light.gain * gain,
+            gradient_x=self.light.gradient_x + gradient_x,
+            gradient_y=self.light.gradient_y + gradient_y,
+        )
 
     @property
     def frame(self) -> RegionFrame:

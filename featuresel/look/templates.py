@@ -37,7 +37,7 @@ def located(case: LookCase, found: Measurement) -> Located | Failure:
     """
     endless = _not_finite(found)
     if endless:
-        return Failure(code="not_finite", message=f"not finite: {', '.join(endless)}")
+        return Failure("not_finite", f"not finite: {', '.join(endless)}")
     turned_rad = case.target.theta_rad - case.theta_rad
     theta = None if found.theta_rad is None else found.theta_rad - turned_rad
     x, y = case.frame.to_world(found.column, found.row)

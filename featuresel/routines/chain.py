@@ -45,10 +45,10 @@ def advance(
         reach = HANDOVER_SIGMAS * before.spread_px
         message = f"{HANDOVER_SIGMAS:g} spreads of the place before it are {reach:.3g}"
         message += f" px, it captures {routine.capture_px:g} px"
-        return Failure(code="not_captured", message=f"{name}: {message}")
+        return Failure("not_captured", f"{name}: {message}")
     found = routine.measure(image, artifact, progress.guess)
     if isinstance(found, Failure):
-        return Failure(code=found.code, message=f"{name}: {found.message}")
+        return Failure(found.code, f"{name}: {found.message}")
     if before is not None:
         found = _kept(found, before, placed="xy" in routine.provides)
     start = progress.guess

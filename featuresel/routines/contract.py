@@ -84,7 +84,7 @@ class Measurement:
 
     column: float
     row: float
-    theta_rad: float | None
+    theta_rad: float | None = None
     score: float  # 0..1, the routine's own confidence; gates compare it
     spread_px: float  # the routine's own estimate of its standard deviation per axis
     spread_theta_rad: float | None = None
@@ -94,7 +94,7 @@ class Measurement:
     axis_rad: float | None = None  # the one direction in which the position is known
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Failure:
     """Why a routine gives no answer: a stable code and a sentence with the numbers."""
 

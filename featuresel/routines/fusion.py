@@ -85,11 +85,11 @@ def fuse(
     start = _angle(seen, believed)
     rows, _ = _system(seen, start or 0.0)
     if not _tells(rows[:, :2]):
-        return Failure(code="under_determined", message="the place is not told")
+        return Failure("under_determined", "the place is not told")
     free = 3 if _turn_free(seen, rows, believed) else 2
     lever_um = max((math.hypot(*one.offset_um) for one in seen), default=0.0)
     if start is None and free == 2 and lever_um > _FINEST_UM:
-        return Failure(code="no_angle", message="features off the point, angle unknown")
+        return Failure("no_angle", "features off the point, angle unknown")
     return _settled(seen, start or 0.0, free)
 
 
@@ -109,8 +109,8 @@ def _settled(
     freedom, chi_square = len(off) - free, float(off @ off)
     if not chi_square <= bound(freedom):  # also refuses nan
         return Failure(
-            code="features_disagree",
-            message=f"chi-square {chi_square:.3g}, at most {bound(freedom):.3g}",
+            "features_disagree",
+            f"chi-square {chi_square:.3g}, at most {bound(freedom):.3g}",
         )
     known = _covariance(rows[:, :free])
     return Fused(

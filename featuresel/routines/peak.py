@@ -16,12 +16,12 @@ def find_peak(surface: Float32Array) -> tuple[float, float] | Failure:
     row, column = divmod(int(surface.argmax()), surface.shape[1])
     rows, columns = surface.shape
     if not (0 < row < rows - 1 and 0 < column < columns - 1):
-        return Failure(code="outside", message="the best match is at the search's rim")
+        return Failure("outside", "the best match is at the search's rim")
     rival = _rival(surface, column, row)
     if rival > _RIVAL * float(surface[row, column]):
         return Failure(
-            code="ambiguous",
-            message=f"scores {surface[row, column]:.3f} and {rival:.3f} at two places",
+            "ambiguous",
+            f"scores {surface[row, column]:.3f} and {rival:.3f} at two places",
         )
     near = surface[row - 1 : row + 2, column - 1 : column + 2].astype(np.float64)
     dx = (near[:, 2] - near[:, 0]).sum() / 6
@@ -31,7 +31,7 @@ def find_peak(surface: Float32Array) -> tuple[float, float] | Failure:
     xy = (near[0, 0] + near[2, 2] - near[0, 2] - near[2, 0]) / 4
     determinant = xx * yy - xy * xy
     if not (determinant > 0 and xx < 0):
-        return Failure(code="no_peak", message="the scores have no maximum")
+        return Failure("no_peak", "the scores have no maximum")
     u, v = (xy * dy - yy * dx) / determinant, (xy * dx - xx * dy) / determinant
     return column + float(np.clip(u, -1, 1)), row + float(np.clip(v, -1, 1))
 

@@ -88,11 +88,8 @@ def refused(image: FloatArray) -> Failure | None:
         sums over it would be endless, or nan, and would raise or compare as anything.
     """
     if image.ndim != 2 or image.size == 0:
-        return Failure(code="no_image", message=f"an image of shape {image.shape}")
+        return Failure("no_image", f"an image of shape {image.shape}")
     low, high = float(image.min()), float(image.max())  # nan if a pixel is
     if low >= -_MOST and high <= _MOST:
         return None
-    return Failure(
-        code="no_image",
-        message=f"pixels from {low:.3g} to {high:.3g}, full scale is 1",
-    )
+    return Failure("no_image", f"pixels from {low:.3g} to {high:.3g}, full scale is 1")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from microplan.featuresel.features.feature import Feature
 from microplan.featuresel.sets.pose_covariance import (
@@ -99,19 +99,14 @@ def criteria(
     angle : bool
         Whether the angle is wanted.
     """
-    rank, least = controllability([candidate.measurement], radius_um, angle=angle)
-    return Criteria(
-        name=candidate.feature.name,
-        chain=candidate.score.chain,
-        robustness=candidate.score.success_lower,
-        uniqueness=uniqueness(candidate.feature, theta_range_rad, angle=angle),
-        completeness=candidate.seen,
-        cost=candidate.score.cost,
-        resolution_um=candidate.measurement.sigma_um,
-        rank=rank,
-        controllability=least,
-        conditioning=conditioning([candidate.measurement], radius_um, angle=angle),
+    whole = set_criteria(
+        [candidate],
+        candidate.measurement.sigma_um,
+        radius_um=radius_um,
+        theta_range_rad=theta_range_rad,
+        angle=angle,
     )
+    return replace(whole, chain=candidate.score.chain, completeness=candidate.seen)
 
 
 def set_criteria(

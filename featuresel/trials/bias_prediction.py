@@ -107,11 +107,6 @@ def _poses(case: LookCase, count: int, root_seed: int) -> tuple[Trial, ...]:
             dx_um=float(x - 0.5) * pixel_um,
             dy_um=float(y - 0.5) * pixel_um,
             dtheta_rad=float(2 * turn - 1) * width_rad,
-            dz_um=0.0,
-            magnification=1.0,
-            gain=1.0,
-            gradient_x=0.0,
-            gradient_y=0.0,
             model=case.model,
             seed=(0,),  # there is no noise
         )

@@ -86,12 +86,12 @@ class Outcome:
 
     chain: Chain
     trial: int
-    failure: str | None  # code; None where it answered
-    world_um: tuple[float, float] | None
-    target_um: tuple[float, float] | None  # the same in the target's true frame
-    theta_rad: float | None  # None: no angle given
-    score: float | None
-    spread_um: float | None  # the chain's own estimate
+    failure: str | None = None  # code; None where it answered
+    world_um: tuple[float, float] | None = None
+    target_um: tuple[float, float] | None = None  # in the target's true frame
+    theta_rad: float | None = None  # None: no angle given
+    score: float | None = None
+    spread_um: float | None = None  # the chain's own estimate
     spread_theta_rad: float | None = None
     # the one direction, in the target's true frame, in which the position is known: the
     # errors above are the part along it

@@ -174,11 +174,6 @@ class ToleranceSearch:
             dx_um=float(dx) * case.spread.pose_sigma_xy_um,
             dy_um=float(dy) * case.spread.pose_sigma_xy_um,
             dtheta_rad=theta,
-            dz_um=0.0,
-            magnification=1.0,
-            gain=1.0,
-            gradient_x=0.0,
-            gradient_y=0.0,
             model=case.model,
             seed=seed,
         )

@@ -64,7 +64,7 @@ def prepare(case: LookCase, chains: Sequence[Chain]) -> PreparedRoutines:
         routine = load(name)
         if case.target.kind not in routine.kinds:
             message = f"{name} cannot look for {case.target.kind}"
-            artifacts[name] = Failure(code="wrong_kind", message=message)
+            artifacts[name] = Failure("wrong_kind", message)
         else:
             artifacts[name] = routine.prepare(render, case.target)
     return PreparedRoutines(chains=tuple(chains), artifacts=artifacts)
@@ -204,7 +204,7 @@ def _step(
     """Return the state after one routine, which may not even be prepared."""
     artifact = prepared.artifacts[name]
     if isinstance(artifact, Failure):
-        return Failure(code="not_prepared", message=f"{name}: {artifact.message}")
+        return Failure("not_prepared", f"{name}: {artifact.message}")
     return advance(picture, name, artifact, progress)
 
 
@@ -262,18 +262,8 @@ def outcome_of(
     case: LookCase, trial: Trial, chain: Chain, place: Located | Failure
 ) -> Outcome:
     """Return the errors of a position in the world's and the target's axes."""
-    empty = Outcome(
-        chain=chain,
-        trial=trial.index,
-        failure=place.code if isinstance(place, Failure) else None,
-        world_um=None,
-        target_um=None,
-        theta_rad=None,
-        score=None,
-        spread_um=None,
-    )
     if isinstance(place, Failure):
-        return empty
+        return Outcome(chain=chain, trial=trial.index, failure=place.code)
     off = (place.x_um - case.x_um - trial.dx_um, place.y_um - case.y_um - trial.dy_um)
     ex, ey = along(off, place.axis_rad)
     theta = case.theta_rad + trial.dtheta_rad
@@ -281,8 +271,9 @@ def outcome_of(
     turned, axis = None, place.axis_rad
     if place.theta_rad is not None:
         turned = math.remainder(place.theta_rad - theta, period_rad(case))
-    return replace(
-        empty,
+    return Outcome(
+        chain=chain,
+        trial=trial.index,
         world_um=(ex, ey),
         target_um=(c * ex + s * ey, -s * ex + c * ey),
         theta_rad=turned,

@@ -61,8 +61,8 @@ def measure_circle(
         return circle
     if _is_off(circle, p):
         return Failure(
-            code="radius_off",
-            message=f"radius {circle.radius_px:.2f} px, predicted {p['seen_px']:.2f}",
+            "radius_off",
+            f"radius {circle.radius_px:.2f} px, predicted {p['seen_px']:.2f}",
         )
     if circle.used.mean() < _USED:
         return _few(circle.used)
@@ -105,8 +105,8 @@ def measure_ellipse(
         return found
     if _is_off(found, p) or not found.flat <= _FLAT:
         return Failure(
-            code="radius_off",
-            message=f"radius {found.radius_px:.2f} px, predicted {p['seen_px']:.2f}, "
+            "radius_off",
+            f"radius {found.radius_px:.2f} px, predicted {p['seen_px']:.2f}, "
             f"axes {found.flat:.3f} to 1",
         )
     return _measurement(found, p, guess)
@@ -142,7 +142,6 @@ def _measurement(curve: RimCurve, p: Mapping[str, float], guess: Guess) -> Measu
     return Measurement(
         column=column,
         row=row,
-        theta_rad=None,
         score=float(curve.used.mean()),
         spread_px=curve.spread_px,
     )
@@ -151,7 +150,7 @@ def _measurement(curve: RimCurve, p: Mapping[str, float], guess: Guess) -> Measu
 def _few(used: BoolArray) -> Failure:
     """Return the failure of a curve that too few points fit."""
     message = f"{used.mean():.0%} of the points fit, at least {_USED:.0%}"
-    return Failure(code="few_points", message=message)
+    return Failure("few_points", message)
 
 
 def _circle(
@@ -199,7 +198,7 @@ def _trimmed(
         pairs = np.column_stack((u, v))[used].astype(np.float32)
         (x, y), axes, turn_deg = cv2.fitEllipseDirect(pairs)
         if not (min(axes) > 0 and math.isfinite(x + y + sum(axes) + turn_deg)):
-            return Failure(code="no_edge", message="the points make no ellipse")
+            return Failure("no_edge", "the points make no ellipse")
         residual = _residual(u - x, v - y, axes, turn_deg)
         limit = max(3 * 1.4826 * median(np.abs(residual[used])), 0.05)
         before, used = used, np.abs(residual) <= limit

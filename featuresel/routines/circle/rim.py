@@ -108,7 +108,7 @@ def rim_points(
     top, left = max(0, int(guess.row - reach)), max(0, int(guess.column - reach))
     part = image[top : int(guess.row + reach) + 1, left : int(guess.column + reach) + 1]
     if min(part.shape) < 8:
-        return Failure(code="outside", message="the rim is out of view")
+        return Failure("outside", "the rim is out of view")
     smooth = cv2.GaussianBlur(part, (0, 0), p["smooth_px"])
     x = np.arange(part.shape[1], dtype=np.float64) + (left - guess.column)
     y = (np.arange(part.shape[0], dtype=np.float64) + (top - guess.row))[:, None]
@@ -150,14 +150,12 @@ def approach(
         )
         moved = math.hypot(circle.column - guess.column, circle.row - guess.row)
         if not moved <= _MOVED_PX:
-            return Failure(code="outside", message=f"{moved:.1f} px from the guess")
+            return Failure("outside", f"{moved:.1f} px from the guess")
         step = math.hypot(circle.column - at.column, circle.row - at.row)
         if away < CAPTURE_PX and step <= _STAYS_PX:
             return points, circle
         at, away = Guess(column=circle.column, row=circle.row), _NEAR_PX
-    return Failure(
-        code="unsettled", message=f"the centre still moves by {step:.2f} px a round"
-    )
+    return Failure("unsettled", f"the centre still moves by {step:.2f} px a round")
 
 
 def approach_work(p: Mapping[str, float]) -> float:
@@ -194,9 +192,8 @@ def _picked(
     seen = len(np.unique(sectors))
     if seen < FEWEST * _SECTORS:
         return Failure(
-            code="few_points",
-            message=f"the rim is seen in {seen} of {_SECTORS} sectors, "
-            f"at least {FEWEST:.0%}",
+            "few_points",
+            f"the rim is seen in {seen} of {_SECTORS} sectors, at least {FEWEST:.0%}",
         )
     return u[good], v[good]
 
@@ -291,20 +288,18 @@ def _level(
     inner, outer = values.reshape(2, _RINGS, -1).mean(axis=1)
     whole = inside.all(axis=0)
     if whole.mean() < FEWEST:
-        return Failure(code="outside", message="less than half the rim is in view")
+        return Failure("outside", "less than half the rim is in view")
     step = median((outer - inner)[whole]) * math.copysign(1.0, p["step"])
     least = max(_WEAKEST * abs(p["step"]), FAINT / 2)
     if step < least:
-        return Failure(
-            code="no_edge", message=f"step of {step:.3f}, at least {least:.3f}"
-        )
+        return Failure("no_edge", f"step of {step:.3f}, at least {least:.3f}")
     wanted = inner + p["level"] * (outer - inner)
     angles = np.linspace(0, math.tau, len(wanted), endpoint=False)
     design = np.column_stack((np.ones_like(angles), np.cos(angles), np.sin(angles)))
     used = whole & (np.abs(wanted - median(wanted[whole])) < step)
     for _ in range(_ROUNDS):
         if used.sum() < 0.3 * len(used):
-            return Failure(code="no_edge", message="both sides of the rim are uneven")
+            return Failure("no_edge", "both sides of the rim are uneven")
         plane, *_ = np.linalg.lstsq(design[used], wanted[used], rcond=None)
         off = np.abs(wanted - design @ plane)
         used = whole & (off <= max(3 * 1.4826 * median(off[whole]), 1e-6))

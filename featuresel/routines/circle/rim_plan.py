@@ -54,12 +54,10 @@ def rim_numbers(render: Render, target: Target) -> dict[str, float] | Failure:
     """
     radius = rim_radius_um(target) * target.px_per_um
     if radius < 4:
-        return Failure(
-            code="too_small", message=f"radius of {radius:.2f} px, at least 4"
-        )
+        return Failure("too_small", f"radius of {radius:.2f} px, at least 4")
     profile = _profile(render(), target, radius)
     if profile is None:
-        return Failure(code="outside", message="less than half the rim is in view")
+        return Failure("outside", "less than half the rim is in view")
     width = best_width(profile)
     middle = len(profile) // 2
     gap = min(int(1.5 * width / STEP_PX) + 2, middle - THICK)
@@ -67,14 +65,14 @@ def rim_numbers(render: Render, target: Target) -> dict[str, float] | Failure:
     outer = float(profile[middle + gap : middle + gap + THICK + 1].mean())
     if abs(outer - inner) < FAINT:
         return Failure(
-            code="no_edge",
-            message=f"predicted step of {outer - inner:.3f} at {radius:.1f} px, "
+            "no_edge",
+            f"predicted step of {outer - inner:.3f} at {radius:.1f} px, "
             f"at least {FAINT}",
         )
     share = (float(profile[middle]) - inner) / (outer - inner)
     slope = float(profile[middle + 1] - profile[middle - 1]) / (2 * STEP_PX)
     if not slope * (outer - inner) > 0:
-        return Failure(code="no_edge", message="the rim is no slope from side to side")
+        return Failure("no_edge", "the rim is no slope from side to side")
     return {
         "radius_px": radius,
         "step": outer - inner,
@@ -128,8 +126,8 @@ def _part_offset(
     turns = target.theta_range_rad > _SIDE_RAD
     if turns and math.hypot(dx, dy) > _OFF_CENTRE_PX:
         return Failure(
-            code="off_centre",
-            message=f"the centre is {math.hypot(dx, dy):.2f} px off the reference "
+            "off_centre",
+            f"the centre is {math.hypot(dx, dy):.2f} px off the reference "
             "point, in a direction that turns with the part",
         )
     c, s = math.cos(target.theta_rad), math.sin(target.theta_rad)

@@ -65,9 +65,7 @@ def fit(image: FloatArray, lines: Lines, start: ScoredPose) -> ContourFit | Fail
         half_px = max(least_px, _WIDER * lines.width_px)
         edges, in_view = cast(image, lines, pose, half_px)
         if in_view.mean() < _LEAST_IN_VIEW:
-            return Failure(
-                code="outside", message=f"{in_view.mean():.0%} of the contour in view"
-            )
+            return Failure("outside", f"{in_view.mean():.0%} of the contour in view")
         good = edges.found & (edges.strength > _WEAKEST * lines.step)
         good &= np.abs(edges.offset_px) < half_px
         if good.sum() < max(6, _FEWEST * in_view.sum()):
@@ -166,7 +164,7 @@ def _trimmed(
 
 def _few(good: BoolArray, in_view: BoolArray) -> Failure:
     return Failure(
-        code="few_edges",
-        message=f"{int(good.sum())} of {int(in_view.sum())} edges agree, "
+        "few_edges",
+        f"{int(good.sum())} of {int(in_view.sum())} edges agree, "
         f"at least {_FEWEST:.0%}",
     )

@@ -67,8 +67,7 @@ def prepare(render: LookModel, target: Target) -> Artifact | Failure:
     count = len(model.points)
     if count < _FEWEST:
         return Failure(
-            code="no_edge",
-            message=f"{count} edge points can be relied on, at least {_FEWEST}",
+            "no_edge", f"{count} edge points can be relied on, at least {_FEWEST}"
         )
     at = ScoredPose(
         column=target.column, row=target.row, theta_rad=target.theta_rad, score=1.0
@@ -78,7 +77,7 @@ def prepare(render: LookModel, target: Target) -> Artifact | Failure:
     views = Views(render=render, target=target, model=model, tells_turn=turns)
     found = calibrated(views, seen, image)
     if found is None:
-        return Failure(code="no_fit", message="the nominal edges make no fit")
+        return Failure("no_fit", "the nominal edges make no fit")
     lines, bias = found
     sigma = math.sqrt(float(render.camera.variance(image).max()))
     return Artifact(
@@ -118,7 +117,7 @@ def measure(
     if unfit := refused(image):
         return unfit
     if min(image.shape) < 4 * artifact.parameters["shrink"]:
-        return Failure(code="outside", message=f"an image of {image.shape} px")
+        return Failure("outside", f"an image of {image.shape} px")
     points = artifact.arrays["points"].astype(np.float64)
     pose = _matched(image, artifact, points, guess)
     if isinstance(pose, Failure):
@@ -222,8 +221,7 @@ def _matched(
             found, points, best, other, p
         ):
             return Failure(
-                code="ambiguous",
-                message=f"agreement {best.score:.3f} and {other.score:.3f}",
+                "ambiguous", f"agreement {best.score:.3f} and {other.score:.3f}"
             )
     return choose_turn(found, artifact, points, best) if p["turns"] else best
 
@@ -262,15 +260,15 @@ def _misplaced(
     p = artifact.parameters
     moved = math.hypot(fitted.column - guess.column, fitted.row - guess.row)
     if moved > 1.5 * p["search_px"] + 2:
-        return Failure(code="outside", message=f"{moved:.1f} px from the guess")
+        return Failure("outside", f"{moved:.1f} px from the guess")
     drifted = math.hypot(fitted.column - pose.column, fitted.row - pose.row)
     if drifted > 4:
-        return Failure(code="diverged", message=f"the fit moved by {drifted:.1f} px")
+        return Failure("diverged", f"the fit moved by {drifted:.1f} px")
     if abs(fitted.scale - 1) > _SCALE_OFF:
-        return Failure(code="scale_off", message=f"{fitted.scale:.3f} times the size")
+        return Failure("scale_off", f"{fitted.scale:.3f} times the size")
     turn = abs(math.remainder(fitted.theta_rad - p["theta_rad"], 2 * math.pi))
     if p["turns"] and turn > p["range_rad"] * 1.2 + 0.01 and p["range_rad"] < 3:
-        return Failure(code="outside", message=f"turned by {turn:.3f} rad")
+        return Failure("outside", f"turned by {turn:.3f} rad")
     return None
 
 
@@ -300,6 +298,4 @@ def _answer(
 
 def _low(agreed: float, least: float) -> Failure:
     """Return the failure of a poor match."""
-    return Failure(
-        code="low_score", message=f"agreement {agreed:.3f}, at least {least}"
-    )
+    return Failure("low_score", f"agreement {agreed:.3f}, at least {least}")

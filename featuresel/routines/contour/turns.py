@@ -39,15 +39,13 @@ def choose_turn(
     second = max(float(others.max()), 0.0) if len(others) else 0.0
     if scores[best] < _LEAST:
         return Failure(
-            code="no_notch",
-            message=f"what breaks the symmetry scores {scores[best]:.3f}, "
-            f"at least {_LEAST}",
+            "no_notch",
+            f"what breaks the symmetry scores {scores[best]:.3f}, at least {_LEAST}",
         )
     if second > _RUNNER_UP * scores[best]:
         return Failure(
-            code="ambiguous",
-            message=f"two turns of the symmetry score {scores[best]:.3f} "
-            f"and {second:.3f}",
+            "ambiguous",
+            f"two turns of the symmetry score {scores[best]:.3f} and {second:.3f}",
         )
     return ScoredPose(
         column=pose.column, row=pose.row, theta_rad=angles[best], score=pose.score

@@ -66,7 +66,7 @@ def prepare(render: Render, target: Target) -> Artifact | Failure:
     if not any(f"{name}.step" in parameters for name in TIPS):
         missing.append("tips")
     if missing:
-        return Failure(code="no_edge", message=f"not to be seen: {', '.join(missing)}")
+        return Failure("no_edge", f"not to be seen: {', '.join(missing)}")
     return Artifact(parameters=parameters)
 
 
@@ -98,8 +98,8 @@ def measure(
     worst = max(face.rms_px for face in found.values())
     if worst > _SCATTERED * _FINE_PX:
         return Failure(
-            code="scattered",
-            message=f"edges lie {worst:.2f} px about a face, "
+            "scattered",
+            f"edges lie {worst:.2f} px about a face, "
             f"at most {_SCATTERED * _FINE_PX:.2f}",
         )
     problem = _misplaced(found, p, guess, (column, row, theta))
@@ -175,7 +175,7 @@ def _find(
     if known and not any(set(pair) <= set(found) for pair in known):
         missing.append("a finger's both sides")
     if missing:
-        return Failure(code="no_edge", message=f"not found: {', '.join(missing)}")
+        return Failure("no_edge", f"not found: {', '.join(missing)}")
     return found
 
 
@@ -244,14 +244,11 @@ def _misplaced(
     gap = -found["inner_left"].offset_px - found["inner_right"].offset_px
     wanted = -p["inner_left.offset_px"] - p["inner_right.offset_px"]
     if abs(gap - wanted) > max(_OPENING_PX, _OPENING_PART * p["opening_px"]):
-        return Failure(
-            code="opening_off",
-            message=f"opening {gap:.2f} px, predicted {wanted:.2f}",
-        )
+        return Failure("opening_off", f"opening {gap:.2f} px, predicted {wanted:.2f}")
     moved = math.hypot(pose[0] - guess.column, pose[1] - guess.row)
     if moved > 1.5 * p["search_px"] + 2:
-        return Failure(code="outside", message=f"{moved:.1f} px from the guess")
+        return Failure("outside", f"{moved:.1f} px from the guess")
     turned = abs(math.remainder(pose[2] - p["theta_rad"], 2 * math.pi))
     if turned > p["range_rad"] * 1.2 + 0.01:
-        return Failure(code="outside", message=f"turned by {turned:.3f} rad")
+        return Failure("outside", f"turned by {turned:.3f} rad")
     return None

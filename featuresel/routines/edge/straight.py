@@ -73,9 +73,8 @@ def prepare_faces(
     """
     if target.theta_range_rad > MOST_TURN_RAD:
         return Failure(
-            code="range",
-            message=f"turns of {target.theta_range_rad:.2f} rad, at most "
-            f"{MOST_TURN_RAD}",
+            "range",
+            f"turns of {target.theta_range_rad:.2f} rad, at most {MOST_TURN_RAD}",
         )
     image, at = render(), (target.column, target.row, target.theta_rad)
     parameters = {
@@ -87,7 +86,7 @@ def prepare_faces(
     for name, whole in faces.items():
         numbers = _seen(image, whole, at, target.search_px)
         if numbers is None:
-            return Failure(code="no_edge", message=f"not to be seen: {name}")
+            return Failure("no_edge", f"not to be seen: {name}")
         parameters |= {f"{name}.{key}": value for key, value in numbers.items()}
     artifact = Artifact(parameters=parameters)
     return _rivalled(image, artifact, target) or artifact
@@ -102,7 +101,7 @@ def measure_faces(image: FloatArray, artifact: Artifact, guess: Guess) -> Fix | 
         return unfit
     p = artifact.parameters
     if min(image.shape) < 4:
-        return Failure(code="outside", message=f"an image of {image.shape} px")
+        return Failure("outside", f"an image of {image.shape} px")
     faces = _faces(p)
     theta = p["theta_rad"] + rough_turn(
         image, list(faces.values()), p, guess, sparse=_sparse
@@ -113,7 +112,7 @@ def measure_faces(image: FloatArray, artifact: Artifact, guess: Guess) -> Fix | 
         seen = {name: one for name, one in found.items() if one is not None}
         missing = [name for name in faces if name not in seen]
         if missing:
-            return Failure(code="no_edge", message=f"not found: {', '.join(missing)}")
+            return Failure("no_edge", f"not found: {', '.join(missing)}")
         change, covariance = solve(seen, faces, breathes=p["breathes"] > 0)
         at = moved(at, change)
     return _misplaced(seen, faces, p, guess, at) or fix(
@@ -194,9 +193,7 @@ def _rivalled(image: FloatArray, artifact: Artifact, target: Target) -> Failure 
             if found is None or abs(found.offset_px + off - numbers["offset_px"]) > (
                 _SAME_PX
             ):
-                return Failure(
-                    code="ambiguous", message=f"{name} is not the only such edge near"
-                )
+                return Failure("ambiguous", f"{name} is not the only such edge near")
     return None
 
 
@@ -215,13 +212,11 @@ def _misplaced(
     """Return why the edges cannot be the target's, if they cannot."""
     for name, one in found.items():
         if one.rms_px > _BENT_PX + faces[name]["rms_px"]:
-            return Failure(
-                code="not_straight", message=f"{name} strays by {one.rms_px:.2f} px"
-            )
+            return Failure("not_straight", f"{name} strays by {one.rms_px:.2f} px")
     away = math.hypot(at[0] - guess.column, at[1] - guess.row)
     if away > 1.5 * p["search_px"] + 2:
-        return Failure(code="outside", message=f"{away:.1f} px from the guess")
+        return Failure("outside", f"{away:.1f} px from the guess")
     turned = abs(math.remainder(at[2] - p["theta_rad"], 2 * math.pi))
     if turned > p["range_rad"] * 1.2 + 0.01:
-        return Failure(code="outside", message=f"turned by {turned:.3f} rad")
+        return Failure("outside", f"turned by {turned:.3f} rad")
     return None

@@ -76,8 +76,7 @@ def measure_pair(
     wide = artifact.parameters["width_px"]
     if abs(2 * found.grown_px) > max(_WIDTH_PX, _WIDTH_PART * wide):
         return Failure(
-            code="width_off",
-            message=f"width off by {2 * found.grown_px:.2f} of {wide:.2f} px",
+            "width_off", f"width off by {2 * found.grown_px:.2f} of {wide:.2f} px"
         )
     return found.across()
 
@@ -86,9 +85,7 @@ def prepare_corner(render: LookModel, target: Target) -> Artifact | Failure:
     """Return both legs' polarity, step, filter width and calibrated position."""
     angle, reach = target.parameters["angle_rad"], target.parameters["reach_um"]
     if abs(math.sin(angle)) < math.sin(_LEAST_RAD):
-        return Failure(
-            code="flat", message=f"legs at {angle:.3f} rad meet nowhere for certain"
-        )
+        return Failure("flat", f"legs at {angle:.3f} rad meet nowhere for certain")
     far = reach * target.px_per_um
     near = max(_OFF_PX, _OFF * far)
     legs = {

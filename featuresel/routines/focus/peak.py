@@ -110,7 +110,7 @@ def mirror_peak(
     left, right = _half_height(hill, u, -1 / (0.5 + lift))
     mirror = _mirror(hill.z, u, left, right)
     if mirror is None:
-        return Failure(code="several_peaks", message="no mirror image is found")
+        return Failure("several_peaks", "no mirror image is found")
     width = (right - left) / math.sqrt(8 * math.log(2))
     step = float(np.diff(hill.z[hill.first : hill.last + 1]).max())
     chance = _chance_um(mirror, noise * u**2)
@@ -217,13 +217,11 @@ def find_hill(z_um: Numbers, scores: Numbers) -> Hill | Failure:
     if not (np.isfinite(z).all() and np.isfinite(s).all() and (np.diff(z) > 0).all()):
         raise ValueError("stops must rise and all values be finite")
     if len(z) < _FEWEST:
-        return Failure(code="few_stops", message=f"{len(z)} stops, at least {_FEWEST}")
+        return Failure("few_stops", f"{len(z)} stops, at least {_FEWEST}")
     low, high = float(s.min()), float(s.max())
     if high - low <= _FLAT * abs(high):
         return Failure(
-            code="flat",
-            message=f"scores vary from {low:.4g} to {high:.4g}, "
-            f"by {_FLAT:.0%} at least",
+            "flat", f"scores vary from {low:.4g} to {high:.4g}, by {_FLAT:.0%} at least"
         )
     upper = np.flatnonzero(s >= (low + high) / 2)
     problem = _shape(upper, len(z))
@@ -235,8 +233,7 @@ def find_hill(z_um: Numbers, scores: Numbers) -> Hill | Failure:
     last += int(s[last + 1] > foot)
     if last - first + 1 < _LEAST:
         return Failure(
-            code="coarse",
-            message=f"{last - first + 1} stops on the peak, at least {_LEAST}",
+            "coarse", f"{last - first + 1} stops on the peak, at least {_LEAST}"
         )
     return Hill(z=z, s=s, low=low, high=high, first=first, last=last)
 
@@ -244,7 +241,7 @@ def find_hill(z_um: Numbers, scores: Numbers) -> Hill | Failure:
 def _shape(upper: np.ndarray[tuple[int], np.dtype[np.intp]], n: int) -> Failure | None:
     """Return why the stops of the upper half are not one peak inside the sweep."""
     if upper[0] == 0 or upper[-1] == n - 1:
-        return Failure(code="border", message="the peak reaches the end of the sweep")
+        return Failure("border", "the peak reaches the end of the sweep")
     if upper[-1] - upper[0] + 1 != len(upper):
-        return Failure(code="several_peaks", message="the upper half has gaps")
+        return Failure("several_peaks", "the upper half has gaps")
     return None

@@ -159,8 +159,7 @@ def plan_sweep(
             best = cost, gaps, frames
     if best is None:
         return Failure(
-            code="too_noisy",
-            message=f"{_FRAMES} frames a stop do not reach {sigma_um:.4g} um",
+            "too_noisy", f"{_FRAMES} frames a stop do not reach {sigma_um:.4g} um"
         )
     _, gaps, frames = best
     low = expected_um - span_um / 2

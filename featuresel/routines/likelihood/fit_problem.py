@@ -49,7 +49,7 @@ def prepare_job(
     reach_um = offset_um + FOCUS_SIGMAS * model.nuisances.focus_sigma_um
     image = model()
     if float(np.ptp(image)) < _LEAST_SIGNAL:
-        return Failure(code="no_contrast", message="the target does not stand out")
+        return Failure("no_contrast", "the target does not stand out")
     turns = _turns_show(model, target, image)
     odd_px = None
     if turns and target.symmetry > 1:

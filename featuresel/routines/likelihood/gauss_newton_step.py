@@ -40,7 +40,7 @@ def measure(
     if unfit := refused(image):
         return unfit
     if guess.z_um is None and artifact.parameters["focus_sigma_um"] > 0:
-        return Failure(code="no_focus", message="one step needs to know the focus")
+        return Failure("no_focus", "one step needs to know the focus")
     job, p = read_job((DefocusedImage(image=image),), artifact), artifact.parameters
     start = start_pose(job, p, guess)
     if isinstance(start, Failure):
@@ -50,7 +50,7 @@ def measure(
         return found
     moved = math.hypot(found.pose.column - guess.column, found.pose.row - guess.row)
     if moved > 2 * _CAPTURE_PX:
-        return Failure(code="not_captured", message=f"a step of {moved:.2f} px")
+        return Failure("not_captured", f"a step of {moved:.2f} px")
     if moved > _AGAIN_PX:
         found = step_once(job, found.pose)
     return found if isinstance(found, Failure) else answer(found, p, guess)

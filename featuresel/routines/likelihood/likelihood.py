@@ -126,8 +126,7 @@ def _at_mark(
     if alone or is_marked(seen):
         return found
     return Failure(
-        code="ambiguous",
-        message=f"{seen.share[0]:.0%} of what breaks the symmetry shows",
+        "ambiguous", f"{seen.share[0]:.0%} of what breaks the symmetry shows"
     )
 
 
@@ -137,29 +136,25 @@ def answer(
     """Return the measurement, or why the fit cannot be believed."""
     pose = found.pose
     if found.light[0] < _DIMMEST:
-        return Failure(
-            code="too_dim", message=f"{found.light[0]:.2g} of the nominal light"
-        )
+        return Failure("too_dim", f"{found.light[0]:.2g} of the nominal light")
     if found.chi2 > _WORST_CHI2 or found.used < _LEAST_USED:
         return Failure(
-            code="misfit",
-            message=f"chi squared {found.chi2:.1f} a pixel, {found.used:.0%} of the "
-            f"pixels fit",
+            "misfit",
+            f"chi squared {found.chi2:.1f} a pixel, {found.used:.0%} of the pixels fit",
         )
     moved = math.hypot(pose.column - guess.column, pose.row - guess.row)
     if moved > _FAR_PX:
-        return Failure(code="outside", message=f"{moved:.1f} px from the guess")
+        return Failure("outside", f"{moved:.1f} px from the guess")
     theta = None
     if p["turns"]:
         theta = math.remainder(p["theta_rad"] + pose.turn_rad, 2 * math.pi)
         turned = abs(math.remainder(pose.turn_rad, 2 * math.pi))
         if turned > 1.2 * p["range_rad"] + 0.01:
-            return Failure(code="outside", message=f"turned by {turned:.3f} rad")
+            return Failure("outside", f"turned by {turned:.3f} rad")
     sigma = found.sigma
     if not max(sigma[0], sigma[1]) < _MOST_SPREAD_PX:  # also nan
         return Failure(
-            code="no_contrast",
-            message=f"the place is uncertain by {max(sigma[0], sigma[1]):.2f} px",
+            "no_contrast", f"the place is uncertain by {max(sigma[0], sigma[1]):.2f} px"
         )
     return Measurement(
         column=pose.column,

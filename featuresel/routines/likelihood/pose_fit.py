@@ -87,13 +87,13 @@ def fit_pose(job: ImageComparison, start: ImagePose) -> PoseFit | Failure:
         if _is_elsewhere(job, last, pose):
             chosen, last = pixels_of(job, pose), pose
         if sum(len(columns) for columns, _ in chosen) < FEWEST:
-            return Failure(code="outside", message="the target is not in view")
+            return Failure("outside", "the target is not in view")
         linear = _linear(job, pose, light, chosen)
         if isinstance(linear, Failure):
             return linear
         step = linear.move(job, pose, depths)
         if step is None:
-            return Failure(code="no_contrast", message="the image tells no pose")
+            return Failure("no_contrast", "the image tells no pose")
         move, share = step
         if move[3] * before < 0:  # about focus slopes vanish, and steps go to and fro
             depths /= 2
@@ -108,7 +108,7 @@ def fit_pose(job: ImageComparison, start: ImagePose) -> PoseFit | Failure:
         if least < _SETTLED * max(1.0, linear.chi2) and length < _NEARLY:
             return linear.after(move).result(job, pose, light)
         shorter = max(length, 1e-300)
-    return Failure(code="diverged", message=f"not settled after {_ROUNDS} rounds")
+    return Failure("diverged", f"not settled after {_ROUNDS} rounds")
 
 
 def step_once(job: ImageComparison, start: ImagePose) -> PoseFit | Failure:
@@ -118,13 +118,13 @@ def step_once(job: ImageComparison, start: ImagePose) -> PoseFit | Failure:
     """
     chosen = pixels_of(job, start)
     if sum(len(columns) for columns, _ in chosen) < FEWEST:
-        return Failure(code="outside", message="the target is not in view")
+        return Failure("outside", "the target is not in view")
     linear = _linear(job, start, None, chosen)
     if isinstance(linear, Failure):
         return linear
     step = linear.move(job, start, _FAR_DEPTHS)
     if step is None:
-        return Failure(code="no_contrast", message="the image tells no pose")
+        return Failure("no_contrast", "the image tells no pose")
     move, _ = step
     end = _after(job, start, move)
     return linear.after(move).result(job, end, linear.light + move[-3:])
@@ -207,7 +207,7 @@ def _linear(
     if light is None:
         light = fitted_light(seen.value, seen.target, job.free)
     if not (np.isfinite(light).all() and light[0] > 0):
-        return Failure(code="no_contrast", message="no light fits the image")
+        return Failure("no_contrast", "no light fits the image")
     mean = light @ seen.target
     noise = np.sqrt(job.camera.variance(mean))
     residual = (seen.value - mean) / noise
@@ -215,7 +215,7 @@ def _linear(
     ratio = residual / (REJECT * scale)
     trusted = (np.abs(ratio) < 1) & (seen.value < _FULL) & (mean < _FULL)
     if trusted.sum() < FEWEST:
-        return Failure(code="misfit", message=f"{int(trusted.sum())} pixels fit")
+        return Failure("misfit", f"{int(trusted.sum())} pixels fit")
     weight = np.where(trusted, (1 - ratio**2) ** 2, 0.0)
     lit = light[0] + light[1:] @ seen.place
     design = np.concatenate((seen.slopes * lit, seen.target)) / noise

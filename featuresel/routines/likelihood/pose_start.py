@@ -170,7 +170,7 @@ def _turns(
     reach = min(p["range_rad"], math.pi / p["symmetry"])
     count = math.ceil(2 * reach * rim_px / _TURN_PX)
     if count > _MOST_TURNS:
-        return Failure(code="no_angle", message="the fit needs an angle to start at")
+        return Failure("no_angle", "the fit needs an angle to start at")
     return [middle + reach * ((2 * k + 1) / count - 1) for k in range(count)]
 
 

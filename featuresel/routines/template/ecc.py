@@ -65,12 +65,10 @@ def prepare(render: LookModel, target: Target) -> Artifact | Failure:
     image = render()
     half = half_px(target, image.shape, _CAPTURE_PX)
     if min(half) < 4:
-        return Failure(
-            code="outside", message=f"{min(half)} px between target and border"
-        )
+        return Failure("outside", f"{min(half)} px between target and border")
     template = cut(image, target, half)
     if not float(template.std()) > FAINT:
-        return Failure(code="no_contrast", message="the template is blank")
+        return Failure("no_contrast", "the template is blank")
     zoom = _ZOOM_SIGMAS * render.nuisances.zoom_sigma
     alone = cut(render.alone(), target, half)  # the static scene pulls in any case
     first = Artifact(
@@ -103,7 +101,7 @@ def measure(
         return unfit
     p = artifact.parameters
     if p["turns"] and guess.theta_rad is None:
-        return Failure(code="no_angle", message="needs an angle to start from")
+        return Failure("no_angle", "needs an angle to start from")
     start = _start(artifact, guess)
     found = align(image, artifact.arrays["template"], start, turns=p["turns"] > 0)
     if p["scales"] and not isinstance(found, Failure):
@@ -219,13 +217,12 @@ def _strayed(start: TemplatePose, found: TemplatePose) -> Failure | None:
     turned_rad = abs(found.turned_rad - start.turned_rad)
     if moved > REACH_PX or turned_rad > _TURNED_RAD:
         return Failure(
-            code="diverged",
-            message=f"moved by {moved:.2f} px and {turned_rad:.3f} rad from the guess",
+            "diverged",
+            f"moved by {moved:.2f} px and {turned_rad:.3f} rad from the guess",
         )
     if found.score < _LEAST_SCORE:
         return Failure(
-            code="low_score",
-            message=f"correlation {found.score:.3f}, at least {_LEAST_SCORE}",
+            "low_score", f"correlation {found.score:.3f}, at least {_LEAST_SCORE}"
         )
     return None
 

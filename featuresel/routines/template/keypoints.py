@@ -41,18 +41,14 @@ def prepare(render: Render, target: Target) -> Artifact | Failure:
     image = render()
     half = half_px(target, image.shape, 0.0)
     if min(half) < 8:
-        return Failure(
-            code="outside", message=f"{min(half)} px between target and border"
-        )
+        return Failure("outside", f"{min(half)} px between target and border")
     if float(np.ptp(image)) < _FAINT:
-        return Failure(code="no_contrast", message="the look is blank")
+        return Failure("no_contrast", "the look is blank")
     points, descriptors = _describe(image)
     away = points - np.array((target.column, target.row))
     own = (np.abs(away) <= np.array(half)).all(axis=1)
     if own.sum() < _FEWEST:
-        return Failure(
-            code="few_points", message=f"{own.sum()} keypoints, at least {_FEWEST}"
-        )
+        return Failure("few_points", f"{own.sum()} keypoints, at least {_FEWEST}")
     return Artifact(
         parameters={
             "theta_rad": target.theta_rad,
@@ -74,14 +70,12 @@ def measure(
         return unfit
     p = artifact.parameters
     if float(np.ptp(image)) < _FAINT or min(image.shape) < 16:
-        return Failure(code="no_contrast", message="the image is blank or tiny")
+        return Failure("no_contrast", "the image is blank or tiny")
     points, descriptors = _describe(image)
     known = artifact.arrays["descriptors"].astype(np.uint8)
     pairs = _matches(known, descriptors)
     if len(pairs) < _FEWEST:
-        return Failure(
-            code="few_points", message=f"{len(pairs)} matches, at least {_FEWEST}"
-        )
+        return Failure("few_points", f"{len(pairs)} matches, at least {_FEWEST}")
     source = artifact.arrays["points"][pairs[:, 0]]
     motion, inliers = cv2.estimateAffinePartial2D(
         source,
@@ -91,7 +85,7 @@ def measure(
     )
     agreeing = np.asarray(inliers, dtype=np.uint8)
     if motion is None or agreeing.sum() < _FEWEST:
-        return Failure(code="few_points", message="no motion has matches enough")
+        return Failure("few_points", "no motion has matches enough")
     return _answer(np.asarray(motion, dtype=np.float64), agreeing, p, guess)
 
 
@@ -118,14 +112,14 @@ def _answer(
     """Return the pose that a similarity (2, 3) stands for."""
     scale = math.hypot(motion[0, 0], motion[1, 0])
     if abs(scale - 1) > _SCALE_OFF:
-        return Failure(code="scale_off", message=f"{scale:.3f} times the template")
+        return Failure("scale_off", f"{scale:.3f} times the template")
     turned = math.atan2(-motion[1, 0], motion[0, 0])
     column, row = float(motion[0, 2]), float(motion[1, 2])
     away = math.hypot(column - guess.column, row - guess.row)
     if away > 1.5 * p["search_px"] + 2:
-        return Failure(code="outside", message=f"{away:.1f} px from the guess")
+        return Failure("outside", f"{away:.1f} px from the guess")
     if p["range_rad"] < 3 and abs(turned) > 1.2 * p["range_rad"] + 0.01:
-        return Failure(code="outside", message=f"turned by {turned:.3f} rad")
+        return Failure("outside", f"turned by {turned:.3f} rad")
     return Measurement(
         column=column,
         row=row,

@@ -48,8 +48,7 @@ def prepare(render: LookModel, target: Target) -> Artifact | Failure:
     half = half_px(target, image.shape, target.search_px)
     if min(half) < 4:
         return Failure(
-            code="outside",
-            message=f"{min(half)} px between target and border after the search",
+            "outside", f"{min(half)} px between target and border after the search"
         )
     some = target.theta_range_rad > _NO_TURN_RAD
     turns = target.kind == "jaws" or (target.kind == "outline" and some)
@@ -61,7 +60,7 @@ def prepare(render: LookModel, target: Target) -> Artifact | Failure:
         _shrunk(cut(render(theta_rad=t), target, half), shrink) for t in turned
     ]
     if min(float(t.std()) for t in templates) < 0.01:
-        return Failure(code="no_contrast", message="the template is blank")
+        return Failure("no_contrast", "the template is blank")
     return Artifact(
         parameters={
             "half_columns_px": float(half[0]),
@@ -113,9 +112,9 @@ def measure(
         return fine
     moved = math.hypot(fine.column - column, fine.row - row)
     if moved > 2 * shrink + 2:
-        return Failure(code="diverged", message=f"the fit moved by {moved:.1f} px")
+        return Failure("diverged", f"the fit moved by {moved:.1f} px")
     if abs(fine.turned_rad) > p["range_rad"] * 1.2 + 0.01 and p["range_rad"] < 3:
-        return Failure(code="outside", message=f"turned by {fine.turned_rad:.3f} rad")
+        return Failure("outside", f"turned by {fine.turned_rad:.3f} rad")
     theta = math.remainder(p["theta_rad"] + fine.turned_rad, 2 * math.pi)
     return _answer(
         artifact, fine.column, fine.row, theta, fine.score, turned=fine.turned_rad
@@ -197,10 +196,10 @@ def _match(
     shrink = p["shrink"]
     part = _part(small, artifact, guess, templates.shape[1:])
     if part is None:
-        return Failure(code="outside", message="the search leaves the region")
+        return Failure("outside", "the search leaves the region")
     left, top, searched = part
     if float(searched.std()) < 0.005:
-        return Failure(code="no_contrast", message="the searched part is blank")
+        return Failure("no_contrast", "the searched part is blank")
     maps = [_scores(searched, template) for template in templates]
     best = max(range(len(maps)), key=lambda i: float(maps[i].max()))
     surface = maps[best]
@@ -240,6 +239,4 @@ def _part(
 
 def _low(score: float) -> Failure:
     """Return the failure of a poor match."""
-    return Failure(
-        code="low_score", message=f"correlation {score:.3f}, at least {_LEAST_SCORE}"
-    )
+    return Failure("low_score", f"correlation {score:.3f}, at least {_LEAST_SCORE}")

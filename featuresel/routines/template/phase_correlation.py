@@ -37,12 +37,10 @@ def prepare(render: Render, target: Target) -> Artifact | Failure:
     # as the search may take the target, and what is cut must not leave the region
     half = half_px(target, image.shape, 0.0)
     if min(half) < 4:
-        return Failure(
-            code="outside", message=f"{min(half)} px between target and border"
-        )
+        return Failure("outside", f"{min(half)} px between target and border")
     template = cut(image, target, half)
     if not float(template.std()) > _FAINT:
-        return Failure(code="no_contrast", message="the template is blank")
+        return Failure("no_contrast", "the template is blank")
     return Artifact(
         parameters={
             "column": target.column,
@@ -66,23 +64,21 @@ def measure(
     top = round(p["row"]) - rows // 2
     part = image[top : top + rows, left : left + columns].astype(np.float64)
     if part.shape != template.shape:
-        return Failure(code="outside", message="the template leaves the region")
+        return Failure("outside", "the template leaves the region")
     if not float(part.std()) > _FAINT:
-        return Failure(code="no_contrast", message="the image is blank")
+        return Failure("no_contrast", "the image is blank")
     window = cv2.createHanningWindow((columns, rows), cv2.CV_64F)
     (dx, dy), response = cv2.phaseCorrelate(template, part.copy(), window)
     if not response > _LEAST_RESPONSE:
         return Failure(
-            code="low_score",
-            message=f"response {response:.3f}, at least {_LEAST_RESPONSE}",
+            "low_score", f"response {response:.3f}, at least {_LEAST_RESPONSE}"
         )
     column, row = p["column"] + dx, p["row"] + dy
     if math.hypot(column - guess.column, row - guess.row) > 1.5 * p["search_px"] + 2:
-        return Failure(code="outside", message=f"shift of {dx:.1f}, {dy:.1f} px")
+        return Failure("outside", f"shift of {dx:.1f}, {dy:.1f} px")
     return Measurement(
         column=float(column),
         row=float(row),
-        theta_rad=None,
         score=float(min(response, 1.0)),
         spread_px=_SPREAD_PX,
     )
