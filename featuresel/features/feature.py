@@ -68,7 +68,7 @@ _SIZES = ("radius_um", "outer_um", "extent_um", "length_um", "width_um", "reach_
 class Feature:
     """Part of an outline that a routine can find; parameters as in `Target`."""
 
-    name: str
+    name: str = ""
     kind: TargetKind
     center_um: Point  # reference point in the part's frame
     angle_rad: float = 0.0  # of the feature's frame in the part's

@@ -128,7 +128,6 @@ def _whole(outline: Outline, rings: Sequence[Clean]) -> list[Feature]:
     reach = max(math.dist(p, center) for ring in rings for p in ring.points)
     return [
         Feature(
-            name="",
             kind="outline",
             center_um=center,
             parameters={"extent_um": reach},

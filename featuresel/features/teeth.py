@@ -127,7 +127,6 @@ def _toothed(
     root = float(corners[corners >= reach.min() - near].min())
     share = shape.share(pitch)
     feature = Feature(
-        name="",
         kind="teeth",
         center_um=shape.center_um,
         parameters={

@@ -161,18 +161,8 @@ class OccluderMode:
     through: FloatArray  # (rows, columns) change of the share let through
 
 
-class Render(Protocol):
-    """Renders the look's region with the target displaced from its nominal pose."""
-
-    def __call__(
-        self, *, dx_um: float = 0.0, dy_um: float = 0.0, theta_rad: float = 0.0
-    ) -> FloatArray:
-        """Return the (rows, columns) noise-free image, 0..1 of full scale."""
-        ...
-
-
 class LookModel(Protocol):
-    """All that a routine may ask of the look it is prepared for; a `Render` too."""
+    """All that a routine may ask of the look it is prepared for."""
 
     @property
     def camera(self) -> CameraNoise:

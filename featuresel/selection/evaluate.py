@@ -85,7 +85,9 @@ def compare_routines(
     """
     bounds = limits or Limits()
     known = (looks or Looks()).of(case, root_seed)
-    visible = _visible(case, known)
+    visible = known.fact(
+        "visible", lambda: seen_share(case.target, nominal_render(case).occluders())
+    )
     hopeless = not is_fit(case, visible, bounds)
     once = thorough or hopeless
     judge = _Judge(
@@ -96,25 +98,15 @@ def compare_routines(
         map=map,
         races=1 if once else 2,
         to_the_end=thorough or to_the_end,
-        limit_um=_limit_um(case, known) if limited and not hopeless else None,
+        limit_um=known.fact("limit_um", lambda: limit_um(case))
+        if limited and not hopeless
+        else None,
         known=known,
     )
     found = judge.contest(judge.ready(expensive=thorough and not hopeless))
     if once or has_margin(case, found.selection, bounds):
         return found
     return judge.with_expensive(found)
-
-
-def _visible(case: LookCase, known: Known) -> float | None:
-    """Return the share of the target's edges that is seen; None: not known."""
-    return known.fact(
-        "visible", lambda: seen_share(case.target, nominal_render(case).occluders())
-    )
-
-
-def _limit_um(case: LookCase, known: Known) -> float | None:
-    """Return the Cramer-Rao limit of the target's place, the worse axis."""
-    return known.fact("limit_um", lambda: limit_um(case))
 
 
 def has_margin(case: LookCase, found: Selection, limits: Limits | None = None) -> bool:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Literal, Protocol
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -40,20 +40,10 @@ STRIDE = 4  # steps taken at once; shorter gaps of failures may be passed over
 GOLDEN_RAD = math.pi * (3 - math.sqrt(5))  # turns that never repeat
 
 
-class Passes(Protocol):
-    """Whether one draw alone is well: a drift is tolerated only where all are."""
-
-    def __call__(self, outcome: Outcome, /) -> bool:
-        """Return whether the draw may be part of a tolerated drift; picklable."""
-        ...
-
-
-class Holds(Protocol):
-    """Whether a drift is still tolerated, from what its draws measured together."""
-
-    def __call__(self, drift: float, found: Sequence[Outcome], /) -> bool:
-        """Return whether all is well at `drift`; picklable."""
-        ...
+# whether one draw may be part of a tolerated drift: all must be; picklable
+Passes = Callable[[Outcome], bool]
+# whether a drift is tolerated by what its draws measured together; picklable
+Holds = Callable[[float, Sequence[Outcome]], bool]
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,8 +19,8 @@ from microplan.featuresel.routines.contract import (
     Artifact,
     Failure,
     Guess,
+    LookModel,
     Measurement,
-    Render,
     Routine,
     Target,
 )
@@ -47,7 +47,7 @@ _REFINED = 2  # rounds: the search leaves a pixel, the first round .01 px
 _RADIUS_OFF = 0.1
 
 
-def prepare(render: Render, target: Target) -> Artifact | Failure:
+def prepare(render: LookModel, target: Target) -> Artifact | Failure:
     """Return radius, polarity, step and filter width of the circle's nominal edge."""
     radius_px = rim_radius_um(target) * target.px_per_um
     if radius_px < 3:

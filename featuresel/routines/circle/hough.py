@@ -13,8 +13,8 @@ from microplan.featuresel.routines.contract import (
     Artifact,
     Failure,
     Guess,
+    LookModel,
     Measurement,
-    Render,
     Routine,
     Target,
 )
@@ -28,7 +28,7 @@ _FIXED_WORK, _PIXEL_WORK = 0.1, 1.3e-5  # in box filters
 _SPREAD_PX = 0.5  # votes are counted in pixels
 
 
-def prepare(render: Render, target: Target) -> Artifact | Failure:
+def prepare(render: LookModel, target: Target) -> Artifact | Failure:
     """Return the radius and the gradient and votes of the nominal rim."""
     p, k = target.parameters, target.px_per_um
     named = [p[name] for name in ("radius_um", "bore_um", "root_um") if name in p]

@@ -29,8 +29,8 @@ from microplan.featuresel.routines.contract import (
     Artifact,
     Failure,
     Guess,
+    LookModel,
     Measurement,
-    Render,
     Routine,
     Target,
 )
@@ -43,7 +43,7 @@ _ROUNDS = 6  # of trimming
 _ELLIPSE_WORK = 0.7  # of those, in box filters
 
 
-def prepare_circle(render: Render, target: Target) -> Artifact | Failure:
+def prepare_circle(render: LookModel, target: Target) -> Artifact | Failure:
     """Return radius, level and filter, and where the notch pulls the centre."""
     return prepare_rim(render, target, _circle)
 
@@ -87,7 +87,7 @@ ISO_CIRCLE = Routine(
 )
 
 
-def prepare_ellipse(render: Render, target: Target) -> Artifact | Failure:
+def prepare_ellipse(render: LookModel, target: Target) -> Artifact | Failure:
     """Return radius, level and filter, and where the notch pulls the centre."""
     return prepare_rim(render, target, _ellipse)
 

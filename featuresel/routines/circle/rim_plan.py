@@ -20,7 +20,7 @@ from microplan.featuresel.routines.contract import (
     Artifact,
     Failure,
     Guess,
-    Render,
+    LookModel,
     Target,
 )
 from microplan.featuresel.routines.sampling import best_width
@@ -46,7 +46,7 @@ def rim_radius_um(target: Target) -> float:
     return target.parameters.get("bore_um", target.parameters["root_um"])
 
 
-def rim_numbers(render: Render, target: Target) -> dict[str, float] | Failure:
+def rim_numbers(render: LookModel, target: Target) -> dict[str, float] | Failure:
     """Return radius, filter, and the level between both sides that the rim has.
 
     The level is what the render has at the drawn radius, as a share of the step from
@@ -83,12 +83,12 @@ def rim_numbers(render: Render, target: Target) -> dict[str, float] | Failure:
     }
 
 
-def prepare_rim(render: Render, target: Target, fit: Fit) -> Artifact | Failure:
+def prepare_rim(render: LookModel, target: Target, fit: Fit) -> Artifact | Failure:
     """Return radius, level and filter, and where the part's shape pulls the fit.
 
     Parameters
     ----------
-    render : Render
+    render : LookModel
         The look.
     target : Target
         What is to be found.
@@ -106,7 +106,7 @@ def prepare_rim(render: Render, target: Target, fit: Fit) -> Artifact | Failure:
 
 
 def _part_offset(
-    render: Render, target: Target, numbers: Mapping[str, float], fit: Fit
+    render: LookModel, target: Target, numbers: Mapping[str, float], fit: Fit
 ) -> dict[str, float] | Failure:
     """Return how far the fit's centre is off the reference point, and its radius.
 

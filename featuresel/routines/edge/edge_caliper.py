@@ -13,8 +13,8 @@ from microplan.featuresel.routines.contract import (
     Artifact,
     Failure,
     Guess,
+    LookModel,
     Measurement,
-    Render,
     Routine,
     Target,
 )
@@ -45,7 +45,7 @@ _SCATTERED = 0.5 / math.sqrt(3)
 _OPENING_PX, _OPENING_PART = 2.0, 0.04  # accepted error of the opening
 
 
-def prepare(render: Render, target: Target) -> Artifact | Failure:
+def prepare(render: LookModel, target: Target) -> Artifact | Failure:
     """Return the faces in view, with step, filter width and calibrated place of each.
 
     The inner faces and one tip are needed; the outer faces help where they are in view.

@@ -12,8 +12,8 @@ from microplan.featuresel.routines.contract import (
     Artifact,
     Failure,
     Guess,
+    LookModel,
     Measurement,
-    Render,
     Routine,
     Target,
 )
@@ -30,7 +30,7 @@ _NOTCH_PART = 0.4  # of the predicted height
 _RUNNER_UP = 0.6  # of the best candidate's signal, the most the second may reach
 
 
-def prepare(render: Render, target: Target) -> Artifact | Failure:
+def prepare(render: LookModel, target: Target) -> Artifact | Failure:
     """Return the rings to read, and phase, sign and height of both patterns there.
 
     The phase is calibrated on the image, so a contrast reversal by defocus is allowed

@@ -18,8 +18,8 @@ from microplan.featuresel.routines.contract import (
     Artifact,
     Failure,
     Guess,
+    LookModel,
     Measurement,
-    Render,
     Routine,
     Target,
 )
@@ -36,7 +36,7 @@ _SCALE_OFF = 0.05  # zoom errors stay below 2 %
 _Bytes = npt.NDArray[np.uint8]
 
 
-def prepare(render: Render, target: Target) -> Artifact | Failure:
+def prepare(render: LookModel, target: Target) -> Artifact | Failure:
     """Return keypoints and descriptors of the target on the nominal image."""
     image = render()
     half = half_px(target, image.shape, 0.0)

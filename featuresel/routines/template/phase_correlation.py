@@ -18,8 +18,8 @@ from microplan.featuresel.routines.contract import (
     Artifact,
     Failure,
     Guess,
+    LookModel,
     Measurement,
-    Render,
     Routine,
     Target,
 )
@@ -31,7 +31,7 @@ _TRANSFORMS = 1.8  # its work over that of correlation by size
 _SPREAD_PX = 0.5  # a centroid of 5 x 5 values of a peak that blur has widened
 
 
-def prepare(render: Render, target: Target) -> Artifact | Failure:
+def prepare(render: LookModel, target: Target) -> Artifact | Failure:
     """Return the piece of the nominal image that holds target and search."""
     image = render()
     # as the search may take the target, and what is cut must not leave the region
