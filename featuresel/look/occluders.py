@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from microplan.arrays import FloatArray
-from microplan.featuresel.look.disturb import turned
+from microplan.featuresel.look.perturb import turned
 from microplan.featuresel.look.scenario import LookCase, render_look
 from microplan.featuresel.look.static_layers import CUT, Backdrop, standing
 from microplan.featuresel.routines.contract import Occluders

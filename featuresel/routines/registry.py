@@ -24,7 +24,7 @@ REGISTRY: Mapping[str, str] = {
     "likelihood": _HERE + "likelihood.likelihood:LIKELIHOOD",
     "line_caliper": _HERE + "edge.straight_edges:LINE_CALIPER",
     "ncc": _HERE + "template.ncc:NCC",
-    "one_step": _HERE + "likelihood.gauss_newton_step:ONE_STEP",
+    "one_step": _HERE + "likelihood.likelihood:ONE_STEP",
     "otsu": _HERE + "template.otsu:OTSU",
     "phase_correlation": _HERE + "template.phase_correlation:PHASE_CORRELATION",
     "tooth_notch": _HERE + "edge.tooth_notch:TOOTH_NOTCH",

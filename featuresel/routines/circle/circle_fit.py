@@ -15,11 +15,12 @@ _SETTLED_PX = 1e-10  # a step after which the next changes nothing that is seen
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FittedCircle:
-    """A circle and the points that made it."""
+    """A circle or ellipse and the points that made it."""
 
     column: float
     row: float
-    radius_px: float
+    radius_px: float  # of an ellipse the geometric mean of the half axes
+    flat: float = 1.0  # long axis over short one
     used: BoolArray  # (N,) points that were not trimmed
     rms_px: float  # of the radial residuals of the used points
     spread_px: float  # standard deviation of the centre per axis, from the residuals

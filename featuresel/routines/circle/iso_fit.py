@@ -12,14 +12,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import cv2
 import numpy as np
 
 from microplan.arrays import BoolArray, FloatArray
+from microplan.featuresel.routines.circle.circle_fit import FittedCircle
 from microplan.featuresel.routines.circle.rim import (
     CAPTURE_PX,
-    RimCurve,
     RimPoints,
     approach,
     approach_work,
@@ -130,13 +131,15 @@ ISO_ELLIPSE = Routine(
 )
 
 
-def _is_off(curve: RimCurve, p: Mapping[str, float]) -> bool:
+def _is_off(curve: FittedCircle, p: Mapping[str, float]) -> bool:
     """Return whether the radius is another one than blur and zoom explain."""
     off = abs(curve.radius_px - p["seen_px"])
     return off > max(1.0, _RADIUS_OFF * p["radius_px"])
 
 
-def _measurement(curve: RimCurve, p: Mapping[str, float], guess: Guess) -> Measurement:
+def _measurement(
+    curve: FittedCircle, p: Mapping[str, float], guess: Guess
+) -> Measurement:
     """Return the position of the reference point by a curve through the rim."""
     column, row = placed((curve.column, curve.row), p, guess)
     return Measurement(
@@ -155,24 +158,18 @@ def _few(used: BoolArray) -> Failure:
 
 def _circle(
     image: FloatArray, p: Mapping[str, float], guess: Guess
-) -> RimCurve | Failure:
+) -> FittedCircle | Failure:
     """Return the circle through the rim."""
     found = approach(image, p, guess)
     if isinstance(found, Failure):
         return found
     points, circle = found
-    return RimCurve(
-        column=circle.column,
-        row=circle.row,
-        radius_px=circle.radius_px,
-        used=circle.used,
-        spread_px=points.spread_px(circle.spread_px),
-    )
+    return replace(circle, spread_px=points.spread_px(circle.spread_px))
 
 
 def _ellipse(
     image: FloatArray, p: Mapping[str, float], guess: Guess
-) -> RimCurve | Failure:
+) -> FittedCircle | Failure:
     """Return the ellipse, from the circle's points."""
     found = approach(image, p, guess)
     if isinstance(found, Failure):
@@ -183,7 +180,7 @@ def _ellipse(
 
 def _trimmed(
     points: RimPoints, at: tuple[float, float], used: BoolArray
-) -> RimCurve | Failure:
+) -> FittedCircle | Failure:
     """Return the direct least-squares ellipse through all but stray points.
 
     References
@@ -210,12 +207,13 @@ def _trimmed(
     inverse = np.linalg.pinv(design.T @ design)
     rms = float(np.sqrt(np.mean(residual[used] ** 2)))
     scatter = rms * math.sqrt(float(inverse[1, 1] + inverse[2, 2]) / 2)
-    return RimCurve(
+    return FittedCircle(
         column=at[0] + x,
         row=at[1] + y,
         radius_px=math.sqrt(axes[0] * axes[1]) / 2,
         flat=max(axes) / min(axes),
         used=used,
+        rms_px=rms,
         spread_px=points.spread_px(scatter),
     )
 

@@ -53,18 +53,6 @@ class RimPoints:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RimCurve:
-    """A circle or ellipse through the rim, and the points that made it."""
-
-    column: float
-    row: float
-    radius_px: float  # geometric mean of the half axes
-    flat: float = 1.0  # long axis over short one
-    used: BoolArray  # (N,) points that were not trimmed
-    spread_px: float  # standard deviation of the centre per axis
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Crossings:
     """Points where an image takes its level, and which way it does so there."""
 

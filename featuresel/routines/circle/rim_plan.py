@@ -8,12 +8,12 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from microplan.arrays import FloatArray
+from microplan.featuresel.routines.circle.circle_fit import FittedCircle
 from microplan.featuresel.routines.circle.rim import (
     FAINT,
     FEWEST,
     STEP_PX,
     THICK,
-    RimCurve,
     rings,
 )
 from microplan.featuresel.routines.contract import (
@@ -36,7 +36,7 @@ _PLACES_PX = (
 )  # none repeats a phase
 
 
-Fit = Callable[[FloatArray, Mapping[str, float], Guess], RimCurve | Failure]
+Fit = Callable[[FloatArray, Mapping[str, float], Guess], FittedCircle | Failure]
 
 
 def rim_radius_um(target: Target) -> float:

@@ -4,6 +4,11 @@ The most accurate routine near its answer, and the only one that knows how far l
 blur may change: focus, zoom and light are free where the look's trials vary them. It
 needs a guess within a pixel or two; the angle too, unless it is known within a few
 degrees or repeats so soon.
+
+`one_step` finds the same by one linear step, for the last cycles of a servo, where its
+last answer or the servo's own model already says within a third of a pixel where the
+target is and how far out of focus. In focus light changes across an edge faster than
+that: after a step of more than a tenth of a pixel another follows.
 """
 
 from __future__ import annotations
@@ -28,7 +33,11 @@ from microplan.featuresel.routines.likelihood.comparison import (
     ImageComparison,
 )
 from microplan.featuresel.routines.likelihood.fit_problem import prepare_job, read_job
-from microplan.featuresel.routines.likelihood.pose_fit import PoseFit, fit_pose
+from microplan.featuresel.routines.likelihood.pose_fit import (
+    PoseFit,
+    fit_pose,
+    step_once,
+)
 from microplan.featuresel.routines.likelihood.pose_start import (
     equal_turns,
     is_marked,
@@ -42,6 +51,8 @@ _WORST_CHI2 = 60.0  # worse is another thing; what trials show sets a finer gate
 _LEAST_USED = 0.55  # share of pixels that must be the target's
 _MOST_SPREAD_PX = 0.5  # standard deviation: in more uncertainty nothing is found
 _DIMMEST = 0.02  # of the nominal light: less is rounding
+_STEP_CAPTURE_PX = 0.35  # how far off one step starts
+_AGAIN_PX = 0.1  # a step that is shorter leaves nothing that noise would not hide
 _FAR_PX = 3.0  # the most that the fit may move from the guess
 
 
@@ -87,6 +98,51 @@ LIKELIHOOD = Routine(
     prepare=prepare_job,
     measure=measure,
     cost=cost,
+)
+
+
+def measure_step(
+    image: FloatArray, artifact: Artifact, guess: Guess
+) -> Measurement | Failure:
+    """Return the pose, px, after a step in `image`, (rows, columns) 0..1.
+
+    Fails if that step is longer than a step may be.
+    """
+    if unfit := refused(image):
+        return unfit
+    if guess.z_um is None and artifact.parameters["focus_sigma_um"] > 0:
+        return Failure("no_focus", "one step needs to know the focus")
+    job, p = read_job((DefocusedImage(image=image),), artifact), artifact.parameters
+    start = start_pose(job, p, guess)
+    if isinstance(start, Failure):
+        return start
+    found = step_once(job, start)
+    if isinstance(found, Failure):
+        return found
+    moved = math.hypot(found.pose.column - guess.column, found.pose.row - guess.row)
+    if moved > 2 * _STEP_CAPTURE_PX:
+        return Failure("not_captured", f"a step of {moved:.2f} px")
+    if moved > _AGAIN_PX:
+        found = step_once(job, found.pose)
+    return found if isinstance(found, Failure) else answer(found, p, guess)
+
+
+def step_cost(artifact: Artifact, _pixels: int) -> float:
+    """Return the work of one `measure_step`, see `contract.Routine`."""
+    return 4.0 + 1e-4 * float(artifact.arrays["planes"].shape[2])
+
+
+ONE_STEP = Routine(
+    name="one_step",
+    version="4",
+    kinds=("circle", "teeth", "outline", "jaws"),
+    provides=("xy", "theta", "z", "zoom"),
+    requires=("xy", "theta", "z"),
+    capture_px=_STEP_CAPTURE_PX,
+    expensive=True,
+    prepare=prepare_job,
+    measure=measure_step,
+    cost=step_cost,
 )
 
 

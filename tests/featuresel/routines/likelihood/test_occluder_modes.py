@@ -12,9 +12,8 @@ import pytest
 from microplan.arrays import FloatArray
 from microplan.featuresel.limits.crlb import place_limits_um
 from microplan.featuresel.look.design import design
-from microplan.featuresel.look.disturb import shifted, turned
 from microplan.featuresel.look.nominal import displacement_changes, nominal_render
-from microplan.featuresel.look.perturb import image
+from microplan.featuresel.look.perturb import image, shifted, turned
 from microplan.featuresel.look.scenario import LookCase, UnknownRotation
 from microplan.featuresel.look.templates import Located, located
 from microplan.featuresel.routines.contract import Artifact, Guess, Measurement
