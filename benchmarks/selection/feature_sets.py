@@ -15,12 +15,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.figures import Benchmark, Figure, Options
+from microplan.featuresel.sets.feature_set import MARGIN, SetSearch
 from microplan.featuresel.sets.pose_covariance import (
     FeatureMeasurement,
     PoseRequirement,
     covariance,
 )
-from microplan.featuresel.sets.set_search import MARGIN, SetSearch
 
 COUNT = 1000
 SEED = 14

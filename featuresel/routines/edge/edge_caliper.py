@@ -25,6 +25,7 @@ from microplan.featuresel.routines.edge.faces import (
     TURN_STEP_RAD,
     MeasuredFace,
     calibrate,
+    face_numbers,
     in_view,
     measure_face,
     predicted,
@@ -81,7 +82,7 @@ def measure(
         return unfit
     p = artifact.parameters
     column, row = guess.column, guess.row
-    inner_faces = [_numbers(p, name) for name in SIDES[:2]]
+    inner_faces = [face_numbers(p)[name] for name in SIDES[:2]]
     theta = p["theta_rad"] + rough_turn(
         image, inner_faces, p, guess, sparse=lambda _: _SPARSE
     )
@@ -109,13 +110,11 @@ def measure(
     spread = math.sqrt(sum(f.rms_px**2 / f.lines for f in inner)) / 2
     tips = [found[name] for name in TIPS if name in found]
     tip_spread = math.sqrt(sum(f.rms_px**2 / f.lines for f in tips)) / len(tips)
-    seen = sum(name in found for name in (*SIDES, *TIPS))
-    known = sum(f"{name}.step" in p for name in (*SIDES, *TIPS))
     return Measurement(
         column=column,
         row=row,
         theta_rad=math.remainder(theta, 2 * math.pi),
-        score=seen / known,
+        score=len(found) / len(face_numbers(p)),
         spread_px=math.hypot(max(spread, tip_spread), _LOCKED_PX),
     )
 
@@ -125,14 +124,13 @@ def cost(artifact: Artifact, _pixels: int) -> float:
     p = artifact.parameters
     rough = 2 * math.ceil(p["range_rad"] / TURN_STEP_RAD) + 1
     total = 0.0
-    for name in (*SIDES, *TIPS):
-        if f"{name}.step" in p:
-            width, zoomed = p[f"{name}.width_px"], _ZOOM * abs(p[f"{name}.offset_px"])
-            lines = (p[f"{name}.high_px"] - p[f"{name}.low_px"]) / LINES_PX
-            total += _face_work(lines, p["search_px"] + zoomed, width)
-            total += 2 * _face_work(lines, _NEAR_PX + zoomed, width)
-            if name in SIDES[:2]:
-                total += rough * _face_work(lines / _SPARSE, p["search_px"], width)
+    for name, face in face_numbers(p).items():
+        width, zoomed = face["width_px"], _ZOOM * abs(face["offset_px"])
+        lines = (face["high_px"] - face["low_px"]) / LINES_PX
+        total += _face_work(lines, p["search_px"] + zoomed, width)
+        total += 2 * _face_work(lines, _NEAR_PX + zoomed, width)
+        if name in SIDES[:2]:
+            total += rough * _face_work(lines / _SPARSE, p["search_px"], width)
     return total
 
 
@@ -161,12 +159,11 @@ def _find(
 ) -> dict[str, MeasuredFace] | Failure:
     """Return the faces that were found; the inner ones and a tip must be among them."""
     found = {}
-    for name in (*SIDES, *TIPS):
-        if f"{name}.step" in p:
-            half = half_px + _ZOOM * abs(p[f"{name}.offset_px"])
-            face = measure_face(image, _numbers(p, name), at, half)
-            if face is not None:
-                found[name] = face
+    for name, numbers in face_numbers(p).items():
+        half = half_px + _ZOOM * abs(numbers["offset_px"])
+        face = measure_face(image, numbers, at, half)
+        if face is not None:
+            found[name] = face
     missing = [name for name in SIDES[:2] if name not in found]
     if not any(name in found for name in TIPS):
         missing.append("tips")
@@ -182,12 +179,6 @@ def _find(
 def _pair(side: str) -> tuple[str, str]:
     """Return the names of a finger's inner and outer face."""
     return (f"inner_{side}", f"outer_{side}")
-
-
-def _numbers(p: Mapping[str, float], name: str) -> dict[str, float]:
-    """Return the parameters of one face."""
-    start = f"{name}."
-    return {key.removeprefix(start): v for key, v in p.items() if key.startswith(start)}
 
 
 def _pose(

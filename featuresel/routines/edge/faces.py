@@ -175,6 +175,16 @@ def measure_face(
     )
 
 
+def face_numbers(p: Mapping[str, float]) -> dict[str, Mapping[str, float]]:
+    """Return the numbers of each face by its name, from an artifact's parameters."""
+    faces: dict[str, dict[str, float]] = {}
+    for key, value in p.items():
+        name, dot, what = key.partition(".")
+        if dot:
+            faces.setdefault(name, {})[what] = value
+    return dict(faces)
+
+
 def rough_turn(
     image: FloatArray,
     faces: Sequence[Mapping[str, float]],

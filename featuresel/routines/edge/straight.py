@@ -24,6 +24,7 @@ from microplan.featuresel.routines.edge.faces import (
     JawFace,
     MeasuredFace,
     calibrate,
+    face_numbers,
     in_view,
     measure_face,
     rough_turn,
@@ -98,7 +99,7 @@ def measure_faces(image: FloatArray, artifact: Artifact, guess: Guess) -> Fix | 
     p = artifact.parameters
     if min(image.shape) < 4:
         return Failure("outside", f"an image of {image.shape} px")
-    faces = _faces(p)
+    faces = face_numbers(p)
     theta = p["theta_rad"] + rough_turn(
         image, list(faces.values()), p, guess, sparse=_sparse
     )
@@ -121,7 +122,7 @@ def faces_work(artifact: Artifact, _pixels: int) -> float:
     p = artifact.parameters
     turns = 2 * math.ceil(p["range_rad"] / TURN_STEP_RAD) + 1
     total = 0.0
-    for face in _faces(p).values():
+    for face in face_numbers(p).values():
         lines = (face["high_px"] - face["low_px"]) / LINES_PX
         kernel = len(edge_kernel(face["width_px"]))
         wide, narrow = (
@@ -159,20 +160,10 @@ def _seen(
     return None
 
 
-def _faces(p: Numbers) -> dict[str, Numbers]:
-    """Return the numbers of each edge by its name."""
-    faces: dict[str, dict[str, float]] = {}
-    for key, value in p.items():
-        name, dot, what = key.partition(".")
-        if dot:
-            faces.setdefault(name, {})[what] = value
-    return dict(faces)
-
-
 def _rivalled(image: FloatArray, artifact: Artifact, target: Target) -> Failure | None:
     """Return the failure of edges that are mistaken for others within the search."""
     p = artifact.parameters
-    for name, numbers in _faces(p).items():
+    for name, numbers in face_numbers(p).items():
         turn = target.theta_rad
         across = (
             numbers["normal_x"] * math.cos(turn) - numbers["normal_y"] * math.sin(turn),

@@ -46,10 +46,8 @@ class _TemplateGrid:
 
     @property
     def around(self) -> int:
-        """Return the samples about a chosen one that a fit may read.
-
-        A spline's, as many as pixels move by, and one as pixels are between samples.
-        """
+        """Return the samples about a chosen one that a fit may read."""
+        # a spline's, as many as pixels move by, and one as pixels are between samples
         return _SUPPORT + math.ceil(AGAIN_PX * self.over + 0.5)
 
 
@@ -96,7 +94,7 @@ def prepare_planes(
     ignored : (rows, columns) bool array, optional
         Pixels of the nominal image that are not the target's.
     also_px : (2, N) float array, optional
-        Places, right and down of the reference point, that are read whatever they tell.
+        Positions, right and down of the reference point, that are read in any case.
     """
     half = _half_px(model, target, shape, reach_um)
     over = _over(model, target)

@@ -11,13 +11,12 @@ import numpy as np
 import pytest
 
 from benchmarks.selection.feature_sets import log_det
-from microplan.featuresel.sets.feature_set import choose_set
+from microplan.featuresel.sets.feature_set import MARGIN, SetSearch, choose_set
 from microplan.featuresel.sets.pose_covariance import (
     FeatureMeasurement,
     PoseRequirement,
     known,
 )
-from microplan.featuresel.sets.set_search import MARGIN, SetSearch
 
 LOOSE = PoseRequirement(sigma_um=1.0, sigma_theta_rad=0.1, radius_um=50.0)
 
