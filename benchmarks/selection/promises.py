@@ -143,8 +143,8 @@ def _claim(
         return (np.zeros(0), np.zeros(0))
     off = np.abs(errors[known] - calibration.bias)
     return (
-        off / calibration.sigma(1.0) / spreads[known],
-        off / calibration.half(1.0) / spreads[known],
+        off / calibration.factor / spreads[known],
+        off / calibration.reach / spreads[known],
     )
 
 

@@ -25,14 +25,6 @@ class SigmaCalibration:
     reach: float  # to half of an interval; inf where trials are too few
     count: int
 
-    def sigma(self, spread: float) -> float:
-        """Return the standard deviation of an answer that claims `spread`."""
-        return self.factor * spread
-
-    def half(self, spread: float) -> float:
-        """Return half of the interval about an answer that claims `spread`."""
-        return self.reach * spread
-
 
 def calibrate(errors: FloatArray, spreads: FloatArray) -> SigmaCalibration | None:
     """Return the calibration of one axis.

@@ -26,7 +26,6 @@ class Gate:
     kept: int  # right answers that pass
     lost: int  # right ones that do not
     loss: float  # expected share of later right answers that will not
-    loss_upper: float  # bound of that, one-sided
 
     def passes(self, score: float, spread_um: float) -> bool:
         """Return whether an answer is accepted."""
@@ -78,8 +77,7 @@ def choose_gate(
     two families with half of the doubt; and beyond the right answers seen, which can
     only refuse more.
 
-    Right answers do not choose the threshold, so the bound of their loss is
-    Clopper-Pearson too; the expected share is (lost + 1) / (right + 1), that of the
+    The expected share of right answers lost is (lost + 1) / (right + 1), that of the
     next of exchangeable scores below one of those seen.
     """
     if not outcomes or len({o.chain for o in outcomes}) != 1:
@@ -142,7 +140,6 @@ def _gate(
         kept=len(good),
         lost=lost,
         loss=(lost + 1) / (len(right) + 1),
-        loss_upper=failure_upper(lost, len(right), level) if len(right) else 1.0,
     )
 
 

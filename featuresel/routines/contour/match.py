@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -31,11 +32,11 @@ from microplan.featuresel.routines.contour.search import (
     field,
     field_work,
     gradient_noise,
+    scan,
     score,
     search,
     search_work,
 )
-from microplan.featuresel.routines.contour.turns import choose_turn
 from microplan.featuresel.routines.contract import (
     Artifact,
     Failure,
@@ -56,6 +57,9 @@ _BREAKING = 3  # points that distinguish turns, at least
 _NO_TURN_RAD = 1e-3  # below this range the angle is not searched
 _SCALE_OFF = 0.05  # zoom errors stay below 2 %; what is farther off is another thing
 _NOISES = 3.0  # standard deviations of noise below which a gradient has no direction
+_RUNNER_UP = 0.6  # of the best turn's score, the most the second may reach
+_LEAST = 0.35  # of the whole contour's score: where nothing is, it is 0
+_SAME_PX = 3.0  # of the farthest edge: turns by less are not rivals
 _TURN = 0.03  # work of trying one turn of the symmetry
 
 
@@ -109,10 +113,8 @@ def measure(
 ) -> Measurement | Failure:
     """Return position, px, and angle in `image`, (rows, columns) 0..1.
 
-    Fails if the match is poor, ambiguous or out of view.
-
-    The angle is None if the contour is round, or if no edge in sight distinguishes
-    the turns of its symmetry.
+    Fails if the match is poor, ambiguous or out of view. The angle is None if the
+    contour is round, or if no edge in sight distinguishes the turns of its symmetry.
     """
     if unfit := refused(image):
         return unfit
@@ -223,7 +225,7 @@ def _matched(
             return Failure(
                 "ambiguous", f"agreement {best.score:.3f} and {other.score:.3f}"
             )
-    return choose_turn(found, artifact, points, best) if p["turns"] else best
+    return _choose_turn(found, artifact, points, best) if p["turns"] else best
 
 
 def _differs(
@@ -299,3 +301,48 @@ def _answer(
 def _low(agreed: float, least: float) -> Failure:
     """Return the failure of a poor match."""
     return Failure("low_score", f"agreement {agreed:.3f}, at least {least}")
+
+
+def _choose_turn(
+    fine: Field, artifact: Artifact, points: FloatArray, pose: ScoredPose
+) -> ScoredPose | Failure:
+    """Return the pose at the one turn that the symmetry's breach confirms."""
+    p = artifact.parameters
+    breaking = points[artifact.arrays["breaking"] > 0]
+    angles = list(_turned(p, pose, breaking))
+    if len(angles) < 2 or not len(breaking):
+        return pose
+    whole = max(score(fine, points, pose.column, pose.row, pose.theta_rad), 1e-9)
+    scores = scan(fine, breaking, pose, angles) / whole
+    best = int(scores.argmax())
+    # neighbours of the best angle are no rivals
+    away = np.abs([math.remainder(a - angles[best], 2 * math.pi) for a in angles])
+    rim = rim_px(breaking)
+    others = scores[away * rim > _SAME_PX]
+    second = max(float(others.max()), 0.0) if len(others) else 0.0
+    if scores[best] < _LEAST:
+        return Failure(
+            "no_notch",
+            f"what breaks the symmetry scores {scores[best]:.3f}, at least {_LEAST}",
+        )
+    if second > _RUNNER_UP * scores[best]:
+        return Failure(
+            "ambiguous",
+            f"two turns of the symmetry score {scores[best]:.3f} and {second:.3f}",
+        )
+    return replace(pose, theta_rad=angles[best])
+
+
+def _turned(
+    p: Mapping[str, float], pose: ScoredPose, breaking: FloatArray
+) -> Iterator[float]:
+    """Yield the angles, within the range, that look alike but for the breach."""
+    order = int(p["order"])
+    if order == ROUND:  # half a sample apart, where the breach is
+        rim = rim_px(breaking)
+        order = math.ceil(2 * math.pi * rim * 2)
+    limit = p["range_rad"] * 1.2 + 0.01
+    for k in range(order):
+        angle = pose.theta_rad + 2 * math.pi * k / order
+        if abs(math.remainder(angle - p["theta_rad"], 2 * math.pi)) <= limit:
+            yield angle
