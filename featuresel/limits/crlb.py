@@ -40,8 +40,8 @@ def place_limits_um(case: LookCase) -> tuple[float, float]:
     """Return the Cramer-Rao limits of a look's place in x and y, see `limit_um`."""
     seen = _with_modes(case, sensitivities(case, names=unknowns(case)))
     occluder_modes = [name for name in seen.names if name.startswith(_MODE)]
-    told = fisher(seen, camera_of(case)).with_prior(dict.fromkeys(occluder_modes, 1.0))
-    known = limit(told)
+    found = fisher(seen, camera_of(case)).with_prior(dict.fromkeys(occluder_modes, 1.0))
+    known = limit(found)
     return known["x"], known["y"]
 
 
@@ -126,8 +126,8 @@ def weights(
     inside = ndtr(high) - ndtr(low) - (high * _normal(high) - low * _normal(low))
     left = inside + _cut(low) + _cut(-high)
     seen = (mean > 0) & (left > _NOTHING)
-    told: FloatArray = np.where(seen, np.minimum(left, 1.0) / variance, 0.0)
-    return told
+    found: FloatArray = np.where(seen, np.minimum(left, 1.0) / variance, 0.0)
+    return found
 
 
 def fisher(

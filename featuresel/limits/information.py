@@ -130,13 +130,13 @@ def inverse(information: Information) -> tuple[FloatArray, BoolArray]:
     (P,) bool array
         As in `covariance`.
     """
-    told = np.diag(information.matrix)
-    seen = told > _TRUST * (information.faked + _ROUNDING * told)
+    known = np.diag(information.matrix)
+    seen = known > _TRUST * (information.faked + _ROUNDING * known)
     found = np.zeros_like(information.matrix)
     lost = ~seen
     if not seen.any():
         return found, lost
-    scale = np.sqrt(told[seen])
+    scale = np.sqrt(known[seen])
     values, vectors = np.linalg.eigh(
         information.matrix[np.ix_(seen, seen)] / np.outer(scale, scale)
     )

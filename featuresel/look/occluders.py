@@ -51,7 +51,7 @@ def _moved(
     )
 
 
-_VEILED = 3.0  # fields: the face behind the occluder ends out of sight
+_OCCLUDED = 3.0  # fields: the face behind the occluder ends out of sight
 
 
 def occluders(case: LookCase, dz_um: float) -> Occluders:
@@ -104,7 +104,7 @@ def _faced(case: LookCase, face: Layer, shown: Backdrop) -> FloatArray:
 
 def _face(case: LookCase, z_um: float, reflectance: float) -> Layer:
     """Return a face without end."""
-    side = _VEILED * max(case.microscope.field_um)
+    side = _OCCLUDED * max(case.microscope.field_um)
     corners = [(-side, -side), (side, -side), (side, side), (-side, side)]
     edges = tuple(
         Segment(start=a, end=b)

@@ -114,8 +114,8 @@ def _reason(search: SetSearch, place: int, taken: tuple[int, ...]) -> str:
             f"{_said(search, with_all)}, for cost {one.cost:.3g}"
         )
     ways = [(*taken[:at], place, *taken[at + 1 :]) for at in range(len(taken))]
-    told = [-value for value in search.tells(ways).tolist()]
-    instead = ways[least(range(len(ways)), told.__getitem__, scale=1.0)]
+    ranks = [-value for value in search.log_dets(ways).tolist()]
+    instead = ways[least(range(len(ways)), ranks.__getitem__, scale=1.0)]
     return (
         f"left out: in place of {_swapped(search, taken, instead)} "
         f"{_said(search, search.known(instead))} instead of {_said(search, with_all)}"
@@ -275,7 +275,7 @@ class SetSearch:
         """Return how well some features determine the pose."""
         return known(self.some(taken), self.need)
 
-    def tells(self, ways: Sequence[Sequence[int]]) -> FloatArray:
+    def log_dets(self, ways: Sequence[Sequence[int]]) -> FloatArray:
         """Return log det of the information of sets of one size, (N,), per um^2.
 
         Of blind sets as if a little were known.
@@ -286,10 +286,10 @@ class SetSearch:
         need = self.need
         matrices = self.matrices[np.array(ways)].sum(axis=1)
         matrices = matrices + np.eye(3) * (_FAR * need.radius_um) ** -2
-        told: FloatArray = np.linalg.slogdet(matrices)[1]
+        ranks: FloatArray = np.linalg.slogdet(matrices)[1]
         if need.sigma_theta_rad is None:  # det of what is left without the angle
-            told = told - np.log(matrices[:, 2, 2])
-        return told
+            ranks = ranks - np.log(matrices[:, 2, 2])
+        return ranks
 
     def cost(self, taken: Sequence[int]) -> float:
         """Return the work of measuring a set."""
@@ -340,7 +340,7 @@ class SetSearch:
 
         Of those that cost the same the first.
         """
-        told = self.tells(ways).tolist()
-        near = [way for way, t in zip(ways, told, strict=True)
-                if at_most(max(told), t + MARGIN, scale=1.0)]  # fmt: skip
+        ranks = self.log_dets(ways).tolist()
+        near = [way for way, t in zip(ways, ranks, strict=True)
+                if at_most(max(ranks), t + MARGIN, scale=1.0)]  # fmt: skip
         return least(near, self.cost)

@@ -113,10 +113,10 @@ def mirror_peak(
         return Failure("several_peaks", "no mirror image is found")
     width = (right - left) / math.sqrt(8 * math.log(2))
     step = float(np.diff(hill.z[hill.first : hill.last + 1]).max())
-    chance = _chance_um(mirror, noise * u**2)
+    noise_um = _noise_um(mirror, noise * u**2)
     return FocusPeak(
         z_um=mirror.top,
-        sigma_um=math.hypot(chance, mirror_error_um(step, width)),
+        sigma_um=math.hypot(noise_um, mirror_error_um(step, width)),
         width_um=width,
     )
 
@@ -190,7 +190,7 @@ def _at(
     return value, slope
 
 
-def _chance_um(mirror: _Mirror, known: FloatArray) -> float:
+def _noise_um(mirror: _Mirror, known: FloatArray) -> float:
     """Return the standard deviation of the mirror, by what is known or by the fit.
 
     `known` are the standard deviations of u at the stops, (N,).
@@ -201,9 +201,9 @@ def _chance_um(mirror: _Mirror, known: FloatArray) -> float:
     sure = float(np.linalg.norm(pull * known))
     left = rows - np.outer(slope, slope @ rows) / squared
     spread = left.T @ left
-    told = float(np.trace(spread))  # the mean of |r|^2 over a value's variance
-    freedom = told**2 / float((spread**2).sum())  # Satterthwaite (1946)
-    fitted = math.sqrt(float(r @ r) / told) * float(np.linalg.norm(pull))
+    trace = float(np.trace(spread))  # the mean of |r|^2 over a value's variance
+    freedom = trace**2 / float((spread**2).sum())  # Satterthwaite (1946)
+    fitted = math.sqrt(float(r @ r) / trace) * float(np.linalg.norm(pull))
     if sure > 0 and fitted <= _CLEARLY * sure:
         return sure
     return fitted * float(np.interp(1 / max(freedom, 1.0), *_STUDENT))

@@ -278,16 +278,16 @@ class Appearance:
     def _focused(self, pose: ImagePose) -> Float32Array:
         """Return coefficients of all cells at a focus and turn, and by focus."""
         z_um = abs(pose.z_um) if self.is_even else pose.z_um
-        at = beside = self._basis(z_um)
-        slopes = beside.slopes / self.step_um
+        at = slope_at = self._basis(z_um)
+        slopes = slope_at.slopes / self.step_um
         if self.is_even:  # by the square of the focus, finite where its slope is not
             off_um = max(z_um, _NEAR * self.step_um)
-            beside = self._basis(off_um)
-            slopes = beside.slopes / self.step_um / (2 * off_um)
-        first, last = min(at.first, beside.first), max(at.first, beside.first) + 4
+            slope_at = self._basis(off_um)
+            slopes = slope_at.slopes / self.step_um / (2 * off_um)
+        first, last = min(at.first, slope_at.first), max(at.first, slope_at.first) + 4
         weights = np.zeros((2, last - first))
         weights[0, at.first - first :][:4] = at.weights
-        weights[1, beside.first - first :][:4] = slopes
+        weights[1, slope_at.first - first :][:4] = slopes
         waves = self._waves(np.array([pose.turn_rad]))[:, 0]
         mixed = (weights[:, :, None] * waves).reshape(2, -1).astype(np.float32)
         near = self.planes[first:last].reshape(-1, self.planes.shape[2])

@@ -106,7 +106,7 @@ class ImageComparison:
         And where it is planned to be.
         """
         free = replace(self.free, front_sigmas=None, occluder_modes=0)
-        front = None if self.front is None else self.front.steady
+        front = None if self.front is None else self.front.planned
         return replace(self, free=free, front=front)
 
     @property

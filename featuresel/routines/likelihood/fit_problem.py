@@ -28,7 +28,7 @@ from microplan.featuresel.routines.likelihood.foreground import (
     mode_maps,
 )
 from microplan.featuresel.routines.likelihood.planes import FOCUS_SIGMAS, prepare_planes
-from microplan.featuresel.routines.likelihood.pose_start import beside
+from microplan.featuresel.routines.likelihood.pose_start import half_turn_rad
 from microplan.featuresel.routines.likelihood.spline import runout_coefficients
 
 _LEAST_SIGNAL = 0.03  # of full scale, that the target must vary by
@@ -61,7 +61,9 @@ def prepare_job(
         turns=turns,
         reach_um=reach_um,
         ignored=None if turns else _turning(model, _within(target)),
-        also_px=None if odd_px is None else _turned_px(odd_px, beside(target.symmetry)),
+        also_px=None
+        if odd_px is None
+        else _turned_px(odd_px, half_turn_rad(target.symmetry)),
     )
     apart_um = _APART_DEPTHS * model.blur.depth_um
     front = front_maps(model, target, image, reach_um + _BEYOND * apart_um)

@@ -261,7 +261,7 @@ class Front:
         return light, through
 
     @property
-    def steady(self) -> Front:
+    def planned(self) -> Front:
         """Return the same in its planned place, without occluder modes."""
         none = self.mode_light[:0]
         return replace(self, mode_light=none, mode_through=none)

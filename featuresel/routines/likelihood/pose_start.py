@@ -21,7 +21,7 @@ from microplan.featuresel.routines.likelihood.pose_fit import PoseFit
 # A mark that is seen has a share of 1, one that is hidden of 0, each with a deviation
 # of 1 / sqrt(told): at three quarters four deviations keep both apart.
 _SEEN = 0.75
-_TOLD = 256.0
+_CONTRAST = 256.0
 _ENOUGH = 200  # cells: of the gear they tell 5000 and more up to 25 um out of focus
 
 
@@ -30,7 +30,7 @@ class Marks:
     """How much of what breaks a pattern's symmetry shows at T turns."""
 
     share: FloatArray  # (T,) 1: all of it, 0: the pattern goes on; -inf: out of view
-    told: FloatArray  # (T,) chi squared between the two
+    contrast: FloatArray  # (T,) chi squared between the two
 
 
 def marks(
@@ -55,12 +55,12 @@ def marks(
     itself half way round, where the pattern goes on, weighted by the noise.
     """
     cells = cells[:: max(1, len(cells) // _ENOUGH)]
-    pose, elsewhere = found.pose, turns + beside(job.symmetry)
-    shown, told = np.zeros(len(turns)), np.zeros(len(turns))
+    pose, displaced = found.pose, turns + half_turn_rad(job.symmetry)
+    shown, contrast = np.zeros(len(turns)), np.zeros(len(turns))
     for view in job.views:
         here = at(pose, view)
         seen = job.looks.turned(here, turns, cells, job.shape)
-        plain = job.looks.values(here, elsewhere, seen.columns, seen.rows)
+        plain = job.looks.values(here, displaced, seen.columns, seen.rows)
         marked, even = (
             job.lit(here, light, seen.columns, seen.rows, found.light)
             for light in (seen.value, plain)
@@ -68,9 +68,9 @@ def marks(
         value = view.image[seen.rows, seen.columns]
         weight = (marked - even) * seen.inside / job.camera.variance(marked)
         shown += (weight * (value - even)).sum(axis=1)
-        told += (weight * (marked - even)).sum(axis=1)
-    share = np.where(told > 0, shown / np.maximum(told, 1e-12), -math.inf)
-    return Marks(share=share, told=told)
+        contrast += (weight * (marked - even)).sum(axis=1)
+    share = np.where(contrast > 0, shown / np.maximum(contrast, 1e-12), -math.inf)
+    return Marks(share=share, contrast=contrast)
 
 
 def is_marked(found: Marks) -> bool:
@@ -80,10 +80,10 @@ def is_marked(found: Marks) -> bool:
     """
     whole = found.share[[0, *range(3, len(found.share))]]
     best = bool(whole[0] >= whole.max())
-    return best and bool(found.told[0] > _TOLD and whole[0] > _SEEN)
+    return best and bool(found.contrast[0] > _CONTRAST and whole[0] > _SEEN)
 
 
-def beside(symmetry: int) -> float:
+def half_turn_rad(symmetry: int) -> float:
     """Return the turn by whole periods that leads farthest away, rad."""
     return 2 * math.pi / symmetry * round(symmetry / 2)
 
