@@ -222,13 +222,9 @@ def covariance(measured: Sequence[FeatureMeasurement], radius_um: float) -> Floa
     rank = int(np.count_nonzero(values > _BLIND * values[0]))
     seen = vectors[:rank].T
     # by singular values, not by squares: those of far apart spreads have no inverse
-    _, strengths, ways = np.linalg.svd(
-        (rows / sigmas[:, None]) @ seen, full_matrices=False
-    )
+    _, sizes, ways = np.linalg.svd((rows / sigmas[:, None]) @ seen, full_matrices=False)
     # what rounding hides beside the best that is known counts as known no worse
-    axes = seen @ (
-        ways.T / np.maximum(strengths, strengths[0] * np.finfo(np.float64).eps)
-    )
+    axes = seen @ (ways.T / np.maximum(sizes, sizes[0] * np.finfo(np.float64).eps))
     found: FloatArray = axes @ axes.T
     blind = (vectors[rank:] ** 2).sum(axis=0) > _BLIND**2
     found[blind, :] = 0.0

@@ -28,7 +28,7 @@ from microplan.featuresel.routines.likelihood.foreground import (
     mode_maps,
 )
 from microplan.featuresel.routines.likelihood.planes import FOCUS_SIGMAS, prepare_planes
-from microplan.featuresel.routines.likelihood.pose_start import half_turn_rad
+from microplan.featuresel.routines.likelihood.pose_start import farthest_rad
 from microplan.featuresel.routines.likelihood.spline import runout_coefficients
 
 _LEAST_SIGNAL = 0.03  # of full scale, that the target must vary by
@@ -63,7 +63,7 @@ def prepare_job(
         ignored=None if turns else _turning(model, _within(target)),
         also_px=None
         if odd_px is None
-        else _turned_px(odd_px, half_turn_rad(target.symmetry)),
+        else _turned_px(odd_px, farthest_rad(target.symmetry)),
     )
     apart_um = _APART_DEPTHS * model.blur.depth_um
     front = front_maps(model, target, image, reach_um + _BEYOND * apart_um)

@@ -112,11 +112,9 @@ def prepare_planes(
     planes = np.stack(
         [plane_coefficients(t, over=over, side=side, turns=turns) for t in stack]
     )
-    picked = np.unique(
-        np.linspace(0, len(distinct) - 1, _MOST_BITS).round().astype(int)
-    )
+    few = np.unique(np.linspace(0, len(distinct) - 1, _MOST_BITS).round().astype(int))
     own = _own(ignored, target, half)
-    used = _used(planes[:, :2].sum(axis=1), distinct, model, grid, own)[picked]
+    used = _used(planes[:, :2].sum(axis=1), distinct, model, grid, own)[few]
     return Artifact(
         parameters={
             "over": float(over),
@@ -242,8 +240,8 @@ def _used(
         turn, grow = across[k] * v - down[k] * u, across[k] * u + down[k] * v
         rest = (focus[k], grow, mean, mean * u, mean * v)
         slopes = np.stack((across[k], down[k], turn, *rest))
-        picked = informative(mean, slopes * own, model.camera, wanted=_WANTED)
-        block = picked.repeat(over, axis=0).repeat(over, axis=1)
+        few = informative(mean, slopes * own, model.camera, wanted=_WANTED)
+        block = few.repeat(over, axis=0).repeat(over, axis=1)
         block = block[:rows, :columns]
         used[k, : block.shape[0], : block.shape[1]] = block
     return np.asarray(used & inner)
@@ -316,10 +314,8 @@ def informative(
     taken: IntArray = np.arange(mean.size)
     for _ in range(_ROUNDS):
         influence = known[:wanted] @ scores
-        picked = goal[:, None] > 0
-        rank = np.where(
-            picked, influence**2 / np.where(picked, goal[:, None], 1.0), 0.0
-        )
+        few = goal[:, None] > 0
+        rank = np.where(few, influence**2 / np.where(few, goal[:, None], 1.0), 0.0)
         density = cv2.GaussianBlur(
             rank.sum(axis=0).reshape(mean.shape), (0, 0), _NEAR_PX
         )

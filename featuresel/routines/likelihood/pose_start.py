@@ -55,7 +55,7 @@ def marks(
     itself half way round, where the pattern goes on, weighted by the noise.
     """
     cells = cells[:: max(1, len(cells) // _ENOUGH)]
-    pose, displaced = found.pose, turns + half_turn_rad(job.symmetry)
+    pose, displaced = found.pose, turns + farthest_rad(job.symmetry)
     shown, contrast = np.zeros(len(turns)), np.zeros(len(turns))
     for view in job.views:
         here = at(pose, view)
@@ -83,7 +83,7 @@ def is_marked(found: Marks) -> bool:
     return best and bool(found.contrast[0] > _CONTRAST and whole[0] > _SEEN)
 
 
-def half_turn_rad(symmetry: int) -> float:
+def farthest_rad(symmetry: int) -> float:
     """Return the turn by whole periods that leads farthest away, rad."""
     return 2 * math.pi / symmetry * round(symmetry / 2)
 
