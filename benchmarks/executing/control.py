@@ -16,7 +16,7 @@ import numpy as np
 from benchmarks.example import compile_s, given
 from benchmarks.executing.looks import Fine, fine_looks
 from benchmarks.figures import Benchmark, Figure, Options
-from benchmarks.rivals import null_routine
+from benchmarks.rivals.null_routine import NULL
 from microplan.executor.devices.drivers import AxisReading, Counts, Frame
 from microplan.executor.devices.errors import ExecutorError
 from microplan.executor.devices.safety import AXES
@@ -197,7 +197,7 @@ def _control(plan: Plan) -> Control:
 def _null(look: Look) -> Look:
     """Return a look whose routine costs nothing."""
     away = {"away_px": AWAY_UM / look.view.um_per_px}
-    use = RoutineUse(id=null_routine.NAME, version="1", parameters=away, arrays=None)
+    use = RoutineUse(id=NULL.name, version="1", parameters=away, arrays=None)
     return replace(look, measure=replace(look.measure, chain=(use,), fallback=()))
 
 
@@ -216,11 +216,11 @@ def _picture(fine: Fine) -> Counts:
 def _registered() -> Iterator[None]:
     """Let the executor find the routine that costs nothing."""
     known = cast(dict[str, str], REGISTRY)
-    known[null_routine.NAME] = null_routine.__name__
+    known[NULL.name] = "benchmarks.rivals.null_routine:NULL"
     try:
         yield
     finally:
-        del known[null_routine.NAME]
+        del known[NULL.name]
 
 
 @contextmanager
@@ -246,9 +246,7 @@ def _measure(options: Options) -> Iterator[Figure]:
         fine = fine_looks(plan, LOOK)[LOOK]
         counts = _picture(fine)
         bare = _null(fine.look)
-        nothing = {
-            null_routine.NAME: Artifact(parameters=bare.measure.chain[0].parameters)
-        }
+        nothing = {NULL.name: Artifact(parameters=bare.measure.chain[0].parameters)}
         times = [cycle_s(plan, folder, bare, nothing, counts) for _ in range(REPEATS)]
         wall_s, cpu_s = (min(each) for each in zip(*times, strict=True))
         yield Figure(name=NAMES[0], value=1e3 * wall_s, unit="ms")

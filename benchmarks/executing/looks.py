@@ -81,7 +81,7 @@ def _with_chain(
     uses = tuple(
         RoutineUse(
             id=name,
-            version=load(name).VERSION,
+            version=load(name).version,
             parameters=ready[name].parameters,
             arrays=None,
         )

@@ -15,11 +15,10 @@ from functools import cache, partial
 import numpy as np
 
 from benchmarks.figures import Benchmark, Figure, Options
+from benchmarks.focus.measures import FITS, MEASURE, MEASURES
 from benchmarks.focus.truth import LAWS, PARTS, SENSOR, limit_um, noisy, still, sweep
 from microplan.arrays import FloatArray
 from microplan.featuresel.routines.contract import CameraNoise, Failure
-from microplan.featuresel.routines.focus.focus import FITS, MEASURE
-from microplan.featuresel.routines.focus.measures import MEASURES
 from microplan.featuresel.routines.focus.peak import (
     FocusPeak,
     mirror_error_um,

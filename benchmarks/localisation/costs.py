@@ -76,13 +76,13 @@ def price(case: LookCase, unit_s: float) -> Iterator[Priced]:
     k = case.target.px_per_um
     for name in sorted(REGISTRY):
         routine = load(name)
-        if case.target.kind not in routine.KINDS:
+        if case.target.kind not in routine.kinds:
             continue
         artifact = routine.prepare(render, case.target)
         if isinstance(artifact, Failure):
             continue
         # where the routine before it in a chain would have ended
-        near = "xy" in routine.REQUIRES
+        near = "xy" in routine.requires
         theta = case.theta_rad + turn + 0.005
         guess = Guess(
             column=case.target.column + (2.0 * k + 0.3 if near else 0.0),

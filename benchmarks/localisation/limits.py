@@ -7,15 +7,15 @@ from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
 
-from microplan.featuresel.limits.crlb import camera_of, fisher, informative
-from microplan.featuresel.limits.information import limit
-from microplan.featuresel.limits.nuisances import prices
-from microplan.featuresel.limits.resolution import (
-    contrast,
+from benchmarks.localisation.depth_of_field import (
     depth_of_field,
     limit_curve,
-    spurious_um,
+    prices,
 )
+from benchmarks.localisation.informative import informative
+from microplan.featuresel.limits.crlb import camera_of, fisher
+from microplan.featuresel.limits.information import limit
+from microplan.featuresel.limits.resolution import contrast, spurious_um
 from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.look.sensitivity import (
     LIGHT,

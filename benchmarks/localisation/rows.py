@@ -115,7 +115,7 @@ def _limits(case: LookCase, shown: Sequence[Drawn]) -> tuple[float, ...]:
 
 def begin(case: LookCase, name: str, drawn: Drawn, rng: np.random.Generator) -> Guess:
     """Return where a routine starts: the nominal place, or as near as it needs."""
-    needs = load(name).REQUIRES
+    needs = load(name).requires
     if not needs:
         return start(case)
     if "z" in needs:
@@ -141,7 +141,7 @@ def _measured(
             codes.append(found.code)
             continue
         dx, dy, turn = errors(case, drawn, found)
-        placed, turned = "xy" in routine.PROVIDES, not math.isnan(turn)
+        placed, turned = "xy" in routine.provides, not math.isnan(turn)
         off = along((dx, dy), found.axis_rad)
         far = placed and math.hypot(*off) > WRONG * TOLERANCE_UM
         if far or (turned and abs(turn) > WRONG * TOLERANCE_RAD):
@@ -149,7 +149,7 @@ def _measured(
             continue
         right += 1
         x += [_across(off, found.axis_rad)] if placed else []
-        theta += [turn] if turned and "theta" in routine.PROVIDES else []
+        theta += [turn] if turned and "theta" in routine.provides else []
     return _Seen(
         trials=len(shown), silent=silent, x=tuple(x), theta=tuple(theta),
         right=right, ms=tuple(taken), codes=tuple(codes),

@@ -169,7 +169,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     for scene in call.scene or SCENES:
         kind = SCENES[scene]().target.kind
         names = sorted(call.routine or REGISTRY)
-        mine = tuple(name for name in names if kind in load(name).KINDS)
+        mine = tuple(name for name in names if kind in load(name).kinds)
         wanted += [(scene, condition, mine) for condition in SHOWN]
     done = []
     for row in measure_all(wanted, call.trials, call.jobs, call.record):

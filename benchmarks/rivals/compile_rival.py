@@ -26,10 +26,15 @@ from benchmarks.rivals.naive import point_spread
 from benchmarks.timing import cpu_s
 from microplan.arrays import FloatArray
 from microplan.featuresel.look.design import Trial, design
-from microplan.featuresel.look.perturb import counts
+from microplan.featuresel.look.perturb import counts, image
 from microplan.featuresel.look.scenario import LookCase, scene
 from microplan.featuresel.selection.evaluate import make_ready
-from microplan.featuresel.trials.trials import PreparedRoutines, measure_trial, prepare
+from microplan.featuresel.trials.outcomes import Outcome
+from microplan.featuresel.trials.trials import (
+    PreparedRoutines,
+    measure_picture,
+    prepare,
+)
 from microplan.optics.lens.sensor import expose, to_unit
 from microplan.optics.outline.outline import flatten
 from microplan.planner.assembly.step_states import unfold
@@ -157,7 +162,7 @@ def _against(case: LookCase, name: str) -> Iterator[Figure]:
     one = prepare(case, (CHAIN,))
     trials = design(case, TRIALS, 1998)
     few = trials[::2]
-    measure_trial(case, one, trials[0])  # tables warm
+    _measured(case, one, trials[0])  # tables warm
     ours: list[float] = []
     ours_s = cpu_s(lambda: ours.extend(_errors(case, one, few))) / len(few)
     patch = nominal_patch(case)
@@ -171,11 +176,18 @@ def _against(case: LookCase, name: str) -> Iterator[Figure]:
     )
 
 
+def _measured(
+    case: LookCase, ready: PreparedRoutines, trial: Trial
+) -> tuple[Outcome, ...]:
+    """Return what each chain says of one trial's image."""
+    return measure_picture(case, ready, trial, image(case, trial))
+
+
 def _errors(
     case: LookCase, ready: PreparedRoutines, trials: Sequence[Trial]
 ) -> Iterator[float]:
     for trial in trials:
-        (found,) = measure_trial(case, ready, trial)
+        (found,) = _measured(case, ready, trial)
         yield found.distance_um
 
 
@@ -184,10 +196,10 @@ def _trial_cost(
 ) -> Iterator[Figure]:
     """Yield the time of a trial; the floor is its routines and one transform pair."""
     made = cpu_s(lambda: [counts(case, t) for t in trials]) / len(trials)
-    whole = cpu_s(lambda: [measure_trial(case, ready, t) for t in trials]) / len(trials)
+    whole = cpu_s(lambda: [_measured(case, ready, t) for t in trials]) / len(trials)
     shape = case.window.rows, case.window.columns
-    image = np.random.default_rng(0).random(shape)
-    pair = cpu_s(lambda: [fft.irfft2(fft.rfft2(image), s=shape) for _ in range(100)])
+    noise = np.random.default_rng(0).random(shape)
+    pair = cpu_s(lambda: [fft.irfft2(fft.rfft2(noise), s=shape) for _ in range(100)])
     yield Figure(
         name="compile.trial_s",
         value=whole,

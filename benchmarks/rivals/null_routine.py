@@ -1,8 +1,6 @@
-"""A routine that costs nothing: it always finds the target as far off as it is told."""
+"""A routine that costs nothing: it always finds the target at the stated distance."""
 
 from __future__ import annotations
-
-import math
 
 from microplan.arrays import FloatArray
 from microplan.featuresel.routines.contract import (
@@ -11,19 +9,9 @@ from microplan.featuresel.routines.contract import (
     Guess,
     LookModel,
     Measurement,
-    PoseTerm,
+    Routine,
     Target,
-    TargetKind,
 )
-
-NAME = "null"
-VERSION = "1"
-KINDS: tuple[TargetKind, ...] = ("circle",)
-PROVIDES: tuple[PoseTerm, ...] = ("xy",)
-REQUIRES: tuple[PoseTerm, ...] = ()
-CAPTURE_PX = math.inf
-BASELINE = True
-EXPENSIVE = False
 
 
 def prepare(_render: LookModel, _target: Target) -> Artifact | Failure:
@@ -47,3 +35,15 @@ def measure(
 def cost(_artifact: Artifact, _pixels: int, /) -> float:
     """Return the predicted work: none."""
     return 0.0
+
+
+NULL = Routine(
+    name="null",
+    version="1",
+    kinds=("circle",),
+    provides=("xy",),
+    baseline=True,
+    prepare=prepare,
+    measure=measure,
+    cost=cost,
+)

@@ -9,18 +9,18 @@ from __future__ import annotations
 import itertools
 import math
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from benchmarks.figures import Benchmark, Figure, Options
+from microplan.featuresel.sets.feature_set import MARGIN, SetSearch
 from microplan.featuresel.sets.pose_covariance import (
     FeatureMeasurement,
     PoseRequirement,
-    log_det,
+    covariance,
 )
-from microplan.featuresel.sets.set_search import MARGIN, SetSearch
 
 COUNT = 1000
 SEED = 14
@@ -53,6 +53,15 @@ def judge(number: int) -> Found:
     told = log_det([sights[k] for k in taken], need)
     lost = max(best - told, 0.0) if best > told else 0.0  # both may be blind
     return Found(lost=lost, search_s=middle - start, all_s=end - middle)
+
+
+def log_det(sights: Sequence[FeatureMeasurement], need: PoseRequirement) -> float:
+    """Return -log det of the covariance of what is wanted, um; -inf if it is blind."""
+    wanted = 2 if need.sigma_theta_rad is None else 3
+    found = covariance(sights, need.radius_um)[:wanted, :wanted]
+    if not np.isfinite(found).all():
+        return -math.inf
+    return -float(np.linalg.slogdet(found)[1])
 
 
 def _sight(rng: np.random.Generator, number: int) -> FeatureMeasurement:

@@ -21,11 +21,12 @@ from benchmarks.selection.problems import draw
 from microplan.arrays import FloatArray
 from microplan.featuresel.look.design import design
 from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.selection.constraints import Constraints
 from microplan.featuresel.selection.race import race
 from microplan.featuresel.selection.select import select
 from microplan.featuresel.trials.bounds import CONFIDENCE
 from microplan.featuresel.trials.calibration import SigmaCalibration
-from microplan.featuresel.trials.gates import choose_gate, gated
+from microplan.featuresel.trials.gates import Gate, choose_gate
 from microplan.featuresel.trials.outcomes import Outcome, Outcomes
 from microplan.featuresel.trials.score import ChainScore, score
 from microplan.featuresel.trials.trials import PreparedRoutines, is_wrong, prepare, run
@@ -35,6 +36,7 @@ TRIALS = 64  # what the preset `balanced` spends
 FRESH = 256
 RACES = 16  # of the problems, with and without dropping chains
 LONG = 256  # trials of those
+GATED = "gated"  # the failure of an answer that a gate refuses
 SILENT = 0.05  # the limit that gates are chosen for: 64 trials show no less
 PROMISES = ("success", "silent", "sigma", "need", "theta", "gate")
 AXES = ("x", "y", "theta")
@@ -61,8 +63,9 @@ def judge(index: int) -> Judged:
     scores = score(case, ready, outcomes)
     chosen = select(
         scores,
-        tolerance_um=case.tolerance_um,
-        tolerance_theta_rad=case.tolerance_theta_rad,
+        Constraints(
+            tolerance_um=case.tolerance_um, tolerance_theta_rad=case.tolerance_theta_rad
+        ),
     ).chosen
     judged = chosen or max(scores, key=lambda s: s.success)
     alone = replace(ready, chains=(judged.chain,))
@@ -94,6 +97,15 @@ def _broken(said: ChainScore, truth: ChainScore) -> Iterator[str]:
         turn = said.theta
         if truth.theta.sigma > turn.sigma_upper or truth.theta.need > turn.need_upper:
             yield "theta"
+
+
+def gated(outcome: Outcome, gate: Gate) -> Outcome:
+    """Return the outcome, an answer that the gate refuses turned into a failure."""
+    if outcome.score is None or outcome.spread_um is None:
+        return outcome
+    if gate.passes(outcome.score, outcome.spread_um):
+        return outcome
+    return Outcome(chain=outcome.chain, trial=outcome.trial, failure=GATED)
 
 
 def _gate_broken(
@@ -131,8 +143,8 @@ def _claim(
         return (np.zeros(0), np.zeros(0))
     off = np.abs(errors[known] - calibration.bias)
     return (
-        off / calibration.sigma(1.0) / spreads[known],
-        off / calibration.half(1.0) / spreads[known],
+        off / calibration.factor / spreads[known],
+        off / calibration.reach / spreads[known],
     )
 
 
@@ -146,8 +158,10 @@ def judge_race(index: int) -> tuple[float, bool]:
     choices = [
         select(
             scores,
-            tolerance_um=case.tolerance_um,
-            tolerance_theta_rad=case.tolerance_theta_rad,
+            Constraints(
+                tolerance_um=case.tolerance_um,
+                tolerance_theta_rad=case.tolerance_theta_rad,
+            ),
         ).chosen
         for scores in (raced.scores, peeked)
     ]

@@ -102,7 +102,7 @@ def _check_version(use: RoutineUse) -> None:
     """Refuse a routine that is not the one the plan was measured with."""
     if use.id not in REGISTRY:
         raise ExecutorError("MP810", f"the plan needs routine {use.id!r}")
-    installed = load(use.id).VERSION
+    installed = load(use.id).version
     if installed != use.version:
         raise ExecutorError(
             "MP810",

@@ -68,8 +68,8 @@ def height_by_sweep(
 
 def peak_of(curve: SharpnessCurve, target: str, seconds: float = 0.0) -> Height:
     """Return the one true peak of a curve; MP853 if it has none."""
-    # loads cv2, which is not needed at start
-    from microplan.featuresel.routines.focus.focus import peak
+    # loads cv2, not needed at start
+    from microplan.featuresel.routines.focus.peak import mirror_peak
 
     height = max(curve.scores) - min(curve.scores)
     if not height >= LEAST_HEIGHT * curve.noise:
@@ -80,7 +80,7 @@ def peak_of(curve: SharpnessCurve, target: str, seconds: float = 0.0) -> Height:
             cause="flat",
         )
     # two differences are too few for a standard deviation: it comes from the fit
-    found = peak(curve.focus_um, curve.scores)
+    found = mirror_peak(curve.focus_um, curve.scores)
     if isinstance(found, Failure):
         raise ExecutorError(
             "MP853",
@@ -149,7 +149,8 @@ def _score_at(
     rig: Rig, search: HeightSearch, look: Look, part: TargetSighting, focus_um: float
 ) -> float:
     """Return how sharp the part's edges are with the focus at `focus_um`."""
-    from microplan.featuresel.routines.focus.focus import ring_mask, score  # as above
+    # as above
+    from microplan.featuresel.routines.focus.measures import ring_mask, tenengrad
 
     rig.set_view(look.view, focus_um=focus_um)
     counts = rig.grab(look.measure.region, keep=False)  # mostly blurred
@@ -160,6 +161,6 @@ def _score_at(
         radius_px = search.ring_radius_um / look.view.um_per_px
         mask = ring_mask(counts.shape, column, row, radius_px, RING_HALF * radius_px)
     try:
-        return score(image, mask)
+        return tenengrad(image, mask)
     except ValueError as error:  # black, or the ring is out of the picture
         raise ExecutorError("MP853", f"{part.target}: {error}") from error

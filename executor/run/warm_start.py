@@ -46,7 +46,7 @@ def nearest_routine(
     reach_px = HANDOVER_SIGMAS * warm_start.sigma_um / um_per_px
     known = before.pixels.z_um is not None
     for name in (STEP, FIT) if known else (FIT,):
-        if reach_px <= load(name).CAPTURE_PX:
+        if reach_px <= load(name).capture_px:
             return name
     return None
 

@@ -50,7 +50,6 @@ def circles(rings: Sequence[Clean]) -> tuple[RingCircle, ...]:
 def to_feature(circle: RingCircle) -> Feature:
     """Return the circle as a feature without a name."""
     return Feature(
-        name="",
         kind="circle",
         center_um=circle.center_um,
         parameters={"radius_um": circle.radius_um},

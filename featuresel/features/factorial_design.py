@@ -42,7 +42,9 @@ def generator(root: int, key: str) -> np.random.Generator:
 def interior(
     group: str, key: str, root: int, count: int, *, first: int = 0
 ) -> FloatArray:
-    """Return at least `count` points of a group's axes, (N, axes) in 0..1.
+    """Return points of a group's axes in the unit cube, (N, M) in 0..1.
+
+    At least `count` points, N, of M axes.
 
     Point k depends on the group, `key`, `root` and k alone; the first one returned is
     number `first`, a multiple of a power of two that is at least `count`.

@@ -12,7 +12,7 @@ from microplan.arrays import FloatArray, Point
 from microplan.featuresel.routines.contract import Occluders, Target, TargetKind
 
 # Of the most light that any of the edges sends through: at the middle of a blurred edge
-# of what stands in front half of it comes through.
+# of the occluder half of it comes through.
 _THROUGH = 0.5
 _DARK = 0.05  # of unshaded light: less is no sight, even where no edge has more
 
@@ -24,8 +24,8 @@ def seen_share(target: Target, occluders: Occluders) -> float | None:
     ----------
     target : Target
         With its contour, whose points are evenly along the edges.
-    veil : Veil
-        What stands in front, (rows, columns) of the region.
+    occluders : Occluders
+        In front of it, (rows, columns) of the region.
 
     Returns
     -------
@@ -60,7 +60,7 @@ def contour_px(target: Target) -> tuple[FloatArray, FloatArray]:
     return column, row
 
 
-# what tells two features of one kind and place apart
+# what distinguishes two features of one kind and position
 _SIZES = ("radius_um", "outer_um", "extent_um", "length_um", "width_um", "reach_um")
 
 
@@ -68,7 +68,7 @@ _SIZES = ("radius_um", "outer_um", "extent_um", "length_um", "width_um", "reach_
 class Feature:
     """Part of an outline that a routine can find; parameters as in `Target`."""
 
-    name: str
+    name: str = ""
     kind: TargetKind
     center_um: Point  # reference point in the part's frame
     angle_rad: float = 0.0  # of the feature's frame in the part's
@@ -77,7 +77,7 @@ class Feature:
     symmetry_broken_by: str = ""
     finest_um: float  # smallest detail that a routine needs resolved
     bright: bool  # brighter than what surrounds it, if the part is
-    edge_um: float  # length of the drawn edges it is made of: what tells its place
+    edge_um: float  # length of its drawn edges, which determines its precision
     # largest share of those edges that meets itself under a turn the symmetry does not
     # have: what a wrong answer would look like; and that turn, the smallest such
     alike: float = 0.0
@@ -105,7 +105,7 @@ class Feature:
 
 
 def coincide(a: Feature, b: Feature, *, within_um: float) -> bool:
-    """Return whether two features of a part are one: of a kind, a place and sizes.
+    """Return whether two features of a part are one: of a kind, a position and sizes.
 
     Sizes that only one of them states do not count. A part has one whole outline,
     about whatever point.

@@ -27,15 +27,15 @@ from microplan.featuresel.routines.contract import TargetKind
 from microplan.optics.outline.outline import Outline
 from microplan.optics.outline.tolerant_order import least, ordered
 
-# Per kind, the longest edges first: what says most of a place. A drawing of a thousand
-# holes is not tried a thousand times.
+# Per kind, the longest edges first: what says most of a position. A drawing of a
+# thousand holes is not tried a thousand times.
 MOST: dict[TargetKind, int] = {
     "outline": 1, "teeth": 3, "circle": 6, "edge": 6, "pair": 6, "corner": 6,
 }  # fmt: skip
 _MOST_RINGS = 200  # whose shape is compared with itself, the longest first
 _MOST_SIDES = 64  # that are paired
 # of the extent: above the rounding of coordinates, below what any drawing means; what
-# is equal but for rounding goes by its place
+# is equal but for rounding goes by its position
 _UNIT = 1e-6
 
 
@@ -128,7 +128,6 @@ def _whole(outline: Outline, rings: Sequence[Clean]) -> list[Feature]:
     reach = max(math.dist(p, center) for ring in rings for p in ring.points)
     return [
         Feature(
-            name="",
             kind="outline",
             center_um=center,
             parameters={"extent_um": reach},

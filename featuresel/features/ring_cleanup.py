@@ -64,7 +64,7 @@ def extent_um(outline: Outline) -> float:
 
 
 def inside(point: FloatArray, polygon: FloatArray) -> bool:
-    """Return whether a (2,) point lies in an (N, 2) polygon, by crossings."""
+    """Return whether a (2,) point, um, lies in an (N, 2) polygon, by crossings."""
     x, y = point
     x0, y0 = polygon.T
     x1, y1 = np.roll(polygon, -1, axis=0).T

@@ -11,7 +11,7 @@ from microplan.featuresel.features.feature import Feature
 from microplan.featuresel.features.ring_cleanup import SAME, Clean
 from microplan.optics.outline.outline import Segment
 
-LONG = 0.1  # of the extent: shorter edges say too little of a place
+LONG = 0.1  # of the extent: shorter edges say too little of a position
 PARALLEL_RAD = 1e-3  # what a drawing that rounds to 1 nm may err over a 1 um edge
 _OVERLAP = 0.5  # of the shorter edge that has to face the other one
 # rad inside the material; flatter or sharper legs meet at no well-known point
@@ -69,10 +69,9 @@ def sides(rings: Sequence[Clean], least_um: float) -> tuple[Side, ...]:
 
 
 def edge_features(found: Sequence[Side]) -> list[Feature]:
-    """Return each edge as a feature without a name; its place is its middle."""
+    """Return each edge as a feature without a name; its position is its middle."""
     return [
         Feature(
-            name="",
             kind="edge",
             center_um=_middle(side.segment.start, side.segment.end),
             angle_rad=side.normal_rad,
@@ -139,7 +138,6 @@ def _pair(first: Side, second: Side) -> Feature | None:
     (x, y), at = first.segment.start, (low + high) / 2
     center = (x + at * dx + width / 2 * dy, y + at * dy - width / 2 * dx)
     return Feature(
-        name="",
         kind="pair",
         center_um=center,
         angle_rad=_angle(first.normal_rad, math.pi),  # either edge may be the first
@@ -158,7 +156,6 @@ def _corner(before: Side, after: Side) -> Feature | None:
         return None
     reach = min(before.segment.length_um, after.segment.length_um)
     return Feature(
-        name="",
         kind="corner",
         center_um=before.segment.end,
         angle_rad=_angle(before.normal_rad + turn / 2),

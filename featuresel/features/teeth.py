@@ -127,7 +127,6 @@ def _toothed(
     root = float(corners[corners >= reach.min() - near].min())
     share = shape.share(pitch)
     feature = Feature(
-        name="",
         kind="teeth",
         center_um=shape.center_um,
         parameters={
@@ -149,7 +148,7 @@ def _toothed(
 def _phase(rays: FloatArray, radius_um: float, count: int) -> float:
     """Return the angle of a tooth's middle, in [0, 2 pi / count).
 
-    The mean over the places where the ring goes out through a radius and comes back.
+    The mean over the positions where the ring goes out through a radius and comes back.
     """
     over, before = np.hypot(*rays.T) - radius_um, np.roll(np.hypot(*rays.T), 1)
     before = before - radius_um

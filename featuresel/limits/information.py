@@ -10,8 +10,8 @@ import numpy as np
 
 from microplan.arrays import BoolArray, FloatArray
 
-# A slope known to a tenth only is none: what it tells is below 100 times what its
-# errors can fake.
+# A slope known to a tenth only is none: its information is below 100 times what
+# its errors can fake.
 _TRUST = 100.0
 _FAKED = 3.0  # how far errors of several slopes may add up in one direction
 _ROUNDING = 1e-14  # of a sum of squares, and of eigenvalues of a scaled matrix
@@ -84,7 +84,7 @@ class Information:
 
 
 def covariance(information: Information) -> FloatArray:
-    """Return the smallest covariance of unbiased estimates, (P, P).
+    """Return the smallest covariance of unbiased estimates, (P, P), e.g. um squared.
 
     A parameter that is not observable has infinite variance and no covariance. One is
     not if its slope is known to less than a tenth, or if it has a part in a direction
@@ -121,22 +121,22 @@ def places(names: tuple[str, ...], wanted: Collection[str]) -> list[int]:
 
 
 def inverse(information: Information) -> tuple[FloatArray, BoolArray]:
-    """Return the pseudo-inverse over what can be told, and what is not observable.
+    """Return the pseudo-inverse over what is observable, e.g. um^2, and what is that.
 
     Returns
     -------
     (P, P) float64 array
-        Directions that cannot be told are left out, as if they were known.
+        Directions that are not observable are left out, as if they were known.
     (P,) bool array
         As in `covariance`.
     """
-    told = np.diag(information.matrix)
-    seen = told > _TRUST * (information.faked + _ROUNDING * told)
+    known = np.diag(information.matrix)
+    seen = known > _TRUST * (information.faked + _ROUNDING * known)
     found = np.zeros_like(information.matrix)
     lost = ~seen
     if not seen.any():
         return found, lost
-    scale = np.sqrt(told[seen])
+    scale = np.sqrt(known[seen])
     values, vectors = np.linalg.eigh(
         information.matrix[np.ix_(seen, seen)] / np.outer(scale, scale)
     )

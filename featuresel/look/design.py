@@ -17,16 +17,15 @@ from microplan.featuresel.features.factorial_design import (
     interior,
     words,
 )
-from microplan.featuresel.look.disturb import true_lens
 from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.look.static_layers import CUT
-from microplan.optics.lens.lens import LensErrors
+from microplan.optics.lens.lens import MAX_DISTORTION, LensErrors
 
 _EVERY = 4  # each fourth trial is an extreme, whatever their number
 _CORNER = 2.0  # sigmas at the extremes, all at once: already far out together
 _BLOCK = 1024  # points drawn at a time, a power of two
 MOST_TRIALS = 2**20  # more than any look gets
-# The estimator's blur law must not always be the truth.
+# The estimator's defocus model must not always be the truth.
 _OTHER_MODEL = {"hopkins": "stokseth", "exact": "stokseth"}
 
 
@@ -38,11 +37,11 @@ class Trial:
     dx_um: float  # of the target from nominal, world
     dy_um: float
     dtheta_rad: float
-    dz_um: float  # of the focus from nominal
-    magnification: float  # ratio to nominal
-    gain: float  # times the nominal light
-    gradient_x: float  # added to the nominal light's
-    gradient_y: float
+    dz_um: float = 0.0  # of the focus from nominal
+    magnification: float = 1.0  # ratio to nominal
+    gain: float = 1.0  # times the nominal light
+    gradient_x: float = 0.0  # added to the nominal light's
+    gradient_y: float = 0.0
     model: str
     seed: tuple[int, ...]  # of the noise
     occluder_um: tuple[float, float] = (0.0, 0.0)  # of what is not the target's owner
@@ -251,7 +250,7 @@ def _trial(
     direction_rad: float,
     rest: _Rest,
 ) -> Trial:
-    """Return the trial with its blur law and noise seed."""
+    """Return the trial with its defocus model and noise seed."""
     sigma, (low, high) = case.spread.occluder_sigma_um, case.spread.noise
     # interior and extremes both meet both laws: the parity shifts by one every round
     other = (index + index // _EVERY) % 2 == 1
@@ -268,9 +267,51 @@ def _trial(
         model=_OTHER_MODEL.get(case.model, "exact") if other else case.model,
         seed=(root, *words(f"{case.key}/trial {index}")),
         occluder_um=(sigma * float(rest.occluder[0]), sigma * float(rest.occluder[1])),
-        lens=true_lens(case.lens, case.spread.lens, rest.lens),
+        lens=_true_lens(case.lens, case.spread.lens, rest.lens),
         noise=low + rest.noise * (high - low),
         turns_rad=_turns(case, index, root),
+    )
+
+
+def _true_lens(
+    known: LensErrors, doubt: LensErrors, sigmas: Sequence[float]
+) -> LensErrors | None:
+    """Return what a lens truly does, its unknown errors so many sigmas off.
+
+    Parameters
+    ----------
+    known : LensErrors
+        What is known of it; its sigmas are not read.
+    doubt : LensErrors
+        How well: only its sigmas are read. The light's gradient is drawn elsewhere.
+    sigmas : (6,) sequence of float
+        Of distortion, shift in x and y, scale, curvature, edge offset.
+
+    Returns
+    -------
+    LensErrors or None
+        None if nothing is unknown.
+    """
+    spread = (
+        doubt.distortion_sigma,
+        doubt.lateral_sigma,
+        doubt.lateral_sigma,
+        doubt.scale_sigma_per_um,
+        doubt.field_curvature_sigma_per_um,
+        doubt.edge_offset_sigma_um,
+    )
+    if not any(spread):
+        return None
+    off = [float(sigma * many) for sigma, many in zip(spread, sigmas, strict=True)]
+    distortion = known.distortion + off[0]
+    return replace(
+        known,
+        distortion=min(max(distortion, -MAX_DISTORTION), MAX_DISTORTION),
+        lateral_x=known.lateral_x + off[1],
+        lateral_y=known.lateral_y + off[2],
+        scale_per_um=known.scale_per_um + off[3],
+        field_curvature_per_um=known.field_curvature_per_um + off[4],
+        edge_offset_um=known.edge_offset_um + off[5],
     )
 
 

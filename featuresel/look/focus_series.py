@@ -21,7 +21,10 @@ Pictures = Callable[[Sequence[Trial]], Iterator[FloatArray]]
 
 
 def one_by_one(case: LookCase, trials: Sequence[Trial]) -> Iterator[FloatArray]:
-    """Yield the images of trials of one focus and zoom, each rendered anew."""
+    """Yield images of trials, (rows, columns) 0..1, each rendered anew.
+
+    The trials have one focus and zoom.
+    """
     backdrop = still(case, trials[0])
     for trial in trials:
         yield image(case, trial, backdrop)

@@ -46,7 +46,7 @@ class _Known:
 
 @dataclass(frozen=True, slots=True)
 class NominalRender:
-    """Renders a case's region, at nominal focus and zoom unless told else."""
+    """Renders a case's region, at nominal focus and zoom unless stated otherwise."""
 
     case: LookCase
     known: _Known = field(default_factory=_Known, init=False, compare=False, repr=False)
@@ -73,7 +73,7 @@ class NominalRender:
         )
 
     @property
-    def drifts(self) -> Nuisances:
+    def nuisances(self) -> Nuisances:
         """Return what else the trials of this look vary."""
         spread = self.case.spread
         return Nuisances(
@@ -109,7 +109,7 @@ class NominalRender:
     def at_height(
         self, dz_um: float, *, dx_um: float, dy_um: float, theta_rad: float
     ) -> FloatArray:
-        """Return the same image, of a pose that is asked for at several heights."""
+        """Return the image of a pose wanted at many heights, (rows, columns) 0..1."""
         found = self._picture(
             (dx_um, dy_um, theta_rad), dz_um=dz_um, zoom=1.0, again=True
         )
@@ -118,13 +118,15 @@ class NominalRender:
     def template(
         self, dz_um: Sequence[float], *, over: int, half_px: tuple[int, int]
     ) -> FloatArray:
-        """Return the target alone: see `look.templates.template`."""
+        """Return the target alone, (K, 2 R + 1, 2 C + 1) samples: see `template`."""
         return template(self.case, dz_um, over=over, half_px=half_px)
 
     def alone(
         self, *, dx_um: float = 0.0, dy_um: float = 0.0, dz_um: float = 0.0
     ) -> FloatArray:
-        """Return the region without what stands still, not clipped.
+        """Return the region without the static scene, (rows, columns), full scale 1.
+
+        It is not clipped.
 
         The light's gradient is left out: it belongs to the frame, not to the target.
         """
@@ -133,11 +135,11 @@ class NominalRender:
         return lone._picture((dx_um, dy_um, 0.0), dz_um=dz_um, zoom=1.0)
 
     def occluders(self, dz_um: float = 0.0) -> Occluders:
-        """Return what stands in front: see `look.occluders.veil`."""
+        """Return the occluders: see `look.occluders.occluders`."""
         return occluders(self.case, dz_um)
 
     def occluder_modes(self) -> tuple[OccluderMode, ...]:
-        """Return how the image may differ as what stands still may lie elsewhere.
+        """Return the image changes by likely displacements of the static scene.
 
         Each owner for itself: to both sides along x and y by the spread that trials
         have, and round the circle or to both sides where its angle is unknown.
@@ -167,8 +169,7 @@ class NominalRender:
         The target is transformed once for all places at its own angle, and for all
         heights of a pose that is asked for `again`.
         """
-        case, zoomed = self.case, self.case.microscope.magnification * zoom
-        scope = replace(case.microscope, magnification=zoomed)
+        case, scope = self.case, self.case.zoomed(zoom)
         focus_um = case.focus_um + dz_um
         shown = _held(
             self.known.backdrops,
@@ -216,13 +217,13 @@ def nominal_render(case: LookCase) -> NominalRender:
     return NominalRender(case=case)
 
 
-def swayed(case: LookCase) -> FloatArray:
-    """Return what the image of a look changes by as what stands still lies elsewhere.
+def displacement_changes(case: LookCase) -> FloatArray:
+    """Return the changes of a look's image by likely displacements of static bodies.
 
     Returns
     -------
     (C, rows, columns) float64 array
-        Shares of full scale, as `NominalRender.sways` shows them.
+        Shares of full scale, as `NominalRender.occluder_modes` shows them.
     """
     image = nominal_render(case)()
     changes = [root * (nominal_render(c)() - image) for c, root in displaced_look(case)]
@@ -232,7 +233,7 @@ def swayed(case: LookCase) -> FloatArray:
 def _backdrop(
     case: LookCase, scope: Microscope, focus_um: float, zoom: float
 ) -> Backdrop:
-    """Return what stands still in a look at some focus and zoom."""
+    """Return the static scene in a look at some focus and zoom."""
     reach = usual_range(case)
     if reach.holds(focus_um, (0.0, 0.0), zoom):
         ready = standing(case, case.static, reach, case.model)

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from microplan.arrays import FloatArray
-from microplan.featuresel.look.disturb import turned
+from microplan.featuresel.look.perturb import turned
 from microplan.featuresel.look.scenario import LookCase, render_look
 from microplan.featuresel.look.static_layers import CUT, Backdrop, standing
 from microplan.featuresel.routines.contract import Occluders
@@ -21,7 +21,7 @@ _TURNS = 12  # of the circle, where an angle is unknown: blur leaves its first w
 
 
 def displaced_look(case: LookCase) -> Iterator[tuple[LookCase, float]]:
-    """Yield the look with what stands still elsewhere, and the root of its weight."""
+    """Yield the look with the static scene displaced, and the root of its weight."""
     own = case.target.name.partition(".")[0]
     names = sorted({layer.name.partition(".")[0] for layer in case.static} - {own})
     sigma = case.spread.occluder_sigma_um
@@ -51,11 +51,11 @@ def _moved(
     )
 
 
-_VEILED = 3.0  # fields: the face behind what stands in front ends out of sight
+_OCCLUDED = 3.0  # fields: the face behind the occluder ends out of sight
 
 
 def occluders(case: LookCase, dz_um: float) -> Occluders:
-    """Return what stands in front of the target, `dz_um` off nominal focus.
+    """Return the target's occluders, `dz_um` off nominal focus.
 
     A face without end at the height of the target's top, once black and once white,
     takes the target's place; what lies below it is not seen.
@@ -76,7 +76,7 @@ def occluders(case: LookCase, dz_um: float) -> Occluders:
 
 
 def _before(case: LookCase, face: Layer, dz_um: float) -> Backdrop:
-    """Return what stands before a face, `dz_um` off nominal focus.
+    """Return the occluder of a face, `dz_um` off nominal focus.
 
     Heights within one of equal steps share the transforms.
     """
@@ -104,7 +104,7 @@ def _faced(case: LookCase, face: Layer, shown: Backdrop) -> FloatArray:
 
 def _face(case: LookCase, z_um: float, reflectance: float) -> Layer:
     """Return a face without end."""
-    side = _VEILED * max(case.microscope.field_um)
+    side = _OCCLUDED * max(case.microscope.field_um)
     corners = [(-side, -side), (side, -side), (side, side), (-side, side)]
     edges = tuple(
         Segment(start=a, end=b)

@@ -1,15 +1,21 @@
-"""The image of any trial of a look, and what stands still in it."""
+"""Perturbed images of a look: any trial, with the static scene in it."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from microplan.arrays import FloatArray
 from microplan.featuresel.look.design import Trial
-from microplan.featuresel.look.disturb import noisier, shifted
-from microplan.featuresel.look.scenario import LookCase, moved_layers, render_look
+from microplan.featuresel.look.scenario import (
+    LookCase,
+    UnknownRotation,
+    moved_layers,
+    render_look,
+)
 from microplan.featuresel.look.static_layers import (
     Backdrop,
     displaced,
@@ -17,10 +23,10 @@ from microplan.featuresel.look.static_layers import (
     standing,
     usual_range,
 )
-from microplan.optics.lens.sensor import CountArray, expose, to_unit
-from microplan.optics.render.scene import Illumination, Layer
+from microplan.optics.lens.sensor import CountArray, Sensor, expose, to_unit
+from microplan.optics.outline.outline import place
+from microplan.optics.render.scene import Layer
 from microplan.optics.render.view_range import Range
-from microplan.optics.transfer.microscope import Microscope
 
 
 def image(
@@ -34,7 +40,7 @@ def image(
     The zoom error scales about the optical axis; the truth stays the target's world
     pose, so an estimator that trusts the nominal zoom errs by ratio x distance. Trials
     that differ in the target's pose, light and noise alone may share their `backdrop`.
-    By default `moved` are the target's layers in its place; none if they are in it.
+    By default `moved` are the target's layers at its position; none if they are in it.
     """
     return to_unit(counts(case, trial, backdrop, moved), case.sensor.bits)
 
@@ -45,7 +51,10 @@ def counts(
     backdrop: Backdrop | None = None,
     moved: tuple[Layer, ...] | None = None,
 ) -> CountArray:
-    """Return the trial's region as the camera's counts; arguments as in `image`."""
+    """Return the trial's region as the camera's counts, (rows, columns).
+
+    Arguments as in `image`.
+    """
     seen = _perturbed(case, trial)
     behind = still(case, trial) if backdrop is None else backdrop
     if moved is None:
@@ -65,7 +74,7 @@ def counts(
 
 
 def still(case: LookCase, trial: Trial, reach: Range | None = None) -> Backdrop:
-    """Return what stands still in a trial, blurred.
+    """Return the static scene in a trial, blurred.
 
     Focus, zoom, law, lens and the occluder's place matter, the target's pose does not.
     Trials of one `reach` share the transforms; by default it is that of the design.
@@ -85,36 +94,85 @@ def still(case: LookCase, trial: Trial, reach: Range | None = None) -> Backdrop:
     return found.with_(fresh(seen, [there for _, there in left])) if left else found
 
 
-def _owner(case: LookCase) -> str:
-    return case.target.name.partition(".")[0]
-
-
 def _perturbed(case: LookCase, trial: Trial) -> LookCase:
     """Return the look as it truly is in a trial, but for the target's pose."""
     return replace(
         case,
         static=shifted(
             case.static,
-            _owner(case),
+            case.target.name.partition(".")[0],
             trial.occluder_um,
             tuple(zip(case.spread.turning, trial.turns_rad, strict=True))
             if trial.turns_rad  # a trial made elsewhere turns nothing
             else (),
         ),
-        microscope=_zoomed(case, trial),
+        microscope=case.zoomed(trial.magnification),
         focus_um=case.focus_um + trial.dz_um,
         model=trial.model,
-        light=Illumination(
-            gain=case.light.gain * trial.gain,
-            gradient_x=case.light.gradient_x + trial.gradient_x,
-            gradient_y=case.light.gradient_y + trial.gradient_y,
-        ),
+        light=case.lit(trial.gain, trial.gradient_x, trial.gradient_y),
         lens=case.lens if trial.lens is None else trial.lens,
         sensor=noisier(case.sensor, trial.noise),
     )
 
 
-def _zoomed(case: LookCase, trial: Trial) -> Microscope:
-    """Return the case's microscope at the trial's zoom."""
-    magnification = case.microscope.magnification * trial.magnification
-    return replace(case.microscope, magnification=magnification)
+def shifted(
+    layers: tuple[Layer, ...],
+    owner: str,
+    by_um: tuple[float, float],
+    turns: Sequence[tuple[UnknownRotation, float]] = (),
+) -> tuple[Layer, ...]:
+    """Return the static scene, turned and moved as one where it is not the owner's.
+
+    Parameters
+    ----------
+    layers : tuple of Layer
+        In the world; a name's first word, before a dot, is whose it is.
+    owner : str
+        Whose layers stay.
+    by_um : (x, y)
+        How far the others move.
+    turns : sequence of (UnknownRotation, rad)
+        By how much some of them turn first.
+    """
+    return tuple(_moved(layer, owner, by_um, turns) for layer in layers)
+
+
+def turned(
+    layers: tuple[Layer, ...], what: UnknownRotation, turn_rad: float
+) -> tuple[Layer, ...]:
+    """Return layers with those of one owner turned about its point, rad."""
+    return shifted(layers, "", (0.0, 0.0), ((what, turn_rad),))
+
+
+def _moved(
+    layer: Layer,
+    owner: str,
+    by_um: tuple[float, float],
+    turns: Sequence[tuple[UnknownRotation, float]],
+) -> Layer:
+    """Return one layer as `shifted` has it: placed once, however often it turns."""
+    whose = layer.name.partition(".")[0]
+    x, y, theta = 0.0, 0.0, 0.0
+    for what, turn_rad in turns:
+        if what.owner == whose:
+            c, s = math.cos(turn_rad), math.sin(turn_rad)
+            dx, dy = x - what.x_um, y - what.y_um
+            x, y = what.x_um + c * dx - s * dy, what.y_um + s * dx + c * dy
+            theta += turn_rad
+    if whose != owner:
+        x, y = x + by_um[0], y + by_um[1]
+    if (x, y, theta) == (0.0, 0.0, 0.0):
+        return layer
+    return replace(layer, outline=place(layer.outline, x, y, theta))
+
+
+def noisier(sensor: Sensor, factor: float) -> Sensor:
+    """Return the sensor with shot and read noise multiplied; rounding stays."""
+    if factor == 1.0:
+        return sensor
+    return replace(
+        sensor,
+        # shot noise of full scale is 1 / sqrt(full well), read noise over full well
+        full_well_e=sensor.full_well_e / factor**2,
+        read_noise_e=sensor.read_noise_e / factor,
+    )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from microplan.arrays import FloatArray
 from microplan.featuresel.routines.contract import Target
@@ -26,7 +26,7 @@ _SURE = LensErrors()  # no error is known, none unknown
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class UnknownRotation:
-    """Something that is not the target's owner, at an angle that nobody has measured.
+    """Something that is not the target's owner, at an angle that is not measured.
 
     Its layers turn about a point of the world, all of them together.
     """
@@ -59,7 +59,7 @@ class TrialSpread:
     pose_sigma_xy_um: float
     pose_sigma_theta_rad: float
     search_um: float  # how far off a look may start; trials reach it at the extremes
-    # of what stands still and is not the target's owner, all of it together
+    # of the static bodies that are not the target's owner, all of them together
     occluder_sigma_um: float = 0.0
     turning: tuple[UnknownRotation, ...] = ()  # of that, what lies at unknown angles
     noise: tuple[float, float] = (1.0, 1.0)  # uniform, times the sensor's noise
@@ -128,13 +128,26 @@ class LookCase:
 
     @property
     def shares_still_layers(self) -> bool:
-        """Return whether what stands still is blurred alike wherever the target is."""
+        """Return whether the static scene is blurred alike wherever the target is."""
         return self.treatment == "blend" and not self.lens.changes_scene
 
     @property
     def shares_spectra(self) -> bool:
         """Return whether images at several focus heights come from the same spectra."""
         return self.shares_still_layers and self.lamp_aperture is None
+
+    def zoomed(self, ratio: float) -> Microscope:
+        """Return the microscope at so many times the nominal magnification."""
+        magnification = self.microscope.magnification * ratio
+        return replace(self.microscope, magnification=magnification)
+
+    def lit(self, gain: float, gradient_x: float, gradient_y: float) -> Illumination:
+        """Return the light with its gain multiplied and gradients added."""
+        return Illumination(
+            gain=self.light.gain * gain,
+            gradient_x=self.light.gradient_x + gradient_x,
+            gradient_y=self.light.gradient_y + gradient_y,
+        )
 
     @property
     def frame(self) -> RegionFrame:
@@ -195,7 +208,9 @@ def render_look(
     backdrop: Sequence[Covered] = (),
     under: Sequence[Irradiance] | None = None,
 ) -> FloatArray:
-    """Return the region without noise, as the case's fidelity has it.
+    """Return the region without noise, (rows, columns), 1 at full scale.
+
+    As the case's fidelity has it.
 
     Parameters
     ----------
@@ -208,7 +223,7 @@ def render_look(
     focus_um, model, light
         As in `microplan.optics.render.render.render`.
     backdrop : sequence of Covered
-        What stands still, by `still_layers` with the same arguments.
+        The static scene, by `still_layers` with the same arguments.
     under : sequence of Light, optional
         The light that it leaves, by `still_lights`. Default: it is computed.
     """
@@ -249,7 +264,7 @@ def render_look(
 def still_layers(
     case: LookCase, microscope: Microscope, *, focus_um: float, model: str
 ) -> tuple[Covered, ...]:
-    """Return what stands still, blurred; none where images do not share it."""
+    """Return the static scene, blurred; none where images do not share it."""
     if not case.shares_still_layers:
         return ()
     return cover(

@@ -9,14 +9,12 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from microplan.arrays import FloatArray
-from microplan.featuresel.look.design import Trial
 from microplan.featuresel.look.scenario import LookCase, moved_layers, render_look
 from microplan.featuresel.look.static_layers import Backdrop, Standing, standing
 from microplan.optics.outline.outline import Outline
 from microplan.optics.render.layer_blending import light_up
 from microplan.optics.render.scene import Illumination, Layer
 from microplan.optics.render.view_range import Range
-from microplan.optics.transfer.microscope import Microscope
 
 POSE = ("x", "y", "theta", "z", "zoom")  # um, um, rad, um of the focus, over nominal
 # of the nominal light; change across the field, twice; share of full scale
@@ -56,20 +54,6 @@ class LookSetting:
                 f"zoom must be positive and gain not negative, got {self.zoom}, "
                 f"{self.gain}"
             )
-
-    @classmethod
-    def of(cls, trial: Trial) -> LookSetting:
-        """Return where a trial stands; what else it changes is of the case."""
-        return cls(
-            dx_um=trial.dx_um,
-            dy_um=trial.dy_um,
-            dtheta_rad=trial.dtheta_rad,
-            dz_um=trial.dz_um,
-            zoom=trial.magnification,
-            gain=trial.gain,
-            gradient_x=trial.gradient_x,
-            gradient_y=trial.gradient_y,
-        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -116,7 +100,7 @@ def sensitivities(
     Parameters
     ----------
     case : LookCase
-        The look; its blur law, shade and lens are those of the images.
+        The look; its defocus model, shade and lens are those of the images.
     setting : Setting, optional
         Where the look stands. Default: as planned.
     names : sequence of str
@@ -172,8 +156,8 @@ class _FocusRenderer:
     case: LookCase
     at: LookSetting
     still: Standing | None  # None, both: images do not share layers
-    own: Standing | None  # the target in its place
-    behind: Backdrop  # what stands still, at the setting's focus and zoom
+    own: Standing | None  # the target in its position
+    behind: Backdrop  # the static scene, at the setting's focus and zoom
 
     @classmethod
     def of(
@@ -186,7 +170,7 @@ class _FocusRenderer:
             margin=max(case.sampling.margin, _MARGIN),
             single=False,
         )
-        fine = replace(case, sampling=sampling, microscope=_scope(case, at))
+        fine = replace(case, sampling=sampling, microscope=case.zoomed(at.zoom))
         focus_um = case.focus_um + at.dz_um
         far_um, ratio = (_FARTHEST * steps.get(name, 0.0) for name in ("z", "zoom"))
         ratio *= _MORE / at.zoom
@@ -214,13 +198,13 @@ class _FocusRenderer:
 
     def unlit(self, at: LookSetting | None = None) -> FloatArray:
         """Return the region in even light of gain 1, (rows, columns)."""
-        at, m = at or self.at, self.case.microscope
+        at = at or self.at
         zoom = at.zoom / self.at.zoom
         layers, shown = self._seen(at, zoom)
         return render_look(
             self.case,
             layers,
-            m if zoom == 1 else replace(m, magnification=m.magnification * zoom),
+            self.case.microscope if zoom == 1 else self.case.zoomed(zoom),
             focus_um=self.case.focus_um + at.dz_um,
             model=self.case.model,
             light=Illumination(),
@@ -244,20 +228,10 @@ class _FocusRenderer:
         return (), behind.with_(self.own.at(focus_um=focus_um, zoom=zoom))
 
 
-def _scope(case: LookCase, at: LookSetting) -> Microscope:
-    """Return the case's microscope at the setting's zoom."""
-    magnification = case.microscope.magnification * at.zoom
-    return replace(case.microscope, magnification=magnification)
-
-
 def _light(case: LookCase, at: LookSetting) -> FloatArray:
     """Return the light's intensity at the pixels, (rows, columns)."""
     light = np.ones((case.window.rows, case.window.columns))
-    shining = Illumination(
-        gain=case.light.gain * at.gain,
-        gradient_x=case.light.gradient_x + at.gradient_x,
-        gradient_y=case.light.gradient_y + at.gradient_y,
-    )
+    shining = case.lit(at.gain, at.gradient_x, at.gradient_y)
     light_up(light, case.microscope, case.window, shining)
     return light
 

@@ -24,7 +24,7 @@ class Located:
     x_um: float
     y_um: float
     theta_rad: float | None  # of the look's frame; None: not measured
-    axis_rad: float | None  # the one direction in which the place is known, world
+    axis_rad: float | None  # the one direction in which the position is known, world
 
 
 def located(case: LookCase, found: Measurement) -> Located | Failure:
@@ -37,7 +37,7 @@ def located(case: LookCase, found: Measurement) -> Located | Failure:
     """
     endless = _not_finite(found)
     if endless:
-        return Failure(code="not_finite", message=f"not finite: {', '.join(endless)}")
+        return Failure("not_finite", f"not finite: {', '.join(endless)}")
     turned_rad = case.target.theta_rad - case.theta_rad
     theta = None if found.theta_rad is None else found.theta_rad - turned_rad
     x, y = case.frame.to_world(found.column, found.row)
@@ -70,7 +70,7 @@ _POINT = 1e-12  # fill factor of samples that integrate over no area
 def template(
     case: LookCase, dz_um: Sequence[float], *, over: int, half_px: tuple[int, int]
 ) -> FloatArray:
-    """Return the target alone at points, see `contract.LookModel`.
+    """Return the target alone, (K, 2 R + 1, 2 C + 1) samples: see `LookModel`.
 
     Raises
     ------
@@ -90,7 +90,7 @@ def template(
 
 
 def _fine(case: LookCase, over: int, half_px: tuple[int, int]) -> LookCase:
-    """Return the target alone in a window of finer pixels about its nominal place."""
+    """Return the target alone in a window of finer pixels about its nominal pose."""
     scope: Microscope = replace(
         case.microscope,
         pitch_um=case.microscope.pitch_um / over,
@@ -109,7 +109,7 @@ def _fine(case: LookCase, over: int, half_px: tuple[int, int]) -> LookCase:
 
 
 def _window(case: LookCase, over: int, half_px: tuple[int, int]) -> Window:
-    """Return the finer pixels about the target's nominal place."""
+    """Return the finer pixels about the target's nominal position."""
     column = case.window.column + round(case.target.column)
     row = case.window.row + round(case.target.row)
     middle = (over - 1) // 2

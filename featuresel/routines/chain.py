@@ -16,7 +16,7 @@ from microplan.featuresel.routines.contract import (
 )
 from microplan.featuresel.routines.registry import load
 
-HANDOVER_SIGMAS = 3.0  # of the place before must fit into a routine's capture range
+HANDOVER_SIGMAS = 3.0  # of the last position must fit into a routine's capture range
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,23 +32,25 @@ def advance(
 ) -> ChainState | Failure:
     """Return the chain's state after one more routine, or why that failed.
 
+    `image` is (rows, columns), 0..1 of full scale.
+
     Angle, focus and zoom are those of the last routine that gave them. A routine that
-    does not give the place leaves place and spread as they were, and the score is the
-    lower one. Hand-over is gated: the code is "not_captured" where
-    `HANDOVER_SIGMAS` spreads of the place before do not fit into the routine's capture
-    range.
+    does not give the position leaves it and its standard deviation as they were, and
+    the score is the lower one. Hand-over is gated: the code is "not_captured" where
+    `HANDOVER_SIGMAS` standard deviations of the position before do not fit into the
+    routine's capture range.
     """
     routine, before = load(name), progress.found
     if before is not None and not _captures(routine, before):
         reach = HANDOVER_SIGMAS * before.spread_px
         message = f"{HANDOVER_SIGMAS:g} spreads of the place before it are {reach:.3g}"
-        message += f" px, it captures {routine.CAPTURE_PX:g} px"
-        return Failure(code="not_captured", message=f"{name}: {message}")
+        message += f" px, it captures {routine.capture_px:g} px"
+        return Failure("not_captured", f"{name}: {message}")
     found = routine.measure(image, artifact, progress.guess)
     if isinstance(found, Failure):
-        return Failure(code=found.code, message=f"{name}: {found.message}")
+        return Failure(found.code, f"{name}: {found.message}")
     if before is not None:
-        found = _kept(found, before, placed="xy" in routine.PROVIDES)
+        found = _kept(found, before, placed="xy" in routine.provides)
     start = progress.guess
     guess = Guess(
         column=found.column,
@@ -73,7 +75,7 @@ def measure_chain(
     stages : sequence of (routine name, artifact)
         Coarse to fine; at least one.
     start : Guess
-        The nominal place, px of the region.
+        The nominal position, px of the region.
 
     Returns
     -------
@@ -99,15 +101,15 @@ def measure_chain(
 
 def _captures(routine: Routine, before: Measurement) -> bool:
     """Return whether what was found is near enough for `routine` to start from."""
-    if math.isinf(routine.CAPTURE_PX):
+    if math.isinf(routine.capture_px):
         return True  # it searches where the target may be
-    return HANDOVER_SIGMAS * before.spread_px <= routine.CAPTURE_PX  # no for a nan
+    return HANDOVER_SIGMAS * before.spread_px <= routine.capture_px  # no for a nan
 
 
 def _kept(found: Measurement, before: Measurement, *, placed: bool) -> Measurement:
     """Return `found` with what only the routine before it could tell.
 
-    `placed` says whether the place is new too.
+    `placed` says whether the position is new too.
     """
     if found.theta_rad is None:
         found = replace(

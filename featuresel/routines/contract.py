@@ -8,7 +8,8 @@ rows down, pixel centres are integers. Angles are counter-clockwise as displayed
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, Protocol
 
@@ -42,7 +43,7 @@ class Target:
 
     name: str
     kind: TargetKind
-    column: float  # nominal place of the reference point
+    column: float  # nominal position of the reference point
     row: float
     theta_rad: float  # nominal angle
     px_per_um: float
@@ -66,34 +67,34 @@ class Artifact:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Guess:
-    """Where to start: the nominal place, or what an earlier routine found."""
+    """Where to start: the nominal position, or what an earlier routine found."""
 
     column: float
     row: float
     theta_rad: float | None = None
     z_um: float | None = None  # of the focus from nominal
     zoom: float | None = None  # over nominal
-    # nobody has measured `theta_rad`: the true angle is anywhere in the target's range
+    # `theta_rad` is not measured: the true angle is anywhere in the target's range
     theta_assumed: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Measurement:
-    """Where the target is. `theta_rad` is None if the routine cannot tell."""
+    """Where the target is. `theta_rad` is None if the routine does not measure it."""
 
     column: float
     row: float
-    theta_rad: float | None
+    theta_rad: float | None = None
     score: float  # 0..1, the routine's own confidence; gates compare it
     spread_px: float  # the routine's own estimate of its standard deviation per axis
     spread_theta_rad: float | None = None
     z_um: float | None = None  # of the focus from nominal; the sign may be unknown
     spread_z_um: float | None = None
     zoom: float | None = None  # over nominal
-    axis_rad: float | None = None  # the one direction in which the place is known
+    axis_rad: float | None = None  # the one direction in which the position is known
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Failure:
     """Why a routine gives no answer: a stable code and a sentence with the numbers."""
 
@@ -111,7 +112,7 @@ class CameraNoise:
     fill_factor: float  # light-sensitive share of a pixel's area
 
     def variance(self, image: FloatArray) -> FloatArray:
-        """Return the variance of pixels whose mean is `image`, full scale squared.
+        """Return the variance of pixels, (...), by their mean, full scale squared.
 
         Shot noise, read noise and rounding to counts.
         """
@@ -142,15 +143,15 @@ class Nuisances:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Occluders:
-    """What stands in front of the target: image = light + through x target alone."""
+    """Occluders of the target: image = light + through x target alone."""
 
-    light: FloatArray  # (rows, columns) sent back by what stands in front
+    light: FloatArray  # (rows, columns) sent back by the occluders
     through: FloatArray  # (rows, columns) share of the target's light let through
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OccluderMode:
-    """What one likely error in the place or angle of what stands still changes.
+    """What one likely error in the position or angle of the static scene changes.
 
     Such errors are independent and have mean 0: the sum of the products of their
     changes is the covariance of the image.
@@ -160,18 +161,8 @@ class OccluderMode:
     through: FloatArray  # (rows, columns) change of the share let through
 
 
-class Render(Protocol):
-    """Renders the look's region with the target displaced from its nominal pose."""
-
-    def __call__(
-        self, *, dx_um: float = 0.0, dy_um: float = 0.0, theta_rad: float = 0.0
-    ) -> FloatArray:
-        """Return the (rows, columns) noise-free image, 0..1 of full scale."""
-        ...
-
-
 class LookModel(Protocol):
-    """All that a routine may ask of the look it is prepared for; a `Render` too."""
+    """All that a routine may ask of the look it is prepared for."""
 
     @property
     def camera(self) -> CameraNoise:
@@ -184,7 +175,7 @@ class LookModel(Protocol):
         ...
 
     @property
-    def drifts(self) -> Nuisances:
+    def nuisances(self) -> Nuisances:
         """Return what else the trials of this look vary."""
         ...
 
@@ -225,51 +216,46 @@ class LookModel(Protocol):
     def alone(
         self, *, dx_um: float = 0.0, dy_um: float = 0.0, dz_um: float = 0.0
     ) -> FloatArray:
-        """Return the image without what stands still, (rows, columns), not clipped."""
+        """Return the image without the static scene, (rows, columns), not clipped."""
         ...
 
     def occluders(self, dz_um: float = 0.0) -> Occluders:
-        """Return what stands in front of the target, `dz_um` off nominal focus."""
+        """Return the target's occluders, `dz_um` off nominal focus."""
         ...
 
     def occluder_modes(self) -> Sequence[OccluderMode]:
-        """Return how the image may differ as what stands still may lie elsewhere."""
+        """Return the image changes by likely displacements of the static scene."""
         ...
 
 
-class Routine(Protocol):
-    """One image routine; modules in this package are such objects."""
+Prepare = Callable[[LookModel, Target], Artifact | Failure]
+Measure = Callable[[FloatArray, Artifact, Guess], Measurement | Failure]
+Cost = Callable[[Artifact, int], float]
 
-    NAME: str
-    VERSION: str
-    KINDS: tuple[TargetKind, ...]  # target kinds it can look for
-    PROVIDES: tuple[PoseTerm, ...]
-    REQUIRES: tuple[PoseTerm, ...]  # of the guess, better than nominal; () if nothing
-    CAPTURE_PX: float  # how far off the guess may be; inf: the target's `search_px`
-    BASELINE: bool  # known to be bad: tried where asked for only, as a control
-    EXPENSIVE: (
-        bool  # takes dozens of images to prepare: tried where others leave no room
-    )
 
-    def prepare(self, render: LookModel, target: Target) -> Artifact | Failure:
-        """Return what `measure` needs, computed from the nominal image."""
-        ...
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Routine:
+    """Declaration of one image routine: what it looks for, and its three functions.
 
-    def measure(
-        self, image: FloatArray, artifact: Artifact, guess: Guess
-    ) -> Measurement | Failure:
-        """Return where the target is in `image`, (rows, columns) 0..1, or why not.
+    `prepare(model, target)` returns what `measure` needs, computed from the nominal
+    image. `measure(image, artifact, guess)` returns where the target is in an image,
+    (rows, columns) 0..1 of full scale, which it does not change, or why not.
+    `cost(artifact, pixels)` returns the predicted work of one `measure` on a region of
+    so many pixels, in 640 x 480 box filters of 64-bit pixels; it depends on nothing
+    measured.
+    """
 
-        The image is not changed.
-        """
-        ...
-
-    def cost(self, artifact: Artifact, pixels: int, /) -> float:
-        """Return the predicted work of one `measure` on a region of `pixels`.
-
-        In 640 x 480 box filters of 64-bit pixels; it depends on nothing measured.
-        """
-        ...
+    name: str  # its key in the registry
+    version: str
+    kinds: tuple[TargetKind, ...]  # target kinds it can look for
+    provides: tuple[PoseTerm, ...]
+    requires: tuple[PoseTerm, ...] = ()  # of the guess, better than nominal
+    capture_px: float = math.inf  # how far off the guess may be; inf: `search_px`
+    baseline: bool = False  # known to be bad: tried where asked for only
+    expensive: bool = False  # dozens of images to prepare: tried where others fail
+    prepare: Prepare
+    measure: Measure
+    cost: Cost
 
 
 FRAME_PX = 640 * 480  # what a unit of cost filters

@@ -17,7 +17,7 @@ _STILL_RAD = 1e-12
 _FINEST_UM = 1e-4
 _FINEST_RAD = 1e-6
 _BLIND = 1e-6  # of the largest singular value: an arm of a pm beside a um
-_TOLD_RAD = 0.5  # an angle that is known worse is not told
+_TOLD_RAD = 0.5  # an angle that is known worse is not determined
 _DOUBT = 3.72  # normal quantile of 1 - 1e-4: features that agree are refused so rarely
 
 
@@ -27,9 +27,9 @@ class SeenFeature:
 
     x_um: float
     y_um: float
-    sigma_um: float  # of its place per axis
+    sigma_um: float  # of its position per axis
     offset_um: tuple[float, float] = (0.0, 0.0)  # from the wanted point, part's frame
-    axis_rad: float | None = None  # the one direction in which the place is known
+    axis_rad: float | None = None  # the one direction in which the position is known
     theta_rad: float | None = None  # of the part, as this feature has it
     sigma_theta_rad: float | None = None  # of that; None: it is not to be used
 
@@ -48,8 +48,8 @@ class Fused:
 
     x_um: float
     y_um: float
-    theta_rad: float | None  # None: no feature tells it
-    sigma_um: float  # of the place in the direction known worst, by the features' own
+    theta_rad: float | None  # None: no feature determines it
+    sigma_um: float  # of the position in its worst direction, by the features' own
     sigma_theta_rad: float | None
     chi_square: float  # sum of squared deviations of the features, in their sigmas
     freedom: int  # numbers measured beyond those wanted
@@ -66,36 +66,37 @@ def fuse(
         The features.
     believed : Believed, optional
         The part's angle as it is thought to be. It holds where no feature measures an
-        angle and their places tell it worse than that, or worse than `_TOLD_RAD`.
+        angle and their positions determine it worse than that, or worse than
+        `_TOLD_RAD`.
 
     Returns
     -------
     Fused or Failure
-        `under_determined` if the features leave the place open, `no_angle` if the
-        place depends on an angle that nobody knows, `features_disagree` if they are
+        `under_determined` if the features leave the position open, `no_angle` if the
+        position depends on an angle that is not known, `features_disagree` if they are
         farther apart than one in 10 000 that agree.
 
     Notes
     -----
-    Least squares in place and angle, J = [u^T, u^T dR/dtheta offset], as in Feddema &
-    Simon (1998), eqs. (13, 16), in object space. The bound of chi-square is that of
+    Least squares in position and angle, J = [u^T, u^T dR/dtheta offset], as in Feddema
+    & Simon (1998), eqs. (13, 16), in object space. The bound of chi-square is that of
     Wilson & Hilferty (1931).
     """
     start = _angle(seen, believed)
     rows, _ = _system(seen, start or 0.0)
     if not _tells(rows[:, :2]):
-        return Failure(code="under_determined", message="the place is not told")
+        return Failure("under_determined", "the place is not told")
     free = 3 if _turn_free(seen, rows, believed) else 2
     lever_um = max((math.hypot(*one.offset_um) for one in seen), default=0.0)
     if start is None and free == 2 and lever_um > _FINEST_UM:
-        return Failure(code="no_angle", message="features off the point, angle unknown")
+        return Failure("no_angle", "features off the point, angle unknown")
     return _settled(seen, start or 0.0, free)
 
 
 def _settled(
     seen: Sequence[SeenFeature], start_rad: float, free: int
 ) -> Fused | Failure:
-    """Return the fit of the first two or all three of place and angle."""
+    """Return the fit of the first two or all three of position and angle."""
     pose = np.array([0.0, 0.0, start_rad])
     for _ in range(_ROUNDS):
         rows, off = _system(seen, pose[2], (pose[0], pose[1]))
@@ -108,8 +109,8 @@ def _settled(
     freedom, chi_square = len(off) - free, float(off @ off)
     if not chi_square <= bound(freedom):  # also refuses nan
         return Failure(
-            code="features_disagree",
-            message=f"chi-square {chi_square:.3g}, at most {bound(freedom):.3g}",
+            "features_disagree",
+            f"chi-square {chi_square:.3g}, at most {bound(freedom):.3g}",
         )
     known = _covariance(rows[:, :free])
     return Fused(
@@ -126,13 +127,13 @@ def _settled(
 def _turn_free(
     seen: Sequence[SeenFeature], rows: FloatArray, believed: Believed | None
 ) -> bool:
-    """Return whether the features tell the angle, and better than it is believed."""
+    """Return whether the features determine the angle better than it is believed."""
     if any(s.theta_rad is not None and s.sigma_theta_rad is not None for s in seen):
         return True
     if not _tells(rows):
         return False
     sigma = math.sqrt(float(_covariance(rows)[2, 2]))
-    # a look that is repeated tells it as well as before
+    # a look that is repeated determines it as well as before
     limit = _TOLD_RAD if believed is None else min(1.01 * believed.sigma_rad, _TOLD_RAD)
     return sigma <= limit
 
@@ -140,7 +141,7 @@ def _turn_free(
 def bound(freedom: int) -> float:
     """Return what chi-square stays below in all but one of 10 000 cases."""
     if freedom < 1:
-        return math.inf  # nothing is told twice
+        return math.inf  # nothing is determined twice
     part = 2 / (9 * freedom)
     return float(freedom * (1 - part + _DOUBT * math.sqrt(part)) ** 3)
 
@@ -210,7 +211,7 @@ def _scaled(
 
 
 def _tells(rows: FloatArray) -> bool:
-    """Return whether the rows tell all of their columns; turns count per um of arm."""
+    """Return whether the rows determine all their columns; turns are per um of arm."""
     if len(rows) < rows.shape[1]:
         return False
     values = np.linalg.svd(rows, compute_uv=False)

@@ -61,7 +61,7 @@ def half_px(target: Target, shape: tuple[int, ...], room_px: float) -> tuple[int
 
 
 def cut(image: FloatArray, target: Target, half: tuple[int, int]) -> FloatArray:
-    """Return the template about the pixel nearest the reference point."""
+    """Return the template, (2 R + 1, 2 C + 1) px, about the reference point's pixel."""
     column, row = round(target.column), round(target.row)
     return image[
         row - half[1] : row + half[1] + 1, column - half[0] : column + half[0] + 1
@@ -88,11 +88,8 @@ def refused(image: FloatArray) -> Failure | None:
         sums over it would be endless, or nan, and would raise or compare as anything.
     """
     if image.ndim != 2 or image.size == 0:
-        return Failure(code="no_image", message=f"an image of shape {image.shape}")
+        return Failure("no_image", f"an image of shape {image.shape}")
     low, high = float(image.min()), float(image.max())  # nan if a pixel is
     if low >= -_MOST and high <= _MOST:
         return None
-    return Failure(
-        code="no_image",
-        message=f"pixels from {low:.3g} to {high:.3g}, full scale is 1",
-    )
+    return Failure("no_image", f"pixels from {low:.3g} to {high:.3g}, full scale is 1")

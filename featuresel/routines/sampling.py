@@ -60,7 +60,7 @@ def cubic(
 
 
 def median(values: FloatArray) -> float:
-    """Return the median of (N,) values, N >= 1; a third of `np.median`'s time."""
+    """Return the median of (N,) samples, N >= 1; a third of `np.median`'s time."""
     ordered, half = np.sort(values), len(values) // 2
     if len(values) % 2:
         return float(ordered[half])
@@ -68,7 +68,7 @@ def median(values: FloatArray) -> float:
 
 
 def _keys(t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return the weights of the 4 neighbours for a place `t` in 0..1 past the 2nd."""
+    """Return the weights of the 4 neighbours for `t` in 0..1 past the 2nd."""
     return (
         ((2 - t) * t - 1) * t / 2,
         ((3 * t - 5) * t * t + 2) / 2,
@@ -109,7 +109,7 @@ def find_edges(
 
     Returns
     -------
-    Edges
+    LineEdges
         By the peak of the first Gaussian derivative and a parabola through it.
     """
     profiles, inside = cubic(image, columns, rows)

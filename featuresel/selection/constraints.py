@@ -19,7 +19,7 @@ def front(
 
     Parameters
     ----------
-    scores : sequence of Score
+    scores : sequence of ChainScore
         Those to compare.
     error : callable
         What is to be small beside the cost, such as the share of a tolerance that the
@@ -27,7 +27,7 @@ def front(
 
     Returns
     -------
-    tuple of Score
+    tuple of ChainScore
         The cheapest first, each more accurate than those before it. Of scores that are
         equal in both, within the margin of `microplan.optics.outline.tolerant_order`,
         the first by name.
@@ -59,9 +59,9 @@ def _name(score: ChainScore) -> Chain:
 class Limits:
     """What a chain must meet apart from the tolerance."""
 
-    success: float = 0.98  # observed; the rest fails aloud and is retried
+    success: float = 0.98  # observed; the rest fails detectably and is retried
     silent_upper: float = 0.01  # or no silent failure at all, where trials are few
-    better: float = 1.5  # a dearer chain must be this much more accurate ...
+    better: float = 1.5  # a more expensive chain must be this much more accurate ...
     margin_share: float = (
         0.5  # ... and the cheaper one use more than this of the tolerance
     )
@@ -84,7 +84,7 @@ class Constraints:
     limits: Limits = field(default_factory=Limits)
     target: Target | None = None
     visible: float | None = None  # share of the target's edges; None: not known
-    in_set: bool = False  # one of several features: one direction of the place will do
+    in_set: bool = False  # one of several features: one direction will do
 
     def __post_init__(self) -> None:
         theta = 1.0 if self.tolerance_theta_rad is None else self.tolerance_theta_rad
@@ -170,7 +170,7 @@ class Constraints:
         return ""
 
     def one_way(self, score: ChainScore) -> bool:
-        """Return whether a direction of the place that is needed is not told."""
+        """Return whether a needed direction of the position is not determined."""
         return score.axis_rad is not None and not self.in_set
 
     def slow(self, score: ChainScore) -> str:

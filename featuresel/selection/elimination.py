@@ -30,7 +30,7 @@ class Elimination:
     case: LookCase
     limits: Limits
     interim_tests: int
-    in_set: bool  # one direction of the place will do
+    in_set: bool  # one direction of the position will do
 
     def scores(
         self, racing: PreparedRoutines, outcomes: Sequence[Outcome]
@@ -67,7 +67,7 @@ class Elimination:
         return ""
 
     def misplaced(self, score: ChainScore) -> str:
-        """Return what the place misses for certain, "" if nothing."""
+        """Return what the position misses for certain, "" if nothing."""
         if self.one_way(score):
             return "tells the place in one direction only, both are needed"
         if above(score.need_lower_um, self.case.tolerance_um):
@@ -115,7 +115,7 @@ class Elimination:
         )
 
     def one_way(self, score: ChainScore) -> bool:
-        """Return whether a direction of the place that is needed is not told."""
+        """Return whether a needed direction of the position is not determined."""
         return score.axis_rad is not None and not self.in_set
 
     def surely_finer(self, one: ChainScore, other: ChainScore) -> bool:

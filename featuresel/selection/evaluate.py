@@ -51,11 +51,12 @@ def compare_routines(
 ) -> RoutineComparison:
     """Return the chain to measure a look with, and what was tried to find it.
 
-    A target that is hidden, or whose angle cannot be told, gets the trials of one round
-    only: no chain can pass. Routines that are dear to prepare take part where the
-    others leave no room: where none passes, or the chosen one uses more than
-    `Limits.roomy` of a tolerance. Below that a dearer one is never chosen. They race by
-    themselves on the same trials; the bounds count the rounds of both races.
+    A target that is hidden, or whose angle is not observable, gets the trials of one
+    round only: no chain can pass. Routines that are expensive to prepare take part
+    where the others leave no room: where none passes, or the chosen one uses more than
+    `Limits.margin_share` of a tolerance. Below that a more expensive one is never
+    chosen. They race by themselves on the same trials; the bounds count the rounds of
+    both races.
 
     Parameters
     ----------
@@ -68,7 +69,7 @@ def compare_routines(
     limits : Limits, optional
         What a chain must meet, as in `microplan.featuresel.selection.select.select`.
     thorough : bool
-        Whether dear routines take part in any case, and `to_the_end`.
+        Whether expensive routines take part in any case, and `to_the_end`.
     to_the_end : bool
         Whether each chain that is not out has all trials; else one waits behind a
         cheaper one that leaves room.
@@ -84,38 +85,28 @@ def compare_routines(
     """
     bounds = limits or Limits()
     known = (looks or Looks()).of(case, root_seed)
-    visible = _visible(case, known)
+    visible = known.fact(
+        "visible", lambda: seen_share(case.target, nominal_render(case).occluders())
+    )
     hopeless = not is_fit(case, visible, bounds)
     once = thorough or hopeless
     judge = _Judge(
         case=case,
         root_seed=root_seed,
         most=min(most, ROUNDS[0]) if hopeless else most,
-        limits=bounds,
-        in_set=in_set,
+        task=replace(_task(case, bounds, visible), in_set=in_set),
         map=map,
         races=1 if once else 2,
         to_the_end=thorough or to_the_end,
-        limit_um=_limit_um(case, known) if limited and not hopeless else None,
-        visible=visible,
+        limit_um=known.fact("limit_um", lambda: limit_um(case))
+        if limited and not hopeless
+        else None,
         known=known,
     )
-    found = judge.contest(judge.ready(dear=thorough and not hopeless))
-    if once or has_margin(case, found.selection, judge.limits):
+    found = judge.contest(judge.ready(expensive=thorough and not hopeless))
+    if once or has_margin(case, found.selection, bounds):
         return found
-    return judge.with_dear(found)
-
-
-def _visible(case: LookCase, known: Known) -> float | None:
-    """Return the share of the target's edges that is seen; None: not known."""
-    return known.fact(
-        "visible", lambda: seen_share(case.target, nominal_render(case).occluders())
-    )
-
-
-def _limit_um(case: LookCase, known: Known) -> float | None:
-    """Return the Cramer-Rao limit of the target's place, the worse axis."""
-    return known.fact("limit_um", lambda: limit_um(case))
+    return judge.with_expensive(found)
 
 
 def has_margin(case: LookCase, found: Selection, limits: Limits | None = None) -> bool:
@@ -148,23 +139,21 @@ class _Judge:
     case: LookCase
     root_seed: int
     most: int
-    limits: Limits
-    in_set: bool
+    task: Constraints
     map: Map
     races: int  # at most
     to_the_end: bool  # all chains have all trials, whatever the choice hangs on
     limit_um: float | None
-    visible: float | None
     known: Known
 
-    def ready(self, *, dear: bool = True) -> PreparedRoutines:
+    def ready(self, *, expensive: bool = True) -> PreparedRoutines:
         """Return routines prepared once, and the chains worth trying."""
-        found = make_ready(self.case, dear=dear, known=self.known.artifacts)
+        found = make_ready(self.case, expensive=expensive, known=self.known.artifacts)
         self.known.artifacts.update(found.artifacts)
         return found
 
-    def with_dear(self, found: RoutineComparison) -> RoutineComparison:
-        """Return a contest after the race of those that were too dear for it."""
+    def with_expensive(self, found: RoutineComparison) -> RoutineComparison:
+        """Return a contest after the race of those that were too expensive for it."""
         ready = self.ready()
         fresh = tuple(c for c in ready.chains if c not in found.prepared.chains)
         return self.contest(replace(ready, chains=fresh), found) if fresh else found
@@ -185,9 +174,9 @@ class _Judge:
             prepared=PreparedRoutines(chains=chains_, artifacts=artifacts),
             outcomes=outcomes,
             scores=scores,
-            selection=self.select(scores),
+            selection=select(scores, self.task),
             limit_um=self.limit_um,
-            visible=self.visible,
+            visible=self.task.visible,
         )
 
     def race(self, ready: PreparedRoutines, before: RoutineComparison | None) -> Race:
@@ -197,10 +186,10 @@ class _Judge:
             ready,
             root_seed=self.root_seed,
             most=self.most,
-            limits=self.limits,
+            limits=self.task.limits,
             rounds=ROUNDS,
             interim_tests=self.races * len(round_ends(ROUNDS, self.most)),
-            in_set=self.in_set,
+            in_set=self.task.in_set,
             ahead=None if self.to_the_end else partial(self.ahead, before),
             map=self.map,
             known=self.known,
@@ -211,26 +200,13 @@ class _Judge:
     ) -> frozenset[Chain]:
         """Return the chains that the choice hangs on, an earlier contest's included."""
         whole = [*(before.scores if before else ()), *scores]
-        task = _task(self.case, self.limits, self.visible)
-        return chains_ahead(whole, self.select(whole), task)
-
-    def select(self, scores: Sequence[ChainScore]) -> Selection:
-        """Return the choice."""
-        return select(
-            scores,
-            tolerance_um=self.case.tolerance_um,
-            tolerance_theta_rad=self.case.tolerance_theta_rad,
-            limits=self.limits,
-            target=self.case.target,
-            visible=self.visible,
-            in_set=self.in_set,
-        )
+        return chains_ahead(whole, select(whole, self.task), self.task)
 
 
 def make_ready(
     case: LookCase,
     *,
-    dear: bool = True,
+    expensive: bool = True,
     controls: bool = False,
     known: Mapping[str, Artifact | Failure] | None = None,
 ) -> PreparedRoutines:
@@ -240,8 +216,8 @@ def make_ready(
     ----------
     case : LookCase
         The look.
-    dear : bool
-        Whether routines that are dear to prepare are among them.
+    expensive : bool
+        Whether routines that are expensive to prepare are among them.
     controls : bool
         Whether known-bad ones are.
     known : mapping of str to Artifact or Failure, optional
@@ -250,7 +226,7 @@ def make_ready(
     names = [
         name
         for name in routines(case.target, controls=controls)
-        if dear or not load(name).EXPENSIVE
+        if expensive or not load(name).expensive
     ]
     ready = {name: found for name, found in (known or {}).items() if name in names}
     fresh = prepare(case, [(name,) for name in names if name not in ready])

@@ -15,7 +15,7 @@ from microplan.featuresel.trials.chains import Chain
 from microplan.featuresel.trials.outcomes import Outcome, Outcomes
 from microplan.featuresel.trials.score import ChainScore, score
 from microplan.featuresel.trials.trial_cache import Known
-from microplan.featuresel.trials.trials import Curves, Map, PreparedRoutines, run
+from microplan.featuresel.trials.trials import Map, PreparedRoutines, run
 
 
 def chains_ahead(
@@ -23,13 +23,13 @@ def chains_ahead(
 ) -> frozenset[Chain]:
     """Return the chains whose trials may change the choice or what it falls back on.
 
-    Where the chosen one leaves room, nothing that costs more can take its place; where
-    the fallback begins with another routine and leaves room, nor can what costs more
-    take that one's. Where either leaves none, the choice hangs on all.
+    Where the chosen one leaves room, nothing that costs more can take its place;
+    where the fallback begins with another routine and leaves room, nor can what costs
+    more take that one's. Where either leaves none, the choice hangs on all.
 
     Parameters
     ----------
-    scores : sequence of Score
+    scores : sequence of ChainScore
         Of all chains of one look, by the trials they had so far.
     found : Selection
         What `select` takes by these scores.
@@ -157,7 +157,6 @@ def race(
     in_set: bool = False,
     ahead: Ahead | None = None,
     map: Map = map,  # noqa: A002 - it is the builtin, or a pool's
-    curves: Curves | None = None,
     known: Known | None = None,
 ) -> Race:
     """Return the outcomes of chains that are tried while they may be chosen.
@@ -168,12 +167,12 @@ def race(
     - the upper bound of its success rate is below the limit,
     - the lower bound of its silent failures is above the limit,
     - the lower bound of what it needs (2 sigma + |bias|) is above a tolerance, or it
-      never gave an angle that is needed, or told the place in one direction only where
+      never gave an angle that is needed, or the position in one direction only where
       both are, or
-    - another that begins with the same routine and itself meets the limits is no
-      dearer, surely more accurate, and was on the same trials right no less often and
-      silently wrong no more often. One that begins with another routine is kept: it
-      may be the fallback.
+    - another that begins with the same routine and itself meets the limits is no more
+      expensive, surely more accurate, and was on the same trials right no less often
+      and wrong without a failure no more often. One that begins with another routine is
+      kept: it may be the fallback.
 
     After `microplan.featuresel.selection.race.SHOWN` trials only those chains
     go on that `ahead` tells; the others follow where that changes.
@@ -203,7 +202,7 @@ def race(
         Returns the chains that the choice hangs on by the scores so far, as
         `microplan.featuresel.selection.race.chains_ahead` does. Without it that is
         all.
-    map, curves, known
+    map, known
         As in `microplan.featuresel.trials.trials.run`.
 
     Returns
@@ -232,18 +231,16 @@ def race(
     heats = Heats(
         prepared=prepared,
         trials=design(case, most, root_seed),
-        run=partial(run, case, map=map, curves=curves, known=known or Known()),
+        run=partial(run, case, map=map, known=known or Known()),
         scored=verdicts.scores,
-        judged=partial(score, case, interim_tests=interim_tests, curves=curves),
+        judged=partial(score, case, interim_tests=interim_tests),
         ahead=ahead,
     )
     for end in ends:
         scores = heats.round(end)
         if verdicts.is_decided(heats.left(scores, verdicts.fallen(scores))):
             break
-    found = score(
-        case, prepared, heats.outcomes, interim_tests=interim_tests, curves=curves
-    )
+    found = score(case, prepared, heats.outcomes, interim_tests=interim_tests)
     return Race(
         outcomes=heats.outcomes,
         scores=found,

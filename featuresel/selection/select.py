@@ -6,7 +6,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from microplan.featuresel.routines.contract import Target
 from microplan.featuresel.selection.constraints import (
     Constraints,
     by_cost,
@@ -33,60 +32,33 @@ class Selection:
     pareto: tuple[ChainScore, ...] = ()
 
 
-def select(
-    scores: Sequence[ChainScore],
-    *,
-    tolerance_um: float,
-    tolerance_theta_rad: float | None,
-    limits: Limits | None = None,
-    target: Target | None = None,
-    visible: float | None = None,
-    in_set: bool = False,
-) -> Selection:
+def select(scores: Sequence[ChainScore], task: Constraints) -> Selection:
     """Return the cheapest chain that is good enough, and why the others are not it.
 
-    A chain passes if the target is visible and its angle, where needed, cannot be
-    mistaken for another of the declared range; if it answers rightly in at least
-    `limits.success` of the trials, has no silent failure (or an upper bound below
-    `limits.silent_upper`), gives the angle where that is needed, 2 sigma + |bias| stays
-    within each tolerance, and it costs no more than `limits.cost`. Of those the
-    cheapest is taken, the first by name among equals, unless it uses more than
-    `limits.roomy` of a tolerance and a dearer one is `limits.better` times more
-    accurate. Numbers within the margin of `microplan.optics.outline.tolerant_order` are
-    equal.
+    With the limits of `task`, a chain passes if the target is visible and its angle,
+    where needed, cannot be mistaken for another of the declared range; if it answers
+    rightly in at least `limits.success` of the trials, has no silent failure (or an
+    upper bound below `limits.silent_upper`), gives the angle where that is needed, 2
+    sigma + |bias| stays within each tolerance, and it costs no more than `limits.cost`.
+    Of those the cheapest is taken, the first by name among equals, unless it uses more
+    than `limits.margin_share` of a tolerance and a more expensive one is
+    `task.limits.better` times more accurate. Numbers within the margin of
+    `microplan.optics.outline.tolerant_order` are equal.
 
     Parameters
     ----------
-    scores : sequence of Score
+    scores : sequence of ChainScore
         Of the chains tried on one look, at least one.
-    tolerance_um, tolerance_theta_rad : float
-        What the look has to meet; an angle of None is not needed.
-    limits : Limits, optional
-        Other than the default ones.
-    target : Target, optional
-        What was looked for; without it uniqueness is not judged.
-    visible : float, optional
-        Share of its edges that is seen, from
-        `microplan.featuresel.features.feature.seen_share`.
-    in_set : bool
-        Whether the target is one of several features, so that a place known in one
-        direction will do.
+    task : Constraints
+        What a chain has to meet. Without a target uniqueness is not judged.
 
     Raises
     ------
     ValueError
-        If `scores` is empty or a tolerance is not positive.
+        If `scores` is empty.
     """
     if not scores:
         raise ValueError("there must be at least one score")
-    task = Constraints(
-        tolerance_um=tolerance_um,
-        tolerance_theta_rad=tolerance_theta_rad,
-        limits=limits or Limits(),
-        target=target,
-        visible=visible,
-        in_set=in_set,
-    )
     faults = {score.chain: task.fault(score) for score in scores}
     passing = [score for score in scores if not faults[score.chain]]
     chosen = _best(passing, task)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from microplan.featuresel.features.feature import Feature
 from microplan.featuresel.sets.pose_covariance import (
@@ -34,9 +34,9 @@ class Criteria:
     Of the control, by the Jacobian J of the features with the rotation scaled by the
     part's radius (`microplan.featuresel.sets.pose_covariance`):
 
-    - `resolution_um`: the smallest move that is told from noise, one standard deviation
-      of the place in the worse direction, what is left of the bias in it; of a set
-      that of sqrt(max eig C), C = (sum J^T R^-1 J)^-1.
+    - `resolution_um`: the smallest move that is distinguished from noise, one standard
+      deviation of the position in the worse direction, what is left of the bias in it;
+      of a set that of sqrt(max eig C), C = (sum J^T R^-1 J)^-1.
     - `rank`, `controllability`: rank of J and its smallest singular value, 0 where a
       wanted direction of the pose is not seen at all.
     - `conditioning`: largest over smallest singular value of J; 1 is best.
@@ -73,7 +73,7 @@ class Candidate:
 
     feature: Feature
     score: ChainScore
-    sight: FeatureMeasurement
+    measurement: FeatureMeasurement
     seen: (
         float | None
     )  # share of its edges, from `microplan.featuresel.features.feature`
@@ -99,19 +99,14 @@ def criteria(
     angle : bool
         Whether the angle is wanted.
     """
-    rank, least = controllability([candidate.sight], radius_um, angle=angle)
-    return Criteria(
-        name=candidate.feature.name,
-        chain=candidate.score.chain,
-        robustness=candidate.score.success_lower,
-        uniqueness=uniqueness(candidate.feature, theta_range_rad, angle=angle),
-        completeness=candidate.seen,
-        cost=candidate.score.cost,
-        resolution_um=candidate.sight.sigma_um,
-        rank=rank,
-        controllability=least,
-        conditioning=conditioning([candidate.sight], radius_um, angle=angle),
+    whole = set_criteria(
+        [candidate],
+        candidate.measurement.sigma_um,
+        radius_um=radius_um,
+        theta_range_rad=theta_range_rad,
+        angle=angle,
     )
+    return replace(whole, chain=candidate.score.chain, completeness=candidate.seen)
 
 
 def set_criteria(
@@ -131,8 +126,8 @@ def set_criteria(
     """
     if not candidates:
         raise ValueError("a set needs at least one feature")
-    sights = [c.sight for c in candidates]
-    rank, least = controllability(sights, radius_um, angle=angle)
+    measured = [c.measurement for c in candidates]
+    rank, least = controllability(measured, radius_um, angle=angle)
     return Criteria(
         name=" + ".join(c.feature.name for c in candidates),
         chain=tuple(c.feature.name for c in candidates),
@@ -145,7 +140,7 @@ def set_criteria(
         resolution_um=sigma_um,
         rank=rank,
         controllability=least,
-        conditioning=conditioning(sights, radius_um, angle=angle),
+        conditioning=conditioning(measured, radius_um, angle=angle),
     )
 
 

@@ -1,4 +1,4 @@
-"""The set of features that tells a part's pose best, and why the others are out."""
+"""Smallest set of features that determines a part's pose well enough."""
 
 from __future__ import annotations
 
@@ -7,14 +7,18 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from itertools import combinations
 
+import numpy as np
+
+from microplan.arrays import FloatArray
 from microplan.featuresel.sets.pose_covariance import (
     FeatureMeasurement,
     PoseAccuracy,
     PoseRequirement,
+    information,
     jacobian,
+    known,
 )
-from microplan.featuresel.sets.set_search import SetSearch
-from microplan.optics.outline.tolerant_order import at_most, least
+from microplan.optics.outline.tolerant_order import above, at_most, least, ordered
 
 _MORE = 2  # features more than allowed that relaxations are tried with
 _ROUND = 1.001  # limits are said with three digits and have to hold
@@ -38,7 +42,7 @@ class FeatureSet:
 
 
 def choose_set(
-    sights: Sequence[FeatureMeasurement], need: PoseRequirement
+    measured: Sequence[FeatureMeasurement], need: PoseRequirement
 ) -> FeatureSet:
     """Return the smallest set that is good enough, the most telling of its size.
 
@@ -54,25 +58,25 @@ def choose_set(
 
     Parameters
     ----------
-    sights : sequence of Sight
+    measured : sequence of FeatureMeasurement
         At least one; names differ.
-    need : Need
+    need : PoseRequirement
         Limits of the set.
 
     Raises
     ------
     ValueError
-        If there is no sight or two share a name.
+        If there is no one or two share a name.
 
     References
     ----------
     D-optimal design with exchanges: Fedorov (1972), Mitchell (1974). The criteria of
     resolution and conditioning: Feddema, Lee & Mitchell (1991).
     """
-    names = [sight.name for sight in sights]
+    names = [one.name for one in measured]
     if not names or len(set(names)) < len(names):
-        raise ValueError(f"sights must have names that differ, got {names}")
-    search = SetSearch.of(sights, need)
+        raise ValueError(f"measured must have names that differ, got {names}")
+    search = SetSearch.of(measured, need)
     return _result(search, search.chosen())
 
 
@@ -81,15 +85,15 @@ def _result(search: SetSearch, taken: tuple[int, ...]) -> FeatureSet:
     found, dropped = search.known(taken), search.dropped(taken)
     qualifies = at_most(search.excess(taken), 1)
     return FeatureSet(
-        names=tuple(search.sights[k].name for k in taken),
+        names=tuple(search.measured[k].name for k in taken),
         known=found,
         dropped_um=max(d.sigma_um for d in dropped),
         dropped_theta_rad=max(d.sigma_theta_rad for d in dropped),
         cost=search.cost(taken),
         qualifies=qualifies,
         reasons=tuple(
-            (sight.name, _reason(search, k, taken))
-            for k, sight in enumerate(search.sights)
+            (one.name, _reason(search, k, taken))
+            for k, one in enumerate(search.measured)
         ),
         relaxations=() if qualifies else _relaxations(search, taken),
     )
@@ -97,21 +101,21 @@ def _result(search: SetSearch, taken: tuple[int, ...]) -> FeatureSet:
 
 def _reason(search: SetSearch, place: int, taken: tuple[int, ...]) -> str:
     """Return why a feature is in the set or not, with numbers."""
-    sight, with_all = search.sights[place], search.known(taken)
+    one, with_all = search.measured[place], search.known(taken)
     if place in taken:
         rest = search.known([k for k in taken if k != place])
         return f"taken: without it {_said(search, rest)}"
-    if not jacobian([sight], search.need.radius_um).any():
+    if not jacobian([one], search.need.radius_um).any():
         return "left out: it tells nothing of the pose"
     more = search.known((*taken, place))
     if len(taken) < search.need.most:
         return (
             f"left out: with it {_said(search, more)} instead of "
-            f"{_said(search, with_all)}, for cost {sight.cost:.3g}"
+            f"{_said(search, with_all)}, for cost {one.cost:.3g}"
         )
     ways = [(*taken[:at], place, *taken[at + 1 :]) for at in range(len(taken))]
-    told = [-value for value in search.tells(ways).tolist()]
-    instead = ways[least(range(len(ways)), told.__getitem__, scale=1.0)]
+    ranks = [-value for value in search.log_dets(ways).tolist()]
+    instead = ways[least(range(len(ways)), ranks.__getitem__, scale=1.0)]
     return (
         f"left out: in place of {_swapped(search, taken, instead)} "
         f"{_said(search, search.known(instead))} instead of {_said(search, with_all)}"
@@ -120,7 +124,7 @@ def _reason(search: SetSearch, place: int, taken: tuple[int, ...]) -> str:
 
 def _swapped(search: SetSearch, taken: Sequence[int], instead: Sequence[int]) -> str:
     """Return the name of the feature that an exchange takes out."""
-    return search.sights[next(k for k in taken if k not in instead)].name
+    return search.measured[next(k for k in taken if k not in instead)].name
 
 
 def _said(search: SetSearch, found: PoseAccuracy) -> str:
@@ -155,7 +159,7 @@ def _ways(search: SetSearch, taken: tuple[int, ...]) -> list[tuple[str, Changes]
     ways: list[tuple[str, Changes]] = []
     if need.redundant:
         ways.append(("a set that needs all its features", (("redundant", False),)))
-    more = min(need.most + _MORE, len(search.sights))
+    more = min(need.most + _MORE, len(search.measured))
     if more > need.most:
         ways.append((f"up to {more} features", (("most", more),)))
     if need.conditioning < found.conditioning < math.inf:
@@ -194,10 +198,149 @@ def _would_do(search: SetSearch, changes: Mapping[str, float]) -> bool:
 
 def _missing(search: SetSearch) -> tuple[str, ...]:
     """Return what no feature tells."""
-    found = search.known(range(len(search.sights)))
+    found = search.known(range(len(search.measured)))
     missing = []
     if math.isinf(found.sigma_um):
         missing.append("a feature that tells the other direction of the place")
     if search.need.sigma_theta_rad is not None and math.isinf(found.sigma_theta_rad):
         missing.append("a feature that tells the angle, or one farther away")
     return tuple(missing) or ("a second feature for whatever is told once",)
+
+
+MARGIN = 0.02  # of log det: a hundredth of every sigma is no reason to pay more
+_FAR = 1e3  # radii: a pose known so badly is not known
+_SWEEPS = 20  # of exchanges: two are enough but for ties
+
+
+@dataclass(frozen=True, slots=True)
+class SetSearch:
+    """Choice among some features; sets are tuples of their indices."""
+
+    measured: tuple[FeatureMeasurement, ...]
+    need: PoseRequirement
+    matrices: FloatArray  # (N, 3, 3) the information of each
+
+    @classmethod
+    def of(
+        cls, measured: Sequence[FeatureMeasurement], need: PoseRequirement
+    ) -> SetSearch:
+        """Return the search among `measured`."""
+        matrices = [information([one], need.radius_um) for one in measured]
+        return cls(measured=tuple(measured), need=need, matrices=np.array(matrices))
+
+    def chosen(self) -> tuple[int, ...]:
+        """Return the smallest set that meets the limits, or what comes nearest."""
+        tried = []
+        for size in range(1, min(self.need.most, len(self.measured)) + 1):
+            taken = self.best_of(size)
+            if above(self.excess(taken), 1):
+                taken = self.nearer(taken)
+            if at_most(self.excess(taken), 1):
+                return taken
+            tried.append(taken)
+        return least(tried, self.excess)  # of sets as near the smallest
+
+    def best_of(self, size: int) -> tuple[int, ...]:
+        """Return the most telling set of `size`, greedily and by exchanges.
+
+        Started from the best feature and from every other: two edges may tell much
+        together that tell little each.
+        """
+        starts = [(), *((k,) for k in self._order())]
+        ways = [self._settled(self._filled(start, size)) for start in starts]
+        return self._best(ways)
+
+    def nearer(self, taken: tuple[int, ...]) -> tuple[int, ...]:
+        """Return the set after exchanges that bring it nearer to the limits."""
+        for _ in range(_SWEEPS):
+            nearest = least([taken, *self._neighbours(taken)], self.excess)
+            if nearest == taken:
+                break
+            taken = nearest
+        return taken
+
+    def excess(self, taken: Sequence[int]) -> float:
+        """Return the largest of what a set reaches over its limits; 1 just meets."""
+        need, found = self.need, self.known(taken)
+        shares = [self.share(found), found.conditioning / need.conditioning]
+        if need.redundant:
+            shares.append(max(map(self.share, self.dropped(taken))))
+        return max(shares)
+
+    def some(self, taken: Sequence[int]) -> list[FeatureMeasurement]:
+        """Return the features of a set."""
+        return [self.measured[k] for k in taken]
+
+    def known(self, taken: Sequence[int]) -> PoseAccuracy:
+        """Return how well some features determine the pose."""
+        return known(self.some(taken), self.need)
+
+    def log_dets(self, ways: Sequence[Sequence[int]]) -> FloatArray:
+        """Return log det of the information of sets of one size, (N,), per um^2.
+
+        Of blind sets as if a little were known.
+
+        It ranks blind sets by what they do tell; without an unwanted angle it is the
+        log det of the Schur complement.
+        """
+        need = self.need
+        matrices = self.matrices[np.array(ways)].sum(axis=1)
+        matrices = matrices + np.eye(3) * (_FAR * need.radius_um) ** -2
+        ranks: FloatArray = np.linalg.slogdet(matrices)[1]
+        if need.sigma_theta_rad is None:  # det of what is left without the angle
+            ranks = ranks - np.log(matrices[:, 2, 2])
+        return ranks
+
+    def cost(self, taken: Sequence[int]) -> float:
+        """Return the work of measuring a set."""
+        return sum(self.measured[k].cost for k in taken)
+
+    def dropped(self, taken: Sequence[int]) -> list[PoseAccuracy]:
+        """Return what is known with each feature dropped in turn."""
+        return [self.known([k for k in taken if k != out]) for out in taken]
+
+    def share(self, found: PoseAccuracy) -> float:
+        """Return the larger sigma over its limit."""
+        share = found.sigma_um / self.need.sigma_um
+        if self.need.sigma_theta_rad is None:
+            return share
+        return max(share, found.sigma_theta_rad / self.need.sigma_theta_rad)
+
+    def _order(self) -> list[int]:
+        """Return the features, cheapest first, then by name."""
+        named = sorted(range(len(self.measured)), key=lambda k: self.measured[k].name)
+        return ordered(named, lambda k: self.measured[k].cost)
+
+    def _neighbours(self, taken: tuple[int, ...]) -> list[tuple[int, ...]]:
+        """Return the sets with one feature exchanged, in a fixed order."""
+        return [
+            (*taken[:at], other, *taken[at + 1 :])
+            for at in range(len(taken))
+            for other in self._order()
+            if other not in taken
+        ]
+
+    def _filled(self, taken: tuple[int, ...], size: int) -> tuple[int, ...]:
+        """Return the set with the feature that tells most added, up to `size`."""
+        while len(taken) < size:
+            taken = self._best([(*taken, k) for k in self._order() if k not in taken])
+        return taken
+
+    def _settled(self, taken: tuple[int, ...]) -> tuple[int, ...]:
+        """Return the set after exchanges of one feature, until none is better."""
+        for _ in range(_SWEEPS):
+            best = self._best([taken, *self._neighbours(taken)])
+            if best == taken:
+                break
+            taken = best
+        return taken
+
+    def _best(self, ways: Sequence[tuple[int, ...]]) -> tuple[int, ...]:
+        """Return the set that tells most: of all within MARGIN of it the cheapest.
+
+        Of those that cost the same the first.
+        """
+        ranks = self.log_dets(ways).tolist()
+        near = [way for way, t in zip(ways, ranks, strict=True)
+                if at_most(max(ranks), t + MARGIN, scale=1.0)]  # fmt: skip
+        return least(near, self.cost)

@@ -19,7 +19,7 @@ CONDITIONING = 50.0  # a set beyond it hardly sees some motion
 class PoseRequirement:
     """What a set has to tell."""
 
-    sigma_um: float  # at most, of the place in the direction known worst
+    sigma_um: float  # at most, of the position in the direction known worst
     sigma_theta_rad: float | None = None  # None: the angle is not wanted
     radius_um: float  # of the part: scales the rotation
     most: int = 4  # features in a set
@@ -36,17 +36,19 @@ class PoseRequirement:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PoseAccuracy:
-    """How well a set tells the pose."""
+    """How well a set determines the pose."""
 
     covariance: tuple[tuple[float, float, float], ...]  # x, y, um; theta, rad
-    sigma_um: float  # of the place in the direction known worst
+    sigma_um: float  # of the position in the direction known worst
     sigma_theta_rad: float
     conditioning: float
 
 
-def known(sights: Sequence[FeatureMeasurement], need: PoseRequirement) -> PoseAccuracy:
-    """Return how well the features together tell the pose."""
-    found = covariance(sights, need.radius_um)
+def known(
+    measured: Sequence[FeatureMeasurement], need: PoseRequirement
+) -> PoseAccuracy:
+    """Return how well the features together determine the pose."""
+    found = covariance(measured, need.radius_um)
     place = found[:2, :2]
     worst = math.inf
     if np.isfinite(place).all():
@@ -58,18 +60,9 @@ def known(sights: Sequence[FeatureMeasurement], need: PoseRequirement) -> PoseAc
         sigma_um=worst,
         sigma_theta_rad=math.sqrt(rows[2][2]),
         conditioning=conditioning(
-            sights, need.radius_um, angle=need.sigma_theta_rad is not None
+            measured, need.radius_um, angle=need.sigma_theta_rad is not None
         ),
     )
-
-
-def log_det(sights: Sequence[FeatureMeasurement], need: PoseRequirement) -> float:
-    """Return -log det of the covariance of what is wanted, um; -inf if it is blind."""
-    wanted = 2 if need.sigma_theta_rad is None else 3
-    found = covariance(sights, need.radius_um)[:wanted, :wanted]
-    if not np.isfinite(found).all():
-        return -math.inf
-    return -float(np.linalg.slogdet(found)[1])
 
 
 FINEST_UM = 1e-4  # a spread below it counts as it: less than an atom's width
@@ -83,8 +76,8 @@ class FeatureMeasurement:
     name: str
     x_um: float  # of the feature, seen from the point whose place is wanted
     y_um: float
-    sigma_um: float  # of its place per axis, what is left of the bias in it; inf: blind
-    axis_rad: float | None = None  # the one direction in which the place is known
+    sigma_um: float  # of its position per axis, bias included; inf: blind
+    axis_rad: float | None = None  # the one direction in which the position is known
     sigma_theta_rad: float | None = None  # of its own angle; None: not measured
     cost: float = 0.0
 
@@ -97,7 +90,7 @@ class FeatureMeasurement:
             raise ValueError(f"places, axis and cost must be finite, got {self}")
 
 
-def sight_of(
+def measurement_of(
     feature: Feature,
     score: ChainScore,
     *,
@@ -111,7 +104,7 @@ def sight_of(
     ----------
     feature : Feature
         In the part's frame.
-    score : Score
+    score : ChainScore
         Of the chain that measures it, at the feature's own place. A bias that is left
         counts as spread.
     about_um : (x, y)
@@ -119,7 +112,7 @@ def sight_of(
     theta_rad : float
         Nominal angle of the part.
     made_um : float
-        One sigma per axis of where the part as made has the feature.
+        One sigma per axis of where the part as fabricated has the feature.
     """
     c, s = math.cos(theta_rad), math.sin(theta_rad)
     x, y = feature.center_um[0] - about_um[0], feature.center_um[1] - about_um[1]
@@ -141,13 +134,13 @@ def sight_of(
     )
 
 
-def jacobian(sights: Sequence[FeatureMeasurement], radius_um: float) -> FloatArray:
+def jacobian(measured: Sequence[FeatureMeasurement], radius_um: float) -> FloatArray:
     """Return how what is measured moves with the pose, rotation as the rim's way.
 
     Parameters
     ----------
-    sights : sequence of Sight
-        A blind one has no rows, one known along an axis has that of its place.
+    measured : sequence of FeatureMeasurement
+        A blind one has no rows, one known along an axis has that of its position.
     radius_um : float
         Of the part, > 0.
 
@@ -167,32 +160,32 @@ def jacobian(sights: Sequence[FeatureMeasurement], radius_um: float) -> FloatArr
     Feddema & Simon (1998), eqs. (13, 16), in object space, with the rotation's column
     (-y, +x).
     """
-    return _rows(sights, radius_um)[0]
+    return _rows(measured, radius_um)[0]
 
 
-def information(sights: Sequence[FeatureMeasurement], radius_um: float) -> FloatArray:
+def information(measured: Sequence[FeatureMeasurement], radius_um: float) -> FloatArray:
     """Return sum J^T R^-1 J, (3, 3), per um2; arguments as in `jacobian`."""
-    rows, sigmas = _rows(sights, radius_um)
+    rows, sigmas = _rows(measured, radius_um)
     weighted = rows / sigmas[:, None]
     found: FloatArray = weighted.T @ weighted
     return found
 
 
 def conditioning(
-    sights: Sequence[FeatureMeasurement], radius_um: float, *, angle: bool
+    measured: Sequence[FeatureMeasurement], radius_um: float, *, angle: bool
 ) -> float:
     """Return largest over smallest singular value of the Jacobian, or infinity.
 
     Parameters
     ----------
-    sights : sequence of Sight
+    measured : sequence of FeatureMeasurement
         The features.
     radius_um : float
         Of the part, > 0.
     angle : bool
         Whether the angle is wanted; if not, it is taken as known.
     """
-    rows = jacobian(sights, radius_um)[:, : 3 if angle else 2]
+    rows = jacobian(measured, radius_um)[:, : 3 if angle else 2]
     values = np.linalg.svd(rows, compute_uv=False)
     if len(values) < rows.shape[1] or values[-1] <= values[0] * _BLIND:
         return math.inf
@@ -200,38 +193,38 @@ def conditioning(
 
 
 def controllability(
-    sights: Sequence[FeatureMeasurement], radius_um: float, *, angle: bool
+    measured: Sequence[FeatureMeasurement], radius_um: float, *, angle: bool
 ) -> tuple[int, float]:
     """Return rank and smallest singular value of the Jacobian, see `conditioning`.
 
     The value is what is seen, um, of a move of 1 um in the direction seen least.
     """
-    rows = jacobian(sights, radius_um)[:, : 3 if angle else 2]
+    rows = jacobian(measured, radius_um)[:, : 3 if angle else 2]
     values = np.linalg.svd(rows, compute_uv=False)
     rank = int(np.count_nonzero(values > _BLIND * max(values, default=0.0)))
     return rank, float(values[-1]) if rank == rows.shape[1] else 0.0
 
 
-def covariance(sights: Sequence[FeatureMeasurement], radius_um: float) -> FloatArray:
+def covariance(measured: Sequence[FeatureMeasurement], radius_um: float) -> FloatArray:
     """Return the pose's covariance (sum J^T R^-1 J)^-1; arguments as in `jacobian`.
 
     Returns
     -------
     (3, 3) float64 array
-        Of x and y, um, and the angle times the radius, um. What cannot be told has
+        Of x and y, um, and the angle times the radius, um. What is not observable has
         infinite variance and no covariance.
     """
-    rows, sigmas = _rows(sights, radius_um)
+    rows, sigmas = _rows(measured, radius_um)
     if not len(rows):
         return np.diag(np.full(3, math.inf))
-    # what can be told at all does not depend on how well
+    # what is observable at all does not depend on how well
     _, values, vectors = np.linalg.svd(rows)
     rank = int(np.count_nonzero(values > _BLIND * values[0]))
     seen = vectors[:rank].T
     # by singular values, not by squares: those of far apart spreads have no inverse
-    _, told, ways = np.linalg.svd((rows / sigmas[:, None]) @ seen, full_matrices=False)
+    _, sizes, ways = np.linalg.svd((rows / sigmas[:, None]) @ seen, full_matrices=False)
     # what rounding hides beside the best that is known counts as known no worse
-    axes = seen @ (ways.T / np.maximum(told, told[0] * np.finfo(np.float64).eps))
+    axes = seen @ (ways.T / np.maximum(sizes, sizes[0] * np.finfo(np.float64).eps))
     found: FloatArray = axes @ axes.T
     blind = (vectors[rank:] ** 2).sum(axis=0) > _BLIND**2
     found[blind, :] = 0.0
@@ -241,21 +234,21 @@ def covariance(sights: Sequence[FeatureMeasurement], radius_um: float) -> FloatA
 
 
 def _rows(
-    sights: Sequence[FeatureMeasurement], radius_um: float
+    measured: Sequence[FeatureMeasurement], radius_um: float
 ) -> tuple[FloatArray, FloatArray]:
     """Return the Jacobian's rows and the spread of each, um."""
     if not radius_um > 0:
         raise ValueError(f"radius_um must be positive, got {radius_um}")
     rows: list[tuple[float, float, float]] = []
     sigmas: list[float] = []
-    for sight in sights:
-        axes = [0.0, math.pi / 2] if sight.axis_rad is None else [sight.axis_rad]
-        for axis in axes if math.isfinite(sight.sigma_um) else []:
+    for one in measured:
+        axes = [0.0, math.pi / 2] if one.axis_rad is None else [one.axis_rad]
+        for axis in axes if math.isfinite(one.sigma_um) else []:
             c, s = math.cos(axis), math.sin(axis)
-            lever = (s * sight.x_um - c * sight.y_um) / radius_um
+            lever = (s * one.x_um - c * one.y_um) / radius_um
             rows.append((c, s, lever))
-            sigmas.append(max(sight.sigma_um, FINEST_UM))
-        turn = sight.sigma_theta_rad
+            sigmas.append(max(one.sigma_um, FINEST_UM))
+        turn = one.sigma_theta_rad
         if turn is not None and math.isfinite(turn):
             rows.append((0.0, 0.0, 1.0))
             sigmas.append(max(turn * radius_um, FINEST_UM))

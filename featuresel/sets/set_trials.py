@@ -1,4 +1,4 @@
-"""Trials of several features measured on one image: what they tell together."""
+"""Trials of several features measured on one image: the pose they determine."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Member:
     prepared: PreparedRoutines  # of its one chain
     score: ChainScore  # of that chain, by the feature's own trials
     offset_um: tuple[float, float]  # from the set's point, in the part's frame
-    sigma_um: float  # of its place per axis, what the part's making adds in it
+    sigma_um: float  # of its position per axis, fabrication errors included
 
     @property
     def name(self) -> str:

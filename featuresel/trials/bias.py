@@ -1,4 +1,4 @@
-"""The bias of a chain through focus, and a place with it taken off."""
+"""The bias of a chain through focus, and a position with it taken off."""
 
 from __future__ import annotations
 

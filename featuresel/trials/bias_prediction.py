@@ -39,16 +39,16 @@ def predict_bias(
 ) -> Mapping[Chain, BiasCurve]:
     """Return the bias that the renderer predicts for each chain.
 
-    Every chain measures images without noise, with the nominal zoom, light and blur
-    law, at several poses: places within a pixel, and angles of the look's spread. What
-    is common to them in the target's frame is the bias; the rest depends on how the
-    target lies on the pixels and cannot be taken off.
+    Every chain measures images without noise, with the nominal zoom, light and defocus
+    model, at several poses: places within a pixel, and angles of the look's spread.
+    What is common to them in the target's frame is the bias; the rest depends on how
+    the target lies on the pixels and cannot be taken off.
 
     Parameters
     ----------
     case : LookCase
         The look.
-    prepared : Prepared
+    prepared : PreparedRoutines
         Its chains and artifacts.
     dz_um : sequence of float, optional
         Focus heights from nominal, rising; by default 9 within 3 sigma of the look's
@@ -107,11 +107,6 @@ def _poses(case: LookCase, count: int, root_seed: int) -> tuple[Trial, ...]:
             dx_um=float(x - 0.5) * pixel_um,
             dy_um=float(y - 0.5) * pixel_um,
             dtheta_rad=float(2 * turn - 1) * width_rad,
-            dz_um=0.0,
-            magnification=1.0,
-            gain=1.0,
-            gradient_x=0.0,
-            gradient_y=0.0,
             model=case.model,
             seed=(0,),  # there is no noise
         )

@@ -1,4 +1,4 @@
-"""A routine's own spread made an honest one, by what it said in trials."""
+"""A routine's own standard deviation calibrated by its errors in trials."""
 
 from __future__ import annotations
 
@@ -14,24 +14,16 @@ COVERAGE = 0.95  # of intervals, two-sided
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SigmaCalibration:
-    """What a routine's own spread along one axis is multiplied by.
+    """What a routine's own standard deviation along one axis is multiplied by.
 
     `sigma` is one standard deviation; `half` holds `COVERAGE` of the errors, whatever
     the shape of their distribution. Both are of the error less `bias`.
     """
 
     bias: float
-    factor: float  # own spread -> standard deviation
-    reach: float  # own spread -> half of an interval; inf where trials are too few
+    factor: float  # to the standard deviation
+    reach: float  # to half of an interval; inf where trials are too few
     count: int
-
-    def sigma(self, spread: float) -> float:
-        """Return the standard deviation of an answer that claims `spread`."""
-        return self.factor * spread
-
-    def half(self, spread: float) -> float:
-        """Return half of the interval about an answer that claims `spread`."""
-        return self.reach * spread
 
 
 def calibrate(errors: FloatArray, spreads: FloatArray) -> SigmaCalibration | None:
@@ -46,7 +38,7 @@ def calibrate(errors: FloatArray, spreads: FloatArray) -> SigmaCalibration | Non
 
     Returns
     -------
-    Calibration or None
+    SigmaCalibration or None
         None of fewer than four answers, or where a spread is not positive: nothing
         makes that an honest one.
 

@@ -31,11 +31,11 @@ def chains(
 ) -> tuple[Chain, ...]:
     """Return the chains to try on `target`, in a fixed order.
 
-    1. Each routine that needs nothing and gives the place, alone.
+    1. Each routine that needs nothing and gives the position, alone.
     2. Routines for the angle alone, behind the cheapest of those that lack it. Of a
        target with an angle, chains are tried with and without it, because the trials
        decide whether it is needed.
-    3. Each routine that needs a start, from coarse to fine: at the nominal place if
+    3. Each routine that needs a start, from coarse to fine: at the nominal position if
        that is sure to be within its capture range, else behind the cheapest chain that
        gives what it needs, with the angle if it gives one too.
     4. Those of step 3 that give the angle too, if there is one, behind a second chain,
@@ -50,8 +50,8 @@ def chains(
     costs : mapping of str to float, optional
         Work of one `measure` by routine, as `Routine.cost` predicts it for the look. A
         routine missing here is left out: it could not be prepared. Without `costs` a
-        routine counts as dearer the more it gives, the fewer kinds it looks for (the
-        special ones are the finer ones), and if it searches.
+        routine counts as more expensive the more it gives, the fewer kinds it looks for
+        (the special ones are the finer ones), and if it searches.
     controls : bool
         Whether routines known to be bad are tried too, one chain each, at the end.
     """
@@ -60,32 +60,32 @@ def chains(
         costs = {name: _assumed_cost(load(name)) for name in names}
     price = {name: costs[name] for name in names if name in costs}
     plan = _Plan(target=target, price=price)
-    found = plan.chains([n for n in plan.names if not load(n).BASELINE])[:MOST_CHAINS]
+    found = plan.chains([n for n in plan.names if not load(n).baseline])[:MOST_CHAINS]
     if not controls:
         return found
-    bad = [name for name in plan.names if load(name).BASELINE]
+    bad = [name for name in plan.names if load(name).baseline]
     return found + tuple(c for name in bad for c in plan.leading_to(name, found)[:1])
 
 
 def routines(target: Target, *, controls: bool = False) -> tuple[str, ...]:
     """Return the routines that chains for `target` may use, by name.
 
-    They look for its kind and give its place, or its angle if it has one. What needs
+    They look for its kind and give its position, or its angle if it has one. What needs
     the focus to be known starts from an earlier image, not from another routine.
     """
     useful = {"xy", "theta"} if has_angle(target) else {"xy"}
     return tuple(
         name
         for name in sorted(REGISTRY)
-        if target.kind in load(name).KINDS
-        and useful & set(load(name).PROVIDES)
-        and "z" not in load(name).REQUIRES
-        and (controls or not load(name).BASELINE)
+        if target.kind in load(name).kinds
+        and useful & set(load(name).provides)
+        and "z" not in load(name).requires
+        and (controls or not load(name).baseline)
     )
 
 
 def has_angle(target: Target) -> bool:
-    """Return whether the target's angle can be told within its declared range.
+    """Return whether the target's angle is observable within its declared range.
 
     Circles have none. A pattern that repeats has one if a notch breaks the symmetry, or
     if half a period is wider than the range, so that no two angles look alike.
@@ -112,19 +112,19 @@ class _Plan:
 
     def chains(self, names: Sequence[str]) -> tuple[Chain, ...]:
         """Return the chains made of `names`, in the order that `chains` states."""
-        seeds = [n for n in names if not load(n).REQUIRES and "xy" in load(n).PROVIDES]
+        seeds = [n for n in names if not load(n).requires and "xy" in load(n).provides]
         rest = [name for name in names if name not in seeds]
-        rest.sort(key=lambda name: (-load(name).CAPTURE_PX, name))  # coarse to fine
+        rest.sort(key=lambda name: (-load(name).capture_px, name))  # coarse to fine
         found: list[Chain] = [(name,) for name in seeds]
         pairs = self._pairs(seeds)
-        for name in (n for n in rest if "xy" not in load(n).PROVIDES):
+        for name in (n for n in rest if "xy" not in load(n).provides):
             found += self._turned(name, found + pairs)
         wanted = {"xy", "theta"} if has_angle(self.target) else {"xy"}
         second: list[Chain] = []
-        for name in (n for n in rest if "xy" in load(n).PROVIDES):
+        for name in (n for n in rest if "xy" in load(n).provides):
             first, *others = self.leading_to(name, found) or [()]
             found += [first] if first else []
-            if wanted <= set(load(name).PROVIDES):
+            if wanted <= set(load(name).provides):
                 second += [c for c in others if c[0] != first[0]][:1]
         return tuple(dict.fromkeys(found + second + pairs))
 
@@ -134,15 +134,15 @@ class _Plan:
         The likeliest first, which are the cheapest, those with an angle before others.
         """
         routine = load(name)
-        missing = self._missing(routine.REQUIRES, routine.CAPTURE_PX)
+        missing = self._missing(routine.requires, routine.capture_px)
         if not missing:
             return [(name,)]
         able = [c for c in before if missing <= self._given(c) and name not in c]
-        if routine.CAPTURE_PX < _SEEDED_PX:
+        if routine.capture_px < _SEEDED_PX:
             fine = [c for c in able if math.isfinite(self._capture_px(c))]
             able = fine or able
-        if "theta" in routine.PROVIDES and self._missing(
-            ("theta",), routine.CAPTURE_PX
+        if "theta" in routine.provides and self._missing(
+            ("theta",), routine.capture_px
         ):
             turned = [c for c in able if "theta" in self._given(c)]
             able = self._by_price(turned) + self._by_price(set(able) - set(turned))
@@ -152,7 +152,7 @@ class _Plan:
 
     def _turned(self, name: str, before: Sequence[Chain]) -> list[Chain]:
         """Return the chains that end in a routine for the angle alone."""
-        lacking = [c for c in before if not set(load(name).PROVIDES) <= self._given(c)]
+        lacking = [c for c in before if not set(load(name).provides) <= self._given(c)]
         return [(*chain, name) for chain in self._by_price(lacking)[:_ANGLES]]
 
     def _pairs(self, seeds: Sequence[str]) -> list[Chain]:
@@ -174,7 +174,7 @@ class _Plan:
 
     def _given(self, chain: Chain) -> set[PoseTerm]:
         """Return what the chain's routines give together."""
-        return {known for name in chain for known in load(name).PROVIDES}
+        return {known for name in chain for known in load(name).provides}
 
     def _by_price(self, chains: Iterable[Chain]) -> list[Chain]:
         """Return chains by price, then length, then name."""
@@ -183,20 +183,20 @@ class _Plan:
         )
 
     def _capture_px(self, chain: Chain) -> float:
-        """Return the capture range of the last routine that gives the place."""
-        placing = [name for name in chain if "xy" in load(name).PROVIDES]
-        return load(placing[-1]).CAPTURE_PX
+        """Return the capture range of the last routine that gives the position."""
+        placing = [name for name in chain if "xy" in load(name).provides]
+        return load(placing[-1]).capture_px
 
 
 def _kinds(name: str) -> int:
     """Return how many kinds of target a routine looks for."""
-    return len(load(name).KINDS)
+    return len(load(name).kinds)
 
 
 def _assumed_cost(routine: Routine) -> float:
     """Return a stand-in for the cost of a routine that is not prepared yet."""
-    work = len(routine.PROVIDES) + 1 / len(routine.KINDS)
-    return work / 3 if routine.REQUIRES else work  # what starts near searches less
+    work = len(routine.provides) + 1 / len(routine.kinds)
+    return work / 3 if routine.requires else work  # what starts near searches less
 
 
 def _lever_px(target: Target) -> float:

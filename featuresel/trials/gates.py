@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -14,21 +14,18 @@ from microplan.featuresel.trials.bounds import CONFIDENCE, failure_upper
 from microplan.featuresel.trials.outcomes import Outcome
 from microplan.featuresel.trials.trials import is_wrong
 
-GATED = "gated"  # the failure of an answer that a gate refuses
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Gate:
     """What an answer must meet to be believed, and what that costs."""
 
     min_score: float
-    max_spread_um: float  # of the chain's own spread; inf: any
+    max_spread_um: float  # of the chain's own standard deviation; inf: any
     silent: int  # wrong answers that still pass
     silent_upper: float  # of their rate per look, one-sided
     kept: int  # right answers that pass
     lost: int  # right ones that do not
     loss: float  # expected share of later right answers that will not
-    loss_upper: float  # bound of that, one-sided
 
     def passes(self, score: float, spread_um: float) -> bool:
         """Return whether an answer is accepted."""
@@ -80,8 +77,7 @@ def choose_gate(
     two families with half of the doubt; and beyond the right answers seen, which can
     only refuse more.
 
-    Right answers do not choose the threshold, so the bound of their loss is
-    Clopper-Pearson too; the expected share is (lost + 1) / (right + 1), that of the
+    The expected share of right answers lost is (lost + 1) / (right + 1), that of the
     next of exchangeable scores below one of those seen.
     """
     if not outcomes or len({o.chain for o in outcomes}) != 1:
@@ -97,28 +93,6 @@ def choose_gate(
     ]
     best = min(found, key=lambda gate: gate.lost)  # the first where both lose alike
     return best if best.kept else None
-
-
-def gated(outcome: Outcome, gate: Gate) -> Outcome:
-    """Return the outcome, an answer that the gate refuses turned into a failure."""
-    if outcome.score is None or outcome.spread_um is None:
-        return outcome
-    if gate.passes(outcome.score, outcome.spread_um):
-        return outcome
-    return replace(
-        outcome,
-        failure=GATED,
-        world_um=None,
-        target_um=None,
-        theta_rad=None,
-        score=None,
-        spread_um=None,
-        spread_theta_rad=None,
-        axis_rad=None,
-        depth_um=None,
-        z_um=None,
-        zoom=None,
-    )
 
 
 def _answers(
@@ -166,7 +140,6 @@ def _gate(
         kept=len(good),
         lost=lost,
         loss=(lost + 1) / (len(right) + 1),
-        loss_upper=failure_upper(lost, len(right), level) if len(right) else 1.0,
     )
 
 

@@ -20,7 +20,7 @@ from microplan.featuresel.trials.chains import Chain
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlaceErrors:
-    """Errors of the place in the target's frame; None where they are too few."""
+    """Errors of the position in the target's frame; None where they are too few."""
 
     x: Estimate | None = None
     y: Estimate | None = None
@@ -73,7 +73,7 @@ def _direction(axes_rad: FloatArray) -> float | None:
 
 
 def given(values: Sequence[float | None]) -> FloatArray:
-    """Return the values that are there."""
+    """Return the (N,) values that are there, in their own unit, e.g. um."""
     return np.array([v for v in values if v is not None], dtype=np.float64)
 
 
@@ -86,18 +86,18 @@ class Outcome:
 
     chain: Chain
     trial: int
-    failure: str | None  # code; None where it answered
-    world_um: tuple[float, float] | None
-    target_um: tuple[float, float] | None  # the same in the target's true frame
-    theta_rad: float | None  # None: no angle given
-    score: float | None
-    spread_um: float | None  # the chain's own estimate
+    failure: str | None = None  # code; None where it answered
+    world_um: tuple[float, float] | None = None
+    target_um: tuple[float, float] | None = None  # in the target's true frame
+    theta_rad: float | None = None  # None: no angle given
+    score: float | None = None
+    spread_um: float | None = None  # the chain's own estimate
     spread_theta_rad: float | None = None
-    # the one direction, in the target's true frame, in which the place is known: the
+    # the one direction, in the target's true frame, in which the position is known: the
     # errors above are the part along it
     axis_rad: float | None = None
     depth_um: float | None = None  # how far out of focus the chain says it is
-    z_um: float | None = None  # error of that; one image does not tell the sign
+    z_um: float | None = None  # error of that; one image does not determine the sign
     zoom: float | None = None  # error of the ratio to nominal
 
     @property

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +13,6 @@ from microplan.arrays import FloatArray
 from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.routines.contract import Failure
 from microplan.featuresel.routines.registry import load
-from microplan.featuresel.trials.bias import BiasCurve
 from microplan.featuresel.trials.bounds import (
     CONFIDENCE as CONFIDENCE,  # handed on: those of a score
 )
@@ -32,7 +31,7 @@ _TOGETHER = 4  # sigma and mean of two axes: their bounds hold all at once
 class ChainScore:
     """What the trials said of one chain; statistics are over its successes.
 
-    Axes are those of the target's frame. Where the place is known in one direction
+    Axes are those of the target's frame. Where the position is known in one direction
     only, `x` and `y` are None, `along` has that direction, and so do the bias, its
     length along it, and sigma.
     """
@@ -58,15 +57,14 @@ class ChainScore:
     z: Estimate | None = None  # um, of the size of the defocus
     zoom: Estimate | None = None  # of the ratio to nominal
     axis_rad: float | None = None  # the one direction known, in the target's frame
-    # the chain's own spread to an honest one; along x where that is the one direction
+    # of the chain's own standard deviation; along x where that is the one direction
     spread_x: SigmaCalibration | None = None
     spread_y: SigmaCalibration | None = None
     spread_theta: SigmaCalibration | None = None
     worst_trial: int | None = None  # of the answers by distance: see `design.rebuild`
     median_trial: int | None = None
-    first_failing: int | None = None  # aloud or silently
+    first_failing: int | None = None  # with a failure, or without
     limit_um: float | None = None  # Cramer-Rao, the larger axis, if it was computed
-    curve: BiasCurve | None = None  # predicted bias, if it was taken off
 
     @property
     def need_um(self) -> float:
@@ -124,7 +122,6 @@ def score(
     *,
     interim_tests: int = 1,
     limit_um: float | None = None,
-    curves: Mapping[Chain, BiasCurve] | None = None,
 ) -> tuple[ChainScore, ...]:
     """Return one score per chain, in the order of `prepared.chains`.
 
@@ -135,7 +132,7 @@ def score(
     ----------
     case : LookCase
         The look.
-    prepared : Prepared
+    prepared : PreparedRoutines
         Its chains; each must have an outcome.
     outcomes : sequence of Outcome
         Of trials; chains may have different numbers of them.
@@ -144,8 +141,6 @@ def score(
         bounds are widened to hold at all of these times at once (union bound).
     limit_um : float, optional
         Cramer-Rao limit of the worse axis.
-    curves : mapping of Chain to BiasCurve, optional
-        What was taken off the outcomes, as in `microplan.featuresel.trials.trials.run`.
 
     Raises
     ------
@@ -163,7 +158,6 @@ def score(
             chain_cost(case, prepared, chain),
             confidence=1 - (1 - CONFIDENCE) / interim_tests,
             limit_um=limit_um,
-            curve=None if curves is None else curves.get(chain),
         )
         for chain in prepared.chains
     )
@@ -190,7 +184,6 @@ def score_chain(
     *,
     confidence: float = CONFIDENCE,
     limit_um: float | None = None,
-    curve: BiasCurve | None = None,
 ) -> ChainScore:
     """Return the score of one chain, or of a set of features, by its own outcomes."""
     codes = Counter(o.failure for o in outcomes if o.failure is not None)
@@ -233,7 +226,6 @@ def score_chain(
             (o.trial for o in outcomes if o.trial not in good), default=None
         ),
         limit_um=limit_um,
-        curve=curve,
     )
 
 

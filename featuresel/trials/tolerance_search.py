@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Literal, Protocol
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -40,20 +40,10 @@ STRIDE = 4  # steps taken at once; shorter gaps of failures may be passed over
 GOLDEN_RAD = math.pi * (3 - math.sqrt(5))  # turns that never repeat
 
 
-class Passes(Protocol):
-    """Whether one draw alone is well: a drift is borne only where all are."""
-
-    def __call__(self, outcome: Outcome, /) -> bool:
-        """Return whether the draw may be part of a drift that is borne; picklable."""
-        ...
-
-
-class Holds(Protocol):
-    """Whether a drift is still borne, from what its draws measured together."""
-
-    def __call__(self, drift: float, found: Sequence[Outcome], /) -> bool:
-        """Return whether all is well at `drift`; picklable."""
-        ...
+# whether one draw may be part of a tolerated drift: all must be; picklable
+Passes = Callable[[Outcome], bool]
+# whether a drift is tolerated by what its draws measured together; picklable
+Holds = Callable[[float, Sequence[Outcome]], bool]
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,10 +68,10 @@ class Direction:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Reached:
-    """The last drift that is borne, and what the camera shows there."""
+    """The last drift that is tolerated, and what the camera shows there."""
 
-    drift: float  # 0 if none is borne
-    picture: BytesArray | None  # 8 bit, of the first draw; None: none is borne
+    drift: float  # 0 if none is tolerated
+    picture: BytesArray | None  # 8 bit, of the first draw; None: none is tolerated
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,7 +82,7 @@ class ToleranceSearch:
     prepared: PreparedRoutines  # the chain alone
     root_seed: int
     draws: int  # noisy images at each drift
-    curve: BiasCurve | None = None  # taken off the places that the chain finds
+    curve: BiasCurve | None = None  # taken off the positions that the chain finds
 
     def __post_init__(self) -> None:
         if self.draws < 1:
@@ -103,7 +93,7 @@ class ToleranceSearch:
     def reach(
         self, direction: Direction, passes: Passes, holds: Holds | None = None
     ) -> float:
-        """Return the last drift in one direction that is borne, 0 if none is.
+        """Return the last drift in one direction that is tolerated, 0 if none is.
 
         As `reached`, without the picture.
         """
@@ -112,11 +102,11 @@ class ToleranceSearch:
     def reached(
         self, direction: Direction, passes: Passes, holds: Holds | None = None
     ) -> Reached:
-        """Return the last drift in one direction that is borne, with a picture.
+        """Return the last drift in one direction that is tolerated, with a picture.
 
         The target lies at as many random places of its pose spread as there are
-        draws, the same at all drifts. A drift is borne where every draw passes and all
-        of them together hold; after one that does not pass no other is made. Which
+        draws, the same at all drifts. A drift is tolerated where every draw passes and
+        all of them together hold; after one that does not pass no other is made. Which
         drifts are tried says `last_held`.
         """
         shown: dict[int, BytesArray] = {}
@@ -174,11 +164,6 @@ class ToleranceSearch:
             dx_um=float(dx) * case.spread.pose_sigma_xy_um,
             dy_um=float(dy) * case.spread.pose_sigma_xy_um,
             dtheta_rad=theta,
-            dz_um=0.0,
-            magnification=1.0,
-            gain=1.0,
-            gradient_x=0.0,
-            gradient_y=0.0,
             model=case.model,
             seed=seed,
         )
@@ -260,13 +245,13 @@ def usable_range(
     map: Map = map,  # noqa: A002 - it is the builtin, or a pool's
     curve: BiasCurve | None = None,
 ) -> UsableRange:
-    """Return the drifts of focus and zoom that `chain` stands.
+    """Return the drifts of focus and zoom that `chain` tolerates.
 
     Each direction is searched outward by `microplan.featuresel.trials.tolerance_search`
     until one of `draws` noisy images is not measured within the tolerance; the last
     step before that is the answer. `map` gets one direction at a time, as in
-    `microplan.featuresel.trials.trials.run`; `curve` is taken off the places that the
-    chain finds.
+    `microplan.featuresel.trials.trials.run`; `curve` is taken off the positions that
+    the chain finds.
 
     Raises
     ------

@@ -27,7 +27,7 @@ class Known:
     facts: dict[str, float | None] = field(default_factory=dict)
 
     def keep(self, trial: int, counts: CountArray | None) -> None:
-        """Keep the picture of a trial if there is one, and room."""
+        """Keep a trial's counts, (rows, columns), if there are any, and room."""
         if (
             counts is not None
             and (len(self.pictures) + 1) * counts.nbytes <= _MOST_BYTES

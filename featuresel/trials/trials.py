@@ -12,7 +12,7 @@ from typing import Protocol, TypeVar
 from microplan.arrays import FloatArray
 from microplan.featuresel.look.design import Trial
 from microplan.featuresel.look.nominal import nominal_render
-from microplan.featuresel.look.perturb import counts, image
+from microplan.featuresel.look.perturb import counts
 from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.look.templates import Located, along, located
 from microplan.featuresel.routines.chain import ChainState, advance
@@ -62,16 +62,16 @@ def prepare(case: LookCase, chains: Sequence[Chain]) -> PreparedRoutines:
     artifacts: dict[str, Artifact | Failure] = {}
     for name in names:
         routine = load(name)
-        if case.target.kind not in routine.KINDS:
+        if case.target.kind not in routine.kinds:
             message = f"{name} cannot look for {case.target.kind}"
-            artifacts[name] = Failure(code="wrong_kind", message=message)
+            artifacts[name] = Failure("wrong_kind", message)
         else:
             artifacts[name] = routine.prepare(render, case.target)
     return PreparedRoutines(chains=tuple(chains), artifacts=artifacts)
 
 
 def start(case: LookCase) -> Guess:
-    """Return where a look starts: the nominal place, and the angle if it is known."""
+    """Return where a look starts: the nominal position, the angle if known."""
     theta = None if case.theta_any else case.target.theta_rad
     return Guess(
         column=case.target.column,
@@ -86,7 +86,6 @@ def run(
     prepared: PreparedRoutines,
     trials: Sequence[Trial],
     map: Map = map,  # noqa: A002 - it is the builtin, or a pool's
-    curves: Curves | None = None,
     known: Known | None = None,
 ) -> Outcomes:
     """Return what every chain said of every trial, trial by trial.
@@ -95,29 +94,24 @@ def run(
     ----------
     case : LookCase
         The look.
-    prepared : Prepared
+    prepared : PreparedRoutines
         Its chains and artifacts.
     trials : sequence of Trial
         From `microplan.featuresel.look.design.design`.
     map : callable
         Stands in for the builtin; gets a picklable function and chunks of trials, so
         that a process pool's `map` can do the work. The result does not depend on it.
-    curves : mapping of Chain to BiasCurve, optional
-        What is taken off the places that a chain finds, by
-        `microplan.featuresel.trials.bias_prediction.predict_bias`.
     known : Known, optional
-        What is known of the look already, with the same artifacts and without curves:
-        no chain measures a trial twice. Takes what is found.
+        What is known of the look already, with the same artifacts: no chain measures a
+        trial twice. Takes what is found.
 
     Returns
     -------
     Outcomes
         Each image is made once and every chain measures it.
     """
-    if curves:
-        known = None
     seen = known or Known()
-    work = partial(_run_chunk, case, prepared, curves or {}, known is not None)
+    work = partial(_run_chunk, case, prepared, known is not None)
     order = array("i")
     for first in range(0, len(trials), _AT_ONCE):
         some = [_asked(prepared, t, seen) for t in trials[first : first + _AT_ONCE]]
@@ -156,16 +150,6 @@ def _asked(prepared: PreparedRoutines, trial: Trial, seen: Known) -> _PlannedTri
     )
 
 
-def measure_trial(
-    case: LookCase,
-    prepared: PreparedRoutines,
-    trial: Trial,
-    curves: Curves | None = None,
-) -> tuple[Outcome, ...]:
-    """Return what each chain says of one trial's image."""
-    return measure_picture(case, prepared, trial, image(case, trial), curves)
-
-
 def measure_picture(
     case: LookCase,
     prepared: PreparedRoutines,
@@ -173,7 +157,7 @@ def measure_picture(
     picture: FloatArray,
     curves: Curves | None = None,
 ) -> tuple[Outcome, ...]:
-    """Return what each chain says of an image of the region in which `trial` holds."""
+    """Return what each chain measures in `picture`, (rows, columns) 0..1."""
     done: dict[Chain, ChainState | Failure] = {}
     known = curves or {}
     return tuple(
@@ -195,7 +179,9 @@ def follow(
     picture: FloatArray,
     done: dict[Chain, ChainState | Failure],
 ) -> Measurement | Failure:
-    """Return what `measure_chain` would, doing a beginning that chains share once.
+    """Return what `measure_chain` would in `picture`, (rows, columns) 0..1.
+
+    A beginning that chains share is done once.
 
     `done` holds the beginnings done on this image so far, and takes what is added.
     """
@@ -218,14 +204,13 @@ def _step(
     """Return the state after one routine, which may not even be prepared."""
     artifact = prepared.artifacts[name]
     if isinstance(artifact, Failure):
-        return Failure(code="not_prepared", message=f"{name}: {artifact.message}")
+        return Failure("not_prepared", f"{name}: {artifact.message}")
     return advance(picture, name, artifact, progress)
 
 
 def _run_chunk(
     case: LookCase,
     prepared: PreparedRoutines,
-    curves: Curves,
     keeps: bool,  # noqa: FBT001 - a partial's
     asked: Sequence[_PlannedTrial],
 ) -> list[tuple[tuple[Outcome, ...], CountArray | None]]:
@@ -240,7 +225,6 @@ def _run_chunk(
             replace(prepared, chains=each.chains),
             each.trial,
             to_unit(picture, case.sensor.bits),
-            curves,
         )
         fresh = picture if keeps and each.picture is None else None
         found.append((outcomes, fresh))
@@ -277,19 +261,9 @@ def _outcome(
 def outcome_of(
     case: LookCase, trial: Trial, chain: Chain, place: Located | Failure
 ) -> Outcome:
-    """Return the errors of a place in the world's and the target's axes."""
-    empty = Outcome(
-        chain=chain,
-        trial=trial.index,
-        failure=place.code if isinstance(place, Failure) else None,
-        world_um=None,
-        target_um=None,
-        theta_rad=None,
-        score=None,
-        spread_um=None,
-    )
+    """Return the errors of a position in the world's and the target's axes."""
     if isinstance(place, Failure):
-        return empty
+        return Outcome(chain=chain, trial=trial.index, failure=place.code)
     off = (place.x_um - case.x_um - trial.dx_um, place.y_um - case.y_um - trial.dy_um)
     ex, ey = along(off, place.axis_rad)
     theta = case.theta_rad + trial.dtheta_rad
@@ -297,8 +271,9 @@ def outcome_of(
     turned, axis = None, place.axis_rad
     if place.theta_rad is not None:
         turned = math.remainder(place.theta_rad - theta, period_rad(case))
-    return replace(
-        empty,
+    return Outcome(
+        chain=chain,
+        trial=trial.index,
         world_um=(ex, ey),
         target_um=(c * ex + s * ey, -s * ex + c * ey),
         theta_rad=turned,

@@ -122,7 +122,7 @@ def unseen(case: LookCase) -> str:
 def _candidate(raced: TestedFeature, sight: FeatureMeasurement) -> Candidate:
     """Return a raced feature as criteria want it."""
     return Candidate(
-        feature=raced.feature, score=raced.chosen, sight=sight, seen=raced.visible
+        feature=raced.feature, score=raced.chosen, measurement=sight, seen=raced.visible
     )
 
 
@@ -234,7 +234,7 @@ def use_of(look: str, tried: Evaluation, name: str) -> p.RoutineUse:
     artifact = _artifact(tried, name)
     return p.RoutineUse(
         id=name,
-        version=load(name).VERSION,
+        version=load(name).version,
         parameters=artifact.parameters,
         arrays=_array_path(look, name) if artifact.arrays else None,
     )

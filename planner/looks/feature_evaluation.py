@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 from microplan.featuresel.features.feature import Feature
 from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.selection.constraints import Constraints
 from microplan.featuresel.selection.evaluate import RoutineComparison, compare_routines
 from microplan.featuresel.selection.select import select
 from microplan.featuresel.trials.trial_cache import Looks
@@ -180,11 +181,13 @@ class Races:
         """Return the target's own trials, judged by other tolerances."""
         selection = select(
             self.alone.tried.scores,
-            tolerance_um=case.tolerance_um,
-            tolerance_theta_rad=case.tolerance_theta_rad,
-            target=case.target,
-            visible=self.alone.visible,
-            in_set=True,
+            Constraints(
+                tolerance_um=case.tolerance_um,
+                tolerance_theta_rad=case.tolerance_theta_rad,
+                target=case.target,
+                visible=self.alone.visible,
+                in_set=True,
+            ),
         )
         return replace(self.alone.tried, case=case, selection=selection)
 

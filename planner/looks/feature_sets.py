@@ -13,7 +13,7 @@ from microplan.featuresel.sets.feature_set import FeatureSet, choose_set
 from microplan.featuresel.sets.pose_covariance import (
     FeatureMeasurement,
     PoseRequirement,
-    sight_of,
+    measurement_of,
 )
 from microplan.featuresel.sets.set_trials import Member, score_set
 from microplan.featuresel.trials.score import ChainScore
@@ -187,7 +187,7 @@ class FeatureSetSearch:
         those of others lie off the drawing, each by the profile tolerance.
         """
         shape = self.job.shape
-        return sight_of(
+        return measurement_of(
             raced.feature,
             raced.chosen,
             about_um=shape.center_um,

@@ -413,7 +413,7 @@ class Folder:
             np.savez(self.folder / path, **dict(artifact.arrays))  # type: ignore[arg-type]  # numpy's stub
         return RoutineUse(
             id=name,
-            version=load(name).VERSION,
+            version=load(name).version,
             parameters=artifact.parameters,
             arrays=path,
         )

@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
+from typing import cast
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from microplan.executor.run.artifacts import Artifacts
 from microplan.executor.run.run_context import Rig
 from microplan.executor.simulated.cell import Cell, build_cell
 from microplan.featuresel.routines.circle import circle_caliper
-from microplan.featuresel.routines.contract import Artifact, Target
+from microplan.featuresel.routines.contract import Artifact, LookModel, Target
 from microplan.schemas.files.world import World
 from microplan.schemas.plan import Belief, Look, Region, RoutineUse, View
 from microplan.schemas.pose import Pose
@@ -85,11 +86,11 @@ def look() -> tuple[Look, Artifacts]:
         bright=True,
         parameters={"radius_um": RADIUS_UM},
     )
-    artifact = circle_caliper.prepare(picture, target)
+    artifact = circle_caliper.prepare(cast(LookModel, picture), target)
     assert isinstance(artifact, Artifact)
     use = RoutineUse(
         id="circle_caliper",
-        version=circle_caliper.VERSION,
+        version=circle_caliper.CIRCLE_CALIPER.version,
         parameters=artifact.parameters,
         arrays=None,
     )

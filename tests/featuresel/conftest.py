@@ -303,7 +303,7 @@ def guess(case: LookCase, routine: Routine, dx: float, dy: float) -> Guess:
     """Return the nominal place, or for what needs a seed one .1 px off the true."""
     column, row = case.target.column, case.target.row
     theta = None if case.theta_any else case.theta_rad
-    if "xy" in routine.REQUIRES:
+    if "xy" in routine.requires:
         k = case.target.px_per_um
         column, row = column + dx * k + 0.1, row - dy * k - 0.1
     return Guess(column=column, row=row, theta_rad=theta)

@@ -82,7 +82,7 @@ def render(name: str) -> NominalRender:
 
 @cache
 def artifact(name: str) -> Artifact:
-    made = likelihood.prepare(render(name), case(name).target)
+    made = likelihood.LIKELIHOOD.prepare(render(name), case(name).target)
     assert isinstance(made, Artifact), made
     return made
 

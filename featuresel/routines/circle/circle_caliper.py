@@ -19,11 +19,10 @@ from microplan.featuresel.routines.contract import (
     Artifact,
     Failure,
     Guess,
+    LookModel,
     Measurement,
-    PoseTerm,
-    Render,
+    Routine,
     Target,
-    TargetKind,
 )
 from microplan.featuresel.routines.picture import refused
 from microplan.featuresel.routines.sampling import (
@@ -36,19 +35,10 @@ from microplan.featuresel.routines.sampling import (
     line_samples,
 )
 
-NAME = "circle_caliper"
-VERSION = "3"
-KINDS: tuple[TargetKind, ...] = ("circle", "teeth")
-PROVIDES: tuple[PoseTerm, ...] = ("xy",)
-REQUIRES: tuple[PoseTerm, ...] = ()
-CAPTURE_PX = math.inf
-BASELINE = False
-EXPENSIVE = False
-
 _FAINT = 0.02  # step height below which an edge drowns in 8 bits and shot noise
 _WEAKEST = 0.3  # of the predicted step: light falls to .7, focus errors take the rest
 _FEWEST = 0.5  # of the rays must carry an edge, and of those half must fit
-_SEARCH_RAYS = 60  # long rays are dear, and a pixel is good enough
+_SEARCH_RAYS = 60  # long rays are expensive, and a pixel is good enough
 # Of half the search: edges found anywhere in it, as in noise, scatter by 1 / sqrt(3).
 _SCATTERED = 0.5 / math.sqrt(3)
 _REFINED = 2  # rounds: the search leaves a pixel, the first round .01 px
@@ -57,26 +47,23 @@ _REFINED = 2  # rounds: the search leaves a pixel, the first round .01 px
 _RADIUS_OFF = 0.1
 
 
-def prepare(render: Render, target: Target) -> Artifact | Failure:
+def prepare(render: LookModel, target: Target) -> Artifact | Failure:
     """Return radius, polarity, step and filter width of the circle's nominal edge."""
     radius_px = rim_radius_um(target) * target.px_per_um
     if radius_px < 3:
-        return Failure(
-            code="too_small", message=f"radius of {radius_px:.2f} px, at least 3"
-        )
+        return Failure("too_small", f"radius of {radius_px:.2f} px, at least 3")
     image = render()
     span = _span(radius_px)
     profile = _mean_profile(image, target.column, target.row, radius_px, span)
     if profile is None:
-        return Failure(code="outside", message="less than half the circle is in view")
+        return Failure("outside", "less than half the circle is in view")
     width_px = best_width(profile)
     middle, gap = len(profile) // 2, int(1.5 * width_px / STEP_PX) + 1
     step = float(profile[middle + gap] - profile[middle - gap])
     if abs(step) < _FAINT:
         return Failure(
-            code="no_edge",
-            message=f"predicted step of {step:.3f} at {radius_px:.1f} px, "
-            f"at least {_FAINT}",
+            "no_edge",
+            f"predicted step of {step:.3f} at {radius_px:.1f} px, at least {_FAINT}",
         )
     first = Artifact(
         parameters={
@@ -98,7 +85,10 @@ def prepare(render: Render, target: Target) -> Artifact | Failure:
 def measure(
     image: FloatArray, artifact: Artifact, guess: Guess
 ) -> Measurement | Failure:
-    """Return the circle's centre; fails if it is faint, cut off or of another size."""
+    """Return the circle's centre, px, in `image`, (rows, columns) 0..1.
+
+    Fails if the circle is faint, cut off or of another size.
+    """
     if unfit := refused(image):
         return unfit
     seed = _search(image, artifact, guess)
@@ -110,20 +100,19 @@ def measure(
     p = artifact.parameters
     if circle.rms_px > _SCATTERED * _half_px(p):
         return Failure(
-            code="scattered",
-            message=f"edges lie {circle.rms_px:.2f} px about the circle, "
+            "scattered",
+            f"edges lie {circle.rms_px:.2f} px about the circle, "
             f"at most {_SCATTERED * _half_px(p):.2f}",
         )
     off = abs(circle.radius_px - p["seen_px"])
     if off > max(1.0, _RADIUS_OFF * p["radius_px"]):
         return Failure(
-            code="radius_off",
-            message=f"radius {circle.radius_px:.2f} px, predicted {p['seen_px']:.2f}",
+            "radius_off",
+            f"radius {circle.radius_px:.2f} px, predicted {p['seen_px']:.2f}",
         )
     return Measurement(
         column=circle.column,
         row=circle.row,
-        theta_rad=None,
         score=float(circle.used.mean()),
         spread_px=circle.spread_px,
     )
@@ -141,6 +130,17 @@ def cost(artifact: Artifact, _pixels: int) -> float:
     refined = work.edges(rays, length, kernel) + work.circle(rays)
     seed = work.edges(_SEARCH_RAYS, search, kernel) + work.centre()
     return seed + _REFINED * refined
+
+
+CIRCLE_CALIPER = Routine(
+    name="circle_caliper",
+    version="3",
+    kinds=("circle", "teeth"),
+    provides=("xy",),
+    prepare=prepare,
+    measure=measure,
+    cost=cost,
+)
 
 
 def _span(radius_px: float) -> float:
@@ -190,8 +190,7 @@ def _search(image: FloatArray, artifact: Artifact, guess: Guess) -> Guess | Fail
     moved = math.hypot(column - guess.column, row - guess.row)
     if moved > 1.5 * p["search_px"] + 2:
         return Failure(
-            code="outside",
-            message=f"{moved:.1f} px from the guess, within {p['search_px']:.1f}",
+            "outside", f"{moved:.1f} px from the guess, within {p['search_px']:.1f}"
         )
     return Guess(column=column, row=row)
 
@@ -213,7 +212,7 @@ def _refine(
         circle = fit_circle(columns[good], rows[good], (column, row, radius))
         column, row = circle.column, circle.row
         if math.hypot(column - seed.column, row - seed.row) > p["radius_px"]:
-            return Failure(code="no_edge", message="the edges make no circle")
+            return Failure("no_edge", "the edges make no circle")
     if circle.used.sum() < _FEWEST * len(good):
         return _few(circle.used, edges)
     return circle
@@ -257,11 +256,10 @@ def _few(good: BoolArray, edges: LineEdges) -> Failure:
     """Return the failure of a circle with too few edges."""
     if not good.any():
         return Failure(
-            code="no_edge",
-            message=f"strongest step {edges.strength.max():.3f} is too weak",
+            "no_edge", f"strongest step {edges.strength.max():.3f} is too weak"
         )
     return Failure(
-        code="few_rays",
-        message=f"{int(good.sum())} of {len(edges.found)} rays meet the edge, "
+        "few_rays",
+        f"{int(good.sum())} of {len(edges.found)} rays meet the edge, "
         f"at least {_FEWEST:.0%}",
     )

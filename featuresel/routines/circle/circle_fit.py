@@ -15,11 +15,12 @@ _SETTLED_PX = 1e-10  # a step after which the next changes nothing that is seen
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FittedCircle:
-    """A circle and the points that made it."""
+    """A circle or ellipse and the points that made it."""
 
     column: float
     row: float
-    radius_px: float
+    radius_px: float  # of an ellipse the geometric mean of the half axes
+    flat: float = 1.0  # long axis over short one
     used: BoolArray  # (N,) points that were not trimmed
     rms_px: float  # of the radial residuals of the used points
     spread_px: float  # standard deviation of the centre per axis, from the residuals
@@ -28,7 +29,9 @@ class FittedCircle:
 def fit_centre(
     columns: FloatArray, rows: FloatArray, radius_px: float, start: tuple[float, float]
 ) -> tuple[float, float]:
-    """Return the centre of a circle of known radius, whatever half the points do.
+    """Return the centre of a circle of known radius through (N,) points, px.
+
+    Half of the points may be anywhere.
 
     Gauss-Newton with Cauchy weights whose scale shrinks from a third of the radius to
     half a pixel, so that far points pull first and wrong ones stop pulling later.
@@ -66,7 +69,7 @@ def fit_circle(
 
     Returns
     -------
-    Circle
+    FittedCircle
         Points farther from it than 3 robust standard deviations (at least .05 px, the
         pattern that sampling leaves) are trimmed; never more than half.
     """

@@ -13,22 +13,12 @@ from microplan.featuresel.routines.contract import (
     Artifact,
     Failure,
     Guess,
+    LookModel,
     Measurement,
-    PoseTerm,
-    Render,
+    Routine,
     Target,
-    TargetKind,
 )
 from microplan.featuresel.routines.picture import refused
-
-NAME = "hough"
-VERSION = "1"
-KINDS: tuple[TargetKind, ...] = ("circle", "teeth")
-PROVIDES: tuple[PoseTerm, ...] = ("xy",)
-REQUIRES: tuple[PoseTerm, ...] = ()
-CAPTURE_PX = math.inf
-BASELINE = True
-EXPENSIVE = False
 
 _FAINT = 0.1  # span of values below which there is no edge to vote
 _RADIUS_OFF = 0.1  # of the radius, at least 1 px
@@ -38,15 +28,13 @@ _FIXED_WORK, _PIXEL_WORK = 0.1, 1.3e-5  # in box filters
 _SPREAD_PX = 0.5  # votes are counted in pixels
 
 
-def prepare(render: Render, target: Target) -> Artifact | Failure:
+def prepare(render: LookModel, target: Target) -> Artifact | Failure:
     """Return the radius and the gradient and votes of the nominal rim."""
     p, k = target.parameters, target.px_per_um
     named = [p[name] for name in ("radius_um", "bore_um", "root_um") if name in p]
     radius = named[0] * k
     if radius < 3:
-        return Failure(
-            code="too_small", message=f"radius of {radius:.2f} px, at least 3"
-        )
+        return Failure("too_small", f"radius of {radius:.2f} px, at least 3")
     image = render()
     column, row = round(target.column), round(target.row)
     reach = int(radius) + 3
@@ -54,14 +42,14 @@ def prepare(render: Render, target: Target) -> Artifact | Failure:
         max(row - reach, 0) : row + reach, max(column - reach, 0) : column + reach
     ]
     if near.size == 0 or float(np.ptp(near)) < _FAINT:
-        return Failure(code="no_contrast", message="no edge is predicted")
+        return Failure("no_contrast", "no edge is predicted")
     span = float(np.ptp(image))
     grey = _grey(image, span)
     across = cv2.Sobel(grey, cv2.CV_32F, 1, 0)
     down = cv2.Sobel(grey, cv2.CV_32F, 0, 1)
     rim = _rim(image.shape, target, radius)
     if not rim.any():
-        return Failure(code="outside", message="the rim is out of view")
+        return Failure("outside", "the rim is out of view")
     gradient = float(np.median((np.abs(across) + np.abs(down))[rim]))
     return Artifact(
         parameters={
@@ -77,13 +65,13 @@ def prepare(render: Render, target: Target) -> Artifact | Failure:
 def measure(
     image: FloatArray, artifact: Artifact, guess: Guess
 ) -> Measurement | Failure:
-    """Return the circle with the most votes within the search."""
+    """Return the circle with the most votes, px, in `image`, (rows, columns) 0..1."""
     if unfit := refused(image):
         return unfit
     p = artifact.parameters
     span = float(np.ptp(image))
     if span < _FAINT:
-        return Failure(code="no_contrast", message=f"values span {span:.3f}")
+        return Failure("no_contrast", f"values span {span:.3f}")
     band = max(1.0, _RADIUS_OFF * p["radius_px"])
     circles = cv2.HoughCircles(
         _grey(image, span),
@@ -96,7 +84,7 @@ def measure(
         maxRadius=math.ceil(p["radius_px"] + band),
     )
     if circles is None:
-        return Failure(code="no_edge", message="no circle has enough votes")
+        return Failure("no_edge", "no circle has enough votes")
     # the strongest comes first
     for column, row, _ in np.asarray(circles, dtype=np.float64).reshape(-1, 3):
         away = math.hypot(column - guess.column, row - guess.row)
@@ -104,16 +92,27 @@ def measure(
             return Measurement(
                 column=float(column),
                 row=float(row),
-                theta_rad=None,
-                score=0.5,  # the votes are not told
+                score=0.5,  # the votes are not reported
                 spread_px=_SPREAD_PX,
             )
-    return Failure(code="outside", message="no circle is within the search")
+    return Failure("outside", "no circle is within the search")
 
 
 def cost(_artifact: Artifact, pixels: int) -> float:
     """Return the work of one `measure`, see `contract.Routine`."""
     return _FIXED_WORK + _PIXEL_WORK * pixels
+
+
+HOUGH = Routine(
+    name="hough",
+    version="1",
+    kinds=("circle", "teeth"),
+    provides=("xy",),
+    baseline=True,
+    prepare=prepare,
+    measure=measure,
+    cost=cost,
+)
 
 
 def _grey(image: FloatArray, span: float) -> npt.NDArray[np.uint8]:

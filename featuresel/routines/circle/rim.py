@@ -12,7 +12,6 @@ import numpy as np
 from microplan.arrays import BoolArray, FloatArray
 from microplan.featuresel.routines import work
 from microplan.featuresel.routines.circle.circle_fit import FittedCircle, fit_circle
-from microplan.featuresel.routines.circle.iso_lines import crossings
 from microplan.featuresel.routines.contract import Failure, Guess
 from microplan.featuresel.routines.picture import refused
 from microplan.featuresel.routines.sampling import cubic, median
@@ -32,6 +31,7 @@ _SECTORS = 48  # of the circle, in which points are counted
 _STEEP = 0.6  # least cosine of rim normal and pixel line: a little over 45 degrees
 _RINGS = 4  # over the thickness of a side
 _ROUNDS = 3  # of trimming the level's plane
+_NEWTON_ROUNDS = 4  # on a cubic, from the chord: settles below 1e-6 px
 _PIXEL_WORK, _POINT_WORK = 6e-5, 1.0  # of the crossings, in box filters
 
 
@@ -50,6 +50,16 @@ class RimPoints:
         `scatter_px` is what the points' residuals make of it, taken as independent.
         """
         return math.hypot(scatter_px * math.sqrt(self.alike), self.level_px)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Crossings:
+    """Points where an image takes its level, and which way it does so there."""
+
+    columns: FloatArray  # (N,) px
+    rows: FloatArray  # (N,) px
+    along_rows: BoolArray  # (N,) the point is between two pixels of one column
+    rising: BoolArray  # (N,) the image grows with that row, or column
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,7 +96,7 @@ def rim_points(
     top, left = max(0, int(guess.row - reach)), max(0, int(guess.column - reach))
     part = image[top : int(guess.row + reach) + 1, left : int(guess.column + reach) + 1]
     if min(part.shape) < 8:
-        return Failure(code="outside", message="the rim is out of view")
+        return Failure("outside", "the rim is out of view")
     smooth = cv2.GaussianBlur(part, (0, 0), p["smooth_px"])
     x = np.arange(part.shape[1], dtype=np.float64) + (left - guess.column)
     y = (np.arange(part.shape[0], dtype=np.float64) + (top - guess.row))[:, None]
@@ -108,7 +118,9 @@ def rim_points(
 def approach(
     image: FloatArray, p: Mapping[str, float], guess: Guess
 ) -> tuple[RimPoints, FittedCircle] | Failure:
-    """Return the points and the circle through them, sought until its centre stays.
+    """Return the rim's points and circle, px, in an image, (rows, columns) 0..1.
+
+    The centre is sought until it stays.
 
     The level is that of two rings about the last centre. Where blur reaches them it
     tilts with that centre's error, and each round keeps a share of it, the larger the
@@ -126,14 +138,12 @@ def approach(
         )
         moved = math.hypot(circle.column - guess.column, circle.row - guess.row)
         if not moved <= _MOVED_PX:
-            return Failure(code="outside", message=f"{moved:.1f} px from the guess")
+            return Failure("outside", f"{moved:.1f} px from the guess")
         step = math.hypot(circle.column - at.column, circle.row - at.row)
         if away < CAPTURE_PX and step <= _STAYS_PX:
             return points, circle
         at, away = Guess(column=circle.column, row=circle.row), _NEAR_PX
-    return Failure(
-        code="unsettled", message=f"the centre still moves by {step:.2f} px a round"
-    )
+    return Failure("unsettled", f"the centre still moves by {step:.2f} px a round")
 
 
 def approach_work(p: Mapping[str, float]) -> float:
@@ -170,17 +180,76 @@ def _picked(
     seen = len(np.unique(sectors))
     if seen < FEWEST * _SECTORS:
         return Failure(
-            code="few_points",
-            message=f"the rim is seen in {seen} of {_SECTORS} sectors, "
-            f"at least {FEWEST:.0%}",
+            "few_points",
+            f"the rim is seen in {seen} of {_SECTORS} sectors, at least {FEWEST:.0%}",
         )
     return u[good], v[good]
+
+
+def crossings(above: FloatArray, wanted: BoolArray) -> Crossings:
+    """Return where an image crosses zero between neighbouring pixels.
+
+    Parameters
+    ----------
+    above : (rows, columns) float array
+        The image less the level sought.
+    wanted : (rows, columns) bool array
+        Pixels between which, right and down of each, crossings are sought; two pixels
+        of border never are, because a cubic needs four values.
+
+    Returns
+    -------
+    Crossings
+        By the cubic through four pixels in a line, so an edge's curvature does not pull
+        its points towards pixel centres as a chord's would.
+    """
+    across = _between(above, wanted)
+    down = _between(above.T, wanted.T)
+    count = (len(across[0]), len(down[0]))
+    return Crossings(
+        columns=np.concatenate((across[1], down[0])),
+        rows=np.concatenate((across[0], down[1])),
+        along_rows=np.repeat((False, True), count),
+        rising=np.concatenate((across[2], down[2])),
+    )
+
+
+def _between(
+    above: FloatArray, wanted: BoolArray
+) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """Return line, place on it and whether it rises, of crossings along axis 1."""
+    near, far = above[:, 1:-2], above[:, 2:-1]
+    crossed = ((near < 0) != (far < 0)) & wanted[:, 1:-2]
+    line, first = np.nonzero(crossed)
+    values = [above[line, first + k] for k in range(4)]  # the crossing's pair: 1, 2
+    return (
+        line.astype(np.float64),
+        first + 1 + _root(*values),
+        np.asarray(values[2] > values[1]),
+    )
+
+
+def _root(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> FloatArray:
+    """Return where the cubic through values at -1, 0, 1, 2 is zero in 0..1."""
+    second, third = (a - 2 * b + c) / 2, (d - 3 * c + 3 * b - a) / 6
+    first = (c - a) / 2 - third
+    t = np.asarray(b / (b - c), dtype=np.float64)
+    for _ in range(_NEWTON_ROUNDS):
+        value = b + t * (first + t * (second + t * third))
+        tangent = first + t * (2 * second + 3 * t * third)
+        # where noise makes the cubic flat, the chord's slope is good enough
+        safe = np.where(tangent * (c - b) > 0.1 * (c - b) ** 2, tangent, c - b)
+        t = np.clip(t - value / safe, 0.0, 1.0)
+    return t
 
 
 def rings(
     image: FloatArray, centre: tuple[float, float], radii: FloatArray
 ) -> tuple[FloatArray, BoolArray]:
-    """Return values and whether they are in view on circles, (K, N)."""
+    """Return values on circles, (K, N), 0..1, and whether they are in view.
+
+    `radii` are (K,) px, `image` (rows, columns).
+    """
     count = _samples(float(radii.max()))
     angles = np.linspace(0, math.tau, count, endpoint=False)
     return cubic(
@@ -207,20 +276,18 @@ def _level(
     inner, outer = values.reshape(2, _RINGS, -1).mean(axis=1)
     whole = inside.all(axis=0)
     if whole.mean() < FEWEST:
-        return Failure(code="outside", message="less than half the rim is in view")
+        return Failure("outside", "less than half the rim is in view")
     step = median((outer - inner)[whole]) * math.copysign(1.0, p["step"])
     least = max(_WEAKEST * abs(p["step"]), FAINT / 2)
     if step < least:
-        return Failure(
-            code="no_edge", message=f"step of {step:.3f}, at least {least:.3f}"
-        )
+        return Failure("no_edge", f"step of {step:.3f}, at least {least:.3f}")
     wanted = inner + p["level"] * (outer - inner)
     angles = np.linspace(0, math.tau, len(wanted), endpoint=False)
     design = np.column_stack((np.ones_like(angles), np.cos(angles), np.sin(angles)))
     used = whole & (np.abs(wanted - median(wanted[whole])) < step)
     for _ in range(_ROUNDS):
         if used.sum() < 0.3 * len(used):
-            return Failure(code="no_edge", message="both sides of the rim are uneven")
+            return Failure("no_edge", "both sides of the rim are uneven")
         plane, *_ = np.linalg.lstsq(design[used], wanted[used], rcond=None)
         off = np.abs(wanted - design @ plane)
         used = whole & (off <= max(3 * 1.4826 * median(off[whole]), 1e-6))

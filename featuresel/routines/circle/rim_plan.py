@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from microplan.arrays import FloatArray
+from microplan.featuresel.routines.circle.circle_fit import FittedCircle
 from microplan.featuresel.routines.circle.rim import (
     FAINT,
     FEWEST,
@@ -19,7 +20,7 @@ from microplan.featuresel.routines.contract import (
     Artifact,
     Failure,
     Guess,
-    Render,
+    LookModel,
     Target,
 )
 from microplan.featuresel.routines.sampling import best_width
@@ -35,9 +36,7 @@ _PLACES_PX = (
 )  # none repeats a phase
 
 
-Fit = Callable[
-    [FloatArray, Mapping[str, float], Guess], tuple[float, float, float] | Failure
-]
+Fit = Callable[[FloatArray, Mapping[str, float], Guess], FittedCircle | Failure]
 
 
 def rim_radius_um(target: Target) -> float:
@@ -47,7 +46,7 @@ def rim_radius_um(target: Target) -> float:
     return target.parameters.get("bore_um", target.parameters["root_um"])
 
 
-def rim_numbers(render: Render, target: Target) -> dict[str, float] | Failure:
+def rim_numbers(render: LookModel, target: Target) -> dict[str, float] | Failure:
     """Return radius, filter, and the level between both sides that the rim has.
 
     The level is what the render has at the drawn radius, as a share of the step from
@@ -55,12 +54,10 @@ def rim_numbers(render: Render, target: Target) -> dict[str, float] | Failure:
     """
     radius = rim_radius_um(target) * target.px_per_um
     if radius < 4:
-        return Failure(
-            code="too_small", message=f"radius of {radius:.2f} px, at least 4"
-        )
+        return Failure("too_small", f"radius of {radius:.2f} px, at least 4")
     profile = _profile(render(), target, radius)
     if profile is None:
-        return Failure(code="outside", message="less than half the rim is in view")
+        return Failure("outside", "less than half the rim is in view")
     width = best_width(profile)
     middle = len(profile) // 2
     gap = min(int(1.5 * width / STEP_PX) + 2, middle - THICK)
@@ -68,14 +65,14 @@ def rim_numbers(render: Render, target: Target) -> dict[str, float] | Failure:
     outer = float(profile[middle + gap : middle + gap + THICK + 1].mean())
     if abs(outer - inner) < FAINT:
         return Failure(
-            code="no_edge",
-            message=f"predicted step of {outer - inner:.3f} at {radius:.1f} px, "
+            "no_edge",
+            f"predicted step of {outer - inner:.3f} at {radius:.1f} px, "
             f"at least {FAINT}",
         )
     share = (float(profile[middle]) - inner) / (outer - inner)
     slope = float(profile[middle + 1] - profile[middle - 1]) / (2 * STEP_PX)
     if not slope * (outer - inner) > 0:
-        return Failure(code="no_edge", message="the rim is no slope from side to side")
+        return Failure("no_edge", "the rim is no slope from side to side")
     return {
         "radius_px": radius,
         "step": outer - inner,
@@ -86,52 +83,51 @@ def rim_numbers(render: Render, target: Target) -> dict[str, float] | Failure:
     }
 
 
-def prepare_rim(render: Render, target: Target, fit: Fit) -> Artifact | Failure:
+def prepare_rim(render: LookModel, target: Target, fit: Fit) -> Artifact | Failure:
     """Return radius, level and filter, and where the part's shape pulls the fit.
 
     Parameters
     ----------
-    render : Render
+    render : LookModel
         The look.
     target : Target
         What is to be found.
     fit : callable
-        Returns (column, row, radius), px, of a curve through an image's rim, from the
-        numbers of `rim_numbers` and a guess.
+        Returns the curve through an image's rim, from the numbers of `rim_numbers` and
+        a guess.
     """
     numbers = rim_numbers(render, target)
     if isinstance(numbers, Failure):
         return numbers
-    offset = part_offset(render, target, lambda image, at: fit(image, numbers, at))
+    offset = _part_offset(render, target, numbers, fit)
     if isinstance(offset, Failure):
         return offset
     return Artifact(parameters={**numbers, **offset})
 
 
-def part_offset(
-    render: Render,
-    target: Target,
-    centre: Callable[[FloatArray, Guess], tuple[float, float, float] | Failure],
+def _part_offset(
+    render: LookModel, target: Target, numbers: Mapping[str, float], fit: Fit
 ) -> dict[str, float] | Failure:
     """Return how far the fit's centre is off the reference point, and its radius.
 
     The mean over some sub-pixel places, so that it holds what the part's shape does and
-    not what one place on the pixels does. `centre` returns (column, row, radius).
+    not what one place on the pixels does.
     """
     um_per_px, found = 1 / target.px_per_um, []
     for dx, dy in _PLACES_PX:
         image = render(dx_um=dx * um_per_px, dy_um=dy * um_per_px)
         at = Guess(column=target.column + dx, row=target.row - dy)
-        fitted = centre(image, at)
+        fitted = fit(image, numbers, at)
         if isinstance(fitted, Failure):
             return fitted
-        found.append((fitted[0] - at.column, fitted[1] - at.row, fitted[2]))
+        off = (fitted.column - at.column, fitted.row - at.row)
+        found.append((*off, fitted.radius_px))
     dx, dy, radius = np.mean(found, axis=0).tolist()
     turns = target.theta_range_rad > _SIDE_RAD
     if turns and math.hypot(dx, dy) > _OFF_CENTRE_PX:
         return Failure(
-            code="off_centre",
-            message=f"the centre is {math.hypot(dx, dy):.2f} px off the reference "
+            "off_centre",
+            f"the centre is {math.hypot(dx, dy):.2f} px off the reference "
             "point, in a direction that turns with the part",
         )
     c, s = math.cos(target.theta_rad), math.sin(target.theta_rad)

@@ -31,7 +31,7 @@ SHRINKS = (4, 2, 1)  # of the images in which the search may begin
 _COARSE_PX = 12.0  # radius of the target there
 _AGREE = 0.5  # of the points must be seen there
 _RING_PX = 0.5  # radii nearer than this are one ring
-# sub-pixel poses whose mean calibrates the places of the edges, px and px of the rim
+# sub-pixel poses whose mean calibrates the positions of the edges, px and px of the rim
 _POSES = (
     (0.0, 0.0, 0.0),
     (0.31, 0.52, 0.37),
@@ -41,12 +41,14 @@ _POSES = (
     (0.14, 0.27, 0.63),
 )
 _NEVER = 9.0  # step of what is not found at one of them: none is as strong
-_AWAY = 0.5  # of the search: so far what stands still is seen elsewhere by the target
+_AWAY = 0.5  # of the search: so far the static scene is seen elsewhere by the target
 _WAYS = ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0))
 
 
 def floor(image: FloatArray, points: FloatArray, at: ScoredPose, shrink: int) -> float:
-    """Return the size below which gradients count for their part: the middle one.
+    """Return the gradient below which points count for their part: the median.
+
+    Of (N, 4) points, px, on the nominal image, (rows, columns).
 
     Of the points on the nominal image. Lower, and directions alone would agree all over
     a wide blur.
@@ -61,7 +63,10 @@ def floor(image: FloatArray, points: FloatArray, at: ScoredPose, shrink: int) ->
 def coarsest(
     image: FloatArray, points: FloatArray, at: ScoredPose, floors: dict[int, float]
 ) -> int:
-    """Return how far the image may be shrunk for most points to be seen."""
+    """Return how far the image may be shrunk for most points to be seen.
+
+    Points are (N, 4) px, the image is (rows, columns).
+    """
     extent = rim_px(points)
     for shrink in SHRINKS:
         if extent / shrink < _COARSE_PX:
@@ -84,10 +89,12 @@ class Views:
     def at(
         self, dx_px: float, dy_px: float, rolled_px: float, dz_um: float = 0.0
     ) -> tuple[FloatArray, ScoredPose]:
-        """Return the image and the pose; what cannot be told turns anyhow.
+        """Return the image, (rows, columns) 0..1, and the pose it shows.
 
-        `rolled_px` is that of the rim, or, of turns that cannot be told, the share of
-        their range.
+        A turn that is not observable is drawn anyhow.
+
+        `rolled_px` is that of the rim, or, of turns that are not observable, the share
+        of their range.
         """
         target, order, k = self.target, self.model.order, self.target.px_per_um
         turn = seen_turn = rolled_px / rim_px(self.model.points)
@@ -110,13 +117,15 @@ class Views:
 def calibrated(
     views: Views, seen: Prediction, image: FloatArray
 ) -> tuple[Lines, tuple[float, float]] | None:
-    """Return the edges' mean places at several sub-pixel poses, their steps, the bias.
+    """Return the edges' mean positions at several sub-pixel poses, steps and bias.
+
+    `image` is the nominal one, (rows, columns).
 
     At one pose alone, edges along pixel rows would all have one sampling error. The
     bias is the rms of what is not noise in a fit, px per axis and rad: of sampling, of
-    what moves against the target, and of focus errors of one sigma; where turns cannot
-    be told, of what breaks the symmetry unseen too. `image` is the nominal one. None if
-    the fit fails on the target's own images.
+    what moves against the target, and of focus errors of one sigma; where turns are not
+    observable, of what breaks the symmetry unseen too. `image` is the nominal one. None
+    if the fit fails on the target's own images.
     """
     shown = [views.at(*moved) for moved in _POSES]
     lines = _mean_lines(views, shown, _fit_width(image, views.target, seen))
@@ -134,7 +143,7 @@ def _mean_lines(
         step=np.zeros(len(points)),
         offset_px=np.zeros(len(points)),
         width_px=width_px,
-        zoom_sigma=views.render.drifts.zoom_sigma,
+        zoom_sigma=views.render.nuisances.zoom_sigma,
         turns=views.model.order != ROUND,
     )
     offsets, steps = [], []
@@ -156,7 +165,7 @@ def _bias(
 ) -> tuple[float, float] | None:
     """Return the rms of a fit's bias, px per axis and rad, see `calibrated`."""
     off_px = _AWAY * views.target.search_px
-    sigma_um = views.render.drifts.focus_sigma_um
+    sigma_um = views.render.nuisances.focus_sigma_um
     away = [views.at(x * off_px, y * off_px, 0.0) for x, y in _WAYS]
     blurred = [views.at(0.0, 0.0, 0.0, z * sigma_um) for z in (-1, 1)]
     total = np.zeros(3)
@@ -184,7 +193,7 @@ def _error(
 def _fit_width(image: FloatArray, target: Target, seen: Prediction) -> float:
     """Return the filter that fixes the pose best; all that is seen moves as one.
 
-    It may thus be wider than the one that tells an edge from its neighbours.
+    It may thus be wider than the one that separates an edge from its neighbours.
     """
     where = place(np.array(target.contour), target)
     wide = [width for width in WIDTHS_PX if width >= seen.width_px]
@@ -194,7 +203,7 @@ def _fit_width(image: FloatArray, target: Target, seen: Prediction) -> float:
 def _on_rings(points: FloatArray, offset_px: FloatArray) -> FloatArray:
     """Return the middle offset of all points as far from the centre as each.
 
-    Where the angle is not known, no point can be told from another on its ring.
+    Where the angle is not known, no point is distinguished from another on its ring.
     """
     radius = np.hypot(points[:, 0], points[:, 1])
     alike = np.abs(radius[:, None] - radius) < _RING_PX

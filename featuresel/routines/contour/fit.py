@@ -56,7 +56,7 @@ class Lines:
 
 
 def fit(image: FloatArray, lines: Lines, start: ScoredPose) -> ContourFit | Failure:
-    """Return the pose that the edges near `start` ask for.
+    """Return the pose, px and rad, of edges near `start`, in (rows, columns) pixels.
 
     Fails with "outside" if too little is in view, "few_edges" if too few edges agree.
     """
@@ -65,9 +65,7 @@ def fit(image: FloatArray, lines: Lines, start: ScoredPose) -> ContourFit | Fail
         half_px = max(least_px, _WIDER * lines.width_px)
         edges, in_view = cast(image, lines, pose, half_px)
         if in_view.mean() < _LEAST_IN_VIEW:
-            return Failure(
-                code="outside", message=f"{in_view.mean():.0%} of the contour in view"
-            )
+            return Failure("outside", f"{in_view.mean():.0%} of the contour in view")
         good = edges.found & (edges.strength > _WEAKEST * lines.step)
         good &= np.abs(edges.offset_px) < half_px
         if good.sum() < max(6, _FEWEST * in_view.sum()):
@@ -106,7 +104,9 @@ def fit_work(lines: Lines) -> float:
 def cast(
     image: FloatArray, lines: Lines, pose: FloatArray, half_px: float
 ) -> tuple[LineEdges, BoolArray]:
-    """Return the edges from dark to bright through all points, and who is in view.
+    """Return the edges from dark to bright through N points, px; (N,) in view.
+
+    `image` is (rows, columns).
 
     `pose` is (column, row, angle, scale); offsets are from the edges drawn.
     """
@@ -164,7 +164,7 @@ def _trimmed(
 
 def _few(good: BoolArray, in_view: BoolArray) -> Failure:
     return Failure(
-        code="few_edges",
-        message=f"{int(good.sum())} of {int(in_view.sum())} edges agree, "
+        "few_edges",
+        f"{int(good.sum())} of {int(in_view.sum())} edges agree, "
         f"at least {_FEWEST:.0%}",
     )

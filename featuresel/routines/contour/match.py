@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -31,41 +32,34 @@ from microplan.featuresel.routines.contour.search import (
     field,
     field_work,
     gradient_noise,
+    scan,
     score,
     search,
     search_work,
 )
-from microplan.featuresel.routines.contour.turns import choose_turn
 from microplan.featuresel.routines.contract import (
     Artifact,
     Failure,
     Guess,
     LookModel,
     Measurement,
-    PoseTerm,
+    Routine,
     Target,
-    TargetKind,
 )
 from microplan.featuresel.routines.picture import refused
-
-NAME = "contour_match"
-VERSION = "1"
-KINDS: tuple[TargetKind, ...] = ("circle", "teeth", "outline", "jaws")
-PROVIDES: tuple[PoseTerm, ...] = ("xy", "theta")
-REQUIRES: tuple[PoseTerm, ...] = ()
-CAPTURE_PX = math.inf
-BASELINE = False
-EXPENSIVE = False
 
 _FAINT_SCORE = 0.1  # of gradients, where the search ends: light and blur take the rest
 _LEAST_SCORE = 0.5  # of their directions, at the end: noise and blur leave .7 and more
 _RIVAL = 0.9  # of the best score, the most another pose may reach
 _VALLEY = 0.97  # of the lower score: what lies higher all the way is one hill
 _FEWEST = 12  # points to match
-_BREAKING = 3  # points that tell turns apart, at least
+_BREAKING = 3  # points that distinguish turns, at least
 _NO_TURN_RAD = 1e-3  # below this range the angle is not searched
 _SCALE_OFF = 0.05  # zoom errors stay below 2 %; what is farther off is another thing
 _NOISES = 3.0  # standard deviations of noise below which a gradient has no direction
+_RUNNER_UP = 0.6  # of the best turn's score, the most the second may reach
+_LEAST = 0.35  # of the whole contour's score: where nothing is, it is 0
+_SAME_PX = 3.0  # of the farthest edge: turns by less are not rivals
 _TURN = 0.03  # work of trying one turn of the symmetry
 
 
@@ -77,8 +71,7 @@ def prepare(render: LookModel, target: Target) -> Artifact | Failure:
     count = len(model.points)
     if count < _FEWEST:
         return Failure(
-            code="no_edge",
-            message=f"{count} edge points can be relied on, at least {_FEWEST}",
+            "no_edge", f"{count} edge points can be relied on, at least {_FEWEST}"
         )
     at = ScoredPose(
         column=target.column, row=target.row, theta_rad=target.theta_rad, score=1.0
@@ -88,7 +81,7 @@ def prepare(render: LookModel, target: Target) -> Artifact | Failure:
     views = Views(render=render, target=target, model=model, tells_turn=turns)
     found = calibrated(views, seen, image)
     if found is None:
-        return Failure(code="no_fit", message="the nominal edges make no fit")
+        return Failure("no_fit", "the nominal edges make no fit")
     lines, bias = found
     sigma = math.sqrt(float(render.camera.variance(image).max()))
     return Artifact(
@@ -99,7 +92,7 @@ def prepare(render: LookModel, target: Target) -> Artifact | Failure:
             "bias_px": bias[0],
             "bias_rad": bias[1],
             "noise": _NOISES * sigma * gradient_noise(),
-            "zoom_sigma": render.drifts.zoom_sigma,
+            "zoom_sigma": render.nuisances.zoom_sigma,
             "search_px": target.search_px,
             "theta_rad": target.theta_rad,
             "range_rad": target.theta_range_rad,
@@ -118,16 +111,15 @@ def prepare(render: LookModel, target: Target) -> Artifact | Failure:
 def measure(
     image: FloatArray, artifact: Artifact, guess: Guess
 ) -> Measurement | Failure:
-    """Return place and angle; fails if the match is poor, ambiguous or out of view.
+    """Return position, px, and angle in `image`, (rows, columns) 0..1.
 
-    The angle is None if the contour is round, or if no edge in sight tells the turns of
-    its symmetry apart.
+    Fails if the match is poor, ambiguous or out of view. The angle is None if the
+    contour is round, or if no edge in sight distinguishes the turns of its symmetry.
     """
-    unfit = refused(image)
-    if unfit is not None:
+    if unfit := refused(image):
         return unfit
     if min(image.shape) < 4 * artifact.parameters["shrink"]:
-        return Failure(code="outside", message=f"an image of {image.shape} px")
+        return Failure("outside", f"an image of {image.shape} px")
     points = artifact.arrays["points"].astype(np.float64)
     pose = _matched(image, artifact, points, guess)
     if isinstance(pose, Failure):
@@ -135,8 +127,7 @@ def measure(
     fitted = fit(image, _lines(artifact, points), pose)
     if isinstance(fitted, Failure):
         return fitted
-    problem = _misplaced(fitted, artifact, guess, pose)
-    if problem is not None:
+    if problem := _misplaced(fitted, artifact, guess, pose):
         return problem
     return _answer(image, artifact, points, fitted)
 
@@ -158,8 +149,19 @@ def cost(artifact: Artifact, pixels: int) -> float:
     return total + fit_work(_lines(artifact, points))
 
 
+CONTOUR_MATCH = Routine(
+    name="contour_match",
+    version="1",
+    kinds=("circle", "teeth", "outline", "jaws"),
+    provides=("xy", "theta"),
+    prepare=prepare,
+    measure=measure,
+    cost=cost,
+)
+
+
 def _turns(model: ContourModel, target: Target) -> bool:
-    """Return whether the angle can be told."""
+    """Return whether the angle is observable."""
     if model.order == 1:
         return True
     if int(model.breaking.sum()) >= _BREAKING:
@@ -221,10 +223,9 @@ def _matched(
             found, points, best, other, p
         ):
             return Failure(
-                code="ambiguous",
-                message=f"agreement {best.score:.3f} and {other.score:.3f}",
+                "ambiguous", f"agreement {best.score:.3f} and {other.score:.3f}"
             )
-    return choose_turn(found, artifact, points, best) if p["turns"] else best
+    return _choose_turn(found, artifact, points, best) if p["turns"] else best
 
 
 def _differs(
@@ -261,15 +262,15 @@ def _misplaced(
     p = artifact.parameters
     moved = math.hypot(fitted.column - guess.column, fitted.row - guess.row)
     if moved > 1.5 * p["search_px"] + 2:
-        return Failure(code="outside", message=f"{moved:.1f} px from the guess")
+        return Failure("outside", f"{moved:.1f} px from the guess")
     drifted = math.hypot(fitted.column - pose.column, fitted.row - pose.row)
     if drifted > 4:
-        return Failure(code="diverged", message=f"the fit moved by {drifted:.1f} px")
+        return Failure("diverged", f"the fit moved by {drifted:.1f} px")
     if abs(fitted.scale - 1) > _SCALE_OFF:
-        return Failure(code="scale_off", message=f"{fitted.scale:.3f} times the size")
+        return Failure("scale_off", f"{fitted.scale:.3f} times the size")
     turn = abs(math.remainder(fitted.theta_rad - p["theta_rad"], 2 * math.pi))
     if p["turns"] and turn > p["range_rad"] * 1.2 + 0.01 and p["range_rad"] < 3:
-        return Failure(code="outside", message=f"turned by {turn:.3f} rad")
+        return Failure("outside", f"turned by {turn:.3f} rad")
     return None
 
 
@@ -299,6 +300,49 @@ def _answer(
 
 def _low(agreed: float, least: float) -> Failure:
     """Return the failure of a poor match."""
-    return Failure(
-        code="low_score", message=f"agreement {agreed:.3f}, at least {least}"
-    )
+    return Failure("low_score", f"agreement {agreed:.3f}, at least {least}")
+
+
+def _choose_turn(
+    fine: Field, artifact: Artifact, points: FloatArray, pose: ScoredPose
+) -> ScoredPose | Failure:
+    """Return the pose at the one turn that the symmetry's breach confirms."""
+    p = artifact.parameters
+    breaking = points[artifact.arrays["breaking"] > 0]
+    angles = list(_turned(p, pose, breaking))
+    if len(angles) < 2 or not len(breaking):
+        return pose
+    whole = max(score(fine, points, pose.column, pose.row, pose.theta_rad), 1e-9)
+    scores = scan(fine, breaking, pose, angles) / whole
+    best = int(scores.argmax())
+    # neighbours of the best angle are no rivals
+    away = np.abs([math.remainder(a - angles[best], 2 * math.pi) for a in angles])
+    rim = rim_px(breaking)
+    others = scores[away * rim > _SAME_PX]
+    second = max(float(others.max()), 0.0) if len(others) else 0.0
+    if scores[best] < _LEAST:
+        return Failure(
+            "no_notch",
+            f"what breaks the symmetry scores {scores[best]:.3f}, at least {_LEAST}",
+        )
+    if second > _RUNNER_UP * scores[best]:
+        return Failure(
+            "ambiguous",
+            f"two turns of the symmetry score {scores[best]:.3f} and {second:.3f}",
+        )
+    return replace(pose, theta_rad=angles[best])
+
+
+def _turned(
+    p: Mapping[str, float], pose: ScoredPose, breaking: FloatArray
+) -> Iterator[float]:
+    """Yield the angles, within the range, that look alike but for the breach."""
+    order = int(p["order"])
+    if order == ROUND:  # half a sample apart, where the breach is
+        rim = rim_px(breaking)
+        order = math.ceil(2 * math.pi * rim * 2)
+    limit = p["range_rad"] * 1.2 + 0.01
+    for k in range(order):
+        angle = pose.theta_rad + 2 * math.pi * k / order
+        if abs(math.remainder(angle - p["theta_rad"], 2 * math.pi)) <= limit:
+            yield angle

@@ -35,7 +35,7 @@ class ContourModel:
 
     points: FloatArray  # (N, 5), see the module
     order: int  # of the rotational symmetry of most of it; 1: none, 0: round
-    breaking: BoolArray  # (N,) points that tell one turn of the symmetry from another
+    breaking: BoolArray  # (N,) points that distinguish the turns of the symmetry
 
 
 def build(target: Target, seen: Prediction) -> ContourModel:
@@ -71,7 +71,7 @@ def turned(points: FloatArray, theta_rad: float) -> FloatArray:
 
 
 def rim_px(points: FloatArray) -> float:
-    """Return how far from the reference point the farthest point is."""
+    """Return the distance of the farthest of (N, 4) points from the reference, px."""
     return float(np.hypot(points[:, 0], points[:, 1]).max())
 
 

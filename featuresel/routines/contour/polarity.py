@@ -30,7 +30,7 @@ _WEAKEST = 0.15  # of the strongest tenth: less is the ring of another edge's bl
 _LOCAL = 0.2
 _SQUARE = 0.7  # cosine between the image's gradient and the normal
 _ASIDE_PX, _ASIDE = 1.0, 0.5  # the edge seen is this near: px, and of the filter
-_MOVED_PX = 0.2  # to tell the target's edges from others: the images have no noise
+_MOVED_PX = 0.2  # to distinguish the target's edges: the images have no noise
 _OWN = 0.5  # of the step must go with the target
 _FOCUS_SIGMAS = 2.0  # of the focus error, through which the polarity must hold
 # of the focus, where the sharpest image of the target is looked for
@@ -113,10 +113,12 @@ def profiles(image: FloatArray, where: FloatArray, half_px: float) -> FloatArray
 
 
 def worth(image: FloatArray, where: FloatArray, seen: Prediction) -> float:
-    """Return how well the kept edges would fix place and turn, a log determinant.
+    """Return the log determinant of position and turn by the kept edges, px.
+
+    `image` is (rows, columns), `where` (N, M) px.
 
     Each edge counts by the curvature of its response over the noise of the slope there,
-    squared: the inverse variance of its place (Canny 1986).
+    squared: the inverse variance of its position (Canny 1986).
     """
     if not seen.kept.any():
         return -math.inf
@@ -242,7 +244,7 @@ def _steadfast(
     render: LookModel, target: Target, where: FloatArray, seen: Prediction
 ) -> BoolArray:
     """Return which edges are brighter on the same side in all images they may have."""
-    off = _FOCUS_SIGMAS * render.drifts.focus_sigma_um
+    off = _FOCUS_SIGMAS * render.nuisances.focus_sigma_um
     heights = {-off, off, _sharpest_um(render, target)} - {0.0}
     same = np.ones(len(where), dtype=np.bool_)
     for dz_um in sorted(heights):

@@ -53,7 +53,7 @@ class Field:
     shrink: int
 
     def at(self, column: FloatArray, row: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the directions (right, up) at the nearest samples; 0 outside."""
+        """Return the directions (right, up) at the nearest samples, (...); else 0."""
         i, j = self.samples(column, row)
         rows, columns = self.right.shape
         outside = (i < 0) | (i >= columns) | (j < 0) | (j >= rows)
@@ -64,7 +64,7 @@ class Field:
     def samples(
         self, column: FloatArray, row: FloatArray
     ) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
-        """Return the nearest samples' (column, row) of places in px of the image."""
+        """Return the nearest samples' (column, row), (...), of points in px."""
         half = (self.shrink - 1) / 2
         i = np.rint((column - half) / self.shrink).astype(np.intp)
         j = np.rint((row - half) / self.shrink).astype(np.intp)
@@ -73,7 +73,7 @@ class Field:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Tried:
-    """Poses that are scored: angles, and shifts by samples about a place."""
+    """Poses that are scored: angles, and shifts by samples about a position."""
 
     found: Field
     points: FloatArray  # (N, 5), px of the image
@@ -94,7 +94,7 @@ class _Tried:
 
 
 def gradients(image: FloatArray, shrink: int) -> tuple[FloatArray, FloatArray]:
-    """Return the gradient (right, up) per px of the level of an image shrunk."""
+    """Return the gradient (right, up), (rows, columns) each, per px of small images."""
     small: Float32Array = image.astype(np.float32)
     if shrink > 1:
         rows, columns = image.shape
@@ -116,7 +116,10 @@ def gradient_noise() -> float:
 
 
 def field(image: FloatArray, shrink: int, floor: float) -> Field:
-    """Return the directions of gradients; those below `floor` count for their part."""
+    """Return the directions of gradients of a (rows, columns) image, 0..1.
+
+    Those below `floor` count for their part.
+    """
     right, up = gradients(image, shrink)
     size = np.maximum(np.hypot(right, up), floor)
     return Field(right=right / size, up=up / size, shrink=shrink)
@@ -184,7 +187,10 @@ def search(
 def climb(
     found: Field, points: FloatArray, start: ScoredPose, turn_rad: float, *, turns: bool
 ) -> ScoredPose:
-    """Return the best pose near `start`, by steps of one sample and `turn_rad`."""
+    """Return the best pose near `start`, by steps of one sample and `turn_rad`.
+
+    Points are (N, 4) px.
+    """
     angles = start.theta_rad + turn_rad * np.arange(-2.0, 3.0)
     if not turns:
         angles = angles[2:3]

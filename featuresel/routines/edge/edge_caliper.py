@@ -13,35 +13,27 @@ from microplan.featuresel.routines.contract import (
     Artifact,
     Failure,
     Guess,
+    LookModel,
     Measurement,
-    PoseTerm,
-    Render,
+    Routine,
     Target,
-    TargetKind,
 )
 from microplan.featuresel.routines.edge.faces import (
     LINES_PX,
     SIDES,
     TIPS,
+    TURN_STEP_RAD,
     MeasuredFace,
     calibrate,
+    face_numbers,
     in_view,
     measure_face,
     predicted,
+    rough_turn,
 )
 from microplan.featuresel.routines.picture import refused
 from microplan.featuresel.routines.sampling import edge_kernel, line_samples
 
-NAME = "edge_caliper"
-VERSION = "2"
-KINDS: tuple[TargetKind, ...] = ("jaws",)
-PROVIDES: tuple[PoseTerm, ...] = ("xy", "theta")
-REQUIRES: tuple[PoseTerm, ...] = ()
-CAPTURE_PX = math.inf
-BASELINE = False
-EXPENSIVE = False
-
-_TURN_STEP_RAD = math.radians(3)  # half of it moves a face's far end by 3 to 4 px
 _SPARSE = 4  # lines are skipped for the rough turn
 _NEAR_PX = 4.0  # what the first fit leaves to search
 _LINE_WORK = 0.4  # of the line through a face's edges, in box filters
@@ -54,7 +46,7 @@ _SCATTERED = 0.5 / math.sqrt(3)
 _OPENING_PX, _OPENING_PART = 2.0, 0.04  # accepted error of the opening
 
 
-def prepare(render: Render, target: Target) -> Artifact | Failure:
+def prepare(render: LookModel, target: Target) -> Artifact | Failure:
     """Return the faces in view, with step, filter width and calibrated place of each.
 
     The inner faces and one tip are needed; the outer faces help where they are in view.
@@ -75,19 +67,25 @@ def prepare(render: Render, target: Target) -> Artifact | Failure:
     if not any(f"{name}.step" in parameters for name in TIPS):
         missing.append("tips")
     if missing:
-        return Failure(code="no_edge", message=f"not to be seen: {', '.join(missing)}")
+        return Failure("no_edge", f"not to be seen: {', '.join(missing)}")
     return Artifact(parameters=parameters)
 
 
 def measure(
     image: FloatArray, artifact: Artifact, guess: Guess
 ) -> Measurement | Failure:
-    """Return the grip's place and angle; fails if a face is missing or misplaced."""
+    """Return the grip's position, px, and angle in `image`, (rows, columns) 0..1.
+
+    Fails if a face is missing or misplaced.
+    """
     if unfit := refused(image):
         return unfit
     p = artifact.parameters
     column, row = guess.column, guess.row
-    theta = p["theta_rad"] + _rough_turn(image, p, guess)
+    inner_faces = [face_numbers(p)[name] for name in SIDES[:2]]
+    theta = p["theta_rad"] + rough_turn(
+        image, inner_faces, p, guess, sparse=lambda _: _SPARSE
+    )
     found: dict[str, MeasuredFace] = {}
     for half in (p["search_px"], _NEAR_PX, _NEAR_PX):
         faces = _find(image, p, (column, row, theta), half)
@@ -101,8 +99,8 @@ def measure(
     worst = max(face.rms_px for face in found.values())
     if worst > _SCATTERED * _FINE_PX:
         return Failure(
-            code="scattered",
-            message=f"edges lie {worst:.2f} px about a face, "
+            "scattered",
+            f"edges lie {worst:.2f} px about a face, "
             f"at most {_SCATTERED * _FINE_PX:.2f}",
         )
     problem = _misplaced(found, p, guess, (column, row, theta))
@@ -112,13 +110,11 @@ def measure(
     spread = math.sqrt(sum(f.rms_px**2 / f.lines for f in inner)) / 2
     tips = [found[name] for name in TIPS if name in found]
     tip_spread = math.sqrt(sum(f.rms_px**2 / f.lines for f in tips)) / len(tips)
-    seen = sum(name in found for name in (*SIDES, *TIPS))
-    known = sum(f"{name}.step" in p for name in (*SIDES, *TIPS))
     return Measurement(
         column=column,
         row=row,
         theta_rad=math.remainder(theta, 2 * math.pi),
-        score=seen / known,
+        score=len(found) / len(face_numbers(p)),
         spread_px=math.hypot(max(spread, tip_spread), _LOCKED_PX),
     )
 
@@ -126,45 +122,33 @@ def measure(
 def cost(artifact: Artifact, _pixels: int) -> float:
     """Return the work of one `measure`, see `contract.Routine`."""
     p = artifact.parameters
-    rough = 2 * math.ceil(p["range_rad"] / _TURN_STEP_RAD) + 1
+    rough = 2 * math.ceil(p["range_rad"] / TURN_STEP_RAD) + 1
     total = 0.0
-    for name in (*SIDES, *TIPS):
-        if f"{name}.step" in p:
-            width, zoomed = p[f"{name}.width_px"], _ZOOM * abs(p[f"{name}.offset_px"])
-            lines = (p[f"{name}.high_px"] - p[f"{name}.low_px"]) / LINES_PX
-            total += _face_work(lines, p["search_px"] + zoomed, width)
-            total += 2 * _face_work(lines, _NEAR_PX + zoomed, width)
-            if name in SIDES[:2]:
-                total += rough * _face_work(lines / _SPARSE, p["search_px"], width)
+    for name, face in face_numbers(p).items():
+        width, zoomed = face["width_px"], _ZOOM * abs(face["offset_px"])
+        lines = (face["high_px"] - face["low_px"]) / LINES_PX
+        total += _face_work(lines, p["search_px"] + zoomed, width)
+        total += 2 * _face_work(lines, _NEAR_PX + zoomed, width)
+        if name in SIDES[:2]:
+            total += rough * _face_work(lines / _SPARSE, p["search_px"], width)
     return total
+
+
+EDGE_CALIPER = Routine(
+    name="edge_caliper",
+    version="2",
+    kinds=("jaws",),
+    provides=("xy", "theta"),
+    prepare=prepare,
+    measure=measure,
+    cost=cost,
+)
 
 
 def _face_work(lines: float, half_px: float, width_px: float) -> float:
     """Return the work of measuring one face."""
     length, kernel = len(line_samples(half_px, width_px)), len(edge_kernel(width_px))
     return work.edges(lines, length, kernel) + _LINE_WORK
-
-
-def _rough_turn(image: FloatArray, p: Mapping[str, float], guess: Guess) -> float:
-    """Return the turn by the inner faces, from the start that meets them squarest."""
-    count = math.ceil(p["range_rad"] / _TURN_STEP_RAD)
-    seen: list[tuple[int, float, float]] = []  # lines, slope left, turn
-    for k in range(-count, count + 1):
-        turn = k * _TURN_STEP_RAD
-        at = (guess.column, guess.row, p["theta_rad"] + turn)
-        faces = [
-            measure_face(image, _numbers(p, name), at, p["search_px"], sparse=_SPARSE)
-            for name in SIDES[:2]
-        ]
-        found = [face for face in faces if face is not None]
-        if found:
-            slope = float(np.mean([face.slope for face in found]))
-            seen.append((sum(face.lines for face in found), slope, turn - slope))
-    if not seen:
-        return 0.0
-    most = max(lines for lines, _, _ in seen)
-    best = min((s for s in seen if s[0] >= 0.9 * most), key=lambda s: abs(s[1]))
-    return best[2]
 
 
 def _find(
@@ -175,12 +159,11 @@ def _find(
 ) -> dict[str, MeasuredFace] | Failure:
     """Return the faces that were found; the inner ones and a tip must be among them."""
     found = {}
-    for name in (*SIDES, *TIPS):
-        if f"{name}.step" in p:
-            half = half_px + _ZOOM * abs(p[f"{name}.offset_px"])
-            face = measure_face(image, _numbers(p, name), at, half)
-            if face is not None:
-                found[name] = face
+    for name, numbers in face_numbers(p).items():
+        half = half_px + _ZOOM * abs(numbers["offset_px"])
+        face = measure_face(image, numbers, at, half)
+        if face is not None:
+            found[name] = face
     missing = [name for name in SIDES[:2] if name not in found]
     if not any(name in found for name in TIPS):
         missing.append("tips")
@@ -189,19 +172,13 @@ def _find(
     if known and not any(set(pair) <= set(found) for pair in known):
         missing.append("a finger's both sides")
     if missing:
-        return Failure(code="no_edge", message=f"not found: {', '.join(missing)}")
+        return Failure("no_edge", f"not found: {', '.join(missing)}")
     return found
 
 
 def _pair(side: str) -> tuple[str, str]:
     """Return the names of a finger's inner and outer face."""
     return (f"inner_{side}", f"outer_{side}")
-
-
-def _numbers(p: Mapping[str, float], name: str) -> dict[str, float]:
-    """Return the parameters of one face."""
-    start = f"{name}."
-    return {key.removeprefix(start): v for key, v in p.items() if key.startswith(start)}
 
 
 def _pose(
@@ -235,7 +212,8 @@ def _pose(
 def _scale(found: Mapping[str, MeasuredFace], p: Mapping[str, float]) -> float:
     """Return zoom over nominal by the widths of fingers seen whole, 1 if none is.
 
-    The fingers' width is as made; the opening is the gripper's and proves nothing.
+    The fingers' width is as fabricated; the opening is the gripper's and proves
+    nothing.
     """
     ratios = []
     for side in ("left", "right"):
@@ -257,14 +235,11 @@ def _misplaced(
     gap = -found["inner_left"].offset_px - found["inner_right"].offset_px
     wanted = -p["inner_left.offset_px"] - p["inner_right.offset_px"]
     if abs(gap - wanted) > max(_OPENING_PX, _OPENING_PART * p["opening_px"]):
-        return Failure(
-            code="opening_off",
-            message=f"opening {gap:.2f} px, predicted {wanted:.2f}",
-        )
+        return Failure("opening_off", f"opening {gap:.2f} px, predicted {wanted:.2f}")
     moved = math.hypot(pose[0] - guess.column, pose[1] - guess.row)
     if moved > 1.5 * p["search_px"] + 2:
-        return Failure(code="outside", message=f"{moved:.1f} px from the guess")
+        return Failure("outside", f"{moved:.1f} px from the guess")
     turned = abs(math.remainder(pose[2] - p["theta_rad"], 2 * math.pi))
     if turned > p["range_rad"] * 1.2 + 0.01:
-        return Failure(code="outside", message=f"turned by {turned:.3f} rad")
+        return Failure("outside", f"turned by {turned:.3f} rad")
     return None

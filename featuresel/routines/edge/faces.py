@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from microplan.arrays import FloatArray
-from microplan.featuresel.routines.contract import Target
+from microplan.featuresel.routines.contract import Guess, Target
 from microplan.featuresel.routines.sampling import (
     STEP_PX,
     best_width,
@@ -80,7 +80,7 @@ def in_view(
 def calibrate(
     image: FloatArray, face: JawFace, at: tuple[float, float, float]
 ) -> Mapping[str, float] | None:
-    """Return the face's numbers, its place and slope as measured; None if too faint."""
+    """Return a face's numbers, px, in a (rows, columns) image; None if too faint."""
     along = np.arange(face.low_px, face.high_px, LINES_PX)
     span = np.arange(-24, 25, dtype=np.float64) * STEP_PX
     profile = np.median(cubic(image, *points(face, at, along, span))[0], axis=0)
@@ -106,6 +106,9 @@ def calibrate(
 
 
 FAINT = 0.04  # step height below which an edge is not trusted
+# Half of it moves a face's far end by 3 to 4 px: `measure_face` copes with twice of it.
+TURN_STEP_RAD = math.radians(3)
+_ALMOST = 0.9  # of the most lines: turns with as many are distinguished by slope
 LINES_PX = 1.5  # between neighbouring lines: closer ones share their pixels
 _WEAKEST = 0.3  # of the predicted step
 _ROUNDS = 8  # of trimming
@@ -141,7 +144,10 @@ def measure_face(
     *,
     sparse: int = 1,
 ) -> MeasuredFace | None:
-    """Return the straight line through the edges on every `sparse`-th line, or None."""
+    """Return the line, px, through a face's edges in an image, (rows, columns).
+
+    Every `sparse`-th line is read; None if too few meet the edge.
+    """
     face = JawFace(
         normal=(numbers["normal_x"], numbers["normal_y"]),
         offset_px=numbers["offset_px"],
@@ -169,10 +175,50 @@ def measure_face(
     )
 
 
+def face_numbers(p: Mapping[str, float]) -> dict[str, Mapping[str, float]]:
+    """Return the numbers of each face by its name, from an artifact's parameters."""
+    faces: dict[str, dict[str, float]] = {}
+    for key, value in p.items():
+        name, dot, what = key.partition(".")
+        if dot:
+            faces.setdefault(name, {})[what] = value
+    return dict(faces)
+
+
+def rough_turn(
+    image: FloatArray,
+    faces: Sequence[Mapping[str, float]],
+    p: Mapping[str, float],
+    guess: Guess,
+    *,
+    sparse: Callable[[Mapping[str, float]], int],
+) -> float:
+    """Return the turn from nominal, rad, by the start that meets faces squarest.
+
+    In an image, (rows, columns) 0..1, every `sparse`-th line of a face is measured.
+    """
+    count = math.ceil(p["range_rad"] / TURN_STEP_RAD)
+    tried: list[tuple[int, float, float]] = []  # lines, slope left, turn
+    for k in range(-count, count + 1):
+        turn = k * TURN_STEP_RAD
+        at = (guess.column, guess.row, p["theta_rad"] + turn)
+        found = [
+            measure_face(image, f, at, p["search_px"], sparse=sparse(f)) for f in faces
+        ]
+        seen = [one for one in found if one is not None]
+        if seen:
+            slope = float(np.mean([one.slope for one in seen]))
+            tried.append((sum(one.lines for one in seen), slope, turn - slope))
+    if not tried:
+        return 0.0
+    most = max(lines for lines, _, _ in tried)
+    return min((t for t in tried if t[0] >= _ALMOST * most), key=lambda t: abs(t[1]))[2]
+
+
 def points(
     face: JawFace, at: tuple[float, float, float], along: FloatArray, out: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return (columns, rows), (N, L), of lines across the face, outwards."""
+    """Return (columns, rows), (N, L) px, of lines across the face, outwards."""
     column, row, theta = at
     nx, ny = face.normal
     normal = face.offset_px + out

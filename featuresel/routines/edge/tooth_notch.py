@@ -1,4 +1,4 @@
-"""Angle of a toothed part: the phase of its teeth, then the notch tells which one."""
+"""Angle of a toothed part: the phase of its teeth, then the notch selects which one."""
 
 from __future__ import annotations
 
@@ -12,23 +12,13 @@ from microplan.featuresel.routines.contract import (
     Artifact,
     Failure,
     Guess,
+    LookModel,
     Measurement,
-    PoseTerm,
-    Render,
+    Routine,
     Target,
-    TargetKind,
 )
 from microplan.featuresel.routines.picture import refused
 from microplan.featuresel.routines.sampling import cubic
-
-NAME = "tooth_notch"
-VERSION = "1"
-KINDS: tuple[TargetKind, ...] = ("teeth",)
-PROVIDES: tuple[PoseTerm, ...] = ("theta",)
-REQUIRES: tuple[PoseTerm, ...] = ("xy",)
-CAPTURE_PX = 2.0
-BASELINE = False
-EXPENSIVE = False
 
 _SAMPLES = 40  # per tooth pitch: the harmonic's aliases are far away
 _IN_VIEW = 0.6  # of the tooth ring must be inside the image
@@ -40,7 +30,7 @@ _NOTCH_PART = 0.4  # of the predicted height
 _RUNNER_UP = 0.6  # of the best candidate's signal, the most the second may reach
 
 
-def prepare(render: Render, target: Target) -> Artifact | Failure:
+def prepare(render: LookModel, target: Target) -> Artifact | Failure:
     """Return the rings to read, and phase, sign and height of both patterns there.
 
     The phase is calibrated on the image, so a contrast reversal by defocus is allowed
@@ -48,7 +38,7 @@ def prepare(render: Render, target: Target) -> Artifact | Failure:
     """
     p = target.parameters
     if "notch_rad" not in p:
-        return Failure(code="no_notch", message="nothing tells one tooth from the next")
+        return Failure("no_notch", "nothing tells one tooth from the next")
     k = target.px_per_um
     half = p["notch_width_um"] / p["notch_radius_um"] / 2
     first = Artifact(
@@ -69,9 +59,9 @@ def prepare(render: Render, target: Target) -> Artifact | Failure:
     expected = target.theta_rad + p["notch_rad"]
     signal = float(_notch_signal(image, first, at, np.array([expected]))[0])
     if amplitude < _TEETH_LEAST:
-        return Failure(code="no_teeth", message=f"predicted amplitude {amplitude:.4f}")
+        return Failure("no_teeth", f"predicted amplitude {amplitude:.4f}")
     if not abs(signal) > _NOTCH_LEAST:
-        return Failure(code="no_notch", message=f"predicted signal {signal:.4f}")
+        return Failure("no_notch", f"predicted signal {signal:.4f}")
     return Artifact(
         parameters={
             **first.parameters,
@@ -86,7 +76,7 @@ def prepare(render: Render, target: Target) -> Artifact | Failure:
 def measure(
     image: FloatArray, artifact: Artifact, guess: Guess
 ) -> Measurement | Failure:
-    """Return the angle, with the place of the guess (of which it says nothing)."""
+    """Return the angle in `image`, (rows, columns) 0..1, at the guess's position."""
     if unfit := refused(image):
         return unfit
     p = artifact.parameters
@@ -96,8 +86,8 @@ def measure(
     phase, amplitude, error = teeth
     if amplitude < max(_TEETH_PART * p["amplitude"], _TEETH_NOISE * error):
         return Failure(
-            code="no_teeth",
-            message=f"amplitude {amplitude:.4f} (error {error:.4f}), "
+            "no_teeth",
+            f"amplitude {amplitude:.4f} (error {error:.4f}), "
             f"predicted {p['amplitude']:.4f}",
         )
     pitch = 2 * math.pi / p["count"]
@@ -110,7 +100,7 @@ def measure(
     nominal = theta if guess.theta_rad is None else guess.theta_rad
     turned = abs(math.remainder(theta - nominal, 2 * math.pi))
     if p["range_rad"] < math.pi and turned > p["range_rad"] + pitch / 4:
-        return Failure(code="outside", message=f"turned by {turned:.3f} rad")
+        return Failure("outside", f"turned by {turned:.3f} rad")
     return Measurement(
         column=guess.column,
         row=guess.row,
@@ -129,6 +119,19 @@ def cost(artifact: Artifact, _pixels: int) -> float:
     return teeth + 3 * work.read(p["count"] * 7 * 3) + 0.5
 
 
+TOOTH_NOTCH = Routine(
+    name="tooth_notch",
+    version="1",
+    kinds=("teeth",),
+    provides=("theta",),
+    requires=("xy",),
+    capture_px=2.0,
+    prepare=prepare,
+    measure=measure,
+    cost=cost,
+)
+
+
 def _teeth(
     image: FloatArray, artifact: Artifact, at: Guess
 ) -> tuple[float, float, float] | Failure:
@@ -141,9 +144,7 @@ def _teeth(
     radii = np.linspace(p["root_px"], p["outer_px"], max(5, int(2 * depth) + 1))
     ring, inside = _ring(image, at, angles, radii)
     if inside.mean() < _IN_VIEW:
-        return Failure(
-            code="outside", message=f"{inside.mean():.0%} of the teeth are in view"
-        )
+        return Failure("outside", f"{inside.mean():.0%} of the teeth are in view")
     orders = (1, 2, 3, count)
     waves = [f(n * angles) for n in orders for f in (np.cos, np.sin)]
     design = np.column_stack((np.ones_like(angles), *waves))[inside]
@@ -167,13 +168,11 @@ def _choose(
     best, second = float(signal[order[0]]), max(float(signal[order[1]]), 0.0)
     if best < max(_NOTCH_PART * abs(p["notch_signal"]), _NOTCH_LEAST / 2):
         return Failure(
-            code="no_notch",
-            message=f"signal {best:.4f}, predicted {abs(p['notch_signal']):.4f}",
+            "no_notch", f"signal {best:.4f}, predicted {abs(p['notch_signal']):.4f}"
         )
     if second > _RUNNER_UP * best:
         return Failure(
-            code="ambiguous",
-            message=f"notch signals {best:.4f} and {second:.4f} are too close",
+            "ambiguous", f"notch signals {best:.4f} and {second:.4f} are too close"
         )
     return float(angles[order[0]]), 1 - second / best
 

@@ -1,4 +1,4 @@
-"""Peaks of a focus sweep, by a Gaussian or by mirror symmetry."""
+"""Peak of a focus sweep, by mirror symmetry."""
 
 from __future__ import annotations
 
@@ -19,6 +19,33 @@ _DRAWN = 0.015  # of the width: the mirror's error by stops one width apart
 _CLEARLY = 2.0  # times the known noise: above, the curve is no mirror image
 # Student's interval that holds 68 % over the normal one's, by one over the freedom
 _STUDENT = ((0.0, 0.1, 0.2, 1 / 3, 0.5, 1.0), (1.0, 1.053, 1.111, 1.197, 1.321, 1.837))
+_FEWEST = 5  # stops in a sweep
+_LEAST = 4  # of them on the peak: one more than a curve has numbers
+_FOOT = 0.1  # of the height: neighbours of the upper half join in above this
+_FLAT = 0.15  # of the highest score, the least the scores must vary by
+
+Numbers = Sequence[float] | FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FocusPeak:
+    """Where a sweep was sharpest."""
+
+    z_um: float
+    sigma_um: float  # one standard deviation, from how well the curve fits
+    width_um: float  # standard deviation of a Gaussian as wide as the peak
+
+
+@dataclass(frozen=True, slots=True)
+class Hill:
+    """A sweep that has one peak inside: stops z, um, and their scores s, (N,) each."""
+
+    z: FloatArray
+    s: FloatArray
+    low: float
+    high: float
+    first: int  # of the upper half and what joins in
+    last: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,13 +80,15 @@ def mirror_peak(
     Returns
     -------
     FocusPeak or Failure
-        As `gaussian_peak`; "several_peaks" also where no mirror is found. Sigma is by
-        the known noise, unless the fit clearly shows more.
+        Fails with "few_stops", "flat", "border" (the peak is not inside the sweep),
+        "several_peaks" (also where no mirror is found) or "coarse" (fewer than 4 stops
+        on the peak). Sigma is by the known noise, unless the fit clearly shows more.
 
     Raises
     ------
     ValueError
-        As `gaussian_peak`, and if the noise is negative or not finite.
+        If the lengths differ, the stops do not rise, a value is not finite or the
+        noise is negative.
 
     Notes
     -----
@@ -81,13 +110,13 @@ def mirror_peak(
     left, right = _half_height(hill, u, -1 / (0.5 + lift))
     mirror = _mirror(hill.z, u, left, right)
     if mirror is None:
-        return Failure(code="several_peaks", message="no mirror image is found")
+        return Failure("several_peaks", "no mirror image is found")
     width = (right - left) / math.sqrt(8 * math.log(2))
     step = float(np.diff(hill.z[hill.first : hill.last + 1]).max())
-    chance = _chance_um(mirror, noise * u**2)
+    noise_um = _noise_um(mirror, noise * u**2)
     return FocusPeak(
         z_um=mirror.top,
-        sigma_um=math.hypot(chance, mirror_error_um(step, width)),
+        sigma_um=math.hypot(noise_um, mirror_error_um(step, width)),
         width_um=width,
     )
 
@@ -161,7 +190,7 @@ def _at(
     return value, slope
 
 
-def _chance_um(mirror: _Mirror, known: FloatArray) -> float:
+def _noise_um(mirror: _Mirror, known: FloatArray) -> float:
     """Return the standard deviation of the mirror, by what is known or by the fit.
 
     `known` are the standard deviations of u at the stops, (N,).
@@ -172,73 +201,12 @@ def _chance_um(mirror: _Mirror, known: FloatArray) -> float:
     sure = float(np.linalg.norm(pull * known))
     left = rows - np.outer(slope, slope @ rows) / squared
     spread = left.T @ left
-    told = float(np.trace(spread))  # the mean of |r|^2 over a value's variance
-    freedom = told**2 / float((spread**2).sum())  # Satterthwaite (1946)
-    fitted = math.sqrt(float(r @ r) / told) * float(np.linalg.norm(pull))
+    trace = float(np.trace(spread))  # the mean of |r|^2 over a value's variance
+    freedom = trace**2 / float((spread**2).sum())  # Satterthwaite (1946)
+    fitted = math.sqrt(float(r @ r) / trace) * float(np.linalg.norm(pull))
     if sure > 0 and fitted <= _CLEARLY * sure:
         return sure
     return fitted * float(np.interp(1 / max(freedom, 1.0), *_STUDENT))
-
-
-Numbers = Sequence[float] | FloatArray
-
-_FEWEST = 5  # stops in a sweep
-_LEAST = 4  # of them on the peak: one more than a curve has numbers
-_FOOT = 0.1  # of the height: neighbours of the upper half join in above this
-_FLAT = 0.15  # of the highest score, the least the scores must vary by
-_ROUNDS = 6  # of reweighting the logarithm's noise
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FocusPeak:
-    """Where a sweep was sharpest."""
-
-    z_um: float
-    sigma_um: float  # one standard deviation, from how well the curve fits
-    width_um: float  # standard deviation of a Gaussian as wide as the peak
-
-
-@dataclass(frozen=True, slots=True)
-class Hill:
-    """A sweep that has one peak inside: stops z, um, and their scores s, (N,) each."""
-
-    z: FloatArray
-    s: FloatArray
-    low: float
-    high: float
-    first: int  # of the upper half and what joins in
-    last: int
-
-
-def gaussian_peak(z_um: Numbers, scores: Numbers) -> FocusPeak | Failure:
-    """Return where the scores peak, by a Gaussian through their upper half.
-
-    One stop more on either side joins in, lightly weighted, so that coarse sweeps have
-    enough of them.
-
-    Parameters
-    ----------
-    z_um : (N,) sequence of float
-        Stops of the sweep, strictly rising, N >= 5.
-    scores : (N,) sequence of float
-        Sharpness at each.
-
-    Returns
-    -------
-    FocusPeak or Failure
-        Fails with "few_stops", "flat", "border" (the peak is not inside the sweep),
-        "several_peaks" or "coarse" (fewer than 4 stops on the peak).
-
-    Raises
-    ------
-    ValueError
-        If the lengths differ, the stops do not rise or a value is not finite.
-    """
-    hill = find_hill(z_um, scores)
-    if isinstance(hill, Failure):
-        return hill
-    used = slice(hill.first, hill.last + 1)
-    return _gaussian(hill.z[used], hill.s[used] - hill.low)
 
 
 def find_hill(z_um: Numbers, scores: Numbers) -> Hill | Failure:
@@ -249,13 +217,11 @@ def find_hill(z_um: Numbers, scores: Numbers) -> Hill | Failure:
     if not (np.isfinite(z).all() and np.isfinite(s).all() and (np.diff(z) > 0).all()):
         raise ValueError("stops must rise and all values be finite")
     if len(z) < _FEWEST:
-        return Failure(code="few_stops", message=f"{len(z)} stops, at least {_FEWEST}")
+        return Failure("few_stops", f"{len(z)} stops, at least {_FEWEST}")
     low, high = float(s.min()), float(s.max())
     if high - low <= _FLAT * abs(high):
         return Failure(
-            code="flat",
-            message=f"scores vary from {low:.4g} to {high:.4g}, "
-            f"by {_FLAT:.0%} at least",
+            "flat", f"scores vary from {low:.4g} to {high:.4g}, by {_FLAT:.0%} at least"
         )
     upper = np.flatnonzero(s >= (low + high) / 2)
     problem = _shape(upper, len(z))
@@ -267,8 +233,7 @@ def find_hill(z_um: Numbers, scores: Numbers) -> Hill | Failure:
     last += int(s[last + 1] > foot)
     if last - first + 1 < _LEAST:
         return Failure(
-            code="coarse",
-            message=f"{last - first + 1} stops on the peak, at least {_LEAST}",
+            "coarse", f"{last - first + 1} stops on the peak, at least {_LEAST}"
         )
     return Hill(z=z, s=s, low=low, high=high, first=first, last=last)
 
@@ -276,38 +241,7 @@ def find_hill(z_um: Numbers, scores: Numbers) -> Hill | Failure:
 def _shape(upper: np.ndarray[tuple[int], np.dtype[np.intp]], n: int) -> Failure | None:
     """Return why the stops of the upper half are not one peak inside the sweep."""
     if upper[0] == 0 or upper[-1] == n - 1:
-        return Failure(code="border", message="the peak reaches the end of the sweep")
+        return Failure("border", "the peak reaches the end of the sweep")
     if upper[-1] - upper[0] + 1 != len(upper):
-        return Failure(code="several_peaks", message="the upper half has gaps")
+        return Failure("several_peaks", "the upper half has gaps")
     return None
-
-
-def _gaussian(z: FloatArray, height: FloatArray) -> FocusPeak | Failure:
-    """Return the Gaussian through positive heights, weighted by the fit itself.
-
-    References
-    ----------
-    Guo (2011): the logarithm of noisy values needs weights of the model squared.
-    """
-    middle, scale = float(z.mean()), float(np.ptp(z))
-    x = (z - middle) / scale
-    design = np.stack((np.ones_like(x), x, x * x), axis=1)
-    target, weight = np.log(height), height
-    for _ in range(_ROUNDS):
-        a, b, c = np.linalg.lstsq(design * weight[:, None], target * weight)[0]
-        weight = np.exp(np.clip(a + b * x + c * x * x, -50, 50))
-    if not c < 0:
-        return Failure(code="flat", message="the upper half has no maximum")
-    top = -b / (2 * c)
-    if not x[0] <= top <= x[-1]:
-        return Failure(code="border", message="the fitted peak is off the upper half")
-    left = (target - design @ np.array((a, b, c))) * weight
-    variance = float(left @ left) / max(len(z) - 3, 1)
-    normal = (design * weight[:, None]).T @ (design * weight[:, None])
-    gradient = np.array((0.0, -1 / (2 * c), b / (2 * c * c)))
-    spread = math.sqrt(variance * float(gradient @ np.linalg.solve(normal, gradient)))
-    return FocusPeak(
-        z_um=middle + scale * float(top),
-        sigma_um=scale * spread,
-        width_um=scale * math.sqrt(-1 / (2 * float(c))),
-    )

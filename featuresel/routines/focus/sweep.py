@@ -65,7 +65,7 @@ def focus_curve(
         Without noise, 0..1 of full scale.
     measure : Measure
         One of `microplan.featuresel.routines.focus.measures`.
-    camera : Camera
+    camera : CameraNoise
         Its noise.
     rng : numpy.random.Generator
         Source of the noise.
@@ -105,8 +105,8 @@ def sweep_sigma_um(curve: FocusCurve, step_um: float, frames: int) -> float:
     mix with z, being even in it. To that comes what stops h apart leave undrawn.
     """
     noise = curve.noise / math.sqrt(frames)
-    chance = noise * math.sqrt(_VARIANCE * curve.width_um * step_um)
-    return math.hypot(chance, mirror_error_um(step_um, curve.width_um))
+    noise_term = noise * math.sqrt(_VARIANCE * curve.width_um * step_um)
+    return math.hypot(noise_term, mirror_error_um(step_um, curve.width_um))
 
 
 def plan_sweep(
@@ -159,8 +159,7 @@ def plan_sweep(
             best = cost, gaps, frames
     if best is None:
         return Failure(
-            code="too_noisy",
-            message=f"{_FRAMES} frames a stop do not reach {sigma_um:.4g} um",
+            "too_noisy", f"{_FRAMES} frames a stop do not reach {sigma_um:.4g} um"
         )
     _, gaps, frames = best
     low = expected_um - span_um / 2
@@ -176,8 +175,8 @@ def _frames(curve: FocusCurve, step_um: float, sigma_um: float) -> int | None:
     rest = sigma_um**2 - mirror_error_um(step_um, curve.width_um) ** 2
     if rest <= 0:
         return None
-    chance = _VARIANCE * curve.noise**2 * curve.width_um * step_um
-    frames = max(1, math.ceil(chance / rest))
+    noise_term = _VARIANCE * curve.noise**2 * curve.width_um * step_um
+    frames = max(1, math.ceil(noise_term / rest))
     return frames if frames <= _FRAMES else None
 
 

@@ -20,12 +20,12 @@ _NEAR = 0.25  # of a step, beside focus: there the square's slope is taken
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Veiling:
-    """How what stands in front is blurred: as some other blur law might do it."""
+class OccluderBlur:
+    """How the occluder is blurred: as some other defocus model might do it."""
 
     focus_um: float  # off nominal
     core: float = 0.0  # share of its light that is blurred less
-    # how far it lies elsewhere, in standard deviations of each of its sways; () is 0
+    # its displacement in standard deviations of each occluder mode; none is 0
     occluder_modes: tuple[float, ...] = ()
 
 
@@ -38,12 +38,12 @@ class ImagePose:
     turn_rad: float  # from the template, counter-clockwise as displayed
     z_um: float
     zoom: float
-    front: Veiling | None = None  # None: what stands in front has the target's focus
+    front: OccluderBlur | None = None  # None: the occluder has the target's focus
 
     @property
-    def veiling(self) -> Veiling:
-        """Return how what stands in front is blurred."""
-        return self.front or Veiling(focus_um=self.z_um)
+    def occluder_blur(self) -> OccluderBlur:
+        """Return how the occluder is blurred."""
+        return self.front or OccluderBlur(focus_um=self.z_um)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -96,7 +96,7 @@ class Appearance:
     first_um: float  # focus of the first plane
     step_um: float
     is_even: bool  # images on both sides of focus are alike
-    heights: int  # of focus that `uses` tells apart
+    heights: int  # of focus that `uses` distinguishes
 
     @property
     def reach_um(self) -> float:
@@ -135,7 +135,7 @@ class Appearance:
         )
 
     def some_cells(self, z_um: float, count: int) -> IntArray:
-        """Return about `count` of the cells that are worth comparing at a focus."""
+        """Return indices of about `count` cells worth comparing at a focus, (N,)."""
         every = next(k for k in (_APART, _APART + 2) if self.shape[1] % k)
         bits, uses = self._bits(z_um), self.uses.ravel()
         cells = every * np.flatnonzero(uses[::every].astype(np.int32) & bits)
@@ -207,7 +207,7 @@ class Appearance:
         return value
 
     def _bits(self, z_um: float) -> int:
-        """Return the bits of the two heights about a focus that `uses` tells apart."""
+        """Return the bits of the two heights of `uses` about a focus."""
         low_um = 0.0 if self.is_even else self.first_um
         place = (abs(z_um) if self.is_even else z_um) - low_um
         share = place / (self.reach_um + BEYOND * self.step_um - low_um)
@@ -278,16 +278,16 @@ class Appearance:
     def _focused(self, pose: ImagePose) -> Float32Array:
         """Return coefficients of all cells at a focus and turn, and by focus."""
         z_um = abs(pose.z_um) if self.is_even else pose.z_um
-        at = beside = self._basis(z_um)
-        slopes = beside.slopes / self.step_um
+        at = slope_at = self._basis(z_um)
+        slopes = slope_at.slopes / self.step_um
         if self.is_even:  # by the square of the focus, finite where its slope is not
             off_um = max(z_um, _NEAR * self.step_um)
-            beside = self._basis(off_um)
-            slopes = beside.slopes / self.step_um / (2 * off_um)
-        first, last = min(at.first, beside.first), max(at.first, beside.first) + 4
+            slope_at = self._basis(off_um)
+            slopes = slope_at.slopes / self.step_um / (2 * off_um)
+        first, last = min(at.first, slope_at.first), max(at.first, slope_at.first) + 4
         weights = np.zeros((2, last - first))
         weights[0, at.first - first :][:4] = at.weights
-        weights[1, beside.first - first :][:4] = slopes
+        weights[1, slope_at.first - first :][:4] = slopes
         waves = self._waves(np.array([pose.turn_rad]))[:, 0]
         mixed = (weights[:, :, None] * waves).reshape(2, -1).astype(np.float32)
         near = self.planes[first:last].reshape(-1, self.planes.shape[2])

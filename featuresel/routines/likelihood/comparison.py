@@ -14,7 +14,7 @@ from microplan.featuresel.routines.contract import CameraNoise
 from microplan.featuresel.routines.likelihood.appearance import (
     Appearance,
     ImagePose,
-    Veiling,
+    OccluderBlur,
 )
 from microplan.featuresel.routines.likelihood.foreground import Front
 
@@ -24,39 +24,41 @@ _SOME = 300  # pixels, enough to tell a wrong start
 _LOOSE = 3.0  # times the spread, that focus and zoom are held to: images tell more
 _IN_VIEW = 0.2  # of the cells, that a turn is judged by
 _CLEAR = 0.02  # share of the target's light that must come through
-# numbers of the pose: place, turn, focus, zoom, and two of the front; its sways follow
+# numbers of the pose: place, turn, focus, zoom, and two of the front; its occluder
+# modes follow
 POSE = 7
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Free:
-    """What the fit may change besides the place, and how far it is likely to."""
+    """What the fit may change besides the position, and how far it is likely to."""
 
     turn: bool
     z_sigma_um: float  # 0: the focus is nominal
     zoom_sigma: float  # 0: the zoom is nominal
     gradient: bool  # whether the light may have one
-    front_sigmas: tuple[float, float] | None  # of `Veiling`; None: all is clear
-    occluder_modes: int = 0  # of what stands in front, S
+    front_sigmas: tuple[float, float] | None  # of `OccluderBlur`; None: all is clear
+    occluder_modes: int = 0  # of the occluder, S
 
     @property
     def numbers(self) -> int:
-        """Return how many numbers a pose has, P: `POSE` and the sways."""
+        """Return how many numbers a pose has, P: `POSE` and the occluder modes."""
         return POSE + self.occluder_modes
 
     @property
     def chosen(self) -> BoolArray:
-        """Return which of the pose's numbers, gain and gradients are free, (P + 3,)."""
+        """Return True where a pose's number, gain or gradient is free, (P + 3,)."""
         z, zoom, front = self.z_sigma_um > 0, self.zoom_sigma > 0, self.front_sigmas
         pose = (True, True, self.turn, z, zoom, *2 * (front is not None,))
         light = (True, self.gradient, self.gradient)
         return np.array([*pose, *self.occluder_modes * (True,), *light])
 
     def precision(self, *, squared: bool) -> FloatArray:
-        """Return the weights that draw all but place, turn and light to nominal.
+        """Return the weights, (P + 3,), per px^2 or rad^2, that hold a pose at nominal.
 
-        (P + 3,); only so much that what cannot be seen stays nominal. Sways are drawn
-        as they are spread: they are many, and images tell some of them hardly.
+        (P + 3,); only so much that what cannot be seen stays nominal. Occluder modes
+        are drawn as they are spread: they are many, and images hardly determine some of
+        them.
         """
         weights, z = np.zeros(self.numbers + 3), _LOOSE * self.z_sigma_um
         fronts = self.front_sigmas or (0.0, 0.0)
@@ -99,17 +101,17 @@ class ImageComparison:
 
     @property
     def held(self) -> ImageComparison:
-        """Return the job with what stands in front held at the target's focus.
+        """Return the job with the occluder held at the target's focus.
 
         And where it is planned to be.
         """
         free = replace(self.free, front_sigmas=None, occluder_modes=0)
-        front = None if self.front is None else self.front.steady
+        front = None if self.front is None else self.front.planned
         return replace(self, free=free, front=front)
 
     @property
     def sides(self) -> tuple[int, ...]:
-        """Return the signs of the focus that only what stands in front can tell."""
+        """Return the signs of the focus that only the occluders determine."""
         return (1, -1) if self.squared and self.front is not None else (1,)
 
     def lit(
@@ -120,7 +122,7 @@ class ImageComparison:
         rows: IntArray,
         gains: FloatArray,
     ) -> FloatArray:
-        """Return the image of a target's light under gain and gradients (3,)."""
+        """Return a target's light at (N,) pixels by gain and gradients, (3,), 0..1."""
         if self.front is not None:
             front, through = self.front.plain(pose, columns, rows)
             light = front + through * light
@@ -146,7 +148,10 @@ class PixelComparison:
 def pixels_of(
     job: ImageComparison, pose: ImagePose
 ) -> tuple[tuple[IntArray, IntArray], ...]:
-    """Return for each view (columns, rows) that tell the pose and can be seen."""
+    """Return the pixels of each view, (N,) columns and rows, that fix the pose.
+
+    They can be seen.
+    """
     return tuple(_pixels(job, at(pose, view)) for view in job.views)
 
 
@@ -166,7 +171,7 @@ def see(
     pose: ImagePose,
     pixels: tuple[IntArray, IntArray],
 ) -> PixelComparison:
-    """Return the pixels' values and the model's in one view."""
+    """Return (N,) pixels' values and the model's in one view, 0..1."""
     here, (columns, rows) = at(pose, view), pixels
     looks = job.looks.light(here, columns, rows)
     focus = looks.focus
@@ -189,7 +194,10 @@ def see(
 
 
 def fitted_light(value: FloatArray, target: FloatArray, free: Free) -> FloatArray:
-    """Return gain and gradients, (3,), by plain least squares."""
+    """Return gain and gradients, (3,) dimensionless, by plain least squares.
+
+    Of (N,) values and (N, 3) target values.
+    """
     rows = target if free.gradient else target[:1]
     normal = rows @ rows.T
     # so little more that a black image has a solution
@@ -258,7 +266,7 @@ def try_each(
     for z_um in depths:
         cells = job.looks.some_cells(z_um, _SOME)
         for zoom, side in itertools.product(zooms, job.sides):
-            front = None if job.front is None else Veiling(focus_um=side * z_um)
+            front = None if job.front is None else OccluderBlur(focus_um=side * z_um)
             here = replace(pose, z_um=z_um, zoom=zoom, front=front)
             found = misfits(job, here, np.array(turns), cells, rough=True)
             k = int(np.argmin(found))
@@ -283,7 +291,7 @@ def _lights(
 
 
 def _pixels(job: ImageComparison, pose: ImagePose) -> tuple[IntArray, IntArray]:
-    """Return the pixels that tell the pose and can be seen."""
+    """Return the pixels that determine the pose and can be seen."""
     columns, rows = job.looks.pixels(pose, job.shape)
     if job.front is None:
         return columns, rows

@@ -89,7 +89,7 @@ def measure(
 
 
 def _at_focus(job: ImageComparison, start: ImagePose) -> ImagePose:
-    """Return where a fit starts, once the place is right and tells the focus.
+    """Return where a fit starts, once the position is right and determines the focus.
 
     A pair has minima far from its focus, where one image alone fits.
     """

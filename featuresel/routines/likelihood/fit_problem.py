@@ -25,17 +25,17 @@ from microplan.featuresel.routines.likelihood.comparison import (
 from microplan.featuresel.routines.likelihood.foreground import (
     Front,
     front_maps,
-    sway_maps,
+    mode_maps,
 )
 from microplan.featuresel.routines.likelihood.planes import FOCUS_SIGMAS, prepare_planes
-from microplan.featuresel.routines.likelihood.pose_start import beside
+from microplan.featuresel.routines.likelihood.pose_start import farthest_rad
 from microplan.featuresel.routines.likelihood.spline import runout_coefficients
 
 _LEAST_SIGNAL = 0.03  # of full scale, that the target must vary by
 _SHARES = (-0.9, -0.5, 0.5, 0.7, 0.9)  # of the range of turns, where they are looked at
 _BESIDE_PX = 2  # about what is not round, as its blur grows out of focus
-# Wave depths of field, that blur laws may differ by in the height of what stands in
-# front: Hopkins' law and the exact one by 2 % of 130 um at an aperture of .42.
+# Wave depths of field, that defocus models may differ by in the occluders'
+# height: Hopkins' model and the exact one by 2 % of 130 um at an aperture of .42.
 _APART_DEPTHS = 1.0
 _BEYOND = 2.0  # times that, what the maps reach to beyond the focus
 _CORE_SIGMA = 0.1  # share that they may differ by in the core of a blur: so they do
@@ -46,10 +46,10 @@ def prepare_job(
     model: LookModel, target: Target, *, offset_um: float = 0.0
 ) -> Artifact | Failure:
     """Return what `read_job` reads, for images taken up to `offset_um` off focus."""
-    reach_um = offset_um + FOCUS_SIGMAS * model.drifts.focus_sigma_um
+    reach_um = offset_um + FOCUS_SIGMAS * model.nuisances.focus_sigma_um
     image = model()
     if float(np.ptp(image)) < _LEAST_SIGNAL:
-        return Failure(code="no_contrast", message="the target does not stand out")
+        return Failure("no_contrast", "the target does not stand out")
     turns = _turns_show(model, target, image)
     odd_px = None
     if turns and target.symmetry > 1:
@@ -61,7 +61,9 @@ def prepare_job(
         turns=turns,
         reach_um=reach_um,
         ignored=None if turns else _turning(model, _within(target)),
-        also_px=None if odd_px is None else _turned_px(odd_px, beside(target.symmetry)),
+        also_px=None
+        if odd_px is None
+        else _turned_px(odd_px, farthest_rad(target.symmetry)),
     )
     apart_um = _APART_DEPTHS * model.blur.depth_um
     front = front_maps(model, target, image, reach_um + _BEYOND * apart_um)
@@ -75,12 +77,12 @@ def prepare_job(
         }
         for name, values in maps.items():
             arrays[name] = runout_coefficients(values).astype(np.float32)
-        swaying = sway_maps(model, image)
-        arrays["front_sway_light"] = swaying.light.astype(np.float32)
-        arrays["front_sway_through"] = swaying.through.astype(np.float32)
+        modes = mode_maps(model, image)
+        arrays["front_sway_light"] = modes.light.astype(np.float32)
+        arrays["front_sway_through"] = modes.through.astype(np.float32)
     if odd_px is not None:
         arrays["odd"] = _cells(odd_px, made)
-    camera, drifts = model.camera, model.drifts
+    camera, drifts = model.camera, model.nuisances
     return Artifact(
         parameters={
             **made.parameters,
@@ -117,8 +119,8 @@ def read_job(views: tuple[DefocusedImage, ...], artifact: Artifact) -> ImageComp
             core_through=arrays["front_core_through"],
             reach_um=p["front_reach_um"],
             axis_px=(p["axis_column"], p["axis_row"]),
-            sway_light=arrays["front_sway_light"],
-            sway_through=arrays["front_sway_through"],
+            mode_light=arrays["front_sway_light"],
+            mode_through=arrays["front_sway_through"],
         )
         sigmas = (
             p["front_focus_sigma_um"],
@@ -140,7 +142,7 @@ def read_job(views: tuple[DefocusedImage, ...], artifact: Artifact) -> ImageComp
             zoom_sigma=p["zoom_sigma"],
             gradient=p["gradient"] > 0,
             front_sigmas=sigmas,
-            occluder_modes=0 if front is None else len(front.sway_light),
+            occluder_modes=0 if front is None else len(front.mode_light),
         ),
         symmetry=int(p["symmetry"]),
     )

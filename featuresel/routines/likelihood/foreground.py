@@ -2,7 +2,7 @@
 
 Its place is known to some um and its angle may be any, while its blur is wide: what it
 then changes is a sum of few images, the principal ones of its covariance. A fit that
-frees their amounts learns from the image where what stands in front really is.
+frees their amounts learns from the image where the occluder really is.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ _MOST = 9  # heights: each takes a dozen images
 _MOVED_PX = 1.5  # displacements that the light is compared at
 _FAR = 0.5  # of the search, along both axes
 _SAME = 0.002  # of full scale: an image that differs less from the target alone is it
-# Of the way to what stands in front: there a tenth of its light seems to come from, by
+# Of the distance to the occluder: there a tenth of its light seems to come from, by
 # the exact law at an aperture of .42 against Hopkins'; .2 to .3 serve equally well.
 _CORE = 0.3
 _FLAT = 1e-3  # per px: what is no steeper has no edge
-_DOUBT = 0.02  # of full scale: where the target's light varies less, the veil decides
+_DOUBT = 0.02  # of full scale: where the target varies less, the occluder decides
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,8 +59,8 @@ def front_maps(
     -----
     A line through what each pixel shows against the target alone, at nine places of the
     target, near nominal and as far as it is sought: what covers or shades it, what is
-    seen beside it, and what shades what. The slope is that of `LookModel.veil` where
-    the target's light hardly varies.
+    seen next to it, and what shades what. The slope is that of `LookModel.occluders`
+    where the target's light hardly varies.
     """
     if float(np.abs(image - np.clip(model.alone(), 0, 1)).max()) < _SAME:
         return None
@@ -77,7 +77,7 @@ def front_maps(
 
 
 def _cores(model: LookModel, target: Target, heights: FloatArray) -> list[Occluders]:
-    """Return what less blur of what stands in front changes, at some focus heights."""
+    """Return what less blur of the occluder changes, at some focus heights."""
     near_um = _CORE * _height_um(model, target)
     found = []
     for dz in heights.tolist():
@@ -90,7 +90,7 @@ def _cores(model: LookModel, target: Target, heights: FloatArray) -> list[Occlud
 
 
 def _height_um(model: LookModel, target: Target) -> float:
-    """Return how far above nominal focus the edges of what stands in front are.
+    """Return how far above nominal focus the edges of the occluder are.
 
     An edge blurred to a disc of radius R is nowhere steeper than 2 / (pi R).
     """
@@ -129,15 +129,17 @@ _OCCLUDER_MODES_MOST = 8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SwayMaps:
+class ModeMaps:
     """Changes by one standard deviation each of independent amounts of mean 0."""
 
     light: FloatArray  # (S, rows, columns)
     through: FloatArray  # (S, rows, columns)
 
 
-def sway_maps(model: LookModel, image: FloatArray) -> SwayMaps:
-    """Return what likely errors of what stands still change, none if that is nothing.
+def mode_maps(model: LookModel, image: FloatArray) -> ModeMaps:
+    """Return the changes by likely errors of the static scene, (S, rows, columns).
+
+    In shares of full scale; none if they change nothing.
 
     Parameters
     ----------
@@ -150,13 +152,13 @@ def sway_maps(model: LookModel, image: FloatArray) -> SwayMaps:
     changes = model.occluder_modes()
     if not changes:
         none = np.zeros((0, *image.shape))
-        return SwayMaps(light=none, through=none)
+        return ModeMaps(light=none, through=none)
     shown = np.stack([change.shown for change in changes])
     through = np.stack([change.through for change in changes])
     kept = principal(shown / np.sqrt(model.camera.variance(image)))
     through = np.tensordot(kept, through, 1)
     light = np.tensordot(kept, shown, 1) - through * model.alone()
-    return SwayMaps(light=light, through=through)
+    return ModeMaps(light=light, through=through)
 
 
 def principal(changes: FloatArray) -> FloatArray:
@@ -192,13 +194,13 @@ class Veiled:
 
     light: FloatArray  # (N,)
     through: FloatArray  # (N,)
-    light_slopes: FloatArray  # (2 + S, N) by the numbers of a `Veiling`
+    light_slopes: FloatArray  # (2 + S, N) by the numbers of a `OccluderBlur`
     through_slopes: FloatArray  # (2 + S, N)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Front:
-    """What stands before the target at some focus heights, as maps of the region."""
+    """The target's occluder at some focus heights, as maps of the region."""
 
     light: Float32Array  # (K + 2, rows, columns), a spline's coefficients
     through: Float32Array  # (K + 2, rows, columns)
@@ -208,34 +210,37 @@ class Front:
         float  # the K heights are from -reach to reach off nominal, at equal steps
     )
     axis_px: tuple[float, float]  # column and row that zoom leaves alone
-    # (S, rows, columns) what each sway changes them by; zoom and focus do not move them
-    sway_light: Float32Array
-    sway_through: Float32Array
+    # (S, rows, columns) what each occluder mode changes them by; zoom and focus do not
+    # move them
+    mode_light: Float32Array
+    mode_through: Float32Array
 
     def at(self, pose: ImagePose, columns: IntArray, rows: IntArray) -> Veiled:
         """Return what pixels show, (N,), as the pose has it in front.
 
         A cubic spline through the heights, linear between pixels.
         """
-        front = pose.veiling
+        front = pose.occluder_blur
         four, (value, by_focus) = self._heights(front.focus_um)
         seen, slopes = [], []
         cells = rows * self.light.shape[2] + columns
         places = self._places(pose.zoom, columns, rows)
         for maps, cores, occluder_modes in (
-            (self.light, self.core_light, self.sway_light),
-            (self.through, self.core_through, self.sway_through),
+            (self.light, self.core_light, self.mode_light),
+            (self.through, self.core_through, self.mode_through),
         ):
             near = places.read(maps[four])
             core = value @ places.read(cores[four])
-            swayed = occluder_modes.reshape(
+            displaced = occluder_modes.reshape(
                 len(occluder_modes), self.light[0].size
             ).take(cells, axis=1)
             shown = value @ near + front.core * core
             if front.occluder_modes:
-                shown += np.array(front.occluder_modes, np.float32) @ swayed
+                shown += np.array(front.occluder_modes, np.float32) @ displaced
             seen.append(shown)
-            slopes.append(np.concatenate((np.stack((by_focus @ near, core)), swayed)))
+            slopes.append(
+                np.concatenate((np.stack((by_focus @ near, core)), displaced))
+            )
         return Veiled(
             light=seen[0],
             through=seen[1],
@@ -247,7 +252,7 @@ class Front:
         self, pose: ImagePose, columns: IntArray, rows: IntArray
     ) -> tuple[FloatArray, FloatArray]:
         """Return light and share let through at pixels, (...), by focus alone."""
-        four, (value, _) = self._heights(pose.veiling.focus_um)
+        four, (value, _) = self._heights(pose.occluder_blur.focus_um)
         places = self._places(pose.zoom, columns, rows)
         light, through = (
             np.tensordot(value, places.read(m[four]), 1)
@@ -256,10 +261,10 @@ class Front:
         return light, through
 
     @property
-    def steady(self) -> Front:
-        """Return the same in its planned place, without sways."""
-        none = self.sway_light[:0]
-        return replace(self, sway_light=none, sway_through=none)
+    def planned(self) -> Front:
+        """Return the same in its planned place, without occluder modes."""
+        none = self.mode_light[:0]
+        return replace(self, mode_light=none, mode_through=none)
 
     def _heights(self, focus_um: float) -> tuple[slice, FloatArray]:
         """Return four coefficients and their weights, (2, 4): of value and slope."""
@@ -270,7 +275,7 @@ class Front:
         return slice(at.first, at.first + 4), np.stack((at.weights, slopes))
 
     def clear(self, columns: IntArray, rows: IntArray) -> FloatArray:
-        """Return the share let through at N pixels at nominal focus and zoom."""
+        """Return the share let through at (N,) pixels at nominal focus and zoom."""
         four, (value, _) = self._heights(0.0)
         return np.asarray(value @ self.through[four, rows, columns])
 

@@ -4,6 +4,11 @@ The most accurate routine near its answer, and the only one that knows how far l
 blur may change: focus, zoom and light are free where the look's trials vary them. It
 needs a guess within a pixel or two; the angle too, unless it is known within a few
 degrees or repeats so soon.
+
+`one_step` finds the same by one linear step, for the last cycles of a servo, where its
+last answer or the servo's own model already says within a third of a pixel where the
+target is and how far out of focus. In focus light changes across an edge faster than
+that: after a step of more than a tenth of a pixel another follows.
 """
 
 from __future__ import annotations
@@ -19,11 +24,8 @@ from microplan.featuresel.routines.contract import (
     Artifact,
     Failure,
     Guess,
-    LookModel,
     Measurement,
-    PoseTerm,
-    Target,
-    TargetKind,
+    Routine,
 )
 from microplan.featuresel.routines.likelihood.appearance import ImagePose
 from microplan.featuresel.routines.likelihood.comparison import (
@@ -31,7 +33,11 @@ from microplan.featuresel.routines.likelihood.comparison import (
     ImageComparison,
 )
 from microplan.featuresel.routines.likelihood.fit_problem import prepare_job, read_job
-from microplan.featuresel.routines.likelihood.pose_fit import PoseFit, fit_pose
+from microplan.featuresel.routines.likelihood.pose_fit import (
+    PoseFit,
+    fit_pose,
+    step_once,
+)
 from microplan.featuresel.routines.likelihood.pose_start import (
     equal_turns,
     is_marked,
@@ -41,33 +47,23 @@ from microplan.featuresel.routines.likelihood.pose_start import (
 )
 from microplan.featuresel.routines.picture import refused
 
-NAME = "likelihood"
-VERSION = "5"
-KINDS: tuple[TargetKind, ...] = ("circle", "teeth", "outline", "jaws")
-PROVIDES: tuple[PoseTerm, ...] = ("xy", "theta", "z", "zoom")
-REQUIRES: tuple[PoseTerm, ...] = ("xy",)
-CAPTURE_PX = 2.0
-BASELINE = False
-EXPENSIVE = True
-
 _WORST_CHI2 = 60.0  # worse is another thing; what trials show sets a finer gate
 _LEAST_USED = 0.55  # share of pixels that must be the target's
-_MOST_SPREAD_PX = 0.5  # of what an image tells: in more uncertainty nothing is found
-_DIMMEST = 0.02  # of the nominal light: less is told apart from none by rounding alone
+_MOST_SPREAD_PX = 0.5  # standard deviation: in more uncertainty nothing is found
+_DIMMEST = 0.02  # of the nominal light: less is rounding
+_STEP_CAPTURE_PX = 0.35  # how far off one step starts
+_AGAIN_PX = 0.1  # a step that is shorter leaves nothing that noise would not hide
 _FAR_PX = 3.0  # the most that the fit may move from the guess
-
-
-def prepare(model: LookModel, target: Target) -> Artifact | Failure:
-    """Return the target's planes, what stands before it, and what is free."""
-    return prepare_job(model, target)
 
 
 def measure(
     image: FloatArray, artifact: Artifact, guess: Guess
 ) -> Measurement | Failure:
-    """Return the likeliest pose near the guess; fails if too little of it fits."""
-    unfit = refused(image)
-    if unfit is not None:
+    """Return the likeliest pose, px, near the guess in `image`, (rows, columns) 0..1.
+
+    Fails if too little of the image fits.
+    """
+    if unfit := refused(image):
         return unfit
     job, p = read_job((DefocusedImage(image=image),), artifact), artifact.parameters
     start = start_pose(job, p, guess)
@@ -91,8 +87,67 @@ def cost(artifact: Artifact, _pixels: int) -> float:
     return 4.0 + 3e-4 * float(cells)
 
 
+LIKELIHOOD = Routine(
+    name="likelihood",
+    version="5",
+    kinds=("circle", "teeth", "outline", "jaws"),
+    provides=("xy", "theta", "z", "zoom"),
+    requires=("xy",),
+    capture_px=2.0,
+    expensive=True,
+    prepare=prepare_job,
+    measure=measure,
+    cost=cost,
+)
+
+
+def measure_step(
+    image: FloatArray, artifact: Artifact, guess: Guess
+) -> Measurement | Failure:
+    """Return the pose, px, after a step in `image`, (rows, columns) 0..1.
+
+    Fails if that step is longer than a step may be.
+    """
+    if unfit := refused(image):
+        return unfit
+    if guess.z_um is None and artifact.parameters["focus_sigma_um"] > 0:
+        return Failure("no_focus", "one step needs to know the focus")
+    job, p = read_job((DefocusedImage(image=image),), artifact), artifact.parameters
+    start = start_pose(job, p, guess)
+    if isinstance(start, Failure):
+        return start
+    found = step_once(job, start)
+    if isinstance(found, Failure):
+        return found
+    moved = math.hypot(found.pose.column - guess.column, found.pose.row - guess.row)
+    if moved > 2 * _STEP_CAPTURE_PX:
+        return Failure("not_captured", f"a step of {moved:.2f} px")
+    if moved > _AGAIN_PX:
+        found = step_once(job, found.pose)
+    return found if isinstance(found, Failure) else answer(found, p, guess)
+
+
+def step_cost(artifact: Artifact, _pixels: int) -> float:
+    """Return the work of one `measure_step`, see `contract.Routine`."""
+    return 4.0 + 1e-4 * float(artifact.arrays["planes"].shape[2])
+
+
+ONE_STEP = Routine(
+    name="one_step",
+    version="4",
+    kinds=("circle", "teeth", "outline", "jaws"),
+    provides=("xy", "theta", "z", "zoom"),
+    requires=("xy", "theta", "z"),
+    capture_px=_STEP_CAPTURE_PX,
+    expensive=True,
+    prepare=prepare_job,
+    measure=measure_step,
+    cost=step_cost,
+)
+
+
 def _freed(job: ImageComparison, start: ImagePose) -> PoseFit | Failure:
-    """Return the fit of the pose together with what stands in front, if anything does.
+    """Return the fit of the pose together with the occluder, if anything does.
 
     Held as planned where it is not, that draws the pose's focus and zoom away, and from
     there the fit of both may not come back. It settles where both together do not; one
@@ -127,8 +182,7 @@ def _at_mark(
     if alone or is_marked(seen):
         return found
     return Failure(
-        code="ambiguous",
-        message=f"{seen.share[0]:.0%} of what breaks the symmetry shows",
+        "ambiguous", f"{seen.share[0]:.0%} of what breaks the symmetry shows"
     )
 
 
@@ -138,29 +192,25 @@ def answer(
     """Return the measurement, or why the fit cannot be believed."""
     pose = found.pose
     if found.light[0] < _DIMMEST:
-        return Failure(
-            code="too_dim", message=f"{found.light[0]:.2g} of the nominal light"
-        )
+        return Failure("too_dim", f"{found.light[0]:.2g} of the nominal light")
     if found.chi2 > _WORST_CHI2 or found.used < _LEAST_USED:
         return Failure(
-            code="misfit",
-            message=f"chi squared {found.chi2:.1f} a pixel, {found.used:.0%} of the "
-            f"pixels fit",
+            "misfit",
+            f"chi squared {found.chi2:.1f} a pixel, {found.used:.0%} of the pixels fit",
         )
     moved = math.hypot(pose.column - guess.column, pose.row - guess.row)
     if moved > _FAR_PX:
-        return Failure(code="outside", message=f"{moved:.1f} px from the guess")
+        return Failure("outside", f"{moved:.1f} px from the guess")
     theta = None
     if p["turns"]:
         theta = math.remainder(p["theta_rad"] + pose.turn_rad, 2 * math.pi)
         turned = abs(math.remainder(pose.turn_rad, 2 * math.pi))
         if turned > 1.2 * p["range_rad"] + 0.01:
-            return Failure(code="outside", message=f"turned by {turned:.3f} rad")
+            return Failure("outside", f"turned by {turned:.3f} rad")
     sigma = found.sigma
     if not max(sigma[0], sigma[1]) < _MOST_SPREAD_PX:  # also nan
         return Failure(
-            code="no_contrast",
-            message=f"the place is uncertain by {max(sigma[0], sigma[1]):.2f} px",
+            "no_contrast", f"the place is uncertain by {max(sigma[0], sigma[1]):.2f} px"
         )
     return Measurement(
         column=pose.column,

@@ -1,4 +1,4 @@
-"""A target's light over place, focus and turn as planes, where it tells the pose."""
+"""Planes of a target's light over position, focus and rotation."""
 
 from __future__ import annotations
 
@@ -10,9 +10,13 @@ import numpy as np
 import numpy.typing as npt
 
 from microplan.arrays import BoolArray, FloatArray, IntArray
-from microplan.featuresel.routines.contract import Artifact, LookModel, Target
+from microplan.featuresel.routines.contract import (
+    Artifact,
+    CameraNoise,
+    LookModel,
+    Target,
+)
 from microplan.featuresel.routines.likelihood.appearance import AGAIN_PX, BEYOND
-from microplan.featuresel.routines.likelihood.pixel_selection import informative
 from microplan.featuresel.routines.likelihood.spline import (
     depth_coefficients,
     plane_coefficients,
@@ -28,7 +32,7 @@ _SAMPLES = 1.9  # a period of the finest detail; what is finer has no contrast
 _MOST_BITS = 20  # that 32-bit floats hold exactly, and to spare
 _MARGIN_PX = 10.0  # around the target, beyond its blur
 _FINGER = 1.2  # of a finger's width, taken in beside the opening: all of it
-_BEHIND = 2.0  # of the way from grip to tips, on both sides: far ends tell the angle
+_BEHIND = 2.0  # of the distance from grip to tips: far ends determine the angle
 _WANTED = 3  # column, row and turn keep their limits; focus and zoom come with them
 _SUPPORT = 2  # cells around one that a cubic spline needs
 
@@ -42,10 +46,8 @@ class _TemplateGrid:
 
     @property
     def around(self) -> int:
-        """Return the samples about a chosen one that a fit may read.
-
-        A spline's, as many as pixels move by, and one as pixels are between samples.
-        """
+        """Return the samples about a chosen one that a fit may read."""
+        # a spline's, as many as pixels move by, and one as pixels are between samples
         return _SUPPORT + math.ceil(AGAIN_PX * self.over + 0.5)
 
 
@@ -92,7 +94,7 @@ def prepare_planes(
     ignored : (rows, columns) bool array, optional
         Pixels of the nominal image that are not the target's.
     also_px : (2, N) float array, optional
-        Places, right and down of the reference point, that are read whatever they tell.
+        Positions, right and down of the reference point, that are read in any case.
     """
     half = _half_px(model, target, shape, reach_um)
     over = _over(model, target)
@@ -110,9 +112,9 @@ def prepare_planes(
     planes = np.stack(
         [plane_coefficients(t, over=over, side=side, turns=turns) for t in stack]
     )
-    told = np.unique(np.linspace(0, len(distinct) - 1, _MOST_BITS).round().astype(int))
+    few = np.unique(np.linspace(0, len(distinct) - 1, _MOST_BITS).round().astype(int))
     own = _own(ignored, target, half)
-    used = _used(planes[:, :2].sum(axis=1), distinct, model, grid, own)[told]
+    used = _used(planes[:, :2].sum(axis=1), distinct, model, grid, own)[few]
     return Artifact(
         parameters={
             "over": float(over),
@@ -231,15 +233,15 @@ def _used(
     inner = np.zeros((rows, columns), dtype=bool)
     edge = grid.around
     inner[edge:-edge, edge:-edge] = True
-    # by the middle of its block: what is told in vain would else be counted on
+    # by the middle of its block: what is determined in vain would else be counted on
     own = own[: seen.shape[1], : seen.shape[2]] * inner[first::over, first::over]
     used = np.zeros(light.shape, dtype=bool)
     for k, mean in enumerate(seen):
         turn, grow = across[k] * v - down[k] * u, across[k] * u + down[k] * v
         rest = (focus[k], grow, mean, mean * u, mean * v)
         slopes = np.stack((across[k], down[k], turn, *rest))
-        told = informative(mean, slopes * own, model.camera, wanted=_WANTED)
-        block = told.repeat(over, axis=0).repeat(over, axis=1)
+        few = informative(mean, slopes * own, model.camera, wanted=_WANTED)
+        block = few.repeat(over, axis=0).repeat(over, axis=1)
         block = block[:rows, :columns]
         used[k, : block.shape[0], : block.shape[1]] = block
     return np.asarray(used & inner)
@@ -264,3 +266,85 @@ def _grown(used: BoolArray, around: int) -> BoolArray:
     size = 2 * around + 1
     kernel = np.ones((size, size), np.uint8)
     return np.asarray(cv2.dilate(used.astype(np.uint8), kernel) > 0)
+
+
+LOSS = 1.06  # of the limits, by leaving pixels out; neighbours halve it
+_WEAK = 1e-10  # of the strongest direction: what is weaker is not determined at all
+_NEAR_PX = 1.0  # standard deviation of what counts as near
+_ROUNDS = 2  # of ranking: the information of a pixel depends on what else is taken
+
+
+def informative(
+    mean: FloatArray,
+    slopes: FloatArray,
+    camera: CameraNoise,
+    *,
+    wanted: int,
+) -> BoolArray:
+    """Return few pixels whose Cramer-Rao limits are nearly those of all.
+
+    Parameters
+    ----------
+    mean : (rows, columns) float array
+        Light of the pixels, 0..1 of full scale.
+    slopes : (P, rows, columns) float array
+        What they change by with each number that the fit leaves free.
+    camera : CameraNoise
+        Its noise.
+    wanted : int
+        How many of the numbers, the first, must keep their limits within `LOSS`.
+
+    Returns
+    -------
+    (rows, columns) bool array
+        Pixels are taken in falling order of what they and their neighbours tell about
+        the numbers wanted, all others being unknown. Neighbours, because the pixels of
+        an image do not lie where the template's do.
+
+    Notes
+    -----
+    The influence of a pixel on an estimate is a row of F^-1 times its slopes; its
+    square over the variance is the pixel's part of 1 / limit**2.
+    """
+    scores = (slopes / np.sqrt(camera.variance(mean))).reshape(len(slopes), -1)
+    scale = np.sqrt((scores**2).sum(axis=1))
+    scores = scores / np.where(scale > 0, scale, 1.0)[:, None]
+    known = _inverse(scores)
+    goal = np.diag(known)[:wanted] * LOSS**2
+    taken: IntArray = np.arange(mean.size)
+    for _ in range(_ROUNDS):
+        influence = known[:wanted] @ scores
+        few = goal[:, None] > 0
+        rank = np.where(few, influence**2 / np.where(few, goal[:, None], 1.0), 0.0)
+        density = cv2.GaussianBlur(
+            rank.sum(axis=0).reshape(mean.shape), (0, 0), _NEAR_PX
+        )
+        order = np.argsort(-density, axis=None, kind="stable")
+        count = _fewest(scores, order, goal)
+        if count < len(taken):
+            taken = order[:count]
+        known = _inverse(scores[:, order[:count]])
+    used = np.zeros(mean.size, dtype=bool)
+    used[taken] = True
+    return used.reshape(mean.shape)
+
+
+def _fewest(scores: FloatArray, order: IntArray, goal: FloatArray) -> int:
+    """Return how many pixels, in order, keep the limits."""
+    few, many = 0, len(order)
+    while many - few > 1:
+        middle = (few + many) // 2
+        kept = np.diag(_inverse(scores[:, order[:middle]]))[: len(goal)]
+        # what is lost altogether has no variance left either
+        meets = bool(((kept <= goal) & ((kept > 0) | (goal <= 0))).all())
+        few, many = (few, middle) if meets else (middle, many)
+    return many
+
+
+def _inverse(scores: FloatArray) -> FloatArray:
+    """Return the covariance over the directions that (P, N) scores tell."""
+    values, vectors = np.linalg.eigh(scores @ scores.T)
+    good = values > _WEAK * max(float(values[-1]), 1e-300)
+    turned = vectors[:, good]
+    covariance: FloatArray = (turned / values[good]) @ turned.T
+    return covariance

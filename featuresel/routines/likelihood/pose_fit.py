@@ -12,7 +12,7 @@ from microplan.featuresel.routines.contract import Failure
 from microplan.featuresel.routines.likelihood.appearance import (
     AGAIN_PX,
     ImagePose,
-    Veiling,
+    OccluderBlur,
 )
 from microplan.featuresel.routines.likelihood.comparison import (
     FEWEST,
@@ -32,8 +32,8 @@ _NEARLY = 100.0  # and of this one: farther off nothing is known of the next
 _FAR_PX = 1.5  # the most that one step may move the image
 _FAR_DEPTHS = 1.0  # the most that one step may change the focus, steps of the planes
 _FULL = 0.99  # of full scale, where the camera may have clipped
-_MOST_CORE = 0.3  # beyond, it would stand for another focus of what stands in front
-_MOST_SWAY = 5.0  # standard deviations: what lies farther off was not planned for
+_MOST_CORE = 0.3  # beyond, it would stand for another focus of the occluder
+_MOST_MODE = 5.0  # standard deviations: what lies farther off was not planned for
 _ZOOMS = (0.8, 1.25)  # beyond, nothing that starts near nominal gets
 
 
@@ -51,7 +51,7 @@ class PoseFit:
 
     @property
     def z_um(self) -> float:
-        """Return the focus, with the sign that what stands in front has, if any."""
+        """Return the focus, with the sign that the occluder has, if any."""
         pose = self.pose
         if not self.squared or pose.front is None:
             return pose.z_um
@@ -87,13 +87,13 @@ def fit_pose(job: ImageComparison, start: ImagePose) -> PoseFit | Failure:
         if _is_elsewhere(job, last, pose):
             chosen, last = pixels_of(job, pose), pose
         if sum(len(columns) for columns, _ in chosen) < FEWEST:
-            return Failure(code="outside", message="the target is not in view")
+            return Failure("outside", "the target is not in view")
         linear = _linear(job, pose, light, chosen)
         if isinstance(linear, Failure):
             return linear
         step = linear.move(job, pose, depths)
         if step is None:
-            return Failure(code="no_contrast", message="the image tells no pose")
+            return Failure("no_contrast", "the image tells no pose")
         move, share = step
         if move[3] * before < 0:  # about focus slopes vanish, and steps go to and fro
             depths /= 2
@@ -108,7 +108,7 @@ def fit_pose(job: ImageComparison, start: ImagePose) -> PoseFit | Failure:
         if least < _SETTLED * max(1.0, linear.chi2) and length < _NEARLY:
             return linear.after(move).result(job, pose, light)
         shorter = max(length, 1e-300)
-    return Failure(code="diverged", message=f"not settled after {_ROUNDS} rounds")
+    return Failure("diverged", f"not settled after {_ROUNDS} rounds")
 
 
 def step_once(job: ImageComparison, start: ImagePose) -> PoseFit | Failure:
@@ -118,13 +118,13 @@ def step_once(job: ImageComparison, start: ImagePose) -> PoseFit | Failure:
     """
     chosen = pixels_of(job, start)
     if sum(len(columns) for columns, _ in chosen) < FEWEST:
-        return Failure(code="outside", message="the target is not in view")
+        return Failure("outside", "the target is not in view")
     linear = _linear(job, start, None, chosen)
     if isinstance(linear, Failure):
         return linear
     step = linear.move(job, start, _FAR_DEPTHS)
     if step is None:
-        return Failure(code="no_contrast", message="the image tells no pose")
+        return Failure("no_contrast", "the image tells no pose")
     move, _ = step
     end = _after(job, start, move)
     return linear.after(move).result(job, end, linear.light + move[-3:])
@@ -164,9 +164,11 @@ class _Linear:
         after = _after(job, pose, move)
         move[3] = job.focus(after) - job.focus(pose)
         if job.free.front_sigmas is not None:
-            move[5] = after.veiling.focus_um - pose.veiling.focus_um
-            move[6] = after.veiling.core - pose.veiling.core
-            move[POSE:-3] = _sways(job, after.veiling) - _sways(job, pose.veiling)
+            move[5] = after.occluder_blur.focus_um - pose.occluder_blur.focus_um
+            move[6] = after.occluder_blur.core - pose.occluder_blur.core
+            move[POSE:-3] = _modes(job, after.occluder_blur) - _modes(
+                job, pose.occluder_blur
+            )
         return move, share
 
     def after(self, move: FloatArray) -> _Linear:
@@ -205,7 +207,7 @@ def _linear(
     if light is None:
         light = fitted_light(seen.value, seen.target, job.free)
     if not (np.isfinite(light).all() and light[0] > 0):
-        return Failure(code="no_contrast", message="no light fits the image")
+        return Failure("no_contrast", "no light fits the image")
     mean = light @ seen.target
     noise = np.sqrt(job.camera.variance(mean))
     residual = (seen.value - mean) / noise
@@ -213,15 +215,15 @@ def _linear(
     ratio = residual / (REJECT * scale)
     trusted = (np.abs(ratio) < 1) & (seen.value < _FULL) & (mean < _FULL)
     if trusted.sum() < FEWEST:
-        return Failure(code="misfit", message=f"{int(trusted.sum())} pixels fit")
+        return Failure("misfit", f"{int(trusted.sum())} pixels fit")
     weight = np.where(trusted, (1 - ratio**2) ** 2, 0.0)
     lit = light[0] + light[1:] @ seen.place
     design = np.concatenate((seen.slopes * lit, seen.target)) / noise
     pull = job.free.precision(squared=job.squared)
     right = design @ (weight * residual)
-    front = pose.veiling
+    front = pose.occluder_blur
     off = (job.focus(pose), pose.zoom - 1, front.focus_um, front.core)
-    right[3:-3] -= pull[3:-3] * np.append(off, _sways(job, front))
+    right[3:-3] -= pull[3:-3] * np.append(off, _modes(job, front))
     return _Linear(
         light=light,
         normal=(design * weight) @ design.T + np.diag(pull),
@@ -274,26 +276,26 @@ def _after(job: ImageComparison, pose: ImagePose, move: FloatArray) -> ImagePose
 
 def _front(
     job: ImageComparison, pose: ImagePose, z_um: float, move: FloatArray
-) -> Veiling | None:
-    """Return how what stands in front is blurred after a step, within its maps."""
+) -> OccluderBlur | None:
+    """Return how the occluder is blurred after a step, within its maps."""
     if job.front is None:
         return pose.front
-    was, reach = pose.veiling, job.front.reach_um
+    was, reach = pose.occluder_blur, job.front.reach_um
     if job.free.front_sigmas is None:
-        return Veiling(
+        return OccluderBlur(
             focus_um=math.copysign(z_um, was.focus_um) if job.squared else z_um
         )
-    return Veiling(
+    return OccluderBlur(
         focus_um=min(max(was.focus_um + float(move[0]), -reach), reach),
         core=min(max(was.core + float(move[1]), -_MOST_CORE), _MOST_CORE),
         occluder_modes=tuple(
-            np.clip(_sways(job, was) + move[2:], -_MOST_SWAY, _MOST_SWAY).tolist()
+            np.clip(_modes(job, was) + move[2:], -_MOST_MODE, _MOST_MODE).tolist()
         ),
     )
 
 
-def _sways(job: ImageComparison, front: Veiling) -> FloatArray:
-    """Return how far what stands in front lies elsewhere, (S,)."""
+def _modes(job: ImageComparison, front: OccluderBlur) -> FloatArray:
+    """Return the occluder modes' amounts, (S,), in standard deviations."""
     return np.array(front.occluder_modes or (0.0,) * job.free.occluder_modes)
 
 

@@ -21,7 +21,7 @@ from microplan.featuresel.routines.likelihood.pose_fit import PoseFit
 # A mark that is seen has a share of 1, one that is hidden of 0, each with a deviation
 # of 1 / sqrt(told): at three quarters four deviations keep both apart.
 _SEEN = 0.75
-_TOLD = 256.0
+_CONTRAST = 256.0
 _ENOUGH = 200  # cells: of the gear they tell 5000 and more up to 25 um out of focus
 
 
@@ -30,7 +30,7 @@ class Marks:
     """How much of what breaks a pattern's symmetry shows at T turns."""
 
     share: FloatArray  # (T,) 1: all of it, 0: the pattern goes on; -inf: out of view
-    told: FloatArray  # (T,) chi squared between the two
+    contrast: FloatArray  # (T,) chi squared between the two
 
 
 def marks(
@@ -55,12 +55,12 @@ def marks(
     itself half way round, where the pattern goes on, weighted by the noise.
     """
     cells = cells[:: max(1, len(cells) // _ENOUGH)]
-    pose, elsewhere = found.pose, turns + beside(job.symmetry)
-    shown, told = np.zeros(len(turns)), np.zeros(len(turns))
+    pose, displaced = found.pose, turns + farthest_rad(job.symmetry)
+    shown, contrast = np.zeros(len(turns)), np.zeros(len(turns))
     for view in job.views:
         here = at(pose, view)
         seen = job.looks.turned(here, turns, cells, job.shape)
-        plain = job.looks.values(here, elsewhere, seen.columns, seen.rows)
+        plain = job.looks.values(here, displaced, seen.columns, seen.rows)
         marked, even = (
             job.lit(here, light, seen.columns, seen.rows, found.light)
             for light in (seen.value, plain)
@@ -68,9 +68,9 @@ def marks(
         value = view.image[seen.rows, seen.columns]
         weight = (marked - even) * seen.inside / job.camera.variance(marked)
         shown += (weight * (value - even)).sum(axis=1)
-        told += (weight * (marked - even)).sum(axis=1)
-    share = np.where(told > 0, shown / np.maximum(told, 1e-12), -math.inf)
-    return Marks(share=share, told=told)
+        contrast += (weight * (marked - even)).sum(axis=1)
+    share = np.where(contrast > 0, shown / np.maximum(contrast, 1e-12), -math.inf)
+    return Marks(share=share, contrast=contrast)
 
 
 def is_marked(found: Marks) -> bool:
@@ -80,22 +80,22 @@ def is_marked(found: Marks) -> bool:
     """
     whole = found.share[[0, *range(3, len(found.share))]]
     best = bool(whole[0] >= whole.max())
-    return best and bool(found.told[0] > _TOLD and whole[0] > _SEEN)
+    return best and bool(found.contrast[0] > _CONTRAST and whole[0] > _SEEN)
 
 
-def beside(symmetry: int) -> float:
+def farthest_rad(symmetry: int) -> float:
     """Return the turn by whole periods that leads farthest away, rad."""
     return 2 * math.pi / symmetry * round(symmetry / 2)
 
 
 def equal_turns(turn_rad: float, symmetry: int) -> FloatArray:
-    """Return a turn, those half a period off, and all others of a pattern, rad."""
+    """Return (N,) equal turns of a pattern, half a period off too, rad."""
     steps = np.array([0.0, -0.5, 0.5, *range(1, symmetry)])
     return np.asarray(turn_rad + steps * 2 * math.pi / symmetry)
 
 
 def other_turns(turn_rad: float, symmetry: float, range_rad: float) -> FloatArray:
-    """Return the equal turns of a pattern besides one, that are within a range."""
+    """Return the (N,) other equal turns of a pattern within a range, rad."""
     turns = turn_rad + 2 * math.pi / symmetry * np.arange(1, int(symmetry))
     turns = np.remainder(turns + math.pi, 2 * math.pi) - math.pi
     within: FloatArray = turns[np.abs(turns) <= range_rad]
@@ -103,7 +103,7 @@ def other_turns(turn_rad: float, symmetry: float, range_rad: float) -> FloatArra
 
 
 _DEPTHS = (0.1, 0.35, 0.6, 0.85)  # of the reach in focus, where fits start
-_DEEP = 2.5  # steps of the planes between focus heights, once the place is known
+_DEEP = 2.5  # steps of the planes between focus heights, once the position is known
 _ZOOM_PX = 1.5  # that the rim moves by between zooms where fits start
 _TURN_PX = 2.5  # that the rim moves by between turns where fits start
 _MOST_TURNS = 64  # of them, at every focus height: more take too long
@@ -138,8 +138,8 @@ def start_pose(
 def refocused(job: ImageComparison, pose: ImagePose) -> ImagePose:
     """Return a pose with the focus that fits best of all within reach.
 
-    At a place that is off, more blur fits better: what `start_pose` tells may be far
-    out of focus. Fitted at that focus the place is right, and there depths tell.
+    At a position that is off, more blur fits better: `start_pose` may be far out of
+    focus. Fitted at that focus the position is right, and there depths differ.
     """
     reach_um = job.looks.reach_um - max(abs(view.dz_um) for view in job.views)
     count = math.ceil(2 * reach_um / (_DEEP * job.looks.step_um))
@@ -170,7 +170,7 @@ def _turns(
     reach = min(p["range_rad"], math.pi / p["symmetry"])
     count = math.ceil(2 * reach * rim_px / _TURN_PX)
     if count > _MOST_TURNS:
-        return Failure(code="no_angle", message="the fit needs an angle to start at")
+        return Failure("no_angle", "the fit needs an angle to start at")
     return [middle + reach * ((2 * k + 1) / count - 1) for k in range(count)]
 
 

@@ -25,7 +25,7 @@ _POLE = 1 / 3  # a cubic B-spline's samples have the transform 2/3 + cos(w)/3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Basis:
-    """Four neighbouring coefficients' weights at a place, and their slopes."""
+    """Four neighbouring coefficients' weights at a position, and their slopes."""
 
     first: int  # index of the first of the four
     weights: FloatArray  # (4,)
@@ -101,7 +101,7 @@ def plane_coefficients(
 
 
 def depth_coefficients(values: FloatArray) -> FloatArray:
-    """Return a natural spline's coefficients through (K, ...) values at equal steps."""
+    """Return a natural spline's coefficients, (K + 2, ...), through even samples."""
     count = len(values)
     matrix = np.eye(count)
     for k in range(1, count - 1):
@@ -111,7 +111,7 @@ def depth_coefficients(values: FloatArray) -> FloatArray:
 
 
 def runout_coefficients(values: FloatArray) -> FloatArray:
-    """Return the coefficients, (K + 2, ...), of a spline through K values.
+    """Return the coefficients, (K + 2, ...), of a spline through K samples.
 
     Its ends are parabolas: the second slope is right there too.
     """

@@ -20,9 +20,8 @@ from microplan.featuresel.routines.contract import (
     Guess,
     LookModel,
     Measurement,
-    PoseTerm,
+    Routine,
     Target,
-    TargetKind,
 )
 from microplan.featuresel.routines.picture import cut, half_px, refused
 from microplan.featuresel.routines.template.ecc_search import (
@@ -39,14 +38,7 @@ from microplan.featuresel.routines.template.template_fit import (
     refine_work,
 )
 
-NAME = "ecc"
-VERSION = "2"
-KINDS: tuple[TargetKind, ...] = ("circle", "teeth", "outline", "jaws")
-PROVIDES: tuple[PoseTerm, ...] = ("xy", "theta")
-REQUIRES: tuple[PoseTerm, ...] = ("xy", "theta")
-CAPTURE_PX = 3.0
-BASELINE = False
-EXPENSIVE = False
+_CAPTURE_PX = 3.0
 
 _LEAST_SCORE = 0.8  # correlation; blur and light gradients leave .9 and more
 _TURNED_RAD = 0.2  # from the guess: beyond, it has run away
@@ -64,23 +56,21 @@ _TURNS = (-1.0, -0.3, 0.3, 1.0)  # of the angle's range
 
 
 def prepare(render: LookModel, target: Target) -> Artifact | Failure:
-    """Return the nominal template, and how much it tells of place and angle.
+    """Return the nominal template, and its information about position and angle.
 
     The angle is not sought where nothing shows it, the scale not where it moves
     nothing. What bilinear sampling makes of sub-pixel places is measured on the render
     and goes into the spread.
     """
     image = render()
-    half = half_px(target, image.shape, CAPTURE_PX)
+    half = half_px(target, image.shape, _CAPTURE_PX)
     if min(half) < 4:
-        return Failure(
-            code="outside", message=f"{min(half)} px between target and border"
-        )
+        return Failure("outside", f"{min(half)} px between target and border")
     template = cut(image, target, half)
     if not float(template.std()) > FAINT:
-        return Failure(code="no_contrast", message="the template is blank")
-    zoom = _ZOOM_SIGMAS * render.drifts.zoom_sigma
-    alone = cut(render.alone(), target, half)  # what stands still pulls in any case
+        return Failure("no_contrast", "the template is blank")
+    zoom = _ZOOM_SIGMAS * render.nuisances.zoom_sigma
+    alone = cut(render.alone(), target, half)  # the static scene pulls in any case
     first = Artifact(
         parameters={
             "offset_column_px": target.column - round(target.column),
@@ -103,12 +93,15 @@ def prepare(render: LookModel, target: Target) -> Artifact | Failure:
 def measure(
     image: FloatArray, artifact: Artifact, guess: Guess
 ) -> Measurement | Failure:
-    """Return place and angle; fails if the guess is far off or the images differ."""
+    """Return position, px, and angle in `image`, (rows, columns) 0..1.
+
+    Fails if the guess is far off or the images differ.
+    """
     if unfit := refused(image):
         return unfit
     p = artifact.parameters
     if p["turns"] and guess.theta_rad is None:
-        return Failure(code="no_angle", message="needs an angle to start from")
+        return Failure("no_angle", "needs an angle to start from")
     start = _start(artifact, guess)
     found = align(image, artifact.arrays["template"], start, turns=p["turns"] > 0)
     if p["scales"] and not isinstance(found, Failure):
@@ -127,6 +120,19 @@ def cost(artifact: Artifact, _pixels: int) -> float:
     if artifact.parameters["scales"]:
         work += refine_work(template.astype(np.float64), part, _SHRINK)
     return work
+
+
+ECC = Routine(
+    name="ecc",
+    version="2",
+    kinds=("circle", "teeth", "outline", "jaws"),
+    provides=("xy", "theta"),
+    requires=("xy", "theta"),
+    capture_px=_CAPTURE_PX,
+    prepare=prepare,
+    measure=measure,
+    cost=cost,
+)
 
 
 def _told(template: FloatArray, *, round_target: bool) -> dict[str, float]:
@@ -211,13 +217,12 @@ def _strayed(start: TemplatePose, found: TemplatePose) -> Failure | None:
     turned_rad = abs(found.turned_rad - start.turned_rad)
     if moved > REACH_PX or turned_rad > _TURNED_RAD:
         return Failure(
-            code="diverged",
-            message=f"moved by {moved:.2f} px and {turned_rad:.3f} rad from the guess",
+            "diverged",
+            f"moved by {moved:.2f} px and {turned_rad:.3f} rad from the guess",
         )
     if found.score < _LEAST_SCORE:
         return Failure(
-            code="low_score",
-            message=f"correlation {found.score:.3f}, at least {_LEAST_SCORE}",
+            "low_score", f"correlation {found.score:.3f}, at least {_LEAST_SCORE}"
         )
     return None
 

@@ -34,7 +34,7 @@ class TemplatePose:
 def align(
     image: FloatArray, upright: Float32Array, start: TemplatePose, *, turns: bool
 ) -> TemplatePose | Failure:
-    """Return the pose of the highest correlation.
+    """Return the pose, px, of the highest correlation in a (rows, columns) image.
 
     OpenCV takes the angle from its sine, so the template is turned by quarters first,
     which moves pixels onto pixels. Its warp rounds coordinates to 1/32 px and then
@@ -45,9 +45,9 @@ def align(
     template = np.ascontiguousarray(np.rot90(upright, quarters))
     left, top, part = _part(image, template.shape, start)
     if min(part.shape) < 4:
-        return Failure(code="outside", message="the target is out of view")
+        return Failure("outside", "the target is out of view")
     if not float(part.std()) > FAINT / 2:
-        return Failure(code="no_contrast", message="the image is blank")
+        return Failure("no_contrast", "the image is blank")
     at = TemplatePose(
         column=start.column - left,
         row=start.row - top,
@@ -67,7 +67,7 @@ def align(
         return last
     step = math.hypot(last.column - on_grid.column, last.row - on_grid.row)
     if not step <= _LAST_PX:
-        return Failure(code="diverged", message=f"still moves by {step:.3f} px")
+        return Failure("diverged", f"still moves by {step:.3f} px")
     return replace(
         last,
         column=last.column + left,
@@ -116,9 +116,9 @@ def _search(
             _NO_BLUR,
         )
     except cv2.error as error:
-        return Failure(code="diverged", message=f"no convergence: {error.err}")
+        return Failure("diverged", f"no convergence: {error.err}")
     if not (math.isfinite(score) and np.isfinite(warp).all()):
-        return Failure(code="diverged", message="no finite pose")
+        return Failure("diverged", "no finite pose")
     m = warp.astype(np.float64)
     column, row = m @ (*middle, 1.0)
     return TemplatePose(

@@ -1,7 +1,7 @@
 """AKAZE keypoints matched with those of the nominal image. Kept as a control.
 
 Machined edges are alike everywhere, so descriptors of them are too; the corners that
-are told apart are few, and found to a good part of a pixel at best.
+differ are few, and found to a good part of a pixel at best.
 """
 
 from __future__ import annotations
@@ -18,22 +18,12 @@ from microplan.featuresel.routines.contract import (
     Artifact,
     Failure,
     Guess,
+    LookModel,
     Measurement,
-    PoseTerm,
-    Render,
+    Routine,
     Target,
-    TargetKind,
 )
 from microplan.featuresel.routines.picture import half_px, refused
-
-NAME = "keypoints"
-VERSION = "1"
-KINDS: tuple[TargetKind, ...] = ("teeth", "outline", "jaws")
-PROVIDES: tuple[PoseTerm, ...] = ("xy", "theta")
-REQUIRES: tuple[PoseTerm, ...] = ()
-CAPTURE_PX = math.inf
-BASELINE = True
-EXPENSIVE = False
 
 _FAINT = 0.05  # span of values below which there is nothing to describe
 _THRESHOLD = 5e-4  # of the detector; its default finds next to nothing on smooth edges
@@ -46,23 +36,19 @@ _SCALE_OFF = 0.05  # zoom errors stay below 2 %
 _Bytes = npt.NDArray[np.uint8]
 
 
-def prepare(render: Render, target: Target) -> Artifact | Failure:
+def prepare(render: LookModel, target: Target) -> Artifact | Failure:
     """Return keypoints and descriptors of the target on the nominal image."""
     image = render()
     half = half_px(target, image.shape, 0.0)
     if min(half) < 8:
-        return Failure(
-            code="outside", message=f"{min(half)} px between target and border"
-        )
+        return Failure("outside", f"{min(half)} px between target and border")
     if float(np.ptp(image)) < _FAINT:
-        return Failure(code="no_contrast", message="the look is blank")
+        return Failure("no_contrast", "the look is blank")
     points, descriptors = _describe(image)
     away = points - np.array((target.column, target.row))
     own = (np.abs(away) <= np.array(half)).all(axis=1)
     if own.sum() < _FEWEST:
-        return Failure(
-            code="few_points", message=f"{own.sum()} keypoints, at least {_FEWEST}"
-        )
+        return Failure("few_points", f"{own.sum()} keypoints, at least {_FEWEST}")
     return Artifact(
         parameters={
             "theta_rad": target.theta_rad,
@@ -79,19 +65,17 @@ def prepare(render: Render, target: Target) -> Artifact | Failure:
 def measure(
     image: FloatArray, artifact: Artifact, guess: Guess
 ) -> Measurement | Failure:
-    """Return the motion that most matches agree on."""
+    """Return the motion, px, most matches agree on in `image`, (rows, columns) 0..1."""
     if unfit := refused(image):
         return unfit
     p = artifact.parameters
     if float(np.ptp(image)) < _FAINT or min(image.shape) < 16:
-        return Failure(code="no_contrast", message="the image is blank or tiny")
+        return Failure("no_contrast", "the image is blank or tiny")
     points, descriptors = _describe(image)
     known = artifact.arrays["descriptors"].astype(np.uint8)
     pairs = _matches(known, descriptors)
     if len(pairs) < _FEWEST:
-        return Failure(
-            code="few_points", message=f"{len(pairs)} matches, at least {_FEWEST}"
-        )
+        return Failure("few_points", f"{len(pairs)} matches, at least {_FEWEST}")
     source = artifact.arrays["points"][pairs[:, 0]]
     motion, inliers = cv2.estimateAffinePartial2D(
         source,
@@ -101,7 +85,7 @@ def measure(
     )
     agreeing = np.asarray(inliers, dtype=np.uint8)
     if motion is None or agreeing.sum() < _FEWEST:
-        return Failure(code="few_points", message="no motion has matches enough")
+        return Failure("few_points", "no motion has matches enough")
     return _answer(np.asarray(motion, dtype=np.float64), agreeing, p, guess)
 
 
@@ -110,20 +94,32 @@ def cost(_artifact: Artifact, pixels: int) -> float:
     return _PIXEL_WORK * pixels
 
 
+KEYPOINTS = Routine(
+    name="keypoints",
+    version="1",
+    kinds=("teeth", "outline", "jaws"),
+    provides=("xy", "theta"),
+    baseline=True,
+    prepare=prepare,
+    measure=measure,
+    cost=cost,
+)
+
+
 def _answer(
     motion: FloatArray, agreeing: _Bytes, p: Mapping[str, float], guess: Guess
 ) -> Measurement | Failure:
     """Return the pose that a similarity (2, 3) stands for."""
     scale = math.hypot(motion[0, 0], motion[1, 0])
     if abs(scale - 1) > _SCALE_OFF:
-        return Failure(code="scale_off", message=f"{scale:.3f} times the template")
+        return Failure("scale_off", f"{scale:.3f} times the template")
     turned = math.atan2(-motion[1, 0], motion[0, 0])
     column, row = float(motion[0, 2]), float(motion[1, 2])
     away = math.hypot(column - guess.column, row - guess.row)
     if away > 1.5 * p["search_px"] + 2:
-        return Failure(code="outside", message=f"{away:.1f} px from the guess")
+        return Failure("outside", f"{away:.1f} px from the guess")
     if p["range_rad"] < 3 and abs(turned) > 1.2 * p["range_rad"] + 0.01:
-        return Failure(code="outside", message=f"turned by {turned:.3f} rad")
+        return Failure("outside", f"turned by {turned:.3f} rad")
     return Measurement(
         column=column,
         row=row,

@@ -1,4 +1,4 @@
-"""Normalised cross-correlation with rendered templates, and a quadratic peak."""
+"""Normalised cross-correlation with rendered templates."""
 
 from __future__ import annotations
 
@@ -16,11 +16,9 @@ from microplan.featuresel.routines.contract import (
     Guess,
     LookModel,
     Measurement,
-    PoseTerm,
+    Routine,
     Target,
-    TargetKind,
 )
-from microplan.featuresel.routines.peak import find_peak
 from microplan.featuresel.routines.picture import cut, half_px, refused
 from microplan.featuresel.routines.template.template_fit import (
     SCALE_OFF,
@@ -28,15 +26,6 @@ from microplan.featuresel.routines.template.template_fit import (
     refine,
     refine_work,
 )
-
-NAME = "ncc"
-VERSION = "2"
-KINDS: tuple[TargetKind, ...] = ("circle", "teeth", "outline", "jaws")
-PROVIDES: tuple[PoseTerm, ...] = ("xy", "theta")
-REQUIRES: tuple[PoseTerm, ...] = ()
-CAPTURE_PX = math.inf
-BASELINE = False
-EXPENSIVE = False
 
 _LEAST_SCORE = 0.6  # correlation; noise, blur and gradients leave .8 and more
 _COARSE_PX = 16.0  # half the template's side where angles are searched
@@ -58,8 +47,7 @@ def prepare(render: LookModel, target: Target) -> Artifact | Failure:
     half = half_px(target, image.shape, target.search_px)
     if min(half) < 4:
         return Failure(
-            code="outside",
-            message=f"{min(half)} px between target and border after the search",
+            "outside", f"{min(half)} px between target and border after the search"
         )
     some = target.theta_range_rad > _NO_TURN_RAD
     turns = target.kind == "jaws" or (target.kind == "outline" and some)
@@ -71,7 +59,7 @@ def prepare(render: LookModel, target: Target) -> Artifact | Failure:
         _shrunk(cut(render(theta_rad=t), target, half), shrink) for t in turned
     ]
     if min(float(t.std()) for t in templates) < 0.01:
-        return Failure(code="no_contrast", message="the template is blank")
+        return Failure("no_contrast", "the template is blank")
     return Artifact(
         parameters={
             "half_columns_px": float(half[0]),
@@ -84,7 +72,7 @@ def prepare(render: LookModel, target: Target) -> Artifact | Failure:
             "theta_rad": target.theta_rad,
             "range_rad": target.theta_range_rad,
             "least_score": SURE_SCORE if target.kind == "jaws" else _LEAST_SCORE,
-            "scale_off": max(SCALE_OFF, _ZOOM_SIGMAS * render.drifts.zoom_sigma),
+            "scale_off": max(SCALE_OFF, _ZOOM_SIGMAS * render.nuisances.zoom_sigma),
         },
         arrays={
             "templates": np.stack(templates).astype(np.float32),
@@ -97,7 +85,10 @@ def prepare(render: LookModel, target: Target) -> Artifact | Failure:
 def measure(
     image: FloatArray, artifact: Artifact, guess: Guess
 ) -> Measurement | Failure:
-    """Return the best match's place, and its angle where that is searched."""
+    """Return the best match's position, px, in `image`, (rows, columns) 0..1.
+
+    Its angle too, where that is searched.
+    """
     if unfit := refused(image):
         return unfit
     p = artifact.parameters
@@ -120,9 +111,9 @@ def measure(
         return fine
     moved = math.hypot(fine.column - column, fine.row - row)
     if moved > 2 * shrink + 2:
-        return Failure(code="diverged", message=f"the fit moved by {moved:.1f} px")
+        return Failure("diverged", f"the fit moved by {moved:.1f} px")
     if abs(fine.turned_rad) > p["range_rad"] * 1.2 + 0.01 and p["range_rad"] < 3:
-        return Failure(code="outside", message=f"turned by {fine.turned_rad:.3f} rad")
+        return Failure("outside", f"turned by {fine.turned_rad:.3f} rad")
     theta = math.remainder(p["theta_rad"] + fine.turned_rad, 2 * math.pi)
     return _answer(
         artifact, fine.column, fine.row, theta, fine.score, turned=fine.turned_rad
@@ -142,6 +133,17 @@ def cost(artifact: Artifact, pixels: int) -> float:
         nominal = artifact.arrays["nominal"].astype(np.float64)
         total += refine_work(nominal, pixels, shrink)
     return total
+
+
+NCC = Routine(
+    name="ncc",
+    version="2",
+    kinds=("circle", "teeth", "outline", "jaws"),
+    provides=("xy", "theta"),
+    prepare=prepare,
+    measure=measure,
+    cost=cost,
+)
 
 
 def _answer(
@@ -193,10 +195,10 @@ def _match(
     shrink = p["shrink"]
     part = _part(small, artifact, guess, templates.shape[1:])
     if part is None:
-        return Failure(code="outside", message="the search leaves the region")
+        return Failure("outside", "the search leaves the region")
     left, top, searched = part
     if float(searched.std()) < 0.005:
-        return Failure(code="no_contrast", message="the searched part is blank")
+        return Failure("no_contrast", "the searched part is blank")
     maps = [_scores(searched, template) for template in templates]
     best = max(range(len(maps)), key=lambda i: float(maps[i].max()))
     surface = maps[best]
@@ -236,6 +238,40 @@ def _part(
 
 def _low(score: float) -> Failure:
     """Return the failure of a poor match."""
-    return Failure(
-        code="low_score", message=f"correlation {score:.3f}, at least {_LEAST_SCORE}"
-    )
+    return Failure("low_score", f"correlation {score:.3f}, at least {_LEAST_SCORE}")
+
+
+_RIVAL = 0.95  # of the best score, the most a peak elsewhere may reach
+
+
+def find_peak(surface: Float32Array) -> tuple[float, float] | Failure:
+    """Return the peak (column, row), px, of a (rows, columns) map of scores."""
+    row, column = divmod(int(surface.argmax()), surface.shape[1])
+    rows, columns = surface.shape
+    if not (0 < row < rows - 1 and 0 < column < columns - 1):
+        return Failure("outside", "the best match is at the search's rim")
+    rival = _rival(surface, column, row)
+    if rival > _RIVAL * float(surface[row, column]):
+        return Failure(
+            "ambiguous",
+            f"scores {surface[row, column]:.3f} and {rival:.3f} at two places",
+        )
+    near = surface[row - 1 : row + 2, column - 1 : column + 2].astype(np.float64)
+    dx = (near[:, 2] - near[:, 0]).sum() / 6
+    dy = (near[2] - near[0]).sum() / 6
+    xx = (near[:, 0] - 2 * near[:, 1] + near[:, 2]).sum() / 3
+    yy = (near[0] - 2 * near[1] + near[2]).sum() / 3
+    xy = (near[0, 0] + near[2, 2] - near[0, 2] - near[2, 0]) / 4
+    determinant = xx * yy - xy * xy
+    if not (determinant > 0 and xx < 0):
+        return Failure("no_peak", "the scores have no maximum")
+    u, v = (xy * dy - yy * dx) / determinant, (xy * dx - xx * dy) / determinant
+    return column + float(np.clip(u, -1, 1)), row + float(np.clip(v, -1, 1))
+
+
+def _rival(surface: Float32Array, column: int, row: int) -> float:
+    """Return the highest local maximum that is not the peak's own hill, else -1."""
+    lifted = cv2.dilate(surface, np.ones((5, 5), np.uint8))
+    tops = surface >= lifted
+    tops[max(row - 3, 0) : row + 4, max(column - 3, 0) : column + 4] = False
+    return float(surface[tops].max()) if tops.any() else -1.0

@@ -17,9 +17,8 @@ from microplan.featuresel.routines.contract import (
     Guess,
     LookModel,
     Measurement,
-    PoseTerm,
+    Routine,
     Target,
-    TargetKind,
 )
 from microplan.featuresel.routines.contract import Measurement as Found
 from microplan.featuresel.routines.picture import refused
@@ -54,7 +53,7 @@ def spread_px(render: LookModel, target: Target, find: Find) -> float | None:
             dx_um=dx / target.px_per_um,
             dy_um=dy / target.px_per_um,
             theta_rad=theta_rad,
-            dz_um=sigmas * render.drifts.focus_sigma_um,
+            dz_um=sigmas * render.nuisances.focus_sigma_um,
         )
         noise = np.sqrt(render.camera.variance(image))
         found = find(
@@ -73,15 +72,6 @@ def spread_px(render: LookModel, target: Target, find: Find) -> float | None:
     worse = float(np.square(errors).mean(axis=0).max())
     return max(math.sqrt(worse), LEAST_PX)
 
-
-NAME = "otsu"
-VERSION = "2"
-KINDS: tuple[TargetKind, ...] = ("circle", "teeth", "outline")
-PROVIDES: tuple[PoseTerm, ...] = ("xy",)
-REQUIRES: tuple[PoseTerm, ...] = ()
-CAPTURE_PX = math.inf
-BASELINE = False
-EXPENSIVE = False
 
 _AREA = (0.7, 1.4)  # accepted blob area over the predicted one: blur moves the edge
 _CONTRAST = 0.1  # least difference of the two classes' means, full scale
@@ -110,15 +100,14 @@ def prepare(render: LookModel, target: Target) -> Artifact | Failure:
     reach = _radius_px(target)
     if math.hypot(own.column - target.column, own.row - target.row) > reach:
         return Failure(
-            code="no_blob",
-            message=f"the nearest blob lies more than {reach:.1f} px off the target",
+            "no_blob", f"the nearest blob lies more than {reach:.1f} px off the target"
         )
     dx, dy = own.column - target.column, own.row - target.row
     turns = target.theta_range_rad > _SIDE_RAD
     if turns and math.hypot(dx, dy) > _OFF_CENTRE_PX:
         return Failure(
-            code="off_centre",
-            message=f"the centroid is {math.hypot(dx, dy):.1f} px off the reference "
+            "off_centre",
+            f"the centroid is {math.hypot(dx, dy):.1f} px off the reference "
             "point, in a direction that turns with the part",
         )
     c, s = math.cos(target.theta_rad), math.sin(target.theta_rad)
@@ -142,7 +131,10 @@ def prepare(render: LookModel, target: Target) -> Artifact | Failure:
 def measure(
     image: FloatArray, artifact: Artifact, guess: Guess
 ) -> Measurement | Failure:
-    """Return the target's place; fails if no blob, or more than one, fits."""
+    """Return the target's position, px, in `image`, (rows, columns) 0..1.
+
+    Fails if no blob, or more than one, fits.
+    """
     if unfit := refused(image):
         return unfit
     p = artifact.parameters
@@ -153,18 +145,17 @@ def measure(
     fitting = [blob for blob in blobs if _fits(blob, artifact, guess, offset)]
     if not fitting:
         return Failure(
-            code="no_blob",
-            message=f"none of {len(blobs)} blobs has {p['area_px']:.0f} px within "
+            "no_blob",
+            f"none of {len(blobs)} blobs has {p['area_px']:.0f} px within "
             f"{p['search_px']:.1f} px",
         )
     if len(fitting) > 1:
-        return Failure(code="ambiguous", message=f"{len(fitting)} blobs fit")
+        return Failure("ambiguous", f"{len(fitting)} blobs fit")
     (own,) = fitting
     ratio = own.area_px / p["area_px"]
     return Measurement(
         column=own.column - offset[0],
         row=own.row - offset[1],
-        theta_rad=None,
         score=min(ratio, 1 / ratio),
         spread_px=p.get("spread_px", _SPREAD_PX),
     )
@@ -173,6 +164,17 @@ def measure(
 def cost(_artifact: Artifact, pixels: int) -> float:
     """Return the work of one `measure`, see `contract.Routine`."""
     return _FIXED_WORK + _PIXEL_WORK * pixels
+
+
+OTSU = Routine(
+    name="otsu",
+    version="2",
+    kinds=("circle", "teeth", "outline"),
+    provides=("xy",),
+    prepare=prepare,
+    measure=measure,
+    cost=cost,
+)
 
 
 def _offset(artifact: Artifact, guess: Guess) -> tuple[float, float]:
@@ -220,8 +222,7 @@ def _blobs(image: FloatArray, *, bright: bool) -> list[_Blob] | Failure:
     low, high = float(image.min()), float(image.max())
     if high - low < _CONTRAST:
         return Failure(
-            code="no_contrast",
-            message=f"values span {high - low:.3f}, at least {_CONTRAST}",
+            "no_contrast", f"values span {high - low:.3f}, at least {_CONTRAST}"
         )
     grey = np.rint((image - low) * (255 / (high - low))).astype(np.uint8)
     smooth = cv2.GaussianBlur(grey, (0, 0), 1.0)  # single noisy pixels are no blobs
@@ -230,8 +231,7 @@ def _blobs(image: FloatArray, *, bright: bool) -> list[_Blob] | Failure:
     gap = float(image[above].mean() - image[~above].mean())
     if gap < _CONTRAST:
         return Failure(
-            code="no_contrast",
-            message=f"classes differ by {gap:.3f}, at least {_CONTRAST}",
+            "no_contrast", f"classes differ by {gap:.3f}, at least {_CONTRAST}"
         )
     return _components((above == bright).astype(np.uint8))
 
@@ -249,5 +249,5 @@ def _components(mask: npt.NDArray[np.uint8]) -> list[_Blob] | Failure:
         if area >= 9:
             found.append(_Blob(column=x, row=y, area_px=float(area), clipped=clipped))
     if not found:
-        return Failure(code="no_blob", message="no component of 9 pixels or more")
+        return Failure("no_blob", "no component of 9 pixels or more")
     return found

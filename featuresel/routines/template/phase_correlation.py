@@ -1,8 +1,8 @@
 """Phase correlation with the nominal image: a shift of everything. Kept as a control.
 
-It takes shifts of the whole picture for the target's: what stands still in the view
-pulls it to the nominal place. OpenCV's function writes into its inputs where their size
-suits its transform, so it is handed copies.
+It takes shifts of the whole picture for the target's: the static scene in the view
+pulls it to the nominal position. OpenCV's function writes into its inputs where their
+size suits its transform, so it is handed copies.
 """
 
 from __future__ import annotations
@@ -18,22 +18,12 @@ from microplan.featuresel.routines.contract import (
     Artifact,
     Failure,
     Guess,
+    LookModel,
     Measurement,
-    PoseTerm,
-    Render,
+    Routine,
     Target,
-    TargetKind,
 )
 from microplan.featuresel.routines.picture import cut, half_px, refused
-
-NAME = "phase_correlation"
-VERSION = "1"
-KINDS: tuple[TargetKind, ...] = ("circle", "teeth", "outline", "jaws")
-PROVIDES: tuple[PoseTerm, ...] = ("xy",)
-REQUIRES: tuple[PoseTerm, ...] = ()
-CAPTURE_PX = math.inf
-BASELINE = True
-EXPENSIVE = False
 
 _LEAST_RESPONSE = 0.3  # share of the power near the peak; noise leaves a third
 _FAINT = 0.01  # standard deviation below which an image shows nothing
@@ -41,18 +31,16 @@ _TRANSFORMS = 1.8  # its work over that of correlation by size
 _SPREAD_PX = 0.5  # a centroid of 5 x 5 values of a peak that blur has widened
 
 
-def prepare(render: Render, target: Target) -> Artifact | Failure:
+def prepare(render: LookModel, target: Target) -> Artifact | Failure:
     """Return the piece of the nominal image that holds target and search."""
     image = render()
     # as the search may take the target, and what is cut must not leave the region
     half = half_px(target, image.shape, 0.0)
     if min(half) < 4:
-        return Failure(
-            code="outside", message=f"{min(half)} px between target and border"
-        )
+        return Failure("outside", f"{min(half)} px between target and border")
     template = cut(image, target, half)
     if not float(template.std()) > _FAINT:
-        return Failure(code="no_contrast", message="the template is blank")
+        return Failure("no_contrast", "the template is blank")
     return Artifact(
         parameters={
             "column": target.column,
@@ -66,7 +54,7 @@ def prepare(render: Render, target: Target) -> Artifact | Failure:
 def measure(
     image: FloatArray, artifact: Artifact, guess: Guess
 ) -> Measurement | Failure:
-    """Return the place that the highest peak of the phase correlation stands for."""
+    """Return the phase correlation's peak, px, in `image`, (rows, columns) 0..1."""
     if unfit := refused(image):
         return unfit
     p = artifact.parameters
@@ -76,23 +64,21 @@ def measure(
     top = round(p["row"]) - rows // 2
     part = image[top : top + rows, left : left + columns].astype(np.float64)
     if part.shape != template.shape:
-        return Failure(code="outside", message="the template leaves the region")
+        return Failure("outside", "the template leaves the region")
     if not float(part.std()) > _FAINT:
-        return Failure(code="no_contrast", message="the image is blank")
+        return Failure("no_contrast", "the image is blank")
     window = cv2.createHanningWindow((columns, rows), cv2.CV_64F)
     (dx, dy), response = cv2.phaseCorrelate(template, part.copy(), window)
     if not response > _LEAST_RESPONSE:
         return Failure(
-            code="low_score",
-            message=f"response {response:.3f}, at least {_LEAST_RESPONSE}",
+            "low_score", f"response {response:.3f}, at least {_LEAST_RESPONSE}"
         )
     column, row = p["column"] + dx, p["row"] + dy
     if math.hypot(column - guess.column, row - guess.row) > 1.5 * p["search_px"] + 2:
-        return Failure(code="outside", message=f"shift of {dx:.1f}, {dy:.1f} px")
+        return Failure("outside", f"shift of {dx:.1f}, {dy:.1f} px")
     return Measurement(
         column=float(column),
         row=float(row),
-        theta_rad=None,
         score=float(min(response, 1.0)),
         spread_px=_SPREAD_PX,
     )
@@ -101,3 +87,15 @@ def measure(
 def cost(artifact: Artifact, _pixels: int) -> float:
     """Return the work of one `measure`, see `contract.Routine`."""
     return work.correlate(_TRANSFORMS * artifact.arrays["template"].size)
+
+
+PHASE_CORRELATION = Routine(
+    name="phase_correlation",
+    version="1",
+    kinds=("circle", "teeth", "outline", "jaws"),
+    provides=("xy",),
+    baseline=True,
+    prepare=prepare,
+    measure=measure,
+    cost=cost,
+)

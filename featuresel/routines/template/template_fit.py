@@ -69,7 +69,7 @@ def refine(
 
     Returns
     -------
-    Fit or Failure
+    TemplateFit or Failure
         Fails with "diverged" if it does not settle, "outside" if too little is in view,
         "scale_off" and "low_score" beyond the limits.
     """
@@ -84,11 +84,9 @@ def refine(
         pose, score = fitted
         shrink //= 2
     if abs(pose[3] - 1) > scale_off:
-        return Failure(code="scale_off", message=f"{pose[3]:.3f} times the template")
+        return Failure("scale_off", f"{pose[3]:.3f} times the template")
     if score < least_score:
-        return Failure(
-            code="low_score", message=f"correlation {score:.3f}, at least {least_score}"
-        )
+        return Failure("low_score", f"correlation {score:.3f}, at least {least_score}")
     return TemplateFit(
         column=float(pose[0]),
         row=float(pose[1]),
@@ -98,7 +96,7 @@ def refine(
 
 
 def refine_work(template: FloatArray, pixels: float, shrink: int) -> float:
-    """Return the work of `refine` on an image of so many pixels."""
+    """Return the work of `refine` on so many pixels, (2 R + 1, 2 C + 1) template."""
     total, near = 0.0, int(_near_edges(template).sum())
     while shrink >= 1:
         compared = near / shrink**2
@@ -140,23 +138,19 @@ def _fit(
         x, y = _moved(u, v, pose)
         seen, inside = cubic(image, x, y)
         if inside.mean() < _LEAST_IN_VIEW:
-            return Failure(
-                code="outside", message=f"{inside.mean():.0%} of the template in view"
-            )
+            return Failure("outside", f"{inside.mean():.0%} of the template in view")
         moves = _moves(slopes, (x, y), (u / size, v / size), pose)
         solved = _solved(np.hstack((-moves, light))[inside], seen[inside], turns=turns)
         if not solved[4] > _LEAST_GAIN:
-            return Failure(
-                code="low_score", message=f"contrast fell to {solved[4]:.3f}"
-            )
+            return Failure("low_score", f"contrast fell to {solved[4]:.3f}")
         step = solved[:4]
         if math.hypot(step[0], step[1]) > size:
-            return Failure(code="diverged", message="a step larger than the template")
+            return Failure("diverged", "a step larger than the template")
         pose = pose + step / np.array((1.0, 1.0, size, size))
         if float(np.abs(step).max()) < _SETTLED_PX:
             even = seen - light[:, 2:] @ solved[6:]
             return pose, _correlation(even[inside], wanted[inside])
-    return Failure(code="diverged", message=f"not settled after {_ROUNDS} rounds")
+    return Failure("diverged", f"not settled after {_ROUNDS} rounds")
 
 
 def _compared(

@@ -25,7 +25,7 @@ def test_a_routine_starts_within_its_capture_range(scene: str) -> None:
     rng = np.random.default_rng(5)
     for name in sorted(REGISTRY):
         routine = load(name)
-        if case.target.kind not in routine.KINDS:
+        if case.target.kind not in routine.kinds:
             continue
         dx, dy = rng.uniform(-PLACE_UM, PLACE_UM, 2)
         setting = LookSetting(dx_um=dx, dy_um=dy, dtheta_rad=0.01, dz_um=4.0, zoom=1.03)
@@ -34,10 +34,10 @@ def test_a_routine_starts_within_its_capture_range(scene: str) -> None:
         x, y = (1.03 * (a + b) for a, b in ((case.x_um, dx), (case.y_um, dy)))
         column, row = case.frame.to_pixel(x, y)
         off = math.hypot(at.column - column, at.row - row)
-        reach = min(routine.CAPTURE_PX, 1.5 * case.target.search_px)
+        reach = min(routine.capture_px, 1.5 * case.target.search_px)
         assert off <= reach, name
         known = {"theta": at.theta_rad, "z": at.z_um, "zoom": at.zoom}
-        assert all(known[need] is not None for need in routine.REQUIRES if need != "xy")
+        assert all(known[need] is not None for need in routine.requires if need != "xy")
 
 
 def test_a_row_is_a_line_of_the_table() -> None:
@@ -60,7 +60,7 @@ def test_a_table_of_the_page_shows_every_routine_for_its_scene() -> None:
     assert tables
     for table in tables:
         kind = SCENES[table.partition(",")[0]]().target.kind
-        wanted = sorted(n for n in REGISTRY if kind in load(n).KINDS)
+        wanted = sorted(n for n in REGISTRY if kind in load(n).kinds)
         shown = [li.split("`")[1] for li in table.splitlines() if li.startswith("| `")]
         assert shown[::2] == shown[1::2] == wanted  # plain and all
 

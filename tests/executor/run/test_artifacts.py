@@ -59,7 +59,7 @@ def spoilt(good: Artifact) -> Iterator[tuple[str, Artifact]]:
 def test_a_spoilt_routine_answers_or_has_a_code(name: str) -> None:
     kind, good = next(
         (kind, found)
-        for kind in load(name).KINDS
+        for kind in load(name).kinds
         if isinstance(found := prepared(name, kind), Artifact)
     )
     with warnings.catch_warnings():

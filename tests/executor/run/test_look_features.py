@@ -10,6 +10,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
+from typing import cast
 
 import numpy as np
 import pytest
@@ -26,7 +27,7 @@ from microplan.executor.run.measure_target import look_at
 from microplan.executor.run.run_context import Rig
 from microplan.executor.simulated.cell import Cell
 from microplan.featuresel.routines.circle import circle_caliper
-from microplan.featuresel.routines.contract import Artifact, Target
+from microplan.featuresel.routines.contract import Artifact, LookModel, Target
 from microplan.schemas.plan import (
     BiasAt,
     Look,
@@ -96,7 +97,7 @@ def artifact(name: str) -> Artifact:
         theta_rad=0.0, px_per_um=1.0, search_px=8.0, theta_range_rad=0.1, symmetry=0,
         bright=True, parameters={"radius_um": RADIUS_UM},
     )  # fmt: skip
-    found = circle_caliper.prepare(picture, target)
+    found = circle_caliper.prepare(cast(LookModel, picture), target)
     assert isinstance(found, Artifact), found
     return found
 
@@ -104,7 +105,7 @@ def artifact(name: str) -> Artifact:
 def measured(name: str) -> Measure:
     """Return how one of the discs is measured."""
     use = RoutineUse(
-        id="circle_caliper", version=circle_caliper.VERSION,
+        id="circle_caliper", version=circle_caliper.CIRCLE_CALIPER.version,
         parameters=artifact(name).parameters, arrays=None,
     )  # fmt: skip
     pixel = (CENTER[0] + ARMS[name], CENTER[1])

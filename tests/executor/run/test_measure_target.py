@@ -151,7 +151,7 @@ def searching(search_um: float, there_um: tuple[float, float]) -> tuple[Rig, Loo
     artifact = ncc.prepare(cast(LookModel, Drawn()), target)
     assert isinstance(artifact, Artifact)
     use = RoutineUse(
-        id="ncc", version=ncc.VERSION, parameters=artifact.parameters, arrays=None
+        id="ncc", version=ncc.NCC.version, parameters=artifact.parameters, arrays=None
     )
     rig.artifacts = Artifacts({("disc", "ncc"): artifact})
     return rig, replace(found, measure=replace(found.measure, chain=(use,)))

@@ -46,8 +46,8 @@ def post_look() -> tuple[Look, Artifacts]:
     caliper = circle_caliper.prepare(render("post"), found.target)
     assert isinstance(caliper, Artifact)
     arrays = {"circle_caliper": caliper, "likelihood": artifact("post")}
-    versions = {"circle_caliper": circle_caliper.VERSION,
-                "likelihood": likelihood.VERSION}  # fmt: skip
+    versions = {"circle_caliper": circle_caliper.CIRCLE_CALIPER.version,
+                "likelihood": likelihood.LIKELIHOOD.version}  # fmt: skip
     uses = tuple(
         RoutineUse(id=n, version=versions[n], parameters={}, arrays=None) for n in CHAIN
     )

@@ -16,12 +16,13 @@ from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.look.templates import Located, along, located
 from microplan.featuresel.routines.chain import measure_chain
 from microplan.featuresel.routines.contract import Artifact, Measurement
+from microplan.featuresel.selection.constraints import Constraints
 from microplan.featuresel.selection.select import select
 from microplan.featuresel.sets.feature_set import choose_set
 from microplan.featuresel.sets.pose_covariance import (
     FeatureMeasurement,
     PoseRequirement,
-    sight_of,
+    measurement_of,
 )
 from microplan.featuresel.trials.chains import Chain, chains
 from microplan.featuresel.trials.score import score
@@ -99,15 +100,19 @@ def sight(case: LookCase, feature: Feature, chain: Chain) -> FeatureMeasurement 
     ready = prepare(aim, [chain])
     chosen = select(
         score(aim, ready, run(aim, ready, design(aim, 6, 1))),
-        tolerance_um=aim.tolerance_um,
-        tolerance_theta_rad=aim.tolerance_theta_rad,
-        target=aim.target,
-        visible=seen_share(aim.target, nominal_render(aim).occluders()),
-        in_set=True,
+        Constraints(
+            tolerance_um=aim.tolerance_um,
+            tolerance_theta_rad=aim.tolerance_theta_rad,
+            target=aim.target,
+            visible=seen_share(aim.target, nominal_render(aim).occluders()),
+            in_set=True,
+        ),
     )
     if chosen.chosen is None:
         return chosen.advice
-    return sight_of(feature, chosen.chosen, about_um=(0, 0), theta_rad=case.theta_rad)
+    return measurement_of(
+        feature, chosen.chosen, about_um=(0, 0), theta_rad=case.theta_rad
+    )
 
 
 def test_another_feature_is_used_when_the_notch_is_hidden(look: Look) -> None:
@@ -154,11 +159,12 @@ def test_two_edges_tell_the_pose_that_neither_tells(look: Look) -> None:
             across = seen.axis_rad - feature.angle_rad  # both in the part's frame
             assert abs(math.remainder(across, math.pi)) < 1e-2
             alone = select(
-                [seen], tolerance_um=1.0, tolerance_theta_rad=None, in_set=True
+                [seen],
+                Constraints(tolerance_um=1.0, tolerance_theta_rad=None, in_set=True),
             )
             assert alone.chosen == seen
             sights.append(
-                sight_of(feature, seen, about_um=(0, 0), theta_rad=case.theta_rad)
+                measurement_of(feature, seen, about_um=(0, 0), theta_rad=case.theta_rad)
             )
     need = PoseRequirement(
         sigma_um=0.5, sigma_theta_rad=0.01, radius_um=80.0, redundant=False, most=2

@@ -10,13 +10,15 @@ import pytest
 from scipy.optimize import brentq
 from scipy.special import jv
 
+from benchmarks.localisation.depth_of_field import (
+    DepthOfField,
+    depth_of_field,
+    limit_curve,
+)
 from microplan.arrays import BoolArray, FloatArray
 from microplan.featuresel.limits.resolution import (
     SAFE,
-    DepthOfField,
     contrast,
-    depth_of_field,
-    limit_curve,
     spurious_um,
 )
 from microplan.featuresel.look.scenario import LookCase

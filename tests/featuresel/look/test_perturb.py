@@ -11,9 +11,8 @@ import numpy as np
 import pytest
 
 from microplan.featuresel.look.design import design
-from microplan.featuresel.look.disturb import noisier, shifted, turned
 from microplan.featuresel.look.nominal import nominal_render
-from microplan.featuresel.look.perturb import image, still
+from microplan.featuresel.look.perturb import image, noisier, shifted, still, turned
 from microplan.featuresel.look.scenario import LookCase, UnknownRotation, scene
 from microplan.optics.lens.lens import LensErrors
 from microplan.optics.lens.sensor import Sensor

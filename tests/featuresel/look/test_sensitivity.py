@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from microplan.arrays import FloatArray
-from microplan.featuresel.look.design import design
 from microplan.featuresel.look.scenario import (
     LookCase,
     moved_layers,
@@ -154,15 +153,6 @@ def test_gain_of_the_sensor_stretches_the_scale(look: Look) -> None:
     np.testing.assert_allclose(high.mean, 1.5 * plain.mean)
     np.testing.assert_allclose(high.slopes, 1.5 * plain.slopes)
     assert (plain.ceiling, high.ceiling, low.ceiling) == (1.0, 1.0, 0.5)
-
-
-def test_a_trial_says_where_a_look_stands(look: Look) -> None:
-    trial = design(look("post"), 4, 1)[3]
-    at = LookSetting.of(trial)
-    assert (at.dx_um, at.dz_um, at.zoom) == (
-        trial.dx_um, trial.dz_um, trial.magnification,
-    )  # fmt: skip
-    assert (at.gain, at.gradient_y) == (trial.gain, trial.gradient_y)
 
 
 def test_target_without_an_edge_has_no_slopes(look: Look) -> None:

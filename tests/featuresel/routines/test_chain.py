@@ -6,6 +6,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import replace
+from types import ModuleType
 
 import pytest
 
@@ -35,16 +36,34 @@ def start(case: LookCase) -> Guess:
 @pytest.mark.parametrize("name", sorted(REGISTRY))
 def test_every_routine_says_what_it_is(name: str) -> None:
     routine = load(name)
-    assert name == routine.NAME
-    assert routine.KINDS
-    assert set(routine.PROVIDES) <= {"xy", "theta", "z", "zoom"}
-    assert routine.CAPTURE_PX > 0
+    assert name == routine.name
+    assert routine.kinds
+    assert set(routine.provides) <= {"xy", "theta", "z", "zoom"}
+    assert routine.capture_px > 0
+
+
+def test_a_routine_of_the_earlier_contract_is_refused_with_the_new_words(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    old = ModuleType("old_routine")
+    vars(old).update(NAME="old", GIVES=("xy",), NEEDS=(), DEAR=False, CONTROL=True)
+    monkeypatch.setitem(sys.modules, "old_routine", old)
+    assert isinstance(REGISTRY, dict)
+    for line in ("old_routine", "old_routine:OLD"):
+        monkeypatch.setitem(REGISTRY, "old", line)
+        with pytest.raises(TypeError) as refused:
+            load("old")
+        said = str(refused.value)
+        assert "(name, version, kinds, provides, requires, capture_px" in said
+        for word in ("GIVES is now provides", "NEEDS is now requires",
+                     "DEAR is now expensive", "CONTROL is now baseline"):  # fmt: skip
+            assert word in said
 
 
 def test_routines_load_neither_scipy_nor_the_optics() -> None:
     program = (
         "import sys; from microplan.featuresel.routines.registry import REGISTRY; "
-        "import microplan.featuresel.routines.focus.focus; "
+        "import microplan.featuresel.routines.focus.measures; "
         "from microplan.featuresel.routines.registry import load; "
         "[load(n) for n in REGISTRY]; "
         "heavy = ('scipy', 'skimage', 'microplan.optics'); "
@@ -60,8 +79,8 @@ def test_routines_load_neither_scipy_nor_the_optics() -> None:
 def test_candidates_fit_their_target(name: str, look: Look) -> None:
     target = look(name).target
     for chain in chains(target):
-        assert all(target.kind in load(routine).KINDS for routine in chain)
-        assert not load(chain[0]).REQUIRES
+        assert all(target.kind in load(routine).kinds for routine in chain)
+        assert not load(chain[0]).requires
 
 
 def test_the_angle_is_tried_only_where_a_notch_tells_it(look: Look) -> None:
@@ -102,7 +121,7 @@ def test_a_rough_place_is_not_handed_over(look: Look) -> None:
     placed = advance(image, *chain[0], ChainState(guess=start(case)))
     assert isinstance(placed, ChainState)
     assert placed.found is not None
-    known = load("tooth_notch").CAPTURE_PX / 3  # three spreads must fit
+    known = load("tooth_notch").capture_px / 3  # three spreads must fit
     for spread_px, captured in ((known, True), (known * 1.01, False)):
         rough = replace(placed, found=replace(placed.found, spread_px=spread_px))
         after = advance(image, *chain[1], rough)

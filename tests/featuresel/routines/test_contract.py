@@ -67,7 +67,7 @@ def prepared(name: str, kind: TargetKind) -> Artifact | Failure:
 def pairs() -> Iterator[tuple[str, TargetKind]]:
     """Yield every routine with every kind it looks for."""
     for name in sorted(REGISTRY):
-        for kind in load(name).KINDS:
+        for kind in load(name).kinds:
             yield name, kind
 
 
@@ -119,17 +119,17 @@ def start(kind: TargetKind) -> Guess:
 @pytest.mark.parametrize("name", sorted(REGISTRY))
 def test_a_routine_declares_itself(name: str) -> None:
     routine = load(name)
-    assert name == routine.NAME
-    assert routine.VERSION
-    assert routine.KINDS
-    assert set(routine.KINDS) <= set(get_args(TargetKind))
-    assert len(set(routine.KINDS)) == len(routine.KINDS)
-    assert routine.PROVIDES
-    assert set(routine.PROVIDES) | set(routine.REQUIRES) <= set(get_args(PoseTerm))
-    assert routine.CAPTURE_PX > 0
+    assert name == routine.name
+    assert routine.version
+    assert routine.kinds
+    assert set(routine.kinds) <= set(get_args(TargetKind))
+    assert len(set(routine.kinds)) == len(routine.kinds)
+    assert routine.provides
+    assert set(routine.provides) | set(routine.requires) <= set(get_args(PoseTerm))
+    assert routine.capture_px > 0
     # what starts anywhere needs no place, and what needs one says how near
-    assert ("xy" in routine.REQUIRES) <= math.isfinite(routine.CAPTURE_PX)
-    assert isinstance(routine.BASELINE, bool)
+    assert ("xy" in routine.requires) <= math.isfinite(routine.capture_px)
+    assert isinstance(routine.baseline, bool)
 
 
 # preparing a fit to the jaws takes as long as all the others, an outline's half of it
@@ -194,7 +194,7 @@ def _check(
     assert all(math.isfinite(v) for v in numbers if v is not None), label
     assert found.spread_px >= 0, label
     for known, value in (("theta", found.theta_rad), ("z", found.z_um)):
-        assert value is None or known in routine.PROVIDES, label
+        assert value is None or known in routine.provides, label
     # no routine answers with what is beyond any search
     away = math.hypot(found.column - target.column, found.row - target.row)
     assert away <= 2 * target.search_px + 10, label
@@ -214,13 +214,13 @@ def test_the_work_is_predicted_from_artifact_and_pixels(
 
 @pytest.mark.parametrize("name", sorted(REGISTRY))
 def test_a_routine_can_be_prepared_for_one_of_its_kinds(name: str) -> None:
-    found = [prepared(name, kind) for kind in load(name).KINDS]
+    found = [prepared(name, kind) for kind in load(name).kinds]
     assert any(isinstance(artifact, Artifact) for artifact in found), found
 
 
 @pytest.mark.parametrize("name", sorted(REGISTRY))
 def test_preparing_twice_is_preparing_once(name: str) -> None:
-    kind = load(name).KINDS[0]
+    kind = load(name).kinds[0]
     first, again = (
         prepared(name, kind),
         load(name).prepare(render(kind), look(kind).target),

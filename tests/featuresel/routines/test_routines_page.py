@@ -23,6 +23,7 @@ from microplan.featuresel.routines.contract import (
     Routine,
 )
 from microplan.featuresel.routines.registry import REGISTRY, load
+from microplan.featuresel.selection.constraints import Constraints
 from microplan.featuresel.selection.select import Selection, select
 from microplan.featuresel.trials.chains import Chain, chains
 from microplan.featuresel.trials.score import ChainScore, score
@@ -49,13 +50,13 @@ def catalogue() -> dict[str, list[str]]:
 def register(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
     """Return the page's routine as a module, registered by one line."""
     path = f"microplan.featuresel.routines.{NAME}"
-    assert f'"{NAME}": "{path}",' in PAGE
+    assert f'"{NAME}": _HERE + "{NAME}:{NAME.upper()}",' in PAGE
     source = PAGE.partition("```python\n")[2].partition("```")[0]
     module = ModuleType(path)
     exec(compile(source, NAME, "exec"), module.__dict__)
     monkeypatch.setitem(sys.modules, path, module)
     assert isinstance(REGISTRY, dict)
-    monkeypatch.setitem(REGISTRY, NAME, path)
+    monkeypatch.setitem(REGISTRY, NAME, f"{path}:{NAME.upper()}")
     return module
 
 
@@ -70,12 +71,12 @@ def test_the_catalogue_is_the_registry() -> None:
     for name, cells in catalogue().items():
         kinds, gives, needs, captures, good, bad, role = cells
         routine = load(name)
-        assert kinds == ", ".join(routine.KINDS)
-        assert gives == ", ".join(routine.PROVIDES)
-        assert needs == ", ".join(routine.REQUIRES)
-        reach = routine.CAPTURE_PX
+        assert kinds == ", ".join(routine.kinds)
+        assert gives == ", ".join(routine.provides)
+        assert needs == ", ".join(routine.requires)
+        reach = routine.capture_px
         assert captures == ("search" if math.isinf(reach) else f"{reach:g} px")
-        roles = ("baseline", routine.BASELINE), ("expensive", routine.EXPENSIVE)
+        roles = ("baseline", routine.baseline), ("expensive", routine.expensive)
         assert role == ", ".join(word for word, holds in roles if holds)
         assert good
         assert bad
@@ -91,8 +92,7 @@ def test_pages_that_are_pointed_to_exist() -> None:
 
 
 def test_the_example_keeps_the_contract(example: ModuleType) -> None:
-    members = {*Routine.__annotations__, "prepare", "measure", "cost"}
-    assert {name for name in members if not hasattr(example, name)} == set()
+    assert load(NAME) is example.GREY_CENTROID
     case, artifact = post_alone(), ready(load(NAME))
     shape = (case.window.rows, case.window.columns)
     true = nominal_render(case)()
@@ -214,8 +214,8 @@ def judged() -> tuple[dict[Chain, ChainScore], Selection]:
     scores = score(case, prepared, outcomes)
     selection = select(
         scores,
-        tolerance_um=TOLERANCE_UM,
-        tolerance_theta_rad=None,
-        target=case.target,
+        Constraints(
+            tolerance_um=TOLERANCE_UM, tolerance_theta_rad=None, target=case.target
+        ),
     )
     return {s.chain: s for s in scores}, selection

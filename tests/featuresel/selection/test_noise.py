@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from microplan.featuresel.selection.constraints import Constraints
 from microplan.featuresel.selection.select import select
 from microplan.featuresel.sets.feature_set import choose_set
 from microplan.featuresel.sets.pose_covariance import (
@@ -39,8 +40,10 @@ class Choice:
         """Return the chain chosen, the fallback, the front, and who was rejected."""
         found = select(
             self.scores,
-            tolerance_um=self.tolerance_um,
-            tolerance_theta_rad=self.tolerance_theta_rad,
+            Constraints(
+                tolerance_um=self.tolerance_um,
+                tolerance_theta_rad=self.tolerance_theta_rad,
+            ),
         )
         return (
             found.chosen and found.chosen.chain,
@@ -119,8 +122,10 @@ def test_the_plans_choices_follow_from_its_scores(
     for name, choice in choices.items():
         found = select(
             choice.scores,
-            tolerance_um=choice.tolerance_um,
-            tolerance_theta_rad=choice.tolerance_theta_rad,
+            Constraints(
+                tolerance_um=choice.tolerance_um,
+                tolerance_theta_rad=choice.tolerance_theta_rad,
+            ),
         )
         assert found.chosen is not None
         assert found.chosen.chain == looks[name].evidence.chosen.chain

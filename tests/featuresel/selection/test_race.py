@@ -11,6 +11,7 @@ from scipy.stats import binom
 
 from microplan.featuresel.look.design import design
 from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.selection.constraints import Constraints
 from microplan.featuresel.selection.race import ROUNDS, Race, race
 from microplan.featuresel.selection.select import Limits, select
 from microplan.featuresel.trials.bounds import (
@@ -61,9 +62,12 @@ def test_hopeless_chains_are_dropped_and_the_choice_stays(
     assert found.interim_tests == 3
     whole = run(post, ready, design(post, 64, 5))
     full = select(
-        score(post, ready, whole), tolerance_um=0.09, tolerance_theta_rad=None
+        score(post, ready, whole),
+        Constraints(tolerance_um=0.09, tolerance_theta_rad=None),
     )
-    raced = select(found.scores, tolerance_um=0.09, tolerance_theta_rad=None)
+    raced = select(
+        found.scores, Constraints(tolerance_um=0.09, tolerance_theta_rad=None)
+    )
     assert raced.chosen is not None
     assert full.chosen is not None
     assert raced.chosen.chain == full.chosen.chain

@@ -9,7 +9,7 @@ from dataclasses import replace
 import pytest
 
 from microplan.featuresel.routines.contract import Target
-from microplan.featuresel.selection.constraints import Limits, front
+from microplan.featuresel.selection.constraints import Constraints, Limits, front
 from microplan.featuresel.selection.select import select
 from microplan.featuresel.trials.score import ChainScore, failure_upper, success_lower
 
@@ -54,7 +54,9 @@ def with_failures(score: ChainScore, aloud: int, silent: int) -> ChainScore:
 
 
 def chosen(*scores: ChainScore, tolerance_um: float = 1.0) -> tuple[str, ...] | None:
-    best = select(scores, tolerance_um=tolerance_um, tolerance_theta_rad=None).chosen
+    best = select(
+        scores, Constraints(tolerance_um=tolerance_um, tolerance_theta_rad=None)
+    ).chosen
     return None if best is None else best.chain
 
 
@@ -84,7 +86,7 @@ def test_every_rejection_has_its_reason_with_numbers() -> None:
         replace(a_score("flat"), angles=0, bias_theta_rad=None, sigma_theta_rad=None),
         replace(a_score("askew"), sigma_theta_rad=0.1),
     ]
-    found = select(scores, tolerance_um=1.0, tolerance_theta_rad=0.01)
+    found = select(scores, Constraints(tolerance_um=1.0, tolerance_theta_rad=0.01))
     assert found.chosen == good
     reasons = dict(found.reasons)
     assert reasons[("good",)].startswith("chosen: ")
@@ -107,54 +109,70 @@ def test_bias_counts_like_spread() -> None:
 def test_the_fallback_begins_with_another_routine() -> None:
     first, same = a_score("otsu>circle_caliper", 0.1, 1), a_score("otsu>ncc", 0.1, 2)
     other = a_score("ncc", 0.1, 9)
-    found = select([first, same, other], tolerance_um=1, tolerance_theta_rad=None)
+    found = select(
+        [first, same, other], Constraints(tolerance_um=1, tolerance_theta_rad=None)
+    )
     assert found.chosen == first
     assert found.fallback == other
-    lonely = select([first, same], tolerance_um=1, tolerance_theta_rad=None)
+    lonely = select(
+        [first, same], Constraints(tolerance_um=1, tolerance_theta_rad=None)
+    )
     assert lonely.fallback == same
-    alone = select([first], tolerance_um=1, tolerance_theta_rad=None)
+    alone = select([first], Constraints(tolerance_um=1, tolerance_theta_rad=None))
     assert alone.fallback is None
 
 
 def test_when_nothing_passes_the_advice_says_what_would() -> None:
-    found = select([a_score("a", 0.8)], tolerance_um=1, tolerance_theta_rad=None)
+    found = select(
+        [a_score("a", 0.8)], Constraints(tolerance_um=1, tolerance_theta_rad=None)
+    )
     assert found.chosen is None
     assert found.advice == "a would pass with a tolerance of 1.6 um"
     wild = with_failures(a_score("a"), 30, 0)
-    found = select([wild], tolerance_um=1, tolerance_theta_rad=None)
+    found = select([wild], Constraints(tolerance_um=1, tolerance_theta_rad=None))
     assert "right in 34 of 64 trials" in found.advice
     blind = replace(a_score("a"), angles=0, bias_theta_rad=None, sigma_theta_rad=None)
-    found = select([blind], tolerance_um=1, tolerance_theta_rad=0.1)
+    found = select([blind], Constraints(tolerance_um=1, tolerance_theta_rad=0.1))
     assert "symmetry" in found.advice
 
 
 def test_limits_can_be_set() -> None:
     shy = with_failures(a_score("shy"), 4, 0)
     found = select(
-        [shy], tolerance_um=1, tolerance_theta_rad=None, limits=Limits(success=0.9)
+        [shy],
+        Constraints(
+            tolerance_um=1, tolerance_theta_rad=None, limits=Limits(success=0.9)
+        ),
     )
     assert found.chosen == shy
 
 
 def test_nonsense_is_an_error() -> None:
     with pytest.raises(ValueError, match="at least one"):
-        select([], tolerance_um=1, tolerance_theta_rad=None)
+        select([], Constraints(tolerance_um=1, tolerance_theta_rad=None))
     with pytest.raises(ValueError, match="positive"):
-        select([a_score("a")], tolerance_um=0, tolerance_theta_rad=None)
+        select([a_score("a")], Constraints(tolerance_um=0, tolerance_theta_rad=None))
     with pytest.raises(ValueError, match="positive"):
-        select([a_score("a")], tolerance_um=1, tolerance_theta_rad=float("nan"))
+        select(
+            [a_score("a")],
+            Constraints(tolerance_um=1, tolerance_theta_rad=float("nan")),
+        )
     with pytest.raises(ValueError, match="positive"):
-        select([a_score("a")], tolerance_um=1, tolerance_theta_rad=0.0)
+        select([a_score("a")], Constraints(tolerance_um=1, tolerance_theta_rad=0.0))
     with pytest.raises(ValueError, match="cost"):
         Limits(cost=0.0)
     with pytest.raises(ValueError, match="visible"):
-        select([a_score("a")], tolerance_um=1, tolerance_theta_rad=None, visible=1.5)
+        select(
+            [a_score("a")],
+            Constraints(tolerance_um=1, tolerance_theta_rad=None, visible=1.5),
+        )
 
 
 def test_what_costs_too_much_is_rejected_and_says_so() -> None:
     fast, slow = a_score("fast", 0.8, 1), a_score("slow", 0.1, 9)
     found = select(
-        [fast, slow], tolerance_um=1, tolerance_theta_rad=None, limits=Limits(cost=5)
+        [fast, slow],
+        Constraints(tolerance_um=1, tolerance_theta_rad=None, limits=Limits(cost=5)),
     )
     assert found.chosen is None
     assert dict(found.reasons)[("slow",)] == "rejected: cost 9, at most 5"
@@ -163,26 +181,36 @@ def test_what_costs_too_much_is_rejected_and_says_so() -> None:
 
 def test_an_angle_that_looks_like_another_is_refused() -> None:
     score = a_score("a")
-    plain = select([score], tolerance_um=1, tolerance_theta_rad=0.01, target=GEAR)
+    plain = select(
+        [score], Constraints(tolerance_um=1, tolerance_theta_rad=0.01, target=GEAR)
+    )
     assert plain.chosen is None
     assert "not unique: nothing breaks the symmetry" in plain.reasons[0][1]
     assert "0.175 rad" in plain.advice  # half a pitch, pi / 18
     broken = replace(GEAR, parameters={**GEAR.parameters, **NOTCH})
     near = replace(GEAR, theta_range_rad=math.pi / 18 - 1e-6)
     for target in (broken, near):
-        found = select([score], tolerance_um=1, tolerance_theta_rad=0.01, target=target)
+        found = select(
+            [score],
+            Constraints(tolerance_um=1, tolerance_theta_rad=0.01, target=target),
+        )
         assert found.chosen == score
     # where no angle is needed none can be mistaken
-    free = select([score], tolerance_um=1, tolerance_theta_rad=None, target=GEAR)
+    free = select(
+        [score], Constraints(tolerance_um=1, tolerance_theta_rad=None, target=GEAR)
+    )
     assert free.chosen == score
     bore = replace(GEAR, kind="circle", symmetry=0, parameters={"radius_um": 25.0})
-    found = select([score], tolerance_um=1, tolerance_theta_rad=0.01, target=bore)
+    found = select(
+        [score], Constraints(tolerance_um=1, tolerance_theta_rad=0.01, target=bore)
+    )
     assert "a round target has no angle" in found.reasons[0][1]
 
 
 def test_what_is_hidden_is_refused() -> None:
     found = select(
-        [a_score("a")], tolerance_um=1, tolerance_theta_rad=None, visible=0.2
+        [a_score("a")],
+        Constraints(tolerance_um=1, tolerance_theta_rad=None, visible=0.2),
     )
     assert found.chosen is None
     words = "20% of the target's edges are visible, at least 25%"
@@ -192,9 +220,11 @@ def test_what_is_hidden_is_refused() -> None:
 
 def test_one_direction_is_enough_in_a_set_only() -> None:
     edge = replace(a_score("edge"), axis_rad=0.0)
-    alone = select([edge], tolerance_um=1, tolerance_theta_rad=None)
+    alone = select([edge], Constraints(tolerance_um=1, tolerance_theta_rad=None))
     assert "in one direction only" in alone.reasons[0][1]
-    member = select([edge], tolerance_um=1, tolerance_theta_rad=None, in_set=True)
+    member = select(
+        [edge], Constraints(tolerance_um=1, tolerance_theta_rad=None, in_set=True)
+    )
     assert member.chosen == edge
 
 
@@ -226,7 +256,7 @@ def test_the_pareto_list_is_what_nothing_beats() -> None:
 def test_a_selection_lists_accuracy_against_cost() -> None:
     wild = with_failures(a_score("wild", 0.01, 0.5), 30, 0)
     scores = [a_score("fine", 0.01, 5), a_score("coarse", 0.2, 1), wild]
-    found = select(scores, tolerance_um=1.0, tolerance_theta_rad=None)
+    found = select(scores, Constraints(tolerance_um=1.0, tolerance_theta_rad=None))
     assert found.pareto == (scores[1], scores[0])  # what fails is no way to be fast
 
 
@@ -234,11 +264,15 @@ def test_one_direction_of_two_is_no_matter_of_tolerance() -> None:
     edge = replace(a_score("line_caliper", 0.1), axis_rad=0.0)
     wide = replace(a_score("edge_pair", 5.0), axis_rad=0.0)
     for theta in (None, 0.0001):  # a tighter angle does not change what is missing
-        found = select([edge, wide], tolerance_um=1.0, tolerance_theta_rad=theta)
+        found = select(
+            [edge, wide], Constraints(tolerance_um=1.0, tolerance_theta_rad=theta)
+        )
         assert found.chosen is None
         assert found.advice.startswith("reliable chains tell the place in one direct")
     both = a_score("corner", 2.0)
-    found = select([edge, both], tolerance_um=1.0, tolerance_theta_rad=None)
+    found = select(
+        [edge, both], Constraints(tolerance_um=1.0, tolerance_theta_rad=None)
+    )
     assert found.advice == "corner would pass with a tolerance of 4 um"
 
 
@@ -248,5 +282,5 @@ def test_one_trial_tells_no_spread() -> None:
         bias_theta_rad=None, sigma_theta_rad=None,
     )  # fmt: skip
     for theta in (None, 0.01):
-        found = select([once], tolerance_um=1.0, tolerance_theta_rad=theta)
+        found = select([once], Constraints(tolerance_um=1.0, tolerance_theta_rad=theta))
         assert found.advice == "too few trials to tell a spread"

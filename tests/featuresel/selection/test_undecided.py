@@ -28,7 +28,7 @@ TASK = Constraints(tolerance_um=1.0, tolerance_theta_rad=None)
 
 
 def selected(scores: Sequence[ChainScore]) -> Selection:
-    return select(scores, tolerance_um=1.0, tolerance_theta_rad=None)
+    return select(scores, Constraints(tolerance_um=1.0, tolerance_theta_rad=None))
 
 
 def hung_on(*scores: ChainScore) -> set[Chain]:
@@ -135,7 +135,7 @@ def test_a_race_with_waiting_chains_chooses_what_one_without_does(look: Look) ->
     ready = prepare(case, [("otsu",), ("ncc",), ("circle_caliper",)])
 
     def choice(scores: Sequence[ChainScore]) -> Selection:
-        return select(scores, tolerance_um=0.8, tolerance_theta_rad=None)
+        return select(scores, Constraints(tolerance_um=0.8, tolerance_theta_rad=None))
 
     held = partial(race, case, ready, root_seed=3, most=40, rounds=(8, 24))
     some = held(ahead=lambda scores: chains_ahead(scores, choice(scores), task))

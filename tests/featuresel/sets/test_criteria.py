@@ -22,7 +22,7 @@ from microplan.featuresel.sets.criteria import (
     set_criteria,
     uniqueness,
 )
-from microplan.featuresel.sets.pose_covariance import sight_of
+from microplan.featuresel.sets.pose_covariance import measurement_of
 from microplan.featuresel.trials.score import ChainScore, failure_upper, success_lower
 from microplan.optics.outline.outline import Outline, Ring, Segment, place
 from tests.featuresel.aims import target_of
@@ -55,8 +55,8 @@ def a_score(*, theta: float | None = 0.001, axis: float | None = None) -> ChainS
 def candidate(
     feature: Feature, score: ChainScore, seen: float | None = 1.0
 ) -> Candidate:
-    sight = sight_of(feature, score, about_um=(0.0, 0.0), theta_rad=0.3)
-    return Candidate(feature=feature, score=score, sight=sight, seen=seen)
+    measurement = measurement_of(feature, score, about_um=(0.0, 0.0), theta_rad=0.3)
+    return Candidate(feature=feature, score=score, measurement=measurement, seen=seen)
 
 
 def kinds(kind: str) -> list[Feature]:
@@ -139,11 +139,16 @@ def test_uniqueness_is_how_far_the_likest_turn_is_from_right(
 
 def test_a_sight_is_where_the_placed_part_has_the_feature() -> None:
     feature = kinds("corner")[0]
-    sight = sight_of(feature, a_score(), about_um=(5.0, -3.0), theta_rad=0.3)
+    measurement = measurement_of(
+        feature, a_score(), about_um=(5.0, -3.0), theta_rad=0.3
+    )
     # the second road: the outline itself placed in the world
     placed = place(place(ELL, -5.0, 3.0), 0.0, 0.0, 0.3)
     points = [edge.start for ring in placed.rings for edge in ring.edges]
-    assert min(math.dist((sight.x_um, sight.y_um), point) for point in points) < 1e-9
+    assert (
+        min(math.dist((measurement.x_um, measurement.y_um), point) for point in points)
+        < 1e-9
+    )
 
 
 def test_seen_is_what_lies_in_the_region_and_behind_nothing() -> None:

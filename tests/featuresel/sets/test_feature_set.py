@@ -10,14 +10,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from microplan.featuresel.sets.feature_set import choose_set
+from benchmarks.selection.feature_sets import log_det
+from microplan.featuresel.sets.feature_set import MARGIN, SetSearch, choose_set
 from microplan.featuresel.sets.pose_covariance import (
     FeatureMeasurement,
     PoseRequirement,
     known,
-    log_det,
 )
-from microplan.featuresel.sets.set_search import MARGIN, SetSearch
 
 LOOSE = PoseRequirement(sigma_um=1.0, sigma_theta_rad=0.1, radius_um=50.0)
 
@@ -50,19 +49,21 @@ def test_greedy_with_exchange_is_as_good_as_trying_all() -> None:
     rng = np.random.default_rng(8)
     equal, problems = 0, 150
     for k in range(problems):
-        sights = random_sights(rng, 8)
+        measured = random_sights(rng, 8)
         need = replace(LOOSE, sigma_theta_rad=0.1 if k % 3 else None)
         size = 2 + k % 3
-        taken = SetSearch.of(sights, need).best_of(size)
-        told = log_det([sights[i] for i in taken], need)
-        best = max(log_det(some, need) for some in itertools.combinations(sights, size))
+        taken = SetSearch.of(measured, need).best_of(size)
+        told = log_det([measured[i] for i in taken], need)
+        best = max(
+            log_det(some, need) for some in itertools.combinations(measured, size)
+        )
         equal += told >= best - MARGIN
     assert equal == problems
 
 
 def test_the_smallest_set_that_is_good_enough_wins() -> None:
-    sights = square()
-    alone = choose_set(sights, replace(LOOSE, redundant=False, sigma_theta_rad=None))
+    measured = square()
+    alone = choose_set(measured, replace(LOOSE, redundant=False, sigma_theta_rad=None))
     assert alone.qualifies is False or len(alone.names) > 1  # the arm spoils one
     centre = [*square(), point("middle", 0, 0)]
     need = replace(LOOSE, redundant=False, sigma_theta_rad=None)
@@ -76,7 +77,7 @@ def test_redundancy_holds_with_any_feature_dropped() -> None:
     found = choose_set(square(), LOOSE)
     assert found.qualifies
     assert len(found.names) == 3
-    by_name = {sight.name: sight for sight in square()}
+    by_name = {measurement.name: measurement for measurement in square()}
     for out in found.names:
         rest = [by_name[name] for name in found.names if name != out]
         left = known(rest, LOOSE)
@@ -114,21 +115,25 @@ def test_among_equals_the_cheaper_then_the_first_by_name() -> None:
 
 
 def test_every_feature_has_its_reason() -> None:
-    sights = [*square(), point("blind", 0, 0, math.inf), point("rough", 0, 9, 5.0)]
-    found = choose_set(sights, LOOSE)
+    measured = [
+        *square(),
+        point("blind", 0, 0, math.inf),
+        point("rough", 0, 9, 5.0),
+    ]
+    found = choose_set(measured, LOOSE)
     reasons = dict(found.reasons)
-    assert list(reasons) == [sight.name for sight in sights]
+    assert list(reasons) == [measurement.name for measurement in measured]
     for name in found.names:
         assert reasons[name].startswith("taken: without it sigma is ")
     assert reasons["blind"] == "left out: it tells nothing of the pose"
     assert reasons["rough"].startswith("left out: with it sigma is ")
-    full = choose_set(sights, replace(LOOSE, most=3))
+    full = choose_set(measured, replace(LOOSE, most=3))
     spare = next(s.name for s in square() if s.name not in full.names)
     assert "in place of p" in dict(full.reasons)[spare]
 
 
 @pytest.mark.parametrize(
-    ("sights", "need", "words"),
+    ("measured", "need", "words"),
     [
         ([point("one", 0, 0)], LOOSE, "a feature that tells the angle"),
         (
@@ -147,9 +152,9 @@ def test_every_feature_has_its_reason() -> None:
     ],
 )
 def test_when_nothing_qualifies_what_would_is_said(
-    sights: Sequence[FeatureMeasurement], need: PoseRequirement, words: str
+    measured: Sequence[FeatureMeasurement], need: PoseRequirement, words: str
 ) -> None:
-    found = choose_set(sights, need)
+    found = choose_set(measured, need)
     assert not found.qualifies
     assert any(words in relaxation for relaxation in found.relaxations)
 

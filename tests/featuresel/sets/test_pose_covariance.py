@@ -10,8 +10,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from microplan.featuresel.limits.information import covariance as pixel_covariance
-from microplan.featuresel.limits.points import across, pose_information
 from microplan.featuresel.sets.pose_covariance import (
     FINEST_UM,
     FeatureMeasurement,
@@ -20,18 +18,6 @@ from microplan.featuresel.sets.pose_covariance import (
     covariance,
     information,
     jacobian,
-)
-from microplan.optics.lens.jacobian import to_px
-from microplan.optics.transfer.microscope import Microscope
-
-MICROSCOPE = Microscope(
-    aperture=0.42,
-    wavelength_um=0.6,
-    medium_index=1.0,
-    magnification=6.9,
-    pitch_um=7.5,
-    width_px=640,
-    height_px=480,
 )
 
 
@@ -44,13 +30,13 @@ def edge(x: float, y: float, axis: float, sigma: float = 0.1) -> FeatureMeasurem
 
 
 def test_the_jacobian_is_how_places_move() -> None:
-    sights = [point(30, -20), edge(-40, 10, 0.7)]
+    measured = [point(30, -20), edge(-40, 10, 0.7)]
     radius, step = 50.0, 1e-6
 
     def seen(x: float, y: float, theta: float) -> list[float]:
         c, s = math.cos(theta), math.sin(theta)
         at = [(c * k.x_um - s * k.y_um + x, s * k.x_um + c * k.y_um + y)
-              for k in sights]  # fmt: skip
+              for k in measured]  # fmt: skip
         along = math.cos(0.7) * at[1][0] + math.sin(0.7) * at[1][1]
         return [*at[0], along]
 
@@ -60,43 +46,41 @@ def test_the_jacobian_is_how_places_move() -> None:
         for move in moves
     ]
     np.testing.assert_allclose(
-        jacobian(sights, radius), np.transpose(columns), atol=1e-8
+        jacobian(measured, radius), np.transpose(columns), atol=1e-8
     )
 
 
 def test_the_covariance_is_that_of_points_in_pixels() -> None:
     rng = np.random.default_rng(3)
-    k = MICROSCOPE.px_per_um
+    k, radius = 0.92, 50.0  # px per um
     for _ in range(20):
         xy = rng.uniform(-50, 50, (5, 2))
         sigma = rng.uniform(0.01, 1.0, 5)
         axes = [None, None, None, *rng.uniform(-3, 3, 2)]
-        sights, weights = [], []
+        measured, total = [], np.zeros((3, 3))
         for (x, y), s, axis in zip(xy, sigma, axes, strict=True):
-            sights.append(replace(point(x, y, s), axis_rad=axis))
-            if axis is None:
-                weights.append(np.eye(2) / (s * k) ** 2)
-            else:
-                weights.append(across(axis, s * k))
-        told = pose_information(to_px(xy, MICROSCOPE), np.array(weights), MICROSCOPE)
-        radius = 50.0
-        scale = np.array([1, 1, radius])
-        expected = pixel_covariance(told) * np.outer(scale, scale)
-        # rotation of pixels is about the image's middle, here the frame's origin
-        np.testing.assert_allclose(covariance(sights, radius), expected, rtol=1e-8)
+            measured.append(replace(point(x, y, s), axis_rad=axis))
+            weight = np.eye(2)
+            if axis is not None:  # rows go down
+                normal = np.array([math.cos(axis), -math.sin(axis)])
+                weight = np.outer(normal, normal)
+            moves = k * np.array([[1, 0, -y / radius], [0, -1, -x / radius]])
+            total += moves.T @ weight @ moves / (s * k) ** 2
+        expected = np.linalg.inv(total)
+        np.testing.assert_allclose(covariance(measured, radius), expected, rtol=1e-8)
 
 
 def test_the_covariance_is_that_of_fits_to_noisy_places() -> None:
-    sights = [point(30, -20, 0.1), edge(-40, 10, 0.7, 0.05), point(5, 45, 0.2)]
+    measured = [point(30, -20, 0.1), edge(-40, 10, 0.7, 0.05), point(5, 45, 0.2)]
     radius = 50.0
     sigmas = np.array([0.1, 0.1, 0.05, 0.2, 0.2])
-    rows = jacobian(sights, radius)
+    rows = jacobian(measured, radius)
     rng, draws = np.random.default_rng(1), 20_000
     noise = rng.standard_normal((draws, 5))  # in units of each spread
     fits = np.linalg.lstsq(rows / sigmas[:, None], noise.T, rcond=None)[0]
     # a variance of n draws is known to sqrt(2 / n) = 1 %; four times that
     np.testing.assert_allclose(
-        np.cov(fits), covariance(sights, radius), rtol=0.04, atol=1e-4
+        np.cov(fits), covariance(measured, radius), rtol=0.04, atol=1e-4
     )
 
 
@@ -163,11 +147,11 @@ def test_extreme_spreads_are_finite_knowledge_or_none() -> None:
 def test_spreads_far_apart_have_a_covariance(
     first: float, second: float, axis: float, x: float
 ) -> None:
-    sights = [
+    measured = [
         replace(edge(x, 5, 0.0, 10.0**first), sigma_theta_rad=10.0**second),
         edge(-x, 20, axis, 10.0**second),
     ]
-    found = covariance(sights, 50.0)
+    found = covariance(measured, 50.0)
     assert (np.diag(found) > 0).all()
     assert np.isfinite(found).all()
     # three rows for three unknowns: only the angle's own tells it; rounding by 2e-16

@@ -18,7 +18,7 @@ from microplan.featuresel.sets.feature_set import choose_set
 from microplan.featuresel.sets.pose_covariance import (
     FeatureMeasurement,
     PoseRequirement,
-    sight_of,
+    measurement_of,
 )
 from microplan.featuresel.sets.set_trials import Member, score_set
 from microplan.featuresel.trials.score import ChainScore, score
@@ -63,12 +63,14 @@ def tried(name: str) -> tuple[Member, FeatureMeasurement]:
     own = aimed(replace(case, spread=spread), feature, RANGE_RAD)
     ready = prepare(own, [(ROUTINES[feature.kind],)])
     (seen,) = score(own, ready, run(own, ready, design(own, OWN, 1)))
-    sight = sight_of(feature, seen, about_um=(0, 0), theta_rad=case.theta_rad)
+    measurement = measurement_of(
+        feature, seen, about_um=(0, 0), theta_rad=case.theta_rad
+    )
     member = Member(
         case=own, prepared=ready, score=seen, offset_um=feature.center_um,
-        sigma_um=sight.sigma_um,
+        sigma_um=measurement.sigma_um,
     )  # fmt: skip
-    return member, sight
+    return member, measurement
 
 
 def members(*names: str) -> list[Member]:

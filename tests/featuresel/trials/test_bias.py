@@ -10,11 +10,17 @@ import numpy as np
 import pytest
 
 from microplan.featuresel.look.design import design
+from microplan.featuresel.look.perturb import image
 from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.look.templates import Located
 from microplan.featuresel.trials.bias import BiasCurve, unbiased
 from microplan.featuresel.trials.bias_prediction import default_heights, predict_bias
-from microplan.featuresel.trials.trials import PreparedRoutines, prepare, run
+from microplan.featuresel.trials.trials import (
+    PreparedRoutines,
+    measure_picture,
+    prepare,
+    run,
+)
 from microplan.optics.outline.outline import Outline, Ring, Segment
 from microplan.optics.render.scene import Layer
 
@@ -109,10 +115,9 @@ def test_trials_with_the_curve_are_those_without_less_the_bias(
 ) -> None:
     ready, trials = prepare(beside, [NCC]), design(beside, 4, 1)
     known = curve(dz_um=(0.0,), x_um=(0.3,), y_um=(-0.2,), scatter_um=(0.0,))
-    plain = run(beside, ready, trials)
-    for before, after in zip(
-        plain, run(beside, ready, trials, curves={NCC: known}), strict=True
-    ):
+    for trial, before in zip(trials, run(beside, ready, trials), strict=True):
+        picture = image(beside, trial)
+        (after,) = measure_picture(beside, ready, trial, picture, {NCC: known})
         assert before.world_um is not None
         assert after.world_um is not None
         # no angle is measured: the nominal one, .1 rad, turns the bias

@@ -26,8 +26,8 @@ def test_later_answers_have_a_squared_error_of_one_and_are_covered(count: int) -
         errors = 0.05 + 3 * spreads * rng.normal(size=count + 1)
         found = _sure(errors[:-1], spreads[:-1])
         off, claim = errors[-1] - found.bias, float(spreads[-1])
-        squares.append((off / found.sigma(claim)) ** 2)
-        inside.append(abs(off) <= found.half(claim))
+        squares.append((off / (found.factor * claim)) ** 2)
+        inside.append(abs(off) <= found.reach * claim)
     # a squared normal has a variance of 2: 4 standard errors of 2000
     assert np.mean(squares) == pytest.approx(1.0, abs=4 * math.sqrt(2 / 2000))
     # ceil(25 * .95) / 25 = .96 and ceil(65 * .95) / 65 = .954, less the bias' doubt
@@ -40,7 +40,7 @@ def test_the_reach_holds_whatever_the_shape() -> None:
     for _ in range(2000):
         errors = rng.standard_t(3, 100)
         found = _sure(errors[:-1], np.ones(99))
-        inside.append(abs(errors[-1] - found.bias) <= found.half(1.0))
+        inside.append(abs(errors[-1] - found.bias) <= found.reach)
     # 4 standard errors of a rate of .95
     assert np.mean(inside) == pytest.approx(0.95, abs=4 * math.sqrt(0.0475 / 2000))
 

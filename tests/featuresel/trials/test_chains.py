@@ -5,13 +5,15 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from types import ModuleType
+from typing import Any
 
 import pytest
 
 from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.routines import registry
-from microplan.featuresel.routines.contract import PoseTerm, TargetKind
+from microplan.featuresel.routines.contract import Routine
 from microplan.featuresel.routines.registry import REGISTRY, load
 from microplan.featuresel.trials.chains import MOST_CHAINS, chains, has_angle, routines
 
@@ -20,26 +22,23 @@ LOOKS = ("find_gear", "between", "post", "jaws", "bracket")
 COSTS = {"otsu": 1.0, "tooth_notch": 2.0, "circle_caliper": 3.0, "edge_caliper": 6.0}
 
 
-@dataclass(frozen=True)
-class Declared:
-    """What a routine declares; chains are made before anything is measured."""
-
-    KINDS: tuple[TargetKind, ...] = ("teeth",)
-    PROVIDES: tuple[PoseTerm, ...] = ("xy", "theta")
-    REQUIRES: tuple[PoseTerm, ...] = ()
-    CAPTURE_PX: float = math.inf
-    BASELINE: bool = False
+def declared(**fields: Any) -> Routine:
+    """Return a routine for teeth; chains are made before anything is measured."""
+    teeth = replace(load("ncc"), kinds=("teeth",))
+    return replace(teeth, **fields)
 
 
 @pytest.fixture
 def register(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
     """Return what replaces the registry by some of it and new declarations."""
 
-    def replace_registry(*kept: str, **added: Declared) -> None:
+    def replace_registry(*kept: str, **added: Routine) -> None:
         lines = {name: REGISTRY[name] for name in kept}
-        for name, declared in added.items():
-            monkeypatch.setitem(sys.modules, f"declared_{name}", declared)
-            lines[name] = f"declared_{name}"
+        module = ModuleType("added")
+        monkeypatch.setitem(sys.modules, "added", module)
+        for name, routine in added.items():
+            setattr(module, name, routine)
+            lines[name] = f"added:{name}"
         monkeypatch.setattr(registry, "REGISTRY", lines)
         monkeypatch.setattr("microplan.featuresel.trials.chains.REGISTRY", lines)
 
@@ -56,12 +55,12 @@ def test_what_a_routine_needs_is_given_before_it(name: str, look: Look) -> None:
     for chain in chains(target, controls=True):
         given: set[str] = set()
         for routine in map(load, chain):
-            assert target.kind in routine.KINDS
-            if target.search_px > routine.CAPTURE_PX:
-                assert "xy" in given or "xy" not in routine.REQUIRES
+            assert target.kind in routine.kinds
+            if target.search_px > routine.capture_px:
+                assert "xy" in given or "xy" not in routine.requires
             if target.theta_range_rad == math.pi and has_angle(target):
-                assert "theta" in given or "theta" not in routine.REQUIRES
-            given |= set(routine.PROVIDES)
+                assert "theta" in given or "theta" not in routine.requires
+            given |= set(routine.provides)
         assert "xy" in given
 
 
@@ -96,7 +95,7 @@ def test_a_routine_joins_by_its_registry_line(
     target = look("find_gear").target
     register(*first("tooth_notch"))
     before = chains(target)
-    register(*first("tooth_notch"), new=Declared())
+    register(*first("tooth_notch"), new=declared())
     after = chains(target)
     assert ("new",) in after
     assert set(before) <= set(after)
@@ -105,8 +104,8 @@ def test_a_routine_joins_by_its_registry_line(
 def test_a_fine_routine_follows_what_gives_all_that_it_needs(
     look: Look, register: Callable[..., None]
 ) -> None:
-    fit = Declared(REQUIRES=("xy", "theta"), CAPTURE_PX=2.0)
-    step = Declared(REQUIRES=("xy", "theta"), CAPTURE_PX=0.5)
+    fit = declared(requires=("xy", "theta"), capture_px=2.0)
+    step = declared(requires=("xy", "theta"), capture_px=0.5)
     register(*first("tooth_notch"), fit=fit, step=step)
     target = look("find_gear").target
     costs = {**COSTS, "ncc": 12.0, "fit": 4.0, "step": 0.1}
@@ -124,7 +123,7 @@ def test_a_fine_routine_follows_what_gives_all_that_it_needs(
 def test_a_near_target_needs_no_start(
     look: Look, register: Callable[..., None]
 ) -> None:
-    fit = Declared(KINDS=("circle",), REQUIRES=("xy", "theta"), CAPTURE_PX=2.0)
+    fit = declared(kinds=("circle",), requires=("xy", "theta"), capture_px=2.0)
     register(*first(), fit=fit)
     post = look("post").target
     assert ("fit",) not in chains(post)
@@ -134,7 +133,7 @@ def test_a_near_target_needs_no_start(
 def test_a_turned_target_needs_an_angle_to_start_from(
     look: Look, register: Callable[..., None]
 ) -> None:
-    fit = Declared(REQUIRES=("xy", "theta"), CAPTURE_PX=2.0)
+    fit = declared(requires=("xy", "theta"), capture_px=2.0)
     register(*first(), fit=fit)
     gear = replace(look("find_gear").target, search_px=1.0)
     reach_px = gear.parameters["outer_um"] * gear.px_per_um
@@ -148,7 +147,7 @@ def test_a_turned_target_needs_an_angle_to_start_from(
 def test_controls_are_tried_where_asked_for_only(
     look: Look, register: Callable[..., None]
 ) -> None:
-    register(*first(), bad=Declared(BASELINE=True))
+    register(*first(), bad=declared(baseline=True))
     target = look("find_gear").target
     assert all("bad" not in chain for chain in chains(target))
     assert chains(target, controls=True) == (*chains(target), ("bad",))

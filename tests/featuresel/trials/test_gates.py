@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from scipy.stats import beta, binom
 
+from benchmarks.selection.promises import GATED, gated
 from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.trials.bounds import failure_upper
-from microplan.featuresel.trials.gates import GATED, Gate, choose_gate, gated
+from microplan.featuresel.trials.gates import Gate, choose_gate
 from microplan.featuresel.trials.outcomes import Outcome
 from microplan.featuresel.trials.score import score
 from microplan.featuresel.trials.trials import prepare
@@ -95,7 +96,7 @@ def test_failures_aloud_do_not_matter(look: Look) -> None:
 def _gate(min_score: float) -> Gate:
     return Gate(
         min_score=min_score, max_spread_um=math.inf, silent=0, silent_upper=0.0,
-        kept=0, lost=0, loss=0.0, loss_upper=0.0,
+        kept=0, lost=0, loss=0.0,
     )  # fmt: skip
 
 

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from microplan.featuresel.look.scenario import LookCase
-from microplan.featuresel.trials.bias import BiasCurve
 from microplan.featuresel.trials.outcomes import Outcome
 from microplan.featuresel.trials.score import chain_cost, score
 from microplan.featuresel.trials.trials import PreparedRoutines, prepare
@@ -185,14 +184,3 @@ def test_focus_zoom_and_spreads_are_scored_where_given(
         assert calibration.factor == pytest.approx(factor, rel=rel)
         # 95 % of a normal lie within 1.96; its sample quantile is .95 +- 4 x .011
         assert 1.6 * factor < calibration.reach < 2.6 * factor
-
-
-def test_a_score_keeps_the_curve_that_was_taken_off(
-    look: Look, ready: PreparedRoutines
-) -> None:
-    curve = BiasCurve(
-        dz_um=(0.0,), x_um=(0.1,), y_um=(0.0,), theta_rad=None, scatter_um=(0.0,)
-    )
-    outcomes = [outcome(0, (0.1, 0.0))]
-    (found,) = score(look("post"), ready, outcomes, curves={CHAIN: curve})
-    assert found.curve is curve

@@ -15,6 +15,7 @@ from microplan.featuresel.look.perturb import image
 from microplan.featuresel.look.scenario import LookCase
 from microplan.featuresel.routines.chain import measure_chain
 from microplan.featuresel.routines.contract import Artifact, Failure, Measurement
+from microplan.featuresel.selection.constraints import Constraints
 from microplan.featuresel.selection.select import select
 from microplan.featuresel.trials.bias import BiasCurve
 from microplan.featuresel.trials.chains import chains
@@ -98,7 +99,7 @@ def test_each_look_of_the_job_finds_a_chain_without_silent_failures(
     case = replace(case, tolerance_theta_rad=limit)
     ready = prepare(case, chains(case.target))
     scores = score(case, ready, run(case, ready, design(case, 24, 1998)))
-    found = select(scores, tolerance_um=1.0, tolerance_theta_rad=limit)
+    found = select(scores, Constraints(tolerance_um=1.0, tolerance_theta_rad=limit))
     assert found.chosen is not None, found.advice
     assert found.chosen.success == 24
     assert found.chosen.need_um < 1.0

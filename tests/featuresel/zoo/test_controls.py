@@ -18,7 +18,7 @@ CONTROLS = ("hough", "keypoints", "phase_correlation")
 
 
 def test_the_controls_are_marked_and_no_other_is() -> None:
-    assert tuple(n for n in sorted(REGISTRY) if load(n).BASELINE) == CONTROLS
+    assert tuple(n for n in sorted(REGISTRY) if load(n).baseline) == CONTROLS
 
 
 @pytest.mark.parametrize("name", ["hough", "phase_correlation"])

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import sys
 from dataclasses import replace
+from types import ModuleType
 
 import pytest
 
 from microplan.featuresel.look.design import design
 from microplan.featuresel.routines import registry
+from microplan.featuresel.selection.constraints import Constraints
 from microplan.featuresel.selection.select import select
 from microplan.featuresel.trials.score import score
 from microplan.featuresel.trials.trials import prepare, run
@@ -20,10 +22,12 @@ TRIALS = 16
 @pytest.fixture
 def zoo(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let the registry load the zoo's animals like any routine."""
-    names = {animal.NAME: f"zoo_of_{animal.NAME}" for animal in ANIMALS}
-    monkeypatch.setattr(registry, "REGISTRY", {**registry.REGISTRY, **names})
+    cages = ModuleType("animals")
+    monkeypatch.setitem(sys.modules, "animals", cages)
     for animal in ANIMALS:
-        monkeypatch.setitem(sys.modules, names[animal.NAME], animal)
+        setattr(cages, animal.name, animal)
+    names = {animal.name: f"animals:{animal.name}" for animal in ANIMALS}
+    monkeypatch.setattr(registry, "REGISTRY", {**registry.REGISTRY, **names})
 
 
 @pytest.mark.usefixtures("zoo")
@@ -43,8 +47,10 @@ def test_each_is_rejected_for_its_own_reason(name: str) -> None:
         scores = {s.chain: s for s in score(judged, ready, outcomes)}
         found = select(
             [scores[cage.good], scores[resident.chain]],
-            tolerance_um=resident.tolerance_um,
-            tolerance_theta_rad=resident.tolerance_theta_rad,
+            Constraints(
+                tolerance_um=resident.tolerance_um,
+                tolerance_theta_rad=resident.tolerance_theta_rad,
+            ),
         )
         reason = dict(found.reasons)[resident.chain]
         bad = scores[resident.chain]
@@ -58,6 +64,6 @@ def test_each_is_rejected_for_its_own_reason(name: str) -> None:
 def test_the_zoo_is_large_enough_and_no_animal_is_a_neighbour() -> None:
     shown = {resident.chain for cage in CAGES.values() for resident in cage.residents}
     assert len(shown) >= 10
-    assert not {animal.NAME for animal in ANIMALS} & set(registry.REGISTRY)
+    assert not {animal.name for animal in ANIMALS} & set(registry.REGISTRY)
     used = {name for chain in shown for name in chain}
-    assert {animal.NAME for animal in ANIMALS} <= used
+    assert {animal.name for animal in ANIMALS} <= used

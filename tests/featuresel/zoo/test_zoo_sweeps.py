@@ -8,16 +8,15 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from benchmarks.focus.measures import (
+    gradient_sum,
+    laplacian_energy,
+)
 from microplan.arrays import FloatArray
 from microplan.featuresel.look.nominal import nominal_render
 from microplan.featuresel.look.scenario import LookCase
-from microplan.featuresel.routines.focus.focus import peak
-from microplan.featuresel.routines.focus.measures import (
-    gradient_sum,
-    laplacian_energy,
-    tenengrad,
-)
-from microplan.featuresel.routines.focus.peak import FocusPeak
+from microplan.featuresel.routines.focus.measures import tenengrad
+from microplan.featuresel.routines.focus.peak import FocusPeak, mirror_peak
 from tests.featuresel.conftest import noisy, post_alone
 
 Sweep = tuple[FloatArray, list[FloatArray]]
@@ -51,7 +50,7 @@ def fine() -> Sweep:
 def test_a_parabola_through_three_stops_misses_the_peak(true_um: float) -> None:
     stops, images = sweep(post_alone(), true_um, STEP_UM)
     scores = [tenengrad(image) for image in images]
-    fitted = peak(stops, scores)
+    fitted = mirror_peak(stops, scores)
     assert isinstance(fitted, FocusPeak)
     # the measurements this project started from: .15 to .6 um at such stops for
     # the parabola, 3 to 36 nm for a fit over the upper half

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from microplan.featuresel.look.scenario import LookCase
+from microplan.featuresel.routines.contract import Routine
 from microplan.featuresel.trials.chains import Chain
 from microplan.featuresel.trials.score import ChainScore
 from microplan.optics.outline.outline import Outline
@@ -22,9 +23,8 @@ from tests.featuresel.conftest import (
     see_fingers,
 )
 from tests.featuresel.zoo import zoo_angles, zoo_places
-from tests.featuresel.zoo.zoo_kinds import Animal
 
-ANIMALS: tuple[Animal, ...] = (
+ANIMALS: tuple[Routine, ...] = (
     zoo_angles.HOMOGRAPHY,
     zoo_angles.NEAREST_TOOTH,
     zoo_places.BEST_OF_MANY,

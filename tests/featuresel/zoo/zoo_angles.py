@@ -17,7 +17,7 @@ from microplan.featuresel.routines.contract import (
     Target,
 )
 from microplan.featuresel.routines.sampling import cubic
-from tests.featuresel.zoo.zoo_kinds import Animal, answer
+from tests.featuresel.zoo.zoo_kinds import animal, answer
 
 
 def _drawn_teeth(render: LookModel, target: Target) -> Artifact | Failure:
@@ -97,19 +97,19 @@ def _homography(
     return answer(x, y, math.remainder(theta, math.tau))
 
 
-NEAREST_TOOTH = Animal(
-    NAME="nearest_tooth",
-    KINDS=("teeth",),
-    make=_drawn_teeth,
-    read=_nearest_tooth,
-    PROVIDES=("theta",),
-    REQUIRES=("xy",),
-    CAPTURE_PX=2.0,
+NEAREST_TOOTH = animal(
+    name="nearest_tooth",
+    kind="teeth",
+    prepare=_drawn_teeth,
+    measure=_nearest_tooth,
+    provides=("theta",),
+    requires=("xy",),
+    capture_px=2.0,
 )
-HOMOGRAPHY = Animal(
-    NAME="homography",
-    KINDS=("teeth",),
-    make=_keypoints,
-    read=_homography,
-    PROVIDES=("xy", "theta"),
+HOMOGRAPHY = animal(
+    name="homography",
+    kind="teeth",
+    prepare=_keypoints,
+    measure=_homography,
+    provides=("xy", "theta"),
 )

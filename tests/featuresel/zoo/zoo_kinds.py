@@ -3,52 +3,43 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
 
-from microplan.arrays import FloatArray
 from microplan.featuresel.routines.contract import (
-    Artifact,
-    Failure,
-    Guess,
-    LookModel,
+    Measure,
     Measurement,
     PoseTerm,
-    Target,
+    Prepare,
+    Routine,
     TargetKind,
 )
 
-Prepare = Callable[[LookModel, Target], Artifact | Failure]
-Measure = Callable[[FloatArray, Artifact, Guess], Measurement | Failure]
 
+def animal(
+    *,
+    name: str,
+    kind: TargetKind,
+    prepare: Prepare,
+    measure: Measure,
+    provides: tuple[PoseTerm, ...] = ("xy",),
+    requires: tuple[PoseTerm, ...] = (),
+    capture_px: float = math.inf,
+) -> Routine:
+    """Return a routine that must not be chosen; its functions are what is wrong.
 
-@dataclass(frozen=True, kw_only=True)
-class Animal:
-    """A routine that must not be chosen; its functions are what is wrong with it."""
-
-    NAME: str
-    KINDS: tuple[TargetKind, ...]
-    make: Prepare
-    read: Measure
-    PROVIDES: tuple[PoseTerm, ...] = ("xy",)
-    REQUIRES: tuple[PoseTerm, ...] = ()
-    CAPTURE_PX: float = math.inf
-    VERSION: str = "1"
-    BASELINE: bool = True
-
-    def prepare(self, render: LookModel, target: Target) -> Artifact | Failure:
-        """Return what `measure` needs."""
-        return self.make(render, target)
-
-    def measure(
-        self, image: FloatArray, artifact: Artifact, guess: Guess
-    ) -> Measurement | Failure:
-        """Return what the animal says."""
-        return self.read(image, artifact, guess)
-
-    def cost(self, _artifact: Artifact, _pixels: int) -> float:
-        """Return a cost so low that only its faults speak against it."""
-        return 0.01
+    Its cost is so low that only its faults speak against it.
+    """
+    return Routine(
+        name=name,
+        version="1",
+        kinds=(kind,),
+        provides=provides,
+        requires=requires,
+        capture_px=capture_px,
+        baseline=True,
+        prepare=prepare,
+        measure=measure,
+        cost=lambda _artifact, _pixels: 0.01,
+    )
 
 
 def answer(column: float, row: float, theta_rad: float | None = None) -> Measurement:

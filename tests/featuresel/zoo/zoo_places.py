@@ -20,7 +20,7 @@ from microplan.featuresel.routines.contract import (
     Measurement,
     Target,
 )
-from tests.featuresel.zoo.zoo_kinds import Animal, answer
+from tests.featuresel.zoo.zoo_kinds import animal, answer
 
 _HALF = 32  # of templates: 64 pixels suit Fourier transforms
 
@@ -233,49 +233,49 @@ def _blurred_ecc(
     return answer(x, y, p["theta_rad"] + turned)
 
 
-STAY = Animal(NAME="stay", KINDS=("circle",), make=_template, read=_stay)
-PHASE_ONLY = Animal(
-    NAME="phase_only", KINDS=("circle",), make=_template, read=_phase_only
+STAY = animal(name="stay", kind="circle", prepare=_template, measure=_stay)
+PHASE_ONLY = animal(
+    name="phase_only", kind="circle", prepare=_template, measure=_phase_only
 )
-WORN_TEMPLATE = Animal(
-    NAME="worn_template", KINDS=("circle",), make=_template, read=_worn_template
+WORN_TEMPLATE = animal(
+    name="worn_template", kind="circle", prepare=_template, measure=_worn_template
 )
-WHOLE_PIXEL = Animal(
-    NAME="whole_pixel", KINDS=("circle",), make=_template, read=_whole_pixel
+WHOLE_PIXEL = animal(
+    name="whole_pixel", kind="circle", prepare=_template, measure=_whole_pixel
 )
-ROUNDED_WARP = Animal(
-    NAME="rounded_warp",
-    KINDS=("circle",),
-    make=_template,
-    read=_rounded_warp,
-    REQUIRES=("xy",),
-    CAPTURE_PX=2.0,
+ROUNDED_WARP = animal(
+    name="rounded_warp",
+    kind="circle",
+    prepare=_template,
+    measure=_rounded_warp,
+    requires=("xy",),
+    capture_px=2.0,
 )
-WRONG_POLARITY = Animal(
-    NAME="wrong_polarity",
-    KINDS=("circle",),
-    make=_wrong_polarity,
-    read=circle_caliper.measure,
+WRONG_POLARITY = animal(
+    name="wrong_polarity",
+    kind="circle",
+    prepare=_wrong_polarity,
+    measure=circle_caliper.measure,
 )
-RAW_CENTROID = Animal(
-    NAME="raw_centroid", KINDS=("circle",), make=_template, read=_raw_centroid
+RAW_CENTROID = animal(
+    name="raw_centroid", kind="circle", prepare=_template, measure=_raw_centroid
 )
-WHOLE_ELLIPSE = Animal(
-    NAME="whole_ellipse", KINDS=("circle",), make=_template, read=_whole_ellipse
+WHOLE_ELLIPSE = animal(
+    name="whole_ellipse", kind="circle", prepare=_template, measure=_whole_ellipse
 )
-CORNERS = Animal(NAME="corners", KINDS=("jaws",), make=_tips, read=_corners)
-BEST_OF_MANY = Animal(
-    NAME="best_of_many",
-    KINDS=("outline",),
-    make=_one_tooth_of_a_comb,
-    read=_best_of_many,
+CORNERS = animal(name="corners", kind="jaws", prepare=_tips, measure=_corners)
+BEST_OF_MANY = animal(
+    name="best_of_many",
+    kind="outline",
+    prepare=_one_tooth_of_a_comb,
+    measure=_best_of_many,
 )
-BLURRED_ECC = Animal(
-    NAME="blurred_ecc",
-    KINDS=("outline",),
-    make=_corner_template,
-    read=_blurred_ecc,
-    PROVIDES=("xy", "theta"),
-    REQUIRES=("xy", "theta"),
-    CAPTURE_PX=2.0,
+BLURRED_ECC = animal(
+    name="blurred_ecc",
+    kind="outline",
+    prepare=_corner_template,
+    measure=_blurred_ecc,
+    provides=("xy", "theta"),
+    requires=("xy", "theta"),
+    capture_px=2.0,
 )

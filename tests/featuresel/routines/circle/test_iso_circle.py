@@ -109,7 +109,7 @@ def test_it_captures_from_as_far_as_it_says(
     angle_deg: float, name: str, look: Look
 ) -> None:
     case = look("bore")
-    reach = load(name).CAPTURE_PX / case.target.px_per_um
+    reach = load(name).capture_px / case.target.px_per_um
     dx, dy = (reach * f(math.radians(angle_deg)) for f in (math.cos, math.sin))
     image = nominal_render(case)(dx_um=dx, dy_um=dy)
     found = load(name).measure(image, prepared(case, name), start(case))

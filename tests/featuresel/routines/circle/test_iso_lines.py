@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from microplan.featuresel.routines.circle.iso_lines import crossings
+from microplan.featuresel.routines.circle.rim import crossings
 
 
 def test_a_plane_is_crossed_on_its_line() -> None:

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from microplan.featuresel.look.scenario import LookCase, scene
-from microplan.featuresel.routines.focus.focus import FocusPeak, peak, ring_mask, score
+from microplan.featuresel.routines.focus.measures import ring_mask, tenengrad
+from microplan.featuresel.routines.focus.peak import FocusPeak, mirror_peak
 from microplan.optics.render.render import render_stack
 
 Look = Callable[[str], LookCase]
@@ -46,7 +47,9 @@ def test_the_peak_is_at_the_face(
     for seed in range(6):
         offset = step_um * (seed / 6 - 0.5)
         z = np.arange(-24, 24.1, step_um) + offset
-        found = peak(z, [score(i) for i in sweep(look(name), z, expose_image, seed)])
+        found = mirror_peak(
+            z, [tenengrad(i) for i in sweep(look(name), z, expose_image, seed)]
+        )
         assert isinstance(found, FocusPeak)
         assert abs(found.z_um) < most_um
 
@@ -59,7 +62,7 @@ def test_a_ring_tells_the_post_from_the_gear_above(
     mask = ring_mask((200, 200), case.target.column, case.target.row, radius, 8.0)
     z = np.arange(-24, 24.1, 4.0)
     images = sweep(case, z, expose_image, 5)
-    found = peak(z, [score(image, mask) for image in images])
+    found = mirror_peak(z, [tenengrad(image, mask) for image in images])
     assert isinstance(found, FocusPeak)
     # the gear's light falls towards the post and tilts the curve by a part of a step
     assert abs(found.z_um) < 1.0

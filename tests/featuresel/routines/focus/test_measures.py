@@ -11,17 +11,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from microplan.featuresel.look.scenario import LookCase, scene
-from microplan.featuresel.routines.focus.measures import (
+from benchmarks.focus.measures import (
     MEASURES,
     brenner,
     dct_ratio,
     gradient_sum,
     laplacian_energy,
     normalised_variance,
-    tenengrad,
     vollath_f4,
 )
+from microplan.featuresel.look.scenario import LookCase, scene
+from microplan.featuresel.routines.focus.measures import tenengrad
 from microplan.optics.render.render import render_stack
 
 Look = Callable[[str], LookCase]

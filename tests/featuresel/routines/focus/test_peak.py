@@ -10,11 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from benchmarks.focus.measures import FITS, gaussian_peak
 from microplan.featuresel.routines.contract import Failure
-from microplan.featuresel.routines.focus.focus import FITS
 from microplan.featuresel.routines.focus.peak import (
     FocusPeak,
-    gaussian_peak,
     mirror_error_um,
     mirror_peak,
 )

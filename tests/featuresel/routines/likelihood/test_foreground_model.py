@@ -8,7 +8,7 @@ import pytest
 from scipy.ndimage import map_coordinates
 
 from microplan.featuresel.look.nominal import nominal_render
-from microplan.featuresel.routines.likelihood.appearance import ImagePose, Veiling
+from microplan.featuresel.routines.likelihood.appearance import ImagePose, OccluderBlur
 from microplan.featuresel.routines.likelihood.foreground import Front, front_maps
 from tests.featuresel.fits import Drawn, artifact, case, job, render
 
@@ -92,7 +92,9 @@ def test_slopes_by_the_fronts_focus_are_differences(zoom: float) -> None:
     pose = replace(Drawn().pose(case("over_shaft")), zoom=zoom, z_um=4.0)
     # 32 bits of the maps, over the step; a spline's third slope leaves a tenth of that
     low, here, high = (
-        front("over_shaft").at(replace(pose, front=Veiling(focus_um=z)), columns, rows)
+        front("over_shaft").at(
+            replace(pose, front=OccluderBlur(focus_um=z)), columns, rows
+        )
         for z in (4.9, 5.0, 5.1)
     )
     atol = 4 * float(np.finfo(np.float32).eps) / 0.2
@@ -123,13 +125,13 @@ def test_maps_are_read_linearly_between_pixels() -> None:
         core_through=maps[1],
         reach_um=REACH_UM,
         axis_px=(20.3, 11.6),
-        sway_light=occluder_modes,
-        sway_through=occluder_modes,
+        mode_light=occluder_modes,
+        mode_through=occluder_modes,
     )
     rows, columns = (place.ravel() for place in np.mgrid[2:38, 3:47])
     pose = ImagePose(
         column=0.0, row=0.0, turn_rad=0.0, z_um=0.0, zoom=0.98,
-        front=Veiling(focus_um=REACH_UM),
+        front=OccluderBlur(focus_um=REACH_UM),
     )  # fmt: skip
     at = 11.6 + (rows - 11.6) / 0.98, 20.3 + (columns - 20.3) / 0.98
     # at the last height the spline's weights are those of its ends: 1, 4, 1

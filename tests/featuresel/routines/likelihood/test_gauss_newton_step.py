@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from microplan.featuresel.routines.contract import Failure, Guess, Measurement
-from microplan.featuresel.routines.likelihood import gauss_newton_step as one_step
+from microplan.featuresel.routines.likelihood.likelihood import ONE_STEP
 from tests.featuresel.fits import artifact, case, draw, photo, render
 
 
@@ -27,7 +27,7 @@ def test_a_guess_a_tenth_of_a_pixel_off_is_mended_to_a_thousandth(
             z_um=z_um,
             zoom=1.0,
         )
-        found = one_step.measure(drawn.render(render(name)), artifact(name), guess)
+        found = ONE_STEP.measure(drawn.render(render(name)), artifact(name), guess)
         assert isinstance(found, Measurement)
         assert math.hypot(found.column - pose.column, found.row - pose.row) < 1e-3
 
@@ -42,7 +42,7 @@ def test_a_guess_too_far_off_is_refused() -> None:
             theta_rad=case("find_gear").theta_rad + drawn.theta_rad, z_um=0.0,
         )  # fmt: skip
         image = photo("find_gear", drawn, rng)
-        found = one_step.measure(image, artifact("find_gear"), guess)
+        found = ONE_STEP.measure(image, artifact("find_gear"), guess)
         assert isinstance(found, Failure)
         assert found.code in ("not_captured", "misfit")
 
@@ -50,10 +50,10 @@ def test_a_guess_too_far_off_is_refused() -> None:
 def test_a_guess_without_focus_is_refused() -> None:
     image = render("post")()
     guess = Guess(column=99.7, row=99.6)
-    found = one_step.measure(image, artifact("post"), guess)
+    found = ONE_STEP.measure(image, artifact("post"), guess)
     assert isinstance(found, Failure)
     assert found.code == "no_focus"
-    known = one_step.measure(image, artifact("post"), replace(guess, z_um=0.0))
+    known = ONE_STEP.measure(image, artifact("post"), replace(guess, z_um=0.0))
     assert isinstance(known, Measurement)
 
 
@@ -63,4 +63,4 @@ def test_an_image_of_nothing_is_refused(value: float) -> None:
     for shape in ((200, 200), (8, 8), (1, 1)):
         image = np.full(shape, value)
         image.setflags(write=False)
-        assert isinstance(one_step.measure(image, artifact("post"), guess), Failure)
+        assert isinstance(ONE_STEP.measure(image, artifact("post"), guess), Failure)

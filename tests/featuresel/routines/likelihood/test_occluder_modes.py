@@ -12,9 +12,8 @@ import pytest
 from microplan.arrays import FloatArray
 from microplan.featuresel.limits.crlb import place_limits_um
 from microplan.featuresel.look.design import design
-from microplan.featuresel.look.disturb import shifted, turned
-from microplan.featuresel.look.nominal import nominal_render, swayed
-from microplan.featuresel.look.perturb import image
+from microplan.featuresel.look.nominal import displacement_changes, nominal_render
+from microplan.featuresel.look.perturb import image, shifted, turned
 from microplan.featuresel.look.scenario import LookCase, UnknownRotation
 from microplan.featuresel.look.templates import Located, located
 from microplan.featuresel.routines.contract import Artifact, Guess, Measurement
@@ -24,7 +23,7 @@ from microplan.featuresel.routines.likelihood.comparison import (
     ImageComparison,
 )
 from microplan.featuresel.routines.likelihood.fit_problem import read_job
-from microplan.featuresel.routines.likelihood.foreground import principal, sway_maps
+from microplan.featuresel.routines.likelihood.foreground import mode_maps, principal
 from microplan.featuresel.routines.likelihood.pose_fit import PoseFit, fit_pose
 from microplan.optics.render.scene import Window
 from tests.featuresel.conftest import CASES, on_target
@@ -48,7 +47,7 @@ def loose() -> LookCase:
 def prepared() -> Artifact:
     """Return what the fit holds of that look; planes and fronts are those of before."""
     look = nominal_render(loose())
-    maps = sway_maps(look, look())
+    maps = mode_maps(look, look())
     arrays = {
         **artifact("over_shaft").arrays,
         "front_sway_light": maps.light.astype(np.float32),
@@ -130,7 +129,7 @@ def test_a_likely_place_of_the_gear_is_a_likely_sum_of_sways() -> None:
     image, noise = look(), np.sqrt(look.camera.variance(look()))
     moved = shifted(shown.static, "part", (0.5 * SIGMA_UM, 0.0))
     there = replace(shown, static=moved)
-    maps = sway_maps(look, image)
+    maps = mode_maps(look, image)
     rows = (maps.light + maps.through * look.alone()) / noise
     rows = rows.reshape(len(rows), -1)
     change = ((nominal_render(there)() - image) / noise).ravel()
@@ -142,11 +141,11 @@ def test_a_likely_place_of_the_gear_is_a_likely_sum_of_sways() -> None:
 
 def test_what_is_known_exactly_has_no_sways() -> None:
     known = case("over_shaft")
-    assert swayed(known).shape == (0, 200, 200)
+    assert displacement_changes(known).shape == (0, 200, 200)
     for name in STEADY:
         assert artifact("over_shaft").arrays[name].shape == (0, 200, 200)
     alone = replace(case("post"), spread=loose().spread)
-    assert swayed(replace(alone, static=())).std() == 0.0
+    assert displacement_changes(replace(alone, static=())).std() == 0.0
 
 
 def test_the_limit_grows_with_what_is_not_known_of_the_gear() -> None:
@@ -182,7 +181,7 @@ def test_what_lies_elsewhere_leads_no_fit_astray() -> None:
     the fit .7 um away, from where a fit of all did not come back.
     """
     shown = in_fingers()
-    made = likelihood.prepare(nominal_render(shown), shown.target)
+    made = likelihood.LIKELIHOOD.prepare(nominal_render(shown), shown.target)
     assert isinstance(made, Artifact)
     for trial in [t for t in design(shown, 392, 1998) if t.index in (135, 167, 391)]:
         column, row = shown.frame.to_pixel(

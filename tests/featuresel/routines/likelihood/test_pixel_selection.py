@@ -7,7 +7,7 @@ from scipy.ndimage import maximum_filter
 
 from microplan.arrays import FloatArray
 from microplan.featuresel.routines.contract import CameraNoise
-from microplan.featuresel.routines.likelihood.pixel_selection import LOSS, informative
+from microplan.featuresel.routines.likelihood.planes import LOSS, informative
 from tests.featuresel.fits import render
 
 CAMERA = CameraNoise(full_well_e=10_000, read_noise_e=10, bits=8, fill_factor=1.0)

@@ -15,7 +15,7 @@ from microplan.arrays import FloatArray
 from microplan.featuresel.look.nominal import nominal_render
 from microplan.featuresel.routines.contract import Failure
 from microplan.featuresel.routines.likelihood.appearance import ImagePose
-from microplan.featuresel.routines.likelihood.pixel_selection import LOSS
+from microplan.featuresel.routines.likelihood.planes import LOSS
 from microplan.featuresel.routines.likelihood.pose_fit import (
     PoseFit,
     fit_pose,

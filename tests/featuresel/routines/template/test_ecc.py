@@ -86,7 +86,7 @@ def test_capture_is_as_stated(look: Look) -> None:
         case = look(name)
         artifact = prepared(case)
         image = nominal_render(case)(dx_um=1.0, theta_rad=0.0)
-        for off in (ecc.CAPTURE_PX, -ecc.CAPTURE_PX):
+        for off in (ecc.ECC.capture_px, -ecc.ECC.capture_px):
             found = ecc.measure(image, artifact, near(case, 1.0, 0.0, 0.0, off))
             assert isinstance(found, Measurement)
             x, y = case.frame.to_world(found.column, found.row)
