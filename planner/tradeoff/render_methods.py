@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -118,17 +119,19 @@ def measure(
     )
 
 
-def front(points: Sequence[tuple[float, float | None]]) -> frozenset[int]:
-    """Return the indices of points that no other betters in time and in error.
+def front(pairs: Sequence[tuple[float | None, float | None]]) -> frozenset[int]:
+    """Return the indices of the Pareto front: pairs that no other is below in both.
 
-    Points without an error take no part.
+    Pairs with a None take no part.
     """
-    known = [(t, e, i) for i, (t, e) in enumerate(points) if e is not None]
-    found, best = [], np.inf
-    for _, error, index in sorted(known):
-        if error < best:
+    known = [
+        (x, y, k) for k, (x, y) in enumerate(pairs) if x is not None and y is not None
+    ]
+    found, least = [], math.inf
+    for _, y, index in sorted(known):
+        if y < least:
             found.append(index)
-            best = error
+            least = y
     return frozenset(found)
 
 

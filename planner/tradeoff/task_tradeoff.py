@@ -19,6 +19,7 @@ from microplan.planner.source.diagnostics import Report
 from microplan.planner.store.folder import write_files
 from microplan.planner.store.memo import EVERY_TIME
 from microplan.planner.task.task import Task
+from microplan.planner.tradeoff.render_methods import front
 from microplan.planner.tradeoff.task_axes import CompileMethod, compile_methods
 from microplan.planner.tradeoff.task_plots import task_png
 from microplan.planner.tradeoff.task_tradeoff_record import (
@@ -26,10 +27,9 @@ from microplan.planner.tradeoff.task_tradeoff_record import (
     TaskTradeoff,
     TradeoffPoint,
     points_csv,
-    points_json,
     points_table,
-    times_json,
 )
+from microplan.planner.tradeoff.tradeoff_record import json_text
 from microplan.schemas.files.times import spans
 from microplan.schemas.plan import Plan, Step
 
@@ -105,12 +105,13 @@ def _told(
     record = TaskTradeoff(
         format_version=FORMAT_VERSION, task=task.name, note=NOTE, points=found
     )
+    spent_by = {"machine": _machine(), "points": times}
     write_files(
         folder,
         {
             "task.csv": points_csv(record).encode(),
-            "task.json": points_json(record).encode(),
-            "task-times.json": times_json(times, _machine()).encode(),
+            "task.json": json_text(record).encode(),
+            "task-times.json": json_text(spent_by, digits=3).encode(),
             "task.png": task_png(record, times),
         },
     )
@@ -222,25 +223,12 @@ def with_fronts(
     points: Sequence[TradeoffPoint], spent: Sequence[Spent]
 ) -> tuple[tuple[TradeoffPoint, ...], tuple[Spent, ...]]:
     """Return both with what is on the fronts of run time and of compile time."""
-    running = _front([(p.run_s, p.error_um) for p in points])
-    making = _front([(s.cpu_s, p.error_um) for s, p in zip(spent, points, strict=True)])
+    running = front([(p.run_s, p.error_um) for p in points])
+    making = front([(s.cpu_s, p.error_um) for s, p in zip(spent, points, strict=True)])
     return (
         tuple(replace(p, on_front=k in running) for k, p in enumerate(points)),
         tuple(replace(s, on_front=k in making) for k, s in enumerate(spent)),
     )
-
-
-def _front(pairs: Sequence[tuple[float | None, float | None]]) -> frozenset[int]:
-    """Return the places of pairs that no other is below in both; None is on none."""
-    known = [
-        (x, y, k) for k, (x, y) in enumerate(pairs) if not (x is None or y is None)
-    ]
-    found, least = [], math.inf
-    for _, y, k in sorted(known):
-        if y < least:
-            found.append(k)
-            least = y
-    return frozenset(found)
 
 
 def _cpu_s() -> float:

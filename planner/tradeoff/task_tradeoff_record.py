@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import csv
-import io
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
-from microplan.schemas.codec import to_data
+from microplan.planner.tradeoff.tradeoff_record import aligned, csv_rows
 from microplan.schemas.page.figures import chance
 
 
@@ -54,23 +51,7 @@ class TaskTradeoff:
 def points_csv(found: TaskTradeoff) -> str:
     """Return one row for every point; no value where there is none."""
     names = [f.name for f in fields(TradeoffPoint)]
-    stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(names)
-    for point in found.points:
-        writer.writerow([_cell(getattr(point, name)) for name in names])
-    return stream.getvalue()
-
-
-def points_json(found: TaskTradeoff) -> str:
-    """Return the JSON, the same on every run."""
-    return json.dumps(to_data(found), indent=2, ensure_ascii=False) + "\n"
-
-
-def times_json(spent: Sequence[Spent], machine: str) -> str:
-    """Return the times, which depend on the machine and are never compared."""
-    data = {"machine": machine, "points": to_data(tuple(spent), 3)}
-    return json.dumps(data, indent=2, ensure_ascii=False) + "\n"
+    return csv_rows(names, ([getattr(p, n) for n in names] for p in found.points))
 
 
 def points_table(found: TaskTradeoff, spent: Sequence[Spent]) -> str:
@@ -93,14 +74,10 @@ def points_table(found: TaskTradeoff, spent: Sequence[Spent]) -> str:
                 _choices(point),
             )
         )
-    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-    lines = []
-    for row in rows:
-        words = [text.ljust(w) for text, w in zip(row[:2], widths[:2], strict=True)]
-        numbers = [
-            text.rjust(w) for text, w in zip(row[2:-1], widths[2:-1], strict=True)
-        ]
-        lines.append("  ".join([*words, *numbers, row[-1]]).rstrip())
+    numbers = aligned([row[:-1] for row in rows], words=2)
+    lines = [
+        f"{line}  {row[-1]}".rstrip() for line, row in zip(numbers, rows, strict=True)
+    ]
     return "\n".join([f"{found.task}: error and chance over what it takes", *lines])
 
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import csv
 import io
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields
 
-from microplan.schemas.codec import to_data
+from microplan.schemas.codec import DIGITS, to_data
 
 _NOT_OF_A_ROW = ("ways", "focus_heights_um", "layers_in_view")
 
@@ -92,23 +92,45 @@ class Tradeoff:
     steps: tuple[StepTradeoff, ...]
 
 
-def json_text(found: Tradeoff) -> str:
-    """Return the JSON, keys in the order of the records' fields."""
-    return json.dumps(to_data(found), indent=2, ensure_ascii=False) + "\n"
+def json_text(found: object, digits: int = DIGITS) -> str:
+    """Return the JSON of a record, keys in the order of its fields."""
+    return json.dumps(to_data(found, digits), indent=2, ensure_ascii=False) + "\n"
+
+
+def csv_rows(names: Sequence[str], rows: Iterable[Iterable[object]]) -> str:
+    """Return rows of values below their names; a value that is None is left empty."""
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(names)
+    writer.writerows([_cell(value) for value in row] for row in rows)
+    return stream.getvalue()
 
 
 def csv_text(found: Tradeoff) -> str:
-    """Return one row for every way of every step; no value where there is none."""
+    """Return one row for every method of every step."""
     of_step = [f.name for f in fields(StepTradeoff) if f.name not in _NOT_OF_A_ROW]
-    of_way = [f.name for f in fields(MeasuredMethod)]
-    stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(of_step + of_way)
-    for step in found.steps:
-        common = [_cell(getattr(step, name)) for name in of_step]
-        for way in step.ways:
-            writer.writerow(common + [_cell(getattr(way, name)) for name in of_way])
-    return stream.getvalue()
+    of_method = [f.name for f in fields(MeasuredMethod)]
+    return csv_rows(
+        of_step + of_method,
+        (
+            [getattr(step, name) for name in of_step]
+            + [getattr(method, name) for name in of_method]
+            for step in found.steps
+            for method in step.ways
+        ),
+    )
+
+
+def aligned(rows: Sequence[Sequence[str]], words: int) -> list[str]:
+    """Return rows of text in columns, the first `words` to the left, others right."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return [
+        "  ".join(
+            text.ljust(width) if k < words else text.rjust(width)
+            for k, (text, width) in enumerate(zip(row, widths, strict=True))
+        ).rstrip()
+        for row in rows
+    ]
 
 
 def table(step: StepTradeoff) -> str:
@@ -125,8 +147,9 @@ def table(step: StepTradeoff) -> str:
         f"limit {step.limit:g}"
     )
     last = f"  > the compiler's choice: {_said(step)}"
-    ordered = sorted(shown, key=lambda way: way.time_ms)
-    return "\n".join([head, *_aligned(ordered), last])
+    ordered = sorted(shown, key=lambda method: method.time_ms)
+    rows = ["  " + line for line in aligned(_rows(ordered), words=3)]
+    return "\n".join([head, *rows, last])
 
 
 def _said(step: StepTradeoff) -> str:
@@ -147,11 +170,10 @@ def _said(step: StepTradeoff) -> str:
     return "; ".join(parts)
 
 
-def _aligned(ways: Iterable[MeasuredMethod]) -> list[str]:
-    """Return rows of text in columns."""
+def _rows(methods: Iterable[MeasuredMethod]) -> list[tuple[str, ...]]:
+    """Return a row of text for every method, under a row of headings."""
     rows = [("", "law", "layers", "band", "margin", "bits", "ms", "law err", "total")]
-    for way in ways:
-        law = "" if way.law_max_error is None else f"{way.law_max_error:.1e}"
+    for way in methods:
         rows.append(
             (
                 ">" if way.is_choice else "",
@@ -161,19 +183,11 @@ def _aligned(ways: Iterable[MeasuredMethod]) -> list[str]:
                 f"{way.margin:.3g}",
                 str(way.float_bits),
                 f"{way.time_ms:.3g}",
-                law,
+                "" if way.law_max_error is None else f"{way.law_max_error:.1e}",
                 f"{way.max_error:.1e}",
             )
         )
-    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-    return ["  " + _line(row, widths) for row in rows]
-
-
-def _line(row: tuple[str, ...], widths: list[int]) -> str:
-    """Return words left and numbers right in their columns."""
-    words = [text.ljust(w) for text, w in zip(row[:3], widths[:3], strict=True)]
-    numbers = [text.rjust(w) for text, w in zip(row[3:], widths[3:], strict=True)]
-    return "  ".join(words + numbers).rstrip()
+    return rows
 
 
 def _cell(value: object) -> object:
@@ -182,4 +196,6 @@ def _cell(value: object) -> object:
         return int(value)
     if isinstance(value, float):
         return f"{value:.6g}"
-    return value  # None is an empty cell
+    if isinstance(value, tuple):
+        return "; ".join(value)
+    return value
