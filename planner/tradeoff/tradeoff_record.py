@@ -172,7 +172,9 @@ def _said(step: StepTradeoff) -> str:
 
 def _rows(methods: Iterable[MeasuredMethod]) -> list[tuple[str, ...]]:
     """Return a row of text for every method, under a row of headings."""
-    rows = [("", "law", "layers", "band", "margin", "bits", "ms", "law err", "total")]
+    rows: list[tuple[str, ...]] = [
+        ("", "law", "layers", "band", "margin", "bits", "ms", "law err", "total")
+    ]
     for way in methods:
         rows.append(
             (
