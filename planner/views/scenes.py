@@ -13,9 +13,7 @@ from microplan.optics.outline.tolerant_order import least
 from microplan.optics.render.scene import Layer, Scene, Window
 from microplan.optics.transfer.microscope import Microscope
 from microplan.planner.assembly.assembly import (
-    Axis4,
     Body,
-    Carrier,
     Place,
     State,
     bodies,
@@ -23,10 +21,11 @@ from microplan.planner.assembly.assembly import (
     robot_pose,
 )
 from microplan.planner.assembly.shapes import polygon
+from microplan.planner.assembly.world import axis_move
 from microplan.planner.task.task import Task
 from microplan.planner.views.targets import TargetShape, outline_of
 from microplan.schemas.files.evidence import LookScene, PlacedBody, SeenTarget
-from microplan.schemas.plan import AxisMove, Shade
+from microplan.schemas.plan import Shade
 from microplan.schemas.pose import Pose
 
 
@@ -37,8 +36,8 @@ def look_scene(
     return LookScene(
         look=look,
         target=_target(task, shape, spot),
-        stage=_readings("stage", state.stage),
-        robot=None if state.tool is None else _readings("robot", state.robot),
+        stage=axis_move("stage", state.stage),
+        robot=None if state.tool is None else axis_move("robot", state.robot),
         opening_um=None if state.tool is None else state.opening_um,
         bodies=tuple(
             PlacedBody(
@@ -70,17 +69,6 @@ def _pose(task: Task, state: State, owner: str, name: str) -> Pose:
     half = state.opening_um / 2
     shift_um = -half if name.endswith(".left") else half
     return robot_pose(state.robot).compose(Pose(x_um=shift_um, y_um=0.0))
-
-
-def _readings(name: Carrier, axes: Axis4) -> AxisMove:
-    """Return where one axis group stands."""
-    return AxisMove(
-        axes=name,
-        x_um=axes.x_um,
-        y_um=axes.y_um,
-        z_um=axes.z_um,
-        theta_rad=axes.theta_rad,
-    )
 
 
 # Points along all edges whose shade is counted. A stretch of edge that is hidden is
