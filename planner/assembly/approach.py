@@ -8,7 +8,6 @@ from dataclasses import replace
 from microplan.arrays import Box
 from microplan.planner.assembly.assembly import (
     Axis4,
-    Carrier,
     Place,
     State,
     axes_of,
@@ -72,10 +71,10 @@ def _readings(
 
     The turn swings it about the axis, which x and y make up for.
     """
-    axis = state.stage if target.carrier == "stage" else state.robot
+    axis = state.axes(target.carrier)
     turned = replace(axis, theta_rad=axis.theta_rad + turn_rad)
     local = carrier_pose(task, state, target.carrier).inverse().compose(target.pose)
-    there = _carried(state, target.carrier, turned)
+    there = state.carried(target.carrier, turned)
     swung = carrier_pose(task, there, target.carrier).compose(local)
     return replace(
         turned,
@@ -88,7 +87,7 @@ def _aligned(
     task: Task, state: State, target: Place, goal: Place, readings: Axis4
 ) -> State:
     """Return the state after the carrier of `target` went to `readings`."""
-    moved = _carried(state, target.carrier, readings)
+    moved = state.carried(target.carrier, readings)
     if target.carrier == "robot":
         return moved
     axes = axes_of(task, target.carrier)
@@ -114,7 +113,7 @@ def _path_hits(
     """
     rest = axes_of(task, target.carrier).repeatability_xy_um * SIGMAS
     left = [SIGMAS * target.sigma_xy_um] * 2
-    axis = state.stage if target.carrier == "stage" else state.robot
+    axis = state.axes(target.carrier)
     here, found = state, []
     for leg in path:
         deviation: Box = (-left[0], -left[1], left[0], left[1])
@@ -124,7 +123,7 @@ def _path_hits(
             y_um=readings.y_um if "y" in leg else axis.y_um,
             theta_rad=readings.theta_rad,
         )
-        there = _carried(here, target.carrier, axis)
+        there = here.carried(target.carrier, axis)
         hits = sweep_hits(
             task, here, there, carrier=target.carrier, deviation=deviation
         )
@@ -135,10 +134,3 @@ def _path_hits(
         ]
         here = there
     return tuple(found)
-
-
-def _carried(state: State, carrier: Carrier, readings: Axis4) -> State:
-    """Return the state with one carrier at other readings."""
-    if carrier == "robot":
-        return replace(state, robot=readings)
-    return replace(state, stage=readings)

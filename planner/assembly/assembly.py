@@ -65,6 +65,16 @@ class State:
     pinned: Mapping[str, float]  # part -> world spread, while a servo holds it there
     located: frozenset[str]  # names measured since they last changed hands
 
+    def axes(self, carrier: Carrier) -> Axis4:
+        """Return the readings of one axis group."""
+        return self.stage if carrier == "stage" else self.robot
+
+    def carried(self, carrier: Carrier, to: Axis4) -> State:
+        """Return the state with one axis group at other readings, nothing else new."""
+        if carrier == "stage":
+            return replace(self, stage=to)
+        return replace(self, robot=to)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Body:
@@ -304,21 +314,27 @@ def _part_bodies(task: Task, state: State, name: str) -> list[Body]:
 def _tool_bodies(task: Task, state: State, tool: Tool) -> list[Body]:
     """Return the two fingers at the present opening."""
     pose, axes = robot_pose(state.robot), task.workcell.robot.axes
-    half = state.opening_um / 2
-    fingers = (("left", tool.left, -half), ("right", tool.right, half))
     return [
         Body(
-            name=f"{tool.name}.{side}",
+            name=name,
             owner=tool.name,
             carrier="robot",
-            outline=place(
-                place(outline, shift, 0.0), pose.x_um, pose.y_um, pose.theta_rad
-            ),
+            outline=place(outline, pose.x_um, pose.y_um, pose.theta_rad),
             z_low_um=state.robot.z_um,
             z_high_um=state.robot.z_um + tool.thickness_um,
             reflectance=tool.reflectance,
             sigma_xy_um=state.tip_sigma_um,
             sigma_z_um=axes.repeatability_z_um,
         )
-        for side, outline, shift in fingers
+        for name, outline in opened_fingers(tool, state.opening_um)
     ]
+
+
+def opened_fingers(
+    tool: Tool, opening_um: float
+) -> tuple[tuple[str, Outline], tuple[str, Outline]]:
+    """Return the fingers' names and outlines in the grip's frame, opened, um."""
+    return (
+        (f"{tool.name}.left", place(tool.left, -opening_um / 2, 0.0)),
+        (f"{tool.name}.right", place(tool.right, opening_um / 2, 0.0)),
+    )

@@ -30,7 +30,7 @@ def report_unused(task: Task, state: State, step: TaskStep, report: Report) -> N
             f"step {step.id!r}: 'view_um' has no effect: {why[0]}",
             why[1],
         )
-    if step.if_blocked is not None:
+    if step.if_blocked:
         report.note(
             "MP307",
             step.spans.get("if_blocked", step.where),

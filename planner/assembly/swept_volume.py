@@ -203,8 +203,7 @@ def _legs(before: State, after: State, carrier: Carrier) -> tuple[State, ...]:
     A turn is cut into legs of at most TURN_RAD: the hull of a leg's ends misses less
     than a micrometre of the arc at the far end of a 20 mm finger.
     """
-    start = before.stage if carrier == "stage" else before.robot
-    end = after.stage if carrier == "stage" else after.robot
+    start, end = before.axes(carrier), after.axes(carrier)
     count = max(1, math.ceil(abs(end.theta_rad - start.theta_rad) / TURN_RAD))
     states = [before]
     for k in range(1, count):
@@ -215,11 +214,7 @@ def _legs(before: State, after: State, carrier: Carrier) -> tuple[State, ...]:
             z_um=start.z_um + part * (end.z_um - start.z_um),
             theta_rad=start.theta_rad + part * (end.theta_rad - start.theta_rad),
         )
-        states.append(
-            replace(before, stage=axis)
-            if carrier == "stage"
-            else replace(before, robot=axis)
-        )
+        states.append(before.carried(carrier, axis))
     return (*states, after)
 
 

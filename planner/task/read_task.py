@@ -28,9 +28,7 @@ from microplan.planner.task.read_workcell import (
 from microplan.planner.task.references import check_references
 from microplan.planner.task.task import (
     Benchmark,
-    Blocked,
     Environment,
-    Mate,
     Move,
     Optimise,
     Part,
@@ -109,7 +107,6 @@ def _check_task(task: Checked, report: Report) -> None:
 def _task(source: Source, workcell: Workcell, parts: Mapping[str, Part]) -> Task:
     """Return the typed task; nothing in it is at fault."""
     data = with_defaults(source.data, "task")
-    goal = data.get("goal", {})
     starts = {name: raw for name, raw in data["start"].items() if name != "stage"}
     return Task(
         name=data["name"],
@@ -127,17 +124,11 @@ def _task(source: Source, workcell: Workcell, parts: Mapping[str, Part]) -> Task
             for name, raw in starts.items()
             if raw["on"] == "robot"
         },
-        mate=(
-            Mate(**goal["mate"], where=source.key("goal", "mate"))
-            if "mate" in goal
-            else None
-        ),
-        success_goal=optional_float(goal.get("success_probability")),
+        success_goal=optional_float(data.get("goal", {}).get("success_probability")),
         steps=tuple(_step(source, i, raw) for i, raw in enumerate(data["steps"])),
         optimise=Optimise(
             prefer=data["optimise"]["prefer"],
             max_image_error=optional_float(data["optimise"].get("max_image_error")),
-            may_change=tuple(sorted(data["optimise"]["may_change"])),
         ),
         benchmark=_benchmark(data["benchmark"]),
         environment=_environment(data["environment"]),
@@ -212,9 +203,7 @@ def _step(source: Source, index: int, raw: Mapping[str, Any]) -> TaskStep:
         within_rad=_radians(raw.get("within_deg")),
         height_within_um=optional_float(raw.get("height_within_um")),
         speed_um_per_s=optional_float(raw.get("speed_um_per_s")),
-        if_blocked=from_data(Blocked, raw["if_blocked"])
-        if "if_blocked" in raw
-        else None,
+        if_blocked="if_blocked" in raw,
         where=source.value("steps", index, "id"),
         spans={key: source.value("steps", index, key) for key in sorted(raw)},
     )

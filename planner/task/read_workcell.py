@@ -186,7 +186,6 @@ def _axes(raw: Mapping[str, Any]) -> dict[str, Any]:
         "speed_z_um_per_s": speed["z_um_per_s"],
         "speed_theta_rad_per_s": math.radians(speed["theta_deg_per_s"]),
         "settle_s": speed["settle_s"],
-        "coverage": raw["coverage"],
     }
 
 

@@ -31,12 +31,11 @@ class PartFeature:
     # circle: its radius; teeth: outer radius; notch: of its middle, about the circle's
     # centre, which is `center_um`; outline: of the circle about `center_um` around it
     radius_um: float
-    count: int  # teeth: how many; else 1
-    root_um: float  # teeth: root radius; else 0
-    phase_rad: float  # teeth: angle of a tooth's middle; notch: angle of its middle
-    width_um: float  # notch: its width; else 0
-    depth_um: float = 0.0  # notch: how far it departs from the circle; else 0
-    hole: bool  # circle: whether it bounds a hole
+    count: int = 1  # teeth: how many
+    root_um: float = 0.0  # teeth: root radius
+    phase_rad: float = 0.0  # of the middle of a tooth or notch
+    width_um: float = 0.0  # notch: its width
+    hole: bool = False  # circle: whether it bounds a hole
     chord_um: float = 0.0  # circle: how far the edges drawn for it run inside
     avoid: bool
     where: Span
@@ -122,16 +121,6 @@ class Move:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Blocked:
-    """What to do when an insertion is found blocked."""
-
-    back_um: float
-    search: str
-    pitch_um: float
-    radius_um: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class TaskStep:
     """One step of the task; keys that a verb does not read are None."""
 
@@ -153,19 +142,9 @@ class TaskStep:
     within_rad: float | None = None  # verify: turned against its seat at most so far
     height_within_um: float | None = None
     speed_um_per_s: float | None = None
-    if_blocked: Blocked | None = None
+    if_blocked: bool = False  # insert: it states what to do when blocked
     where: Span
     spans: Mapping[str, Span]  # key -> place of its value
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Mate:
-    """The goal: `hole` over `shaft`, resting on `seated_on`."""
-
-    hole: str
-    shaft: str
-    seated_on: str
-    where: Span
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -174,7 +153,6 @@ class Optimise:
 
     prefer: Preset = "balanced"
     max_image_error: float | None = None  # of unit contrast; None: the preset's
-    may_change: tuple[str, ...] = ()
 
     def image_error(self, preset: Preset | None = None) -> float:
         """Return what images may err by: as stated, else as the preset has it."""
@@ -215,7 +193,6 @@ class Task:
     stage_start: Reading
     part_starts: Mapping[str, StartPose]
     tool_starts: Mapping[str, ToolStart]
-    mate: Mate | None
     success_goal: float | None
     steps: tuple[TaskStep, ...]
     optimise: Optimise

@@ -98,7 +98,6 @@ class AxesSpec:
     speed_z_um_per_s: float
     speed_theta_rad_per_s: float
     settle_s: float
-    coverage: str  # as the file states it: 1sigma, 3sigma, range
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -201,7 +201,7 @@ def _is_clear(task: Task, request: Request) -> bool:
     spot = target_pose(task, request, needed_shape(task, request))
     state, axes = request.state, axes_of(task, spot.carrier)
     most = _most_um(task, request)
-    at = state.stage if spot.carrier == "stage" else state.robot
+    at = state.axes(spot.carrier)
     for name, value in (("x_um", at.x_um), ("y_um", at.y_um)):
         low, high = axes.limits.get(name, (-math.inf, math.inf))
         if not low <= value - most <= value + most <= high:

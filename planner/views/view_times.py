@@ -53,20 +53,19 @@ def approach_times(task: Task, here: StepState) -> tuple[TimeRow, ...]:
     The step's own moves; for an alignment its first approach as well, where the parts
     are nominally.
     """
-    at: dict[Carrier, Axis4] = {
-        "stage": here.before.stage,
-        "robot": here.before.robot,
-    }
+    state = here.before
     rows: list[TimeRow] = []
     for move in here.moves:
-        there = at[move.axes].moved(move.to)
+        there = state.axes(move.axes).moved(move.to)
         axes = axes_of(task, move.axes)
-        rows += move_times(axes, move.axes, at[move.axes], there)
-        at[move.axes] = there
+        rows += move_times(axes, move.axes, state.axes(move.axes), there)
+        state = state.carried(move.axes, there)
     if here.path:
         carrier = locate_place(task, here.before, here.step.target or "").carrier
-        end = here.at_look.stage if carrier == "stage" else here.at_look.robot
-        rows += _legs(axes_of(task, carrier), carrier, at[carrier], end, here.path)
+        end = here.at_look.axes(carrier)
+        rows += _legs(
+            axes_of(task, carrier), carrier, state.axes(carrier), end, here.path
+        )
     return tuple(rows)
 
 
