@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from microplan.optics.outline.outline import JOIN_UM, Arc, Edge
+from microplan.planner.drawings.affine import Affine
 from microplan.planner.drawings.biarcs import TooManyError
 from microplan.planner.drawings.dxf.blocks import (
     EndlessError,
@@ -23,7 +24,7 @@ from microplan.planner.drawings.dxf.blocks import (
     wanted_weight,
     weigh,
 )
-from microplan.planner.drawings.dxf.curves import Affine, Line, Shape
+from microplan.planner.drawings.dxf.curves import Line, Shape
 from microplan.planner.drawings.dxf.entities import READERS, from_behind, read_entity
 from microplan.planner.drawings.dxf.file import Block, DamagedError, DxfFile, Entity
 from microplan.planner.drawings.dxf.paths import Path, UnreadableError

@@ -33,15 +33,8 @@ class Entity:
     parts: list[Entity] = field(default_factory=list)
 
     def indices(self, code: int) -> Iterator[int]:
-        """Yield where values of a group code are among the tags."""
-        at = self.first
-        while True:
-            try:
-                at = self.tags.codes.index(code, at, self.last)
-            except ValueError:
-                return
-            yield at
-            at += 1
+        """Return the indices of the tags with a group code, in order."""
+        return self.tags.where(code, self.first, self.last)
 
     def count(self, code: int) -> int:
         """Return how many values of a group code there are."""
@@ -205,7 +198,7 @@ def _sections(tags: Tags) -> dict[str, list[Entity]]:
     count = tags.codes.count(0)
     if count > MAX_ITEMS:
         raise CrowdedError(f"it holds {count} entities, at most {MAX_ITEMS}")
-    marks = [*_marks(tags), len(tags.codes)]
+    marks = [*tags.where(0), len(tags.codes)]
     if any(code != _COMMENT for code in tags.codes[: marks[0]]):
         raise DxfError(f"group {tags.codes[0]} at {tags.place(0)} is in no section")
     for at, after in pairwise(marks):
@@ -225,17 +218,6 @@ def _sections(tags: Tags) -> dict[str, list[Entity]]:
     if items is not None:
         raise DxfError("its last section does not end")
     return found
-
-
-def _marks(tags: Tags) -> Iterator[int]:
-    """Yield where items begin: at group 0."""
-    at = -1
-    while True:
-        try:
-            at = tags.codes.index(0, at + 1)
-        except ValueError:
-            return
-        yield at
 
 
 def _header(items: Sequence[Entity]) -> dict[str, str]:

@@ -13,8 +13,9 @@ from shapely.geometry.base import BaseGeometry
 
 from microplan.arrays import FloatArray
 from microplan.optics.outline.outline import Arc, Ring, Segment
+from microplan.planner.drawings.affine import Affine
 from microplan.planner.drawings.biarcs import fit_circle
-from microplan.planner.drawings.gds.cells import MAX_UNITS, AffineMap, PlacedShape
+from microplan.planner.drawings.gds.cells import MAX_UNITS, PlacedShape
 from microplan.planner.drawings.gds.paths import sagitta
 from microplan.planner.drawings.gds.polygons import BATCH, polygons, too_many_meetings
 from microplan.planner.drawings.gds.records import GdsError
@@ -126,7 +127,7 @@ def _pieces(placed: Sequence[PlacedShape]) -> list[shapely.Polygon]:
     found: list[shapely.Polygon] = []
     for item in placed:
         absolute = item.shape.kind == "PATH" and item.shape.width < 0
-        mag = item.at.mag if absolute else 1.0
+        mag = item.at.stretch if absolute else 1.0
         key = (item.shape.offset, mag)
         if key not in own:
             own[key] = polygons(item.shape, mag)
@@ -139,12 +140,14 @@ def _pieces(placed: Sequence[PlacedShape]) -> list[shapely.Polygon]:
     return found
 
 
-def _moved(at: AffineMap, polygon: shapely.Polygon) -> shapely.Polygon:
+def _moved(at: Affine, polygon: shapely.Polygon) -> shapely.Polygon:
     """Return a polygon where a map brings it."""
+
+    a, b, c, d = at.matrix
 
     def move(points: FloatArray) -> FloatArray:
         x, y = points.T
-        return np.column_stack([at.a * x + at.b * y + at.x, at.c * x + at.d * y + at.y])
+        return np.column_stack([a * x + b * y + at.t.real, c * x + d * y + at.t.imag])
 
     return shapely.transform(polygon, move)
 
@@ -213,7 +216,7 @@ def _segments(corners: FloatArray) -> tuple[Segment, ...]:
 
 def _round_end(placed: PlacedShape) -> float:
     """Return the sagitta of a path's round ends, database units; 0 if it has none."""
-    shape, mag = placed.shape, placed.at.mag
+    shape, mag = placed.shape, placed.at.stretch
     if shape.kind != "PATH" or shape.path_type != 1:
         return 0.0
     own = 1.0 if shape.width >= 0 else mag
