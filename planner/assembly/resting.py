@@ -85,16 +85,13 @@ def report_resting(
 
 def _is_below(other: Body, body: Body, shape: BaseGeometry) -> bool:
     """Return whether a body on the stage lies under another one."""
+    sigma_um = math.hypot(other.sigma_z_um, body.sigma_z_um)
     return (
         other.carrier == "stage"
         and other.owner != body.owner
-        and other.z_high_um <= body.z_low_um + SIGMAS * _height_sigma_um(other, body)
+        and other.z_high_um <= body.z_low_um + SIGMAS * sigma_um
         and shape.intersection(polygon(other.outline)).area > 0
     )
-
-
-def _height_sigma_um(a: Body, b: Body) -> float:
-    return math.hypot(a.sigma_z_um, b.sigma_z_um)
 
 
 def _filled(shape: BaseGeometry) -> BaseGeometry:

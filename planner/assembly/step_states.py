@@ -109,7 +109,8 @@ def _unfold_step(task: Task, state: State, step: TaskStep, report: Report) -> St
     at_look = placed
     if step.verb == "align":
         at_look, path = approach(task, placed, step, report)
-    after = _ACTIONS[step.verb](task, at_look, step, report)
+    act = _ACTIONS.get(step.verb)
+    after = at_look if act is None else act(task, at_look, step, report)
     return StepState(
         step=step,
         moves=() if step.verb == "insert" else moves,
@@ -205,11 +206,6 @@ def _locate(task: Task, state: State, step: TaskStep, report: Report) -> State: 
     return replace(state, located=located, tip_sigma_um=tip_um)
 
 
-def _keep(task: Task, state: State, step: TaskStep, report: Report) -> State:  # noqa: ARG001
-    """Return the state unchanged."""
-    return state
-
-
 def _insert(task: Task, state: State, step: TaskStep, report: Report) -> State:
     """Return the state after the insertion's own moves."""
     exempt = frozenset(
@@ -220,14 +216,10 @@ def _insert(task: Task, state: State, step: TaskStep, report: Report) -> State:
     return state
 
 
-Act = Callable[[Task, State, TaskStep, Report], State]
-
-_ACTIONS: Mapping[str, Act] = {
+# what a verb does to the state beside its moves; others do nothing
+_ACTIONS: Mapping[str, Callable[[Task, State, TaskStep, Report], State]] = {
     "locate": _locate,
-    "align": _keep,
     "grasp": grasp,
-    "move": _keep,
     "insert": _insert,
     "release": release,
-    "verify": _keep,
 }

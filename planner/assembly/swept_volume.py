@@ -144,7 +144,8 @@ def sweep_gaps(
         for start, end in itertools.pairwise(_legs(before, after, carrier))
         for hit in _leg_gaps(task, start, end, carrier, deviation, exempt)
     ]
-    worst = {(h.moving, h.still): h for h in sorted(found, key=_least_gap_last)}
+    found.sort(key=lambda hit: -hit.gap_um)  # the closest of a pair comes last
+    worst = {(hit.moving, hit.still): hit for hit in found}
     return tuple(worst[pair] for pair in sorted(worst))
 
 
@@ -216,11 +217,6 @@ def _legs(before: State, after: State, carrier: Carrier) -> tuple[State, ...]:
         )
         states.append(before.carried(carrier, axis))
     return (*states, after)
-
-
-def _least_gap_last(hit: Hit) -> float:
-    """Return what sorts hits so that the closest comes last."""
-    return -hit.gap_um
 
 
 def _gap(body: Body, end: Body, other: Body, deviation: Box | None) -> Hit | None:

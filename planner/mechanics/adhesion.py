@@ -25,10 +25,11 @@ are about 1 V apart under a Kelvin probe.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
-from microplan.planner.task.task import Environment, Part
+from microplan.planner.task.task import Environment, Part, Task
 from microplan.schemas.plan.verdicts import Force
 
 Bounds = tuple[float, float]
@@ -172,6 +173,22 @@ def forces(face: ContactFace, environment: Environment) -> tuple[Force, ...]:
             "unlike ones" + air,
         ),
     )
+
+
+def part_forces(task: Task, area_um2: float, names: Iterable[str]) -> tuple[Force, ...]:
+    """Return the forces on a face of parts; fingers and stage are taken to conduct."""
+    face = ContactFace(
+        area_um2=area_um2,
+        conducts=all(conducts(task.parts[name].material) for name in names),
+        liquid=in_liquid(task.workcell.optics.medium_index),
+    )
+    return forces(face, task.environment)
+
+
+def part_weight_un(task: Task, part: Part) -> Bounds:
+    """Return the least and greatest weight of a part with its posts, uN."""
+    index = task.workcell.optics.medium_index
+    return weight_un(part.material, volume_um3(part), medium_index=index)
 
 
 def total(found: tuple[Force, ...]) -> Bounds:

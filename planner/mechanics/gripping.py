@@ -15,13 +15,10 @@ from microplan.planner.assembly.shapes import hull, squeeze_minima_rad, squeeze_
 from microplan.planner.assembly.step_states import StepState
 from microplan.planner.mechanics.adhesion import (
     Bounds,
-    ContactFace,
-    conducts,
-    forces,
     in_liquid,
+    part_forces,
+    part_weight_un,
     total,
-    volume_um3,
-    weight_un,
 )
 from microplan.planner.task.task import Task, TaskStep
 from microplan.planner.task.workcell import Tool
@@ -106,14 +103,9 @@ def _width_range(task: Task, step: TaskStep, minima: tuple[float, ...]) -> Bound
 
 def _lift(task: Task, name: str) -> Bounds:
     """Return what lifting a part off its face takes, uN."""
-    part, index = task.parts[name], task.workcell.optics.medium_index
-    face = ContactFace(
-        area_um2=part.outline.area_um2,
-        conducts=conducts(part.material),
-        liquid=in_liquid(index),
-    )
-    low, high = total(forces(face, task.environment))
-    weight = weight_un(part.material, volume_um3(part), medium_index=index)
+    part = task.parts[name]
+    low, high = total(part_forces(task, part.outline.area_um2, [name]))
+    weight = part_weight_un(task, part)
     return weight[0] + low, weight[1] + high
 
 

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, replace
 
 from microplan.planner.assembly.assembly import State, owner_of
+from microplan.planner.assembly.mating import hole_and_shaft
 from microplan.planner.assembly.step_states import StepState
 from microplan.planner.source.diagnostics import Span
 from microplan.planner.task.task import Move, Task, TaskStep
@@ -185,10 +186,7 @@ def _fit_tolerance(
     step = insertion_after(states, align)
     if step is None:
         return None
-    hole_part, _, hole = (step.target or "").partition(".")
-    shaft_part, _, shaft = (step.onto or "").partition(".")
-    feature = task.parts[hole_part].features.get(hole)
-    post = task.parts[shaft_part].posts.get(shaft)
+    feature, post = hole_and_shaft(task, step)
     if feature is None or post is None:
         return None
     room = (feature.radius_um - post.radius_um) / 2
