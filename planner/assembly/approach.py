@@ -1,4 +1,4 @@
-"""The first approach of an alignment: where it ends, and a way that touches nothing."""
+"""The first approach of an alignment: its end, its path free of collisions."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def approach(
 ) -> tuple[State, tuple[str, ...]]:
     """Return the state with the target at its goal, and a path that touches nothing.
 
-    It is turned to its goal, too, where the step states how closely.
+    It is rotated to its goal, too, where the step has an angular tolerance.
     """
     target = locate_place(task, state, step.target or "")
     goal = locate_place(task, state, step.to or "")
@@ -54,7 +54,7 @@ def approach(
 
 
 def _way_out(task: Task, moving: str, still: str) -> str:
-    """Return what may clear the way: only open fingers can be opened further."""
+    """Return what may remove the collision: only open fingers can be opened further."""
     tools = {owner_of(name) for name in (moving, still)} & set(task.workcell.tools)
     if tools:
         return "open the jaws further, or start from another side"
@@ -67,9 +67,9 @@ def _way_out(task: Task, moving: str, still: str) -> str:
 def _readings(
     task: Task, state: State, target: Place, goal: Place, turn_rad: float
 ) -> Axis4:
-    """Return the readings that bring the target to its goal, turned by `turn_rad`.
+    """Return the readings that bring the target to its goal, rotated by `turn_rad`.
 
-    The turn swings it about the axis, which x and y make up for.
+    The rotation swings it about the axis, which x and y compensate.
     """
     axis = state.axes(target.carrier)
     turned = replace(axis, theta_rad=axis.theta_rad + turn_rad)
@@ -106,10 +106,10 @@ def _path_hits(
     readings: Axis4,
     path: tuple[str, ...],
 ) -> tuple[tuple[str, str], ...]:
-    """Return the pairs that would touch on the way.
+    """Return the pairs that would touch along a path.
 
-    The target starts anywhere within two sigma of its nominal place and ends at the
-    goal: each leg takes up the deviation along its own axes. The first leg turns.
+    The target starts anywhere within two sigma of its nominal position and ends at the
+    goal: each leg takes up the deviation along its own axes. The first leg rotates.
     """
     rest = axes_of(task, target.carrier).repeatability_xy_um * SIGMAS
     left = [SIGMAS * target.sigma_xy_um] * 2

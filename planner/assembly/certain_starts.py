@@ -1,4 +1,4 @@
-"""Inputs of a task that nothing acts on, starts that count as exactly known."""
+"""Findings on task inputs without effect, or starts without a standard deviation."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def _idle_view(task: Task, state: State, step: TaskStep) -> tuple[str, str] | No
 
 
 def report_certain(task: Task, report: Report) -> None:
-    """Note parts whose place, or angle, has no spread: looks and budgets believe it."""
+    """Note parts whose start position or angle has no standard deviation."""
     for start in task.part_starts.values():
         known = [
             words

@@ -1,4 +1,4 @@
-"""Taking a part between the jaws, and letting go of it."""
+"""Grasp of a part by the jaws, release included: states before, after, conditions."""
 
 from __future__ import annotations
 
@@ -36,10 +36,10 @@ class Between:
 
     local: Pose  # of the part in the tool's frame, nominal
     turn_rad: float  # of the part in the tool's frame once it lies flat
-    width_um: float  # along x, at that turn
+    width_um: float  # along x, at that angle
     half_room_um: float  # half of what the jaws leave open around that width
-    sigma_um: float  # spread of the part's place, per axis
-    middle_um: tuple[float, float]  # of its extents from its origin, at that turn
+    sigma_um: float  # standard deviation of the part's position, per axis
+    middle_um: tuple[float, float]  # of its extents from its origin, at that angle
 
     @property
     def room_um(self) -> float:
@@ -58,7 +58,7 @@ class Between:
 
 
 def between_jaws(task: Task, state: State, step: TaskStep) -> Between:
-    """Return how the part of a grasp stands between the jaws before they close."""
+    """Return the pose and clearance of a part between the jaws before they close."""
     name, tool = owner_of(step.target or ""), step.tool or ""
     outline = task.parts[name].outline
     grip = locate_place(task, state, f"{tool}.grip").pose
@@ -76,13 +76,13 @@ def between_jaws(task: Task, state: State, step: TaskStep) -> Between:
 
 
 def _middle_um(outline: Outline, turn_rad: float) -> tuple[float, float]:
-    """Return the middle of an outline's extents once it is turned."""
+    """Return the middle of an outline's extents once it is rotated, um."""
     x0, y0, x1, y1 = hull(place(outline, 0.0, 0.0, turn_rad)).bounds
     return ((x0 + x1) / 2, (y0 + y1) / 2)
 
 
 def grasp(task: Task, state: State, step: TaskStep, report: Report) -> State:
-    """Return the state with the part between the jaws, centred and turned flat."""
+    """Return the state with the part between the jaws, centred and lying flat."""
     name = owner_of(step.target or "")
     stands = between_jaws(task, state, step)
     _check_grasp(task, state, step, report, stands)
@@ -113,10 +113,10 @@ def grasp(task: Task, state: State, step: TaskStep, report: Report) -> State:
 
 
 def _held_sigma_rad(task: Task, state: State, name: str, theta_rad: float) -> float:
-    """Return the spread of a part's angle once flat jaws have turned it.
+    """Return the sigma of a part's angle once flat jaws have rotated it, rad.
 
     It lies flat as `squeeze_minima_rad` says, but one start may end in another minimum
-    than the next. What no jaw turns, and any angle, stays as uncertain as it was.
+    than the next. What no jaw rotates, and any angle, stays as uncertain as it was.
     """
     sigma = state.parts[name].sigma_theta_rad
     robot = task.workcell.robot.axes.repeatability_theta_rad
@@ -132,14 +132,14 @@ def _held_sigma_rad(task: Task, state: State, name: str, theta_rad: float) -> fl
 def settled_sigma_rad(
     minima: tuple[float, ...], theta_rad: float, sigma_rad: float
 ) -> float:
-    """Return the spread about the nearest minimum of a turn that ends in one of them.
+    """Return the rms deviation of an angle that settles in one of several minima, rad.
 
     Parameters
     ----------
     minima : tuple of float
-        Turns in [0, pi), repeated every half turn.
+        Angles in [0, pi), repeated every pi.
     theta_rad, sigma_rad : float
-        Where the turn starts: normal about `theta_rad`.
+        Of the angle before: normal about `theta_rad`.
 
     Returns
     -------
@@ -164,7 +164,7 @@ def settled_sigma_rad(
 
 
 def _below(offset_rad: float, sigma_rad: float) -> float:
-    """Return the chance that a normal deviation stays below `offset_rad`."""
+    """Return the probability that a normal deviation is below `offset_rad`."""
     if sigma_rad <= 0:
         return float(offset_rad > 0)
     return math.erfc(-offset_rad / sigma_rad / math.sqrt(2)) / 2
@@ -252,7 +252,7 @@ def release(task: Task, state: State, step: TaskStep, report: Report) -> State:
 
 
 def _nearest(turns: tuple[float, ...], theta_rad: float) -> float:
-    """Return the turn (modulo pi) nearest to `theta_rad`; itself if there is none."""
+    """Return the angle (modulo pi) nearest to `theta_rad`; itself if there is none."""
     if not turns:
         return theta_rad
 

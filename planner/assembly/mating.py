@@ -18,9 +18,9 @@ from microplan.planner.assembly.shapes import hull
 from microplan.planner.task.task import PartFeature, Post, Task, TaskStep
 from microplan.schemas.plan.verdicts import FitClass, FitVerdict
 
-# A corner of a hull within this of a jaw touches it: edges as made vary by more.
+# A corner of a hull within this of a jaw touches it: fabricated edges vary by more.
 TOUCH_UM = 0.05
-# What touches by one corner is taken as this wide: corners as made are round.
+# What touches by one corner is taken as this wide: fabricated corners are round.
 LEAST_WIDTH_UM = 0.1
 
 
@@ -77,7 +77,7 @@ class Mating:
 
     @property
     def fit_class(self) -> FitClass:
-        """Return whether all, some or none of the parts as made go together.
+        """Return whether all, some or none of the parts as fabricated go together.
 
         The terms of ISO 286-1:2010, over the whole range of sizes.
         """
@@ -102,7 +102,7 @@ class Mating:
         only if the line between them lies in both friction cones: its slope over the
         hole's width, depth / D, must be below mu. Tilted by t, a shaft touches both
         sides at a depth of c / t. The exact slope is (c / D - (1 - cos t)) / sin t, and
-        one cone is turned by t: both only raise the limit.
+        one cone is rotated by t: both only raise the limit.
 
         References
         ----------

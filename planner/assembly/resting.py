@@ -1,4 +1,4 @@
-"""What a part that is let go lies on, and what of it hangs over."""
+"""Support of a released part: carriers, overhang, stability."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from microplan.planner.task.task import Task, TaskStep
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Resting:
-    """How a part lies on what is highest below it, at nominal places."""
+    """Support of a part by what is highest below it, at nominal positions."""
 
     on: tuple[str, ...]  # owners, by name; () is the stage's own surface
     gap_um: float  # by which it falls
@@ -33,9 +33,9 @@ class Resting:
 
 
 def resting(task: Task, state: State, name: str) -> Resting:
-    """Return how a part lies once it is let go in `state`.
+    """Return the support of a part that is released in `state`.
 
-    Supports that stand apart, or on both sides of a hole, carry what bridges them. The
+    Supports that lie apart, or on both sides of a hole, carry what bridges them. The
     stage's surface has no edge.
     """
     everything = bodies(task, state)

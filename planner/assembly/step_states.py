@@ -144,7 +144,7 @@ def _possible(task: Task, state: State, step: TaskStep, report: Report) -> bool:
 
 
 def _possible_align(task: Task, state: State, step: TaskStep, report: Report) -> bool:
-    """Report an alignment of things nobody has measured, or that move together."""
+    """Report an alignment of things that were not measured, or that move together."""
     target, to = step.target or "", step.to or ""
     for name in (target, to):
         if not _located(state, name):
@@ -179,7 +179,7 @@ def _located(state: State, name: str) -> bool:
 
 
 def _view(task: Task, state: State, step: TaskStep) -> tuple[Move, ...]:
-    """Return the stage move that brings the target's nominal place to `view_um`."""
+    """Return the stage move that brings the target's nominal position to `view_um`."""
     if step.view_um is None or step.target is None:
         return ()
     place = locate_place(task, state, step.target)
@@ -216,7 +216,7 @@ def _insert(task: Task, state: State, step: TaskStep, report: Report) -> State:
     return state
 
 
-# what a verb does to the state beside its moves; others do nothing
+# a verb's effect on the state apart from its moves; others have none
 _ACTIONS: Mapping[str, Callable[[Task, State, TaskStep, Report], State]] = {
     "locate": _locate,
     "grasp": grasp,

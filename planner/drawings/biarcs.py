@@ -95,7 +95,7 @@ def _pair(span: CurveSpan, within: float) -> list[Edge] | None:
     turn = 1 - (one * two.conjugate()).real
     if along <= 0 or turn > 0.5:  # bends by more than 60 degrees
         return None
-    # the root of turn d^2 + along d = |chord|^2 / 2 that is right for turn = 0 too
+    # the root of turn d^2 + along d = |chord|^2 / 2 that also holds for turn = 0
     square = abs(chord) ** 2
     d = square / (along + math.sqrt(along**2 + 2 * turn * square))
     joint = (start + end + d * (one - two)) / 2

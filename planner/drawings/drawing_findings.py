@@ -1,4 +1,4 @@
-"""What is said about drawings: what was left out, and what looks like a mistake."""
+"""Findings on drawings: entities left out, likely mistakes of size, unit or grid."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _DECIMALS = range(-3, 9)
 
 
 def header_unit(code: int) -> str | None:
-    """Return the unit that $INSUNITS stands for, None if it says nothing."""
+    """Return the unit that $INSUNITS stands for, None if it names none."""
     return _INSUNITS.get(code)
 
 
@@ -131,7 +131,7 @@ def counts_said(counts: Mapping[str, int]) -> str:
 
 
 def places_said(ends: Sequence[OpenEnd]) -> str:
-    """Return coordinates and handles of ends, those at one place together."""
+    """Return coordinates and handles of ends, those at one point together."""
     places: dict[tuple[str, str], list[str]] = {}
     for end in ends:
         place = f"{end.x_um + 0.0:.6g}", f"{end.y_um + 0.0:.6g}"

@@ -94,7 +94,7 @@ def _shared_um(a: Edge, b: Edge) -> float:
 
 
 def _turns(a: Arc, b: Arc) -> Iterator[tuple[float, float]]:
-    """Yield where `b` lies along the sweep of `a`, with and without a turn less."""
+    """Yield where `b` lies along the sweep of `a`, with and without 2 pi less."""
     low = _angle(a, b.start if b.sweep_rad * a.sweep_rad > 0 else b.end)
     if b.is_circle:
         low = 0.0
@@ -157,5 +157,5 @@ def _frame(line: Segment) -> tuple[complex, float]:
 
 
 def _local(line: Segment, way: complex, point: Point) -> complex:
-    """Return a point along (real) and beside (imaginary) a segment."""
+    """Return a point's distance along (real) and across (imaginary) a segment."""
     return (complex(*point) - complex(*line.start)) * way.conjugate()

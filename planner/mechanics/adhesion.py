@@ -4,13 +4,13 @@ Faces touch at their roughest points. The least pull is that of three steep aspe
 on bare faces that repel water and hold no charge. The greatest is that of blunt ones
 with the whole face at one roughness away (van der Waals, contact potential), of a round
 meniscus as wide as the face, or of a flooded gap where the air is humid enough
-(capillary), or of the field at which air breaks down (charge). Geometry alone cannot
-tell where real parts lie.
+(capillary), or of the field at which air breaks down (charge). Geometry alone does not
+decide where real parts lie.
 
 References
 ----------
 Fearing (1995), Survey of sticking effects for micro parts handling: below a millimetre
-these forces count beside weight. Every formula is derived where it stands, and again in
+these forces exceed weight. Every formula is derived where it is used, and again in
 the tests; constants that are not derived are from:
 Yang et al. (2020), Capillary condensation under atomic-scale confinement, Nature, eq.
 (1): the humidity that fills a slit.
@@ -55,7 +55,7 @@ LIQUID_INDEX = 1.1
 def weight_un(material: str, volume_um3: float, *, medium_index: float = 1.0) -> Bounds:
     """Return the least and greatest weight of a part, uN.
 
-    In a liquid, whose density nobody states, buoyancy may take all of it.
+    In a liquid, whose density is not specified, buoyancy may take all of it.
     """
     known = DENSITY.get(_named(material))
     low, high = UNKNOWN_DENSITY if known is None else (known, known)

@@ -1,4 +1,4 @@
-"""How firmly jaws hold a part, and how well its angle is known then."""
+"""Grip of a part by the jaws: room, holding force, angle."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def stiffness_un_per_um(tool: Tool) -> float | None:
 
 
 def widest_gap_rad(minima: tuple[float, ...]) -> float:
-    """Return the widest gap between angles in [0, pi) that repeat every half turn."""
+    """Return the widest gap between angles in [0, pi) that repeat every pi."""
     ring = (*minima, minima[0] + math.pi)
     return max(after - before for before, after in itertools.pairwise(ring))
 

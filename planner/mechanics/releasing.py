@@ -1,4 +1,4 @@
-"""Does a part stay when the jaws open: verdict, ladder of actions, verifying look."""
+"""Release of a part: adhesion against hold, ladder of actions, verifying look."""
 
 from __future__ import annotations
 
@@ -135,7 +135,7 @@ def _on_shaft(
 
 
 def _away_um(task: Task, here: StepState) -> float:
-    """Return how far each finger moves off the part, which stood between them."""
+    """Return how far each finger moves off the part between them, um."""
     name = owner_of(here.step.target or "")
     turn_rad = here.at_look.parts[name].pose.theta_rad
     width_um = squeeze_width_um(task.parts[name].outline, turn_rad)

@@ -39,7 +39,7 @@ def write_drawings(parts: Mapping[str, Part], folder: Path) -> str:
     Raises
     ------
     OutputError
-        MP702 if one cannot be written, MP703 if another file is in its place.
+        MP702 if one cannot be written, MP703 if another file has its name.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -99,7 +99,7 @@ def _ring(ring: Ring) -> str:
 
 
 def _edge(edge: Edge) -> str:
-    """Return an edge as path data; more than half a turn in two arcs."""
+    """Return an edge as path data; one of more than pi as two arcs."""
     if not isinstance(edge, Arc):
         return f"L{edge.end[0]:.8g} {-edge.end[1]:.8g}"
     turns = max(1, math.ceil(abs(edge.sweep_rad) / math.pi - 1e-9))

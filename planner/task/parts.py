@@ -1,4 +1,4 @@
-"""Parts from their drawings: outlines, posts and features in the part's frame."""
+"""Parts from their drawings: outlines, posts, features in the part's frame."""
 
 from __future__ import annotations
 

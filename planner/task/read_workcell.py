@@ -102,7 +102,7 @@ def build_workcell(cell: Checked, fingers: Fingers) -> Workcell:
 
 
 def places(source: Source) -> dict[str, Span]:
-    """Return where every named value stands, by dotted name; a section by its key."""
+    """Return the file position of every named value, by dotted name."""
     found = {}
     for where, span in source.values.items():
         if where and all(isinstance(key, str) for key in where):

@@ -1,4 +1,4 @@
-"""DXF drawings are read a second time, by ezdxf; where the two differ is said."""
+"""Second reading of DXF drawings, by ezdxf: where the two differ is reported."""
 
 from __future__ import annotations
 
@@ -199,7 +199,7 @@ def _like(ours: Tally, rows: Sequence[Row]) -> Tally:
 def _mattering(tally: Tally, layers: frozenset[str]) -> Counter[tuple[str, str]]:
     """Return what can be part of an outline on `layers`, by layer and kind.
 
-    In a block, layer "0" stands for that of the INSERT.
+    In a block, layer "0" means that of the INSERT.
     """
     found: Counter[tuple[str, str]] = Counter()
     for (block, layer, kind), n in tally.items():

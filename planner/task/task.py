@@ -1,7 +1,7 @@
-"""The task: parts, start, goal and steps, as the file describes them.
+"""The task: parts, start, goal, steps, as the file describes them.
 
 Angles are radians here; the reader converts degrees once. Every named thing carries the
-place in the file where it was declared.
+position in the file where it was declared.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class PartFeature:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Post:
-    """A prism standing on a part's top face."""
+    """A prism on a part's top face."""
 
     name: str
     outline: Outline
@@ -139,12 +139,12 @@ class TaskStep:
     tolerance_xy_um: float | None = None
     tolerance_theta_rad: float | None = None
     within_um: float | None = None
-    within_rad: float | None = None  # verify: turned against its seat at most so far
+    within_rad: float | None = None  # verify: largest rotation against its seat
     height_within_um: float | None = None
     speed_um_per_s: float | None = None
     if_blocked: bool = False  # insert: it states what to do when blocked
     where: Span
-    spans: Mapping[str, Span]  # key -> place of its value
+    spans: Mapping[str, Span]  # key -> position of its value
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

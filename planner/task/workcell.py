@@ -1,6 +1,6 @@
-"""The workcell: optics, camera, light, axes and tools, as the file describes them.
+"""The workcell: optics, camera, light, axes, tools, as the file describes them.
 
-Angles are radians and spreads are one standard deviation here; the reader converts
+Angles are radians and uncertainties one standard deviation; the reader converts
 degrees, arc seconds and the stated coverage once.
 """
 
@@ -48,7 +48,7 @@ class Optics:
     coherence: float
     zoom: Zoom
     focus: Focus
-    lens: LensErrors  # the light's gradient and edges as made are not the lens'
+    lens: LensErrors  # without the light's gradient and edge offsets
 
     def aperture(self, magnification: float) -> float:
         """Return the aperture at `magnification`, that of the nearest row beyond all.

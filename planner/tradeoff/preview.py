@@ -1,4 +1,4 @@
-"""One step's image to a file: what `microplan render` writes."""
+"""Image of one step, as `microplan render` writes it to a file."""
 
 from __future__ import annotations
 
@@ -35,9 +35,7 @@ from microplan.planner.views.views import light_level
 from microplan.planner.views.zooms import microscope_at
 
 NOISE_SEED = 0  # of the one noisy frame that --noise shows
-DEFAULT_MODEL = (
-    "exact"  # what is rendered where neither a law nor an error is asked for
-)
+DEFAULT_MODEL = "exact"  # where neither a model nor an error is asked for
 
 
 class RenderError(Exception):
@@ -139,7 +137,7 @@ def _frame(
 def _fidelity(
     scene: Scene, scope: Microscope, focus_um: float, call: RenderCall
 ) -> tuple[str, Sampling]:
-    """Return law and sampling: the cheapest for the error, if one is asked for."""
+    """Return model and sampling: the cheapest for the error, if one is asked for."""
     if call.max_image_error is None:
         return call.model or DEFAULT_MODEL, Sampling()
     found = choose(

@@ -1,4 +1,4 @@
-"""Reference images of a look: the exact law, and layers traced ray by ray."""
+"""Reference images of a look: exact defocus model, layers traced ray by ray."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _TRACED_BAND = 1e-5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReferenceView:
-    """What one look sees, and the focus heights an image of it must be right at."""
+    """Scene of a look, with the focus heights at which images of it must be right."""
 
     scene: Scene
     microscope: Microscope
@@ -36,7 +36,7 @@ class ReferenceView:
 
     @property
     def is_layered(self) -> bool:
-        """Tell whether layers of different height are in view."""
+        """Return whether layers of different height are in view."""
         return len({layer.z_um for layer in self.scene.layers}) > 1
 
 
@@ -50,7 +50,7 @@ class ReferenceImages:
 
 
 def law_truth(sight: ReferenceView, margin: float) -> ReferenceImages:
-    """Return the exact law at all focus heights, layers blended.
+    """Return images by the exact model at all focus heights, layers blended.
 
     Parameters
     ----------
@@ -138,7 +138,7 @@ def _sheets(sight: ReferenceView, margin: float) -> list[LayerSheet]:
 def _covered(
     sight: ReferenceView, setting: Microscope, cut: Window, margin: float
 ) -> tuple[Covered, ...]:
-    """Return the layers blurred by the exact law in the nominal focus."""
+    """Return the layers blurred by the exact model in the nominal focus."""
     return cover(
         sight.scene.layers,
         setting,

@@ -1,4 +1,4 @@
-"""Ways of computing one look's image: their times, and their errors by the oracle."""
+"""Methods of rendering one look: their times, their errors by the oracle."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from microplan.planner.tradeoff.reference_images import ReferenceImages, Referen
 from microplan.planner.tradeoff.tradeoff_record import MeasuredMethod
 from microplan.schemas.codec import quantise
 
-BANDS = (5e-3, 5e-4, 5e-5)  # from what nobody sees to what tables err
+BANDS = (5e-3, 5e-4, 5e-5)  # from invisible errors to those of tables
 MARGINS = (10.0, 40.0)
 RAYS = (SAMPLES // 4, SAMPLES)  # a cell, of occluded layers
 REPEATS = 3  # of which the least time counts; 2 where they take long
@@ -32,7 +32,7 @@ _USUAL = Sampling(band_error=BAND_ERROR, margin=MARGIN)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RenderMethod:
-    """One way of computing an image."""
+    """One method of computing an image."""
 
     model: str
     sampling: Sampling
@@ -62,7 +62,7 @@ class RenderMethod:
 def render_methods(
     sight: ReferenceView, fidelity: Fidelity
 ) -> tuple[RenderMethod, ...]:
-    """Return what is measured: all laws by samplings, and hidden layers by rays.
+    """Return the methods measured: all models by samplings, hidden layers by rays.
 
     Samplings are BANDS by MARGINS, the usual one once more in single precision, and
     the compiler's. Layers that hide one another take the usual sampling.
@@ -85,7 +85,7 @@ def measure(
     law: ReferenceImages,
     layered: ReferenceImages,
 ) -> tuple[MeasuredMethod, ...]:
-    """Return time and errors of every way, in the order of `render_methods`.
+    """Return time and errors of every method, in the order of `render_methods`.
 
     Parameters
     ----------
@@ -95,9 +95,9 @@ def measure(
         The compiler's choice, which is measured too.
     treatment : str
         Of layers, one of `microplan.optics.layers.layer_error.TREATMENTS`, chosen too.
-    law : Truth
-        The exact law at all focus heights, layers blended.
-    layered : Truth
+    law : ReferenceImages
+        Images by the exact model at all focus heights, layers blended.
+    layered : ReferenceImages
         Layers traced at the nominal focus.
     """
     found = [
@@ -157,7 +157,7 @@ def _measured(
     law: ReferenceImages,
     layered: ReferenceImages,
 ) -> MeasuredMethod:
-    """Return a way's time and errors; images in advance make its tables."""
+    """Return a method's time and errors; images in advance make its tables."""
     heights = sight.focus_um[:1] if way.rays else sight.focus_um
     images = np.array([way.image(sight, z) for z in heights])
     off = None if way.rays else np.abs(images - law.images)

@@ -1,4 +1,4 @@
-"""The picture of what a whole task's accuracy costs, by `microplan tradeoff --vary`."""
+"""Plot of a whole task's accuracy over compile time, for `tradeoff --vary`."""
 
 from __future__ import annotations
 
@@ -26,18 +26,19 @@ _AXIS_MARKS = {
     "zoom": ("#CC79A7", "v"),
 }
 _CROWD_PX = (45.0, 14.0)  # points nearer than that share a row of numbers
-_RARE = 1e-4  # chances of failure below are drawn here: no trials tell them
+_RARE = 1e-4  # smaller failure probabilities are drawn here: no trials show them
 
 
 def task_png(found: TaskTradeoff, spent: Sequence[Spent]) -> bytes:
-    """Return error, and chance of failure, over what compiling takes, as PNG."""
+    """Return error, and failure probability, over compile time, as PNG."""
     return png(task_figure(found, spent))
 
 
 def task_figure(found: TaskTradeoff, spent: Sequence[Spent]) -> Figure:
     """Return the picture that `task_png` writes.
 
-    Bars reach from the chance as predicted to that with silent failures at their bound.
+    Bars reach from the predicted probability to that with silent failures at their
+    bound.
     Points without a plan that is complete are left out.
     """
     figure = new_figure(11.0, 5.0)
@@ -86,7 +87,7 @@ def task_figure(found: TaskTradeoff, spent: Sequence[Spent]) -> Figure:
 
 
 def _numbers(axes: Axes, points: Sequence[Point]) -> None:
-    """Write the numbers of points beside their marks, those of one crowd in a row."""
+    """Write the numbers of points at their marks, those of one crowd in a row."""
     crowds: list[tuple[Point, Point, list[str]]] = []
     for number, point in enumerate(points, 1):
         x, y = axes.transData.transform(point)

@@ -1,4 +1,4 @@
-"""Speed against accuracy of a whole task: what `microplan tradeoff --vary` writes."""
+"""Tradeoff of speed against accuracy of a whole task, for `microplan tradeoff --vary`."""
 
 from __future__ import annotations
 
@@ -58,8 +58,10 @@ class VaryError(ValueError):
     file = ""  # of the call itself
 
 
-def write_task_tradeoff(task: Task, call: TaskCall, tell: Callable[[str], None]) -> str:
-    """Compile a task in several ways, write the folder, and return a table.
+def write_task_tradeoff(
+    task: Task, call: TaskCall, progress: Callable[[str], None]
+) -> str:
+    """Compile a task by several methods, write the folder, and return a table.
 
     Nothing is kept between points, so that each takes what it takes alone.
 
@@ -69,8 +71,8 @@ def write_task_tradeoff(task: Task, call: TaskCall, tell: Callable[[str], None])
         The task.
     call : TaskCall
         What to vary.
-    tell : callable
-        Is told what is being compiled.
+    progress : callable
+        Receives the name of what is being compiled.
 
     Raises
     ------
@@ -88,7 +90,7 @@ def write_task_tradeoff(task: Task, call: TaskCall, tell: Callable[[str], None])
     spent: list[Spent] = []
     first, said = None, ""
     for k, way in enumerate(wanted):
-        tell(f"{way.varied} ({k + 1} of {len(wanted)})")
+        progress(f"{way.varied} ({k + 1} of {len(wanted)})")
         plan, report, took = compiled(task, way, call)
         points.append(point_of(way, plan, report, first))
         spent.append(took)
@@ -183,13 +185,13 @@ def _spread_um(step: Step) -> float:
     squares = [
         (row.sigma_um or 0.0) ** 2 * (1.0 if row.along_rad is None else 0.5)
         for row in step.budget.rows
-        if not row.term.startswith("size of ")  # on the room, not on the place
+        if not row.term.startswith("size of ")  # of the room, not of the position
     ]
     return math.sqrt(sum(squares))
 
 
 def success_lower(plan: Plan) -> float:
-    """Return the chance of success with silent failures at their bound.
+    """Return the probability of success with silent failures at their bound.
 
     They are pooled over all looks: if k of all n trials of the chains chosen failed
     silently, a look does so with less than the bound of Clopper and Pearson, 95 %.

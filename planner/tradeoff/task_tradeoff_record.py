@@ -1,4 +1,4 @@
-"""What a whole task's compiles came to, and how that is written down."""
+"""Record of a task tradeoff: points, times, their table."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from microplan.schemas.page.figures import chance
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TradeoffPoint:
-    """One way to compile the task, and what the plan then promises."""
+    """One method of compiling the task, and what the plan then predicts."""
 
     varied: str  # "preset fast", "zoom 13.8"; "as the task says" is compared with
     preset: str
@@ -20,7 +20,7 @@ class TradeoffPoint:
     zoom: float | None  # that all looks have; None: as chosen
     status: str  # of the plan, or "error"
     reason: str  # "" if feasible
-    error_um: float | None  # one sigma per axis where the last part goes; None: no part
+    error_um: float | None  # one sigma per axis at the last part's goal; None: no part
     success_probability: float | None  # None: the plan ends before it is known
     success_lower: float | None  # with silent failures at their bound
     run_s: float | None  # looks and alignments, no moves between

@@ -1,4 +1,4 @@
-"""Speed against accuracy on a task's own looks: what `microplan tradeoff` writes."""
+"""Tradeoff of speed against accuracy of a task's images, `microplan tradeoff`."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ class TradeoffCall:
 
 
 def write_tradeoff(
-    task: Task, call: TradeoffCall, report: Report, tell: Callable[[str], None]
+    task: Task, call: TradeoffCall, report: Report, progress: Callable[[str], None]
 ) -> str:
     """Measure the looks of a task, write the folder, and return a table.
 
@@ -79,9 +79,9 @@ def write_tradeoff(
     call : TradeoffCall
         Which steps, and where to.
     report : Report
-        Gets what stands in the way of a look.
-    tell : callable
-        Is told the step that is being measured.
+        Receives why a look has no view.
+    progress : callable
+        Receives the step that is being measured.
 
     Raises
     ------
@@ -96,7 +96,7 @@ def write_tradeoff(
     found = []
     low, _ = task.workcell.optics.magnification
     for step, look in looks:
-        tell(step)
+        progress(step)
         request, settings = first_views(task, look, low, report)
         if not settings:
             continue  # the report says why
@@ -120,7 +120,7 @@ def strip_of(task: Task, request: Request, view: ViewPlan, title: str) -> Strip:
     """Return whole frames over focus and zoom, the target in the middle.
 
     The stage is taken to bring it there, since at a higher zoom it may else be outside
-    the frame. Light and defocus law (exact) are those of the view.
+    the frame. Light is the view's, the defocus model exact.
     """
     low, high = task.workcell.optics.magnification
     zooms = sorted({low, math.sqrt(low * high), high})
@@ -187,7 +187,7 @@ def _looks(
 def _measured(
     task: Task, step: str, request: Request, view: ViewPlan, limit: float
 ) -> StepTradeoff:
-    """Return a look's ways with times and errors."""
+    """Return a look's rendering methods with times and errors."""
     case, fidelity = build_case(task, request, view, limit)
     sight = _sight(case)
     law = law_truth(sight, max(*MARGINS, fidelity.sampling.margin))

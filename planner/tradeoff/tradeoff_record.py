@@ -1,4 +1,4 @@
-"""What `microplan tradeoff` finds: its records, and how they are written down."""
+"""Record of a tradeoff of images: methods, steps, their CSV, JSON or table."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ _NOT_OF_A_ROW = ("ways", "focus_heights_um", "layers_in_view")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasuredMethod:
-    """One way of computing a look's image: what it takes and what it errs.
+    """One method of rendering a look's image: its time, its errors.
 
-    Errors are of unit contrast, over all pixels of the region. The law's errors are
-    against the exact law with the layers treated alike, the largest of all focus
+    Errors are of unit contrast, over all pixels of the region. The model's errors are
+    against the exact model with the layers treated alike, the largest of all focus
     heights, and None where layers hide one another ray by ray; the others are against
     traced layers at the nominal focus.
     """
 
-    model: str  # defocus law
+    model: str  # of defocus
     layers: str  # "blend" or "occluded"
     band_error: float  # what cutting the band may cost, of unit contrast
-    margin: float  # around all that spreads light, in wavelengths / A
+    margin: float  # around all that blurs light, in wavelengths / A
     float_bits: int  # of the transforms, 64 or 32
     rays_per_cell: int  # of occluded layers, else 0
     time_ms: float  # of one image, one thread, the least of several
@@ -35,20 +35,20 @@ class MeasuredMethod:
     max_error: float
     rms_error: float
     is_choice: bool  # what the compiler takes
-    on_law_front: bool  # no other is both faster and nearer the exact law
+    on_law_front: bool  # no other is both faster and nearer the exact model
     on_front: bool  # no other is both faster and nearer the traced layers
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StepTradeoff:
-    """All ways of computing the first look of a step."""
+    """All methods of rendering the first look of a step."""
 
     step: str
     look: str
     target: str
     magnification: float
     focus_um: float  # world height of the plane in focus
-    focus_heights_um: tuple[float, ...]  # that the law is measured at
+    focus_heights_um: tuple[float, ...]  # that the model is measured at
     row: int  # of the region in the frame
     column: int
     rows: int
@@ -56,9 +56,9 @@ class StepTradeoff:
     um_per_px: float
     layers_in_view: tuple[str, ...]
     limit: float  # image error that the compiler may make, of unit contrast
-    predicted_error: float  # of its choice: law, band, margin and tables
+    predicted_error: float  # of its choice: model, band, margin and tables
     predicted_layer_error: float  # of its choice: hidden layers, and their diffraction
-    law_oracle: str  # what the law's errors are measured against
+    law_oracle: str  # what the model's errors are measured against
     law_oracle_error: float  # its own, a bound
     oracle: str  # what all errors together are measured against
     oracle_error: float  # its own: how far coarser cells and fewer rays are off
@@ -72,7 +72,7 @@ class StepTradeoff:
 
     @property
     def has_layers(self) -> bool:
-        """Tell whether layers of different height are in view."""
+        """Return whether layers of different height are in view."""
         return any(way.layers == "occluded" for way in self.ways)
 
 

@@ -1,4 +1,4 @@
-"""Coarse looks: what may be looked at first where a target is too little known."""
+"""Coarse looks: lower zooms that locate a target before its fine look."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ MOST_COARSE = 2  # targets that are tried for a coarse look
 # A target farther off than this many of its search ranges is no honest sighting: the
 # gates of the coarse look allow no more.
 FAR = 1.5
-GAIN = 0.5  # of its spread, at most, a place must be known to after a coarse look
-MAY_HELP = ("MP401", "MP403", "MP501")  # codes that a better known place may cure
+GAIN = 0.5  # of its sigma, at most, a position must have after a coarse look
+MAY_HELP = ("MP401", "MP403", "MP501")  # codes that a better known position may cure
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CoarseLook:
-    """What a coarse look is to tell, or has told, of its target."""
+    """Accuracy that a coarse look must have, or has reached."""
 
     sigma_um: float  # per axis, bias included
     sigma_theta_rad: float | None  # None: the angle is not measured
@@ -46,7 +46,7 @@ class CoarseLook:
 
 
 def coarse_requests(task: Task, request: Request) -> tuple[Request, ...]:
-    """Return coarse looks that may come before a look, the first to try in front.
+    """Return coarse looks that may come before a look, the first to try first.
 
     The target itself, then what else of its part is coarsest; only what has a view.
     Empty where a step does more than look, or the target belongs to a tool.
@@ -94,7 +94,7 @@ def _coarse(task: Task, request: Request, name: str, shape: TargetShape) -> Requ
 
 
 def assumed(task: Task, coarse: Request) -> CoarseLook:
-    """Return what a coarse look must tell at its lowest zoom: half its tolerances."""
+    """Return the accuracy assumed of a coarse look: half its tolerances."""
     shape = needed_shape(task, coarse)
     turn_rad = ANGLE_RAD
     if shape.symmetry > 1:
@@ -116,10 +116,10 @@ def fine_request(
 ) -> Request | None:
     """Return the look that follows a coarse one, None if it cannot.
 
-    The target is brought to its nominal place by the axes that carry it, and back
+    The target is brought to its nominal position by the axes that carry it, and back
     afterwards. What two moves leave is taken off the tolerance. None if nothing is left
-    of it, if the place is hardly better known than before, or if on the way something
-    may be touched or an axis end.
+    of it, if the position is hardly better known than before, or if on the path
+    something may be touched or an axis end.
     """
     spot = target_pose(task, request, needed_shape(task, request))
     moved_um = math.sqrt(2) * axes_of(task, spot.carrier).repeatability_xy_um
@@ -145,8 +145,8 @@ def fine_request(
 def may_gain(task: Task, request: Request, fine: Request) -> bool:
     """Return whether a look that trials refused may do better after a coarse one.
 
-    Its place then allows more zoom, or an unknown zoom no longer errs by the tolerance
-    (a pixel, where none is asked for) over how far off the target may lie.
+    Its position then allows more zoom, or an unknown zoom no longer errs by the
+    tolerance (a pixel, where none is asked for) over how far off the target may lie.
     """
     low, _ = task.workcell.optics.magnification
     zooms = [
@@ -173,10 +173,10 @@ def centring(task: Task, request: Request, coarse_id: str) -> CoarseFirst:
 
 
 def _told_um(task: Task, request: Request, seen: CoarseLook) -> float:
-    """Return how well a coarse look tells a place, seen through another zoom.
+    """Return the sigma of a position from a coarse look at another zoom, um.
 
-    Beside its own spread: the jump of the image with the zoom, its shift with the
-    focus, and what an unknown scale makes of the way from the axis.
+    Adds to its own sigma the jump of the image with the zoom, its shift with the
+    focus, and an unknown scale times the distance from the axis.
     """
     spot = target_pose(task, request, needed_shape(task, request))
     optics = task.workcell.optics
@@ -221,7 +221,7 @@ def first_views(
 
     The request itself, or a coarse look where only that has a view and the fine one has
     after it, if the coarse one is as good as it must be: the trials of a compile
-    decide. Reports what stands in the way of either.
+    decide. Reports why either has no view.
     """
     plain = Report()
     found = views(task, request, current, plain)

@@ -1,4 +1,4 @@
-"""What the workcell's lens and lamp do to a look: what is known, what is charged."""
+"""Errors of lens or lamp in a look: what is known, what is charged to the budget."""
 
 from __future__ import annotations
 
@@ -123,7 +123,7 @@ def middle_offset_um(
 
 
 def _all_errors(task: Task, shape: TargetShape) -> LensErrors:
-    """Return the lens' errors with the light's gradient and the part's edges as made.
+    """Return the lens' errors with the light's gradient and the part's edge tolerance.
 
     A gradient of any direction counts half along each axis; a profile tolerance is
     uniform within.

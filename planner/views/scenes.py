@@ -1,4 +1,4 @@
-"""Scenes of looks: layers in view, what higher bodies hide or shade."""
+"""Scenes of looks: layers in view, shares of edges that higher bodies hide or shade."""
 
 from __future__ import annotations
 
@@ -169,7 +169,7 @@ def _reaches(
 def _edge_points(task: Task, shape: TargetShape, spot: Place) -> FloatArray:
     """Return EDGE_POINTS points on the target's edges in the world, (N, 2) um.
 
-    They stand evenly along all edges, in the middle of as many equal lengths.
+    They lie evenly along all edges, in the middle of as many equal lengths.
     """
     rings = outline_of(task, shape)
     only = target_ring(rings, shape)

@@ -1,4 +1,4 @@
-"""Where a look's target is, and the settings of the microscope that show it."""
+"""Microscope settings that show a look's target."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def views(
 ) -> tuple[ViewPlan, ...]:
     """Return the settings that show the target, the preferred one first.
 
-    Reports why there is none, and what stands in the way of those there are.
+    Reports why there is none, and what limits those there are.
     """
     cell = task.workcell
     shape = shape_of(task, request.state, request.target)
@@ -97,7 +97,7 @@ def zooms_of(task: Task, request: Request) -> ZoomRange:
 def _report_tight(
     task: Task, request: Request, shape: TargetShape, spot: Place, report: Report
 ) -> None:
-    """Report a look that a slightly larger spread or finer detail would forbid."""
+    """Report a look that a slightly larger sigma or finer detail would forbid."""
     found = zoom_range(task.workcell, shape, spot)
     if found.most >= LADDER * found.least:
         return
@@ -119,9 +119,9 @@ def _report_tight(
 
 
 def _tells_angle(task: Task, shape: TargetShape) -> bool:
-    """Return whether the target, or features beside it on its part, have an angle.
+    """Return whether the target, or other features of its part, have an angle.
 
-    A post stands alone at its height.
+    A post is alone at its height.
     """
     part, inner = task.parts.get(shape.owner), shape.name.partition(".")[2]
     return shape.has_angle or (part is not None and inner not in part.posts)
@@ -167,7 +167,7 @@ def _report_shade(
     scope: Microscope,
     report: Report,
 ) -> None:
-    """Report what stands over a target's edges, or reaches into their light cones."""
+    """Report occluders of a target's edges, or of their light cones."""
     shades = shade_of(
         task, request.state, shape, spot, scope.aperture, scope.medium_index
     )
@@ -199,7 +199,7 @@ def _report_shade(
 
 def whole_view(task: Task, request: Request, view: ViewPlan) -> ViewPlan:
     """Return the view with a region that holds all of the target's body, as far as the
-    frame does: other features of it may stand in for the target."""
+    frame does: other features of it may replace the target."""
     shape = needed_shape(task, request)
     if shape.owner in task.workcell.tools:
         return view
@@ -214,7 +214,7 @@ def whole_view(task: Task, request: Request, view: ViewPlan) -> ViewPlan:
 
 def marks_view(task: Task, request: Request, view: ViewPlan) -> ViewPlan:
     """Return the view with a region that holds the target and the features that the
-    task declares beside it, as far as the frame does."""
+    task declares on its part, as far as the frame does."""
     shape = needed_shape(task, request)
     part = task.parts.get(shape.owner)
     if part is None or shape.name.partition(".")[2] in part.posts:
@@ -255,9 +255,9 @@ def _lit(
 
 
 def target_pose(task: Task, request: Request, shape: TargetShape) -> Place:
-    """Return where the target's reference point nominally is.
+    """Return the nominal pose of the target's reference point.
 
-    Its spread takes in how far it swings about the owner's own origin, or about what a
+    Its sigma takes in how far it swings about the owner's own origin, or about what a
     look before has measured.
     """
     place, about_um = locate_place(task, request.state, shape.owner), (0.0, 0.0)

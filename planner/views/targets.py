@@ -1,4 +1,4 @@
-"""What a name in the task means to a routine: kind, extent and shape of the target."""
+"""Target shapes by name: kind, extent, parameters for the routines."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class TargetShape:
     owner: str
     kind: TargetKind
     center_um: tuple[float, float]  # reference point in the owner's frame
-    box_um: Box  # what must be in the field, about the reference point, as it is turned
+    box_um: Box  # what must be in the field, about the reference point, as rotated
     finest_um: float  # smallest detail that a routine needs resolved
     bright: bool  # brighter than what surrounds it
     symmetry: int = 1
@@ -43,7 +43,7 @@ class TargetShape:
 
     @property
     def has_angle(self) -> bool:
-        """Return whether a routine can tell which way the target is turned."""
+        """Return whether a routine can measure the target's rotation."""
         return self.symmetry == 1 or bool(self.symmetry_broken_by)
 
 
@@ -107,7 +107,7 @@ def _disc(radius_um: float) -> Box:
 def _jaws(tool: Tool, opening_um: float, turn_rad: float) -> TargetShape:
     """Return the jaws seen from the grip: both fingers from the tips on.
 
-    The box is that of the fingers as the robot has turned them.
+    The box is that of the fingers as the robot has rotated them.
     """
     half = opening_um / 2 + tool.finger_width_um
     turn = Pose(x_um=0.0, y_um=0.0, theta_rad=turn_rad)
@@ -215,8 +215,8 @@ def _whole(part: Part) -> TargetShape:
 def _as_turned(task: Task, state: State, shape: TargetShape) -> TargetShape:
     """Return a whole outline with the box of all angles that it may have.
 
-    Over an interval of 2 delta a corner's place is at most 1 - cos(delta / 2) of its
-    way beyond that at the ends or the middle.
+    Over an interval of 2 delta a corner's position is at most 1 - cos(delta / 2) of its
+    distance beyond that at the ends or the middle.
     """
     part, held = task.parts[shape.owner], state.parts[shape.owner]
     known_rad = max(held.sigma_theta_rad, task.benchmark.pose_sigma_theta_rad)

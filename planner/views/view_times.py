@@ -1,4 +1,4 @@
-"""What it takes to look after the look before: errors of zoom and focus, and time."""
+"""Time or errors of a change from one look's setting to the next."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def setting_time_s(task: Task, here: StepState, look: Look) -> float:
 def centre_times(task: Task, carrier: Carrier, sigma_um: float) -> tuple[TimeRow, ...]:
     """Return how long a target that is off by `sigma_um` per axis takes to centre.
 
-    Its way is the mean of a Rayleigh distribution, sigma sqrt(pi / 2).
+    Its distance is the mean of a Rayleigh distribution, sigma sqrt(pi / 2).
     """
     axes = axes_of(task, carrier)
     way_um = sigma_um * math.sqrt(math.pi / 2)
@@ -154,7 +154,7 @@ def _frame(cell: Workcell) -> TimeRow:
 
 
 def _back(look: Look, waits: Sequence[TimeRow]) -> Iterator[TimeRow]:
-    """Yield the way back of a target that was centred for the look."""
+    """Yield the return of a target that was centred for the look."""
     if look.coarse is not None:
         for row in waits:
             yield TimeRow(what=f"{row.what} (back)", time_s=row.time_s)

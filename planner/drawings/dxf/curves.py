@@ -1,4 +1,4 @@
-"""Curves of a drawing under affine maps, and as the segments and arcs of an outline.
+"""Curves of a drawing under affine maps, as edges of an outline.
 
 Points are complex, x + i y. Lines and circles under similarities stay what they are;
 ellipses and splines become chains of tangent arcs (biarcs) within a stated tolerance.
@@ -260,7 +260,7 @@ def _is_straight(points: Sequence[complex]) -> bool:
 
 
 def _first_step(points: Sequence[complex]) -> complex:
-    """Return the way from the first point to the next one that differs."""
+    """Return the difference from the first point to the next other one."""
     for z in points[1:]:
         if abs(z - points[0]) > 1e-9 * abs(points[-1] - points[0]):
             return z - points[0]

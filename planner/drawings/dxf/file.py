@@ -1,4 +1,4 @@
-"""A DXF file as its tables: layers, block definitions and entities, nothing lost.
+"""A DXF file as its tables: layers, block definitions, entities, nothing lost.
 
 Every entity of the sections ENTITIES and BLOCKS is kept with its raw tags; nothing is
 repaired, left out or filled in, so what cannot be understood can be said.
@@ -85,12 +85,12 @@ class Entity:
 
     @property
     def place(self) -> str:
-        """Return where it stands in the file."""
+        """Return its line or byte in the file."""
         return self.tags.place(self.first - 1)
 
     @property
     def label(self) -> str:
-        """Return the handle by which a CAD program finds it, or where it stands."""
+        """Return the handle by which a CAD program finds it, or its line or byte."""
         handle = self.text(5)
         return f"#{handle}" if handle else self.place
 
@@ -160,7 +160,7 @@ def read_dxf(data: bytes) -> DxfFile:
     CrowdedError
         If it has more than MAX_ITEMS entities, on whatever layers.
     DamagedError
-        If vertices or attributes stand where none can be, or blocks do not end.
+        If vertices or attributes are where none can be, or blocks do not end.
     ValueError
         If a number that is needed is none.
     """

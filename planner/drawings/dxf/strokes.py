@@ -16,8 +16,8 @@ from microplan.planner.drawings.dxf.curves import EllipticArc, Line, Shape, bulg
 from microplan.planner.drawings.dxf.paths import Path, UnreadableError
 
 _SAME = 1e-9  # relative: widths and directions closer than this are equal
-_SMOOTH_RAD = 1e-6  # edges that turn by less go on in the same direction
-_MITRE_RAD = math.radians(150)  # sharper turns are drawn in different ways
+_SMOOTH_RAD = 1e-6  # edges that bend by less have one direction
+_MITRE_RAD = math.radians(150)  # sharper bends are drawn differently by programs
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,7 +116,7 @@ def _moved(shape: Shape, shift: float) -> Shape | None:
 
 
 def _refuse_flipped(centre: Sequence[Shape], side: Sequence[Shape]) -> None:
-    """Refuse edges that mitres have turned round: they are too short for the width."""
+    """Refuse edges that mitres have reversed: they are too short for the width."""
     for shape, border in zip(centre, side, strict=True):
         if isinstance(shape, Line) and isinstance(border, Line):
             way = (border.end - border.start) * _leaving(shape).conjugate()
@@ -141,7 +141,7 @@ def _arriving(shape: Shape) -> complex:
 
 
 def _turned(shape: Shape) -> Shape:
-    """Return a line or arc run the other way."""
+    """Return a line or arc with its direction reversed."""
     if isinstance(shape, EllipticArc):
         end_rad = shape.start_rad + shape.sweep_rad
         return EllipticArc(shape.center, shape.u, shape.v, end_rad, -shape.sweep_rad)

@@ -59,7 +59,7 @@ class Tags:
             return
 
     def place(self, index: int) -> str:
-        """Return where a value stands in the file."""
+        """Return the line or byte of a value in the file."""
         if self.offsets is None:
             return f"line {2 * index + 2}"
         return f"byte {self.offsets[index]}"
@@ -101,7 +101,7 @@ def text_of(data: bytes) -> str:
 
 
 def unescaped(name: str) -> str:
-    r"""Return `name` with \U+XXXX replaced by the character it stands for."""
+    r"""Return `name` with \U+XXXX replaced by the character it encodes."""
     return _ESCAPED.sub(lambda match: chr(int(match[1], 16)), name)
 
 

@@ -1,4 +1,4 @@
-"""The cells of a GDSII library: which one is drawn, and how often it holds what."""
+"""The cell hierarchy of a GDSII library: cells reached, shapes placed."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def affine(reference: StructureReference) -> Affine:
 
 
 def reached(library: Library, top: str) -> tuple[str, ...]:
-    """Return the cells that `top` is made of, each after all that it places.
+    """Return the cells that `top` is made of, each after all that it refers to.
 
     Raises
     ------

@@ -97,7 +97,7 @@ def _bend(
         raise _unreadable(shape, f"{message}({x:g}, {y:g}) database units, 90 allowed")
     if not sin:
         return []
-    side = -math.copysign(half, sin)  # the outer side lies away from the turn
+    side = -math.copysign(half, sin)  # the outer side is opposite to the bend
     first = side * np.array([-before[1], before[0]])
     last = side * np.array([-behind[1], behind[0]])
     tip = (first + last) / (1 + cos)

@@ -1,4 +1,4 @@
-"""GDSII shapes of one layer as rings: united, holes found, circles known again."""
+"""GDSII shapes of one layer as rings: united, holes found, circles recognised."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from microplan.planner.drawings.gds.polygons import BATCH, polygons, too_many_me
 from microplan.planner.drawings.gds.records import GdsError
 from microplan.planner.drawings.rings import canonical
 
-# Corners are taken to multiples of this part of a database unit: copies turned by odd
+# Corners are taken to multiples of this part of a database unit: copies rotated by odd
 # angles then meet again, and what lies on the grid stays where it is.
 GRID = 2.0**-14
 # What two edges that are one leave between them after that is narrower than this, in
 # database units: a whole step of the grid along x and along y at each end.
 SLIVER = 4 * GRID
 MAX_RINGS = 2000  # around and inside the shapes of one layer
-MAX_MEETINGS = 200_000  # pairs of edges whose boxes meet, beside neighbours
+MAX_MEETINGS = 200_000  # pairs of edges whose boxes meet, neighbours aside
 ROUND_CORNERS = 32  # fewer on a circle may be meant as corners
 
 
