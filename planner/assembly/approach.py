@@ -32,11 +32,11 @@ def approach(
     """
     target = locate_place(task, state, step.target or "")
     goal = locate_place(task, state, step.to or "")
-    turn_rad = 0.0
+    rotation_rad = 0.0
     if step.tolerance_theta_rad is not None:
         off_rad = goal.pose.theta_rad - target.pose.theta_rad
-        turn_rad = math.remainder(off_rad, math.tau)
-    readings = _readings(task, state, target, goal, turn_rad)
+        rotation_rad = math.remainder(off_rad, math.tau)
+    readings = _readings(task, state, target, goal, rotation_rad)
     after = _aligned(task, state, target, goal, readings)
     hits = {path: _path_hits(task, state, target, readings, path) for path in PATHS}
     for path in PATHS:
@@ -65,14 +65,14 @@ def _way_out(task: Task, moving: str, still: str) -> str:
 
 
 def _readings(
-    task: Task, state: State, target: Place, goal: Place, turn_rad: float
+    task: Task, state: State, target: Place, goal: Place, rotation_rad: float
 ) -> Axis4:
-    """Return the readings that bring the target to its goal, rotated by `turn_rad`.
+    """Return the readings that bring the target to its goal, rotated by `rotation_rad`.
 
     The rotation swings it about the axis, which x and y compensate.
     """
     axis = state.axes(target.carrier)
-    turned = replace(axis, theta_rad=axis.theta_rad + turn_rad)
+    turned = replace(axis, theta_rad=axis.theta_rad + rotation_rad)
     local = carrier_pose(task, state, target.carrier).inverse().compose(target.pose)
     there = state.carried(target.carrier, turned)
     swung = carrier_pose(task, there, target.carrier).compose(local)
@@ -91,11 +91,11 @@ def _aligned(
     if target.carrier == "robot":
         return moved
     axes = axes_of(task, target.carrier)
-    spread = math.hypot(goal.sigma_xy_um, axes.repeatability_xy_um)
+    sigma_um = math.hypot(goal.sigma_xy_um, axes.repeatability_xy_um)
     return replace(
         moved,
-        stage_sigma_um=math.hypot(spread, target.sigma_xy_um),
-        pinned={target.owner: spread},
+        stage_sigma_um=math.hypot(sigma_um, target.sigma_xy_um),
+        pinned={target.owner: sigma_um},
     )
 
 

@@ -63,18 +63,18 @@ def report_resting(
 ) -> None:
     """Report a part that is let go where it hangs over, or falls off."""
     found = resting(task, state, name)
-    spread = SIGMAS * math.hypot(*(part_sigma_um(state, n) for n in (name, *found.on)))
+    sure_um = SIGMAS * math.hypot(*(part_sigma_um(state, n) for n in (name, *found.on)))
     hangs = found.beyond_um > ROUNDING_UM
-    if not found.on or not (hangs or found.inside_um < spread):
+    if not found.on or not (hangs or found.inside_um < sure_um):
         return
     over = f"{found.beyond_um:.3g} um over the edge" if hangs else "over a hole"
     under = " and ".join(found.on)
     words = f"step {step.id!r}: {name} hangs {over} of {under}, its centre "
-    if found.inside_um < spread:
+    if found.inside_um < sure_um:
         report.refuse(
             "MP308",
             step.where,
-            f"{words}{found.inside_um:.3g} um inside it, {spread:.3g} um needed at 2 "
+            f"{words}{found.inside_um:.3g} um inside it, {sure_um:.3g} um needed at 2 "
             "sigma: it may tip",
             "put it further onto what carries it",
         )

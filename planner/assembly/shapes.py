@@ -72,11 +72,17 @@ def squeeze_minima_rad(outline: Outline) -> tuple[float, ...]:
     edges = np.diff(np.vstack([points, points[:1]]), axis=0)
     # rotation by theta makes this edge vertical, i.e. flat against a jaw
     flat = np.sort(np.mod(math.pi / 2 - np.arctan2(edges[:, 1], edges[:, 0]), math.pi))
-    turns: list[float] = flat[np.diff(flat, prepend=-1.0) > 1e-9].tolist()
-    widths = [_width_um(points, t) for t in turns]
-    ends = zip([*turns[1:], turns[0] + math.pi], [*widths[1:], widths[0]], strict=True)
-    tops = [_top_um((t, w), end) for t, w, end in zip(turns, widths, ends, strict=True)]
-    return _deep(turns, widths, tops)
+    angles_rad: list[float] = flat[np.diff(flat, prepend=-1.0) > 1e-9].tolist()
+    widths = [_width_um(points, t) for t in angles_rad]
+    ends = zip(
+        [*angles_rad[1:], angles_rad[0] + math.pi],
+        [*widths[1:], widths[0]],
+        strict=True,
+    )
+    tops = [
+        _top_um((t, w), end) for t, w, end in zip(angles_rad, widths, ends, strict=True)
+    ]
+    return _deep(angles_rad, widths, tops)
 
 
 def _top_um(start: tuple[float, float], end: tuple[float, float]) -> float:
@@ -95,14 +101,14 @@ def _top_um(start: tuple[float, float], end: tuple[float, float]) -> float:
 
 
 def _deep(
-    turns: list[float], widths: list[float], tops: list[float]
+    angles_rad: list[float], widths: list[float], tops: list[float]
 ) -> tuple[float, ...]:
     """Return the angles of the minima that are at least DIMPLE_UM deep.
 
     `tops[i]` is the greatest width between angles i and i + 1, cyclic. The shallowest
     minimum goes first, of equals the widest; its neighbours then see over it.
     """
-    left = list(zip(turns, widths, tops, strict=True))
+    left = list(zip(angles_rad, widths, tops, strict=True))
     while left:
         depths = [
             (min(left[i - 1][2], top) - width, -width)

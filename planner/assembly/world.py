@@ -114,12 +114,12 @@ def _tips(corners: FloatArray) -> tuple[FloatArray, FloatArray]:
     meet, (N, 2)."""
     start, end = corners, np.roll(corners, -1, axis=0)
     out, ahead = start - np.roll(corners, 1, axis=0), np.roll(corners, -2, axis=0) - end
-    way, cross = end - start, _cross(out, ahead)
+    along, cross = end - start, _cross(out, ahead)
     lengths = np.hypot(*out.T) * np.hypot(*ahead.T)
     meet = cross > _PARALLEL * lengths
-    share = _cross(way, ahead) / np.where(meet, cross, 1.0)
+    share = _cross(along, ahead) / np.where(meet, cross, 1.0)
     tips = start + share[:, None] * out
-    areas = np.where(meet, np.abs(_cross(way, tips - start)) / 2, np.inf)
+    areas = np.where(meet, np.abs(_cross(along, tips - start)) / 2, np.inf)
     return areas, tips
 
 

@@ -35,10 +35,10 @@ def grasp_verdict(task: Task, here: StepState) -> GraspVerdict:
     step, state = here.step, here.at_look
     name = owner_of(step.target or "")
     part, tool = task.parts[name], task.workcell.tools[step.tool or ""]
-    stands = between_jaws(task, state, step)
+    between = between_jaws(task, state, step)
     grip = locate_place(task, state, f"{tool.name}.grip")
     minima = squeeze_minima_rad(part.outline)
-    squeeze = (stands.width_um - (step.opening_um or 0.0)) / 2
+    squeeze = (between.width_um - (step.opening_um or 0.0)) / 2
     force = holding_un(tool, squeeze, part.profile_tolerance_um)
     lift = _lift(task, name)
     verdict, reason = _holds(force, lift, task.environment.friction)
@@ -46,10 +46,10 @@ def grasp_verdict(task: Task, here: StepState) -> GraspVerdict:
         verdict, reason = "may slip", f"{reason}; double layers are not modelled"
     return GraspVerdict(
         opening_um=state.opening_um,
-        width_um=stands.width_um,
+        width_um=between.width_um,
         width_range_um=_width_range(task, step, minima),
-        room_um=stands.room_um,
-        needed_um=SIGMAS * math.hypot(stands.sigma_um, grip.sigma_xy_um),
+        room_um=between.room_um,
+        needed_um=SIGMAS * math.hypot(between.sigma_um, grip.sigma_xy_um),
         settles=len(minima),
         theta_within_rad=widest_gap_rad(minima) / 2 if minima else None,
         theta_sigma_rad=here.after.parts[name].sigma_theta_rad,

@@ -190,14 +190,14 @@ def _check_starts(
         elif kind not in (None, wanted):
             message = f"'{name}' is a {kind}, on the {raw['on']} stands a {wanted}"
             report.error("MP112", at, message)
-    told = set(starts)
+    reported = set(starts)
     for where, _ in _uses(task):
         name = task.source.get(*where)
         if where[0] == "parts" or not isinstance(name, str) or not task.good(*where):
             continue
         owner = name.partition(".")[0]
-        if owner not in told and names.kinds.get(owner) in ("part", "tool"):
-            told.add(owner)  # once is enough
+        if owner not in reported and names.kinds.get(owner) in ("part", "tool"):
+            reported.add(owner)  # once is enough
             message = f"'{owner}' is used here and has no entry in start"
             report.error("MP115", task.source.value(*where), message, f"add {owner}")
 

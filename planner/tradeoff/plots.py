@@ -127,20 +127,23 @@ def _layers_panel(axes: Axes, step: StepTradeoff) -> None:
 
 
 def _scatter(
-    axes: Axes, ways: Sequence[MeasuredMethod], points: Sequence[Point], oracle: float
+    axes: Axes,
+    methods: Sequence[MeasuredMethod],
+    points: Sequence[Point],
+    oracle: float,
 ) -> None:
     """Draw all methods on logarithmic axes; shade what the oracle cannot resolve."""
     axes.set_xscale("log")
     axes.set_yscale("log")
-    for way, (time_ms, error) in zip(ways, points, strict=True):
-        color, shape = _MARKS[way.model]
-        occluded = bool(way.rays_per_cell)
+    for method, (time_ms, error) in zip(methods, points, strict=True):
+        color, shape = _MARKS[method.model]
+        occluded = bool(method.rays_per_cell)
         axes.plot(
             time_ms,
             max(error, _LEAST),
             shape,
             color=color,
-            markerfacecolor="white" if way.float_bits == 32 else color,
+            markerfacecolor="white" if method.float_bits == 32 else color,
             markeredgecolor="black" if occluded else color,
             markeredgewidth=1.4 if occluded else 1.0,
             markersize=8 if occluded else 6,

@@ -38,30 +38,28 @@ class RenderMethod:
     sampling: Sampling
     rays: int = 0  # 0: layers are blended
 
-    def image(self, sight: ReferenceView, focus_um: float) -> FloatArray:
+    def image(self, seen: ReferenceView, focus_um: float) -> FloatArray:
         """Return the image, (rows, columns)."""
         if self.rays:
             return occluded(
-                sight.scene,
-                sight.microscope,
+                seen.scene,
+                seen.microscope,
                 focus_um=focus_um,
                 model=self.model,
-                window=sight.window,
+                window=seen.window,
                 samples=self.rays,
             )
         return render(
-            sight.scene,
-            sight.microscope,
+            seen.scene,
+            seen.microscope,
             focus_um=focus_um,
             model=self.model,
-            window=sight.window,
+            window=seen.window,
             sampling=self.sampling,
         )
 
 
-def render_methods(
-    sight: ReferenceView, fidelity: Fidelity
-) -> tuple[RenderMethod, ...]:
+def render_methods(seen: ReferenceView, fidelity: Fidelity) -> tuple[RenderMethod, ...]:
     """Return the methods measured: all models by samplings, hidden layers by rays.
 
     Samplings are BANDS by MARGINS, the usual one once more in single precision, and
@@ -71,7 +69,7 @@ def render_methods(
     grid += [_USUAL, replace(_USUAL, single=True), fidelity.sampling]
     grid = list(dict.fromkeys(grid))
     found = [RenderMethod(model=model, sampling=s) for model in MODELS for s in grid]
-    if sight.is_layered:
+    if seen.is_layered:
         found += [
             RenderMethod(model=m, sampling=_USUAL, rays=r) for m in MODELS for r in RAYS
         ]
@@ -79,7 +77,7 @@ def render_methods(
 
 
 def measure(
-    sight: ReferenceView,
+    seen: ReferenceView,
     fidelity: Fidelity,
     treatment: str,
     law: ReferenceImages,
@@ -89,7 +87,7 @@ def measure(
 
     Parameters
     ----------
-    sight : Sight
+    seen : Sight
         What is rendered.
     fidelity : Fidelity
         The compiler's choice, which is measured too.
@@ -101,14 +99,15 @@ def measure(
         Layers traced at the nominal focus.
     """
     found = [
-        _measured(sight, way, law, layered) for way in render_methods(sight, fidelity)
+        _measured(seen, method, law, layered)
+        for method in render_methods(seen, fidelity)
     ]
     chosen = RenderMethod(model=fidelity.model, sampling=fidelity.sampling)
-    if treatment == "occluded" and sight.is_layered:
+    if treatment == "occluded" and seen.is_layered:
         chosen = RenderMethod(model=fidelity.model, sampling=_USUAL, rays=SAMPLES)
     marked = [
-        replace(each, is_choice=way == chosen)
-        for way, each in zip(render_methods(sight, fidelity), found, strict=True)
+        replace(each, is_choice=method == chosen)
+        for method, each in zip(render_methods(seen, fidelity), found, strict=True)
     ]
     # as they are written: what differs less is rounding
     on_law = front([_written(w.time_ms, w.law_max_error) for w in found])
@@ -152,24 +151,24 @@ def floor_ms(window: Window) -> float:
 
 
 def _measured(
-    sight: ReferenceView,
-    way: RenderMethod,
+    seen: ReferenceView,
+    method: RenderMethod,
     law: ReferenceImages,
     layered: ReferenceImages,
 ) -> MeasuredMethod:
     """Return a method's time and errors; images in advance make its tables."""
-    heights = sight.focus_um[:1] if way.rays else sight.focus_um
-    images = np.array([way.image(sight, z) for z in heights])
-    off = None if way.rays else np.abs(images - law.images)
+    heights = seen.focus_um[:1] if method.rays else seen.focus_um
+    images = np.array([method.image(seen, z) for z in heights])
+    off = None if method.rays else np.abs(images - law.images)
     away = np.abs(images[0] - layered.images[0])
     return MeasuredMethod(
-        model=way.model,
-        layers="occluded" if way.rays else "blend",
-        band_error=way.sampling.band_error,
-        margin=way.sampling.margin,
-        float_bits=32 if way.sampling.single else 64,
-        rays_per_cell=way.rays,
-        time_ms=_least_ms(partial(way.image, sight, sight.focus_um[0])),
+        model=method.model,
+        layers="occluded" if method.rays else "blend",
+        band_error=method.sampling.band_error,
+        margin=method.sampling.margin,
+        float_bits=32 if method.sampling.single else 64,
+        rays_per_cell=method.rays,
+        time_ms=_least_ms(partial(method.image, seen, seen.focus_um[0])),
         law_max_error=None if off is None else float(off.max()),
         law_rms_error=None if off is None else max(_rms(each) for each in off),
         max_error=float(away.max()),

@@ -78,9 +78,9 @@ def compile_methods(task: Task, vary: Vary) -> tuple[CompileMethod, ...]:
     found = [own]
     for axis, values in vary:
         for value in values or usual(task, axis):
-            way = replace(changed(own, axis, value, task), varied=f"{axis} {value}")
-            if replace(way, varied=own.varied) != own:
-                found.append(way)
+            method = replace(changed(own, axis, value, task), varied=f"{axis} {value}")
+            if replace(method, varied=own.varied) != own:
+                found.append(method)
     if len(found) > MOST_POINTS:
         raise ValueError(f"{len(found)} points, at most {MOST_POINTS}")
     return tuple(found)

@@ -1,4 +1,4 @@
-"""Tradeoff of speed against accuracy of a whole task, for `microplan tradeoff --vary`."""
+"""Tradeoff of speed against accuracy of a whole task, for `tradeoff --vary`."""
 
 from __future__ import annotations
 
@@ -89,17 +89,19 @@ def write_task_tradeoff(
     points: list[TradeoffPoint] = []
     spent: list[Spent] = []
     first, said = None, ""
-    for k, way in enumerate(wanted):
-        progress(f"{way.varied} ({k + 1} of {len(wanted)})")
-        plan, report, took = compiled(task, way, call)
-        points.append(point_of(way, plan, report, first))
+    for k, method in enumerate(wanted):
+        progress(f"{method.varied} ({k + 1} of {len(wanted)})")
+        plan, report, took = compiled(task, method, call)
+        points.append(point_of(method, plan, report, first))
         spent.append(took)
         first = plan if k == 0 else first
-        said = _told(task, call.out, points, spent)  # what is done outlives a stop
+        said = _write_points(
+            task, call.out, points, spent
+        )  # what is done outlives a stop
     return f"{said}\n\nfolder: {call.out}"
 
 
-def _told(
+def _write_points(
     task: Task, folder: Path, points: Sequence[TradeoffPoint], spent: Sequence[Spent]
 ) -> str:
     """Write the points so far, and return their table."""
@@ -121,23 +123,23 @@ def _told(
 
 
 def compiled(
-    task: Task, way: CompileMethod, call: TaskCall
+    task: Task, method: CompileMethod, call: TaskCall
 ) -> tuple[Plan | None, Report, Spent]:
     """Return the plan of a point, None with findings if there is none, and its time."""
     report, cpu_s, wall_s = Report(), _cpu_s(), time.perf_counter()
     files = compile_task(
-        way.of(task),
+        method.of(task),
         report,
         Options(
-            preset=way.preset,
-            effort=way.effort,
+            preset=method.preset,
+            effort=method.effort,
             max_image_error=call.max_image_error,
             jobs=call.jobs,
             memo=EVERY_TIME,
         ),
     )
     took = Spent(
-        varied=way.varied,
+        varied=method.varied,
         cpu_s=_cpu_s() - cpu_s,
         wall_s=time.perf_counter() - wall_s,
         on_front=False,
@@ -146,17 +148,17 @@ def compiled(
 
 
 def point_of(
-    way: CompileMethod, plan: Plan | None, report: Report, first: Plan | None
+    method: CompileMethod, plan: Plan | None, report: Report, first: Plan | None
 ) -> TradeoffPoint:
     """Return what a plan promises, or why there is none."""
     faults = [d for d in report.in_order if d.severity in ("error", "infeasible")]
     complete = plan is not None and plan.success_probability > 0
     return TradeoffPoint(
-        varied=way.varied,
-        preset=way.preset,
-        trials=way.effort.trials,
-        frames=way.frames,
-        zoom=way.zoom,
+        varied=method.varied,
+        preset=method.preset,
+        trials=method.effort.trials,
+        frames=method.frames,
+        zoom=method.zoom,
         status="error" if plan is None else plan.status,
         reason="; ".join(f"{d.code} {d.message}" for d in faults),
         error_um=error_um(plan) if plan is not None and complete else None,
@@ -211,14 +213,14 @@ def run_s(plan: Plan) -> float:
 
 def choices(first: Plan, plan: Plan) -> tuple[str, ...]:
     """Return the choices that differ between two plans, as `microplan diff` says."""
-    told = []
+    found_choices = []
     for change in compare_plans(first, plan):
         if change.kind == "steps":
-            told.append(f"{change.where}: {change.says}")
+            found_choices.append(f"{change.where}: {change.says}")
         elif change.path[-1] in CHOICES and "evidence" not in change.path:
             step = change.path[1] if len(change.path) > 1 else ""
-            told.append(f"{step} {change.path[-1]}: {change.says}")
-    return tuple(dict.fromkeys(told))
+            found_choices.append(f"{step} {change.path[-1]}: {change.says}")
+    return tuple(dict.fromkeys(found_choices))
 
 
 def with_fronts(

@@ -25,8 +25,8 @@ from microplan.planner.tradeoff.plots import Strip, round_down, strip_png, trade
 from microplan.planner.tradeoff.preview import RenderError
 from microplan.planner.tradeoff.reference_images import (
     ReferenceView,
-    law_truth,
-    layer_truth,
+    exact_reference,
+    traced_reference,
 )
 from microplan.planner.tradeoff.render_methods import (
     MARGINS,
@@ -189,26 +189,26 @@ def _measured(
 ) -> StepTradeoff:
     """Return a look's rendering methods with times and errors."""
     case, fidelity = build_case(task, request, view, limit)
-    sight = _sight(case)
-    law = law_truth(sight, max(*MARGINS, fidelity.sampling.margin))
-    layered = layer_truth(sight, law, fidelity.sampling.margin)
+    seen = _reference_view(case)
+    law = exact_reference(seen, max(*MARGINS, fidelity.sampling.margin))
+    layered = traced_reference(seen, law, fidelity.sampling.margin)
     return StepTradeoff(
         step=step,
         look=request.id,
         target=case.target.name,
         magnification=case.microscope.magnification,
         focus_um=case.focus_um,
-        focus_heights_um=sight.focus_um,
+        focus_heights_um=seen.focus_um,
         row=case.window.row,
         column=case.window.column,
         rows=case.window.rows,
         columns=case.window.columns,
         um_per_px=case.microscope.um_per_px,
-        layers_in_view=tuple(layer.name for layer in sight.scene.layers),
+        layers_in_view=tuple(layer.name for layer in seen.scene.layers),
         limit=limit,
         predicted_error=fidelity.predicted_error,
         predicted_layer_error=layer_error(
-            sight.scene,
+            seen.scene,
             case.microscope,
             focus_um=case.focus_um,
             treatment=case.treatment,
@@ -219,11 +219,11 @@ def _measured(
         oracle=layered.name,
         oracle_error=layered.error,
         floor_ms=floor_ms(case.window),
-        ways=measure(sight, fidelity, case.treatment, law, layered),
+        ways=measure(seen, fidelity, case.treatment, law, layered),
     )
 
 
-def _sight(case: LookCase) -> ReferenceView:
+def _reference_view(case: LookCase) -> ReferenceView:
     """Return what the case's images show, with the target where it should be."""
     off = FOCUS_SIGMAS * case.spread.focus_sigma_um
     heights = (case.focus_um, case.focus_um - off, case.focus_um + off)

@@ -68,12 +68,12 @@ class StepTradeoff:
     @property
     def choice(self) -> MeasuredMethod:
         """Return what the compiler takes."""
-        return next(way for way in self.ways if way.is_choice)
+        return next(method for method in self.ways if method.is_choice)
 
     @property
     def has_layers(self) -> bool:
         """Return whether layers of different height are in view."""
-        return any(way.layers == "occluded" for way in self.ways)
+        return any(method.layers == "occluded" for method in self.ways)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -137,9 +137,9 @@ def table(step: StepTradeoff) -> str:
     """Return the step's Pareto front and the compiler's choice as lines of text."""
     layered = step.has_layers  # else fronts differ by what is in focus alone
     shown = [
-        way
-        for way in step.ways
-        if way.is_choice or way.on_law_front or (way.on_front and layered)
+        method
+        for method in step.ways
+        if method.is_choice or method.on_law_front or (method.on_front and layered)
     ]
     head = (
         f"{step.step}: {step.target} at {step.magnification:.4g} x, focus "
@@ -175,18 +175,18 @@ def _rows(methods: Iterable[MeasuredMethod]) -> list[tuple[str, ...]]:
     rows: list[tuple[str, ...]] = [
         ("", "law", "layers", "band", "margin", "bits", "ms", "law err", "total")
     ]
-    for way in methods:
+    for method in methods:
         rows.append(
             (
-                ">" if way.is_choice else "",
-                way.model,
-                f"{way.rays_per_cell} rays" if way.rays_per_cell else "blend",
-                f"{way.band_error:.0e}",
-                f"{way.margin:.3g}",
-                str(way.float_bits),
-                f"{way.time_ms:.3g}",
-                "" if way.law_max_error is None else f"{way.law_max_error:.1e}",
-                f"{way.max_error:.1e}",
+                ">" if method.is_choice else "",
+                method.model,
+                f"{method.rays_per_cell} rays" if method.rays_per_cell else "blend",
+                f"{method.band_error:.0e}",
+                f"{method.margin:.3g}",
+                str(method.float_bits),
+                f"{method.time_ms:.3g}",
+                "" if method.law_max_error is None else f"{method.law_max_error:.1e}",
+                f"{method.max_error:.1e}",
             )
         )
     return rows

@@ -30,12 +30,12 @@ from microplan.schemas.pose import Pose
 
 
 def look_scene(
-    task: Task, state: State, look: str, shape: TargetShape, spot: Place
+    task: Task, state: State, look: str, shape: TargetShape, target_at: Place
 ) -> LookScene:
     """Return the assembly at a look, and which edges the look is at."""
     return LookScene(
         look=look,
-        target=_target(task, shape, spot),
+        target=_target(task, shape, target_at),
         stage=axis_move("stage", state.stage),
         robot=None if state.tool is None else axis_move("robot", state.robot),
         opening_um=None if state.tool is None else state.opening_um,
@@ -50,7 +50,7 @@ def look_scene(
     )
 
 
-def _target(task: Task, shape: TargetShape, spot: Place) -> SeenTarget:
+def _target(task: Task, shape: TargetShape, target_at: Place) -> SeenTarget:
     """Return whose edges a look is at; of a circle, those of the one ring."""
     if shape.owner in task.workcell.tools:
         names, ring = tuple(f"{shape.owner}.{side}" for side in ("left", "right")), None
@@ -59,7 +59,7 @@ def _target(task: Task, shape: TargetShape, spot: Place) -> SeenTarget:
         posts = task.parts[shape.owner].posts
         names = (f"{shape.owner}.{inner}" if inner in posts else shape.owner,)
         ring = target_ring(outline_of(task, shape), shape)
-    return SeenTarget(name=shape.name, pose=spot.pose, bodies=names, ring=ring)
+    return SeenTarget(name=shape.name, pose=target_at.pose, bodies=names, ring=ring)
 
 
 def _pose(task: Task, state: State, owner: str, name: str) -> Pose:
@@ -98,7 +98,7 @@ def shade_of(
     task: Task,
     state: State,
     shape: TargetShape,
-    spot: Place,
+    target_at: Place,
     aperture: float,
     index: float,
 ) -> tuple[Shade, ...]:
@@ -110,12 +110,12 @@ def shade_of(
     """
     if shape.owner in task.workcell.tools:
         return ()
-    points = shapely.points(_edge_points(task, shape, spot))
+    points = shapely.points(_edge_points(task, shape, target_at))
     slope = math.tan(math.asin(aperture / index))
     found = []
     for body in bodies(task, state):
-        height = body.z_high_um - spot.z_um
-        if body.name == spot.name or height <= 0 or _is_own_face(body, shape):
+        height = body.z_high_um - target_at.z_um
+        if body.name == target_at.name or height <= 0 or _is_own_face(body, shape):
             continue
         solid = polygon(body.outline)
         shapely.prepare(solid)  # 2000 points ask it twice
@@ -166,7 +166,7 @@ def _reaches(
     )
 
 
-def _edge_points(task: Task, shape: TargetShape, spot: Place) -> FloatArray:
+def _edge_points(task: Task, shape: TargetShape, target_at: Place) -> FloatArray:
     """Return EDGE_POINTS points on the target's edges in the world, (N, 2) um.
 
     They lie evenly along all edges, in the middle of as many equal lengths.
@@ -174,7 +174,9 @@ def _edge_points(task: Task, shape: TargetShape, spot: Place) -> FloatArray:
     rings = outline_of(task, shape)
     only = target_ring(rings, shape)
     rings = rings if only is None else Outline(rings=(rings.rings[only],))
-    posed = place(rings, spot.pose.x_um, spot.pose.y_um, spot.pose.theta_rad)
+    posed = place(
+        rings, target_at.pose.x_um, target_at.pose.y_um, target_at.pose.theta_rad
+    )
     edges = [edge for ring in posed.rings for edge in ring.edges]
     ends = np.cumsum([edge.length_um for edge in edges])
     along = (np.arange(EDGE_POINTS) + 0.5) * ends[-1] / EDGE_POINTS

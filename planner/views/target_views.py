@@ -69,22 +69,22 @@ def views(
             "target something with an angle, or ask for none",
         )
         return ()
-    spot = target_pose(task, request, shape)
-    focus = focus_for(cell, spot, report, request.where)
-    origin = _origin(task, request, spot)
-    zooms = magnifications(cell, shape, spot, current, report, origin)
+    target_at = target_pose(task, request, shape)
+    focus = focus_for(cell, target_at, report, request.where)
+    origin = _origin(task, request, target_at)
+    zooms = magnifications(cell, shape, target_at, current, report, origin)
     if focus is None:
         return ()
     scene = world_scene(task, request.state)
     found = []
     for zoom in zooms:
         scope = microscope_at(cell, zoom)
-        region = region_for(scope, shape.box_um, spot, search_um(task, spot))
+        region = region_for(scope, shape.box_um, target_at, search_um(task, target_at))
         found.append(_lit(task, scene, scope, focus, region))
     if found:
-        _report_tight(task, request, shape, spot, report)
+        _report_tight(task, request, shape, target_at, report)
         widest = least((v.microscope for v in found), lambda scope: -scope.aperture)
-        _report_shade(task, request, shape, spot, widest, report)
+        _report_shade(task, request, shape, target_at, widest, report)
     return tuple(found)
 
 
@@ -95,10 +95,10 @@ def zooms_of(task: Task, request: Request) -> ZoomRange:
 
 
 def _report_tight(
-    task: Task, request: Request, shape: TargetShape, spot: Place, report: Report
+    task: Task, request: Request, shape: TargetShape, target_at: Place, report: Report
 ) -> None:
     """Report a look that a slightly larger sigma or finer detail would forbid."""
-    found = zoom_range(task.workcell, shape, spot)
+    found = zoom_range(task.workcell, shape, target_at)
     if found.most >= LADDER * found.least:
         return
     ends = (("least", found.least), ("most", found.most))
@@ -134,14 +134,14 @@ def _is_avoided(task: Task, target: str) -> bool:
     return part is not None and inner in part.features and part.features[inner].avoid
 
 
-def _origin(task: Task, request: Request, spot: Place) -> Origin:
+def _origin(task: Task, request: Request, target_at: Place) -> Origin:
     """Return where the file says what the look is about and what puts it there."""
-    start = task.where.get(f"start.{spot.owner}.sigma_xy_um")
+    start = task.where.get(f"start.{target_at.owner}.sigma_xy_um")
     return Origin(
         look=request.id,
         target=request.where,
         view=request.view_where,
-        spread=start if spot.carrier == "stage" else None,
+        sigma=start if target_at.carrier == "stage" else None,
     )
 
 
@@ -163,13 +163,13 @@ def _report_shade(
     task: Task,
     request: Request,
     shape: TargetShape,
-    spot: Place,
+    target_at: Place,
     scope: Microscope,
     report: Report,
 ) -> None:
     """Report occluders of a target's edges, or of their light cones."""
     shades = shade_of(
-        task, request.state, shape, spot, scope.aperture, scope.medium_index
+        task, request.state, shape, target_at, scope.aperture, scope.medium_index
     )
     if not shades:
         return
@@ -205,9 +205,9 @@ def whole_view(task: Task, request: Request, view: ViewPlan) -> ViewPlan:
         return view
     x0, y0, x1, y1 = outline_of(task, shape).bounds_um
     reach = math.hypot(max(-x0, x1), max(-y0, y1))
-    spot = target_pose(task, request, shape)
+    target_at = target_pose(task, request, shape)
     box = (-reach, -reach, reach, reach)
-    region = region_for(view.microscope, box, spot, search_um(task, spot))
+    region = region_for(view.microscope, box, target_at, search_um(task, target_at))
     scene = world_scene(task, request.state)
     return _lit(task, scene, view.microscope, view.focus_um, region)
 
@@ -219,9 +219,9 @@ def marks_view(task: Task, request: Request, view: ViewPlan) -> ViewPlan:
     part = task.parts.get(shape.owner)
     if part is None or shape.name.partition(".")[2] in part.posts:
         return view
-    spot = target_pose(task, request, shape)
+    target_at = target_pose(task, request, shape)
     boxes = [shape.box_um] + [
-        _box_about(feature, spot.pose.theta_rad, shape.center_um)
+        _box_about(feature, target_at.pose.theta_rad, shape.center_um)
         for feature in part.features.values()
         if not feature.avoid and feature.kind != "outline"
     ]
@@ -229,7 +229,7 @@ def marks_view(task: Task, request: Request, view: ViewPlan) -> ViewPlan:
         min(b[0] for b in boxes), min(b[1] for b in boxes),
         max(b[2] for b in boxes), max(b[3] for b in boxes),
     )  # fmt: skip
-    region = region_for(view.microscope, box, spot, search_um(task, spot))
+    region = region_for(view.microscope, box, target_at, search_um(task, target_at))
     scene = world_scene(task, request.state)
     return _lit(task, scene, view.microscope, view.focus_um, region)
 
@@ -283,9 +283,9 @@ def target_pose(task: Task, request: Request, shape: TargetShape) -> Place:
     )
 
 
-def search_um(task: Task, spot: Place) -> float:
+def search_um(task: Task, target_at: Place) -> float:
     """Return how far from nominal the target may be when a look begins."""
-    sigma = math.hypot(spot.sigma_xy_um, task.benchmark.pose_sigma_xy_um)
+    sigma = math.hypot(target_at.sigma_xy_um, task.benchmark.pose_sigma_xy_um)
     return SEARCH_SIGMAS * sigma
 
 

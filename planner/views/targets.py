@@ -51,8 +51,8 @@ def shape_of(task: Task, state: State, name: str) -> TargetShape | None:
     """Return the shape of a named target, None if no routine knows its kind."""
     owner, _, inner = name.partition(".")
     if owner in task.workcell.tools:
-        turn_rad = state.robot.theta_rad
-        return _jaws(task.workcell.tools[owner], state.opening_um, turn_rad)
+        rotation_rad = state.robot.theta_rad
+        return _jaws(task.workcell.tools[owner], state.opening_um, rotation_rad)
     part = task.parts[owner]
     if inner in part.posts:
         post = part.posts[inner]
@@ -104,13 +104,13 @@ def _disc(radius_um: float) -> Box:
     return (-radius_um, -radius_um, radius_um, radius_um)
 
 
-def _jaws(tool: Tool, opening_um: float, turn_rad: float) -> TargetShape:
+def _jaws(tool: Tool, opening_um: float, rotation_rad: float) -> TargetShape:
     """Return the jaws seen from the grip: both fingers from the tips on.
 
     The box is that of the fingers as the robot has rotated them.
     """
     half = opening_um / 2 + tool.finger_width_um
-    turn = Pose(x_um=0.0, y_um=0.0, theta_rad=turn_rad)
+    turn = Pose(x_um=0.0, y_um=0.0, theta_rad=rotation_rad)
     corners = [
         turn.apply(x, y)
         for x in (-half, half)
@@ -228,10 +228,10 @@ def _as_turned(task: Task, state: State, shape: TargetShape) -> TargetShape:
         part_pose(task, state, part.name).theta_rad, (x1 - x0) / 2, (y1 - y0) / 2,
     )  # fmt: skip
     more = math.hypot(half_x, half_y) * (1 - math.cos(delta / 2))
-    turns = [(abs(math.cos(t)), abs(math.sin(t)))
+    rotations = [(abs(math.cos(t)), abs(math.sin(t)))
              for t in (theta - delta, theta, theta + delta)]  # fmt: skip
-    x = max(c * half_x + s * half_y for c, s in turns) + more
-    y = max(s * half_x + c * half_y for c, s in turns) + more
+    x = max(c * half_x + s * half_y for c, s in rotations) + more
+    y = max(s * half_x + c * half_y for c, s in rotations) + more
     return replace(shape, box_um=(-x, -y, x, y))
 
 

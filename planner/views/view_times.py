@@ -89,11 +89,11 @@ def centre_times(task: Task, carrier: Carrier, sigma_um: float) -> tuple[TimeRow
     Its distance is the mean of a Rayleigh distribution, sigma sqrt(pi / 2).
     """
     axes = axes_of(task, carrier)
-    way_um = sigma_um * math.sqrt(math.pi / 2)
+    distance_um = sigma_um * math.sqrt(math.pi / 2)
     return (
         TimeRow(
-            what=f"{carrier} centres the target, {way_um:.3g} um on average",
-            time_s=way_um / axes.speed_xy_um_per_s,
+            what=f"{carrier} centres the target, {distance_um:.3g} um on average",
+            time_s=distance_um / axes.speed_xy_um_per_s,
         ),
         TimeRow(what=f"{carrier} settles", time_s=axes.settle_s),
     )
@@ -107,15 +107,15 @@ def move_times(
     up_um, turn_rad = abs(end.z_um - start.z_um), abs(end.theta_rad - start.theta_rad)
     if start == end:
         return
-    ways = (
+    travels = (
         (across_um, "um across", axes.speed_xy_um_per_s),
         (up_um, "um in z", axes.speed_z_um_per_s),
         (turn_rad, "rad", axes.speed_theta_rad_per_s),
     )
-    said = ", ".join(f"{way:.4g} {unit}" for way, unit, _ in ways if way)
+    said = ", ".join(f"{travel:.4g} {unit}" for travel, unit, _ in travels if travel)
     yield TimeRow(
         what=f"{carrier} moves {said}",
-        time_s=max(way / speed for way, _, speed in ways),
+        time_s=max(travel / speed for travel, _, speed in travels),
     )
     yield TimeRow(what=f"{carrier} settles", time_s=axes.settle_s)
 

@@ -250,10 +250,10 @@ def _polar(
 
 def _is_straight(points: Sequence[complex]) -> bool:
     """Return whether control points lie on one line in order."""
-    way = unit(points[-1] - points[0])
-    if not way:
+    along = unit(points[-1] - points[0])
+    if not along:
         return False
-    local = [(z - points[0]) * way.conjugate() for z in points]
+    local = [(z - points[0]) * along.conjugate() for z in points]
     if any(abs(z.imag) > ROUND_UM for z in local):
         return False
     return all(b.real >= a.real for a, b in pairwise(local))
