@@ -14,7 +14,7 @@ from microplan.optics.outline.outline import Arc, Edge, Segment
 
 
 def fit_circle(corners: FloatArray) -> tuple[tuple[float, float], float]:
-    """Return centre and radius of the circle nearest to points, in least squares.
+    """Return centre and radius, um, of the circle nearest to points, (N, 2) um.
 
     Minimises the sum of ((r_k^2 - R^2) / 2)^2, which is linear in the centre and in
     R^2 (Kasa, IEEE Trans. Instrum. Meas. 25, 8, 1976).

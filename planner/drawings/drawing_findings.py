@@ -47,6 +47,12 @@ def body_places(rings: Sequence[Ring]) -> str:
     return ", ".join([*places, *more])
 
 
+def extent_um(outline: Outline) -> float:
+    """Return the longer side of an outline's bounds, um."""
+    x0, y0, x1, y1 = outline.bounds_um
+    return max(x1 - x0, y1 - y0)
+
+
 def report_troubles(
     file: str, troubles: Sequence[Trouble], at: Span, report: Report
 ) -> None:
@@ -83,7 +89,7 @@ def report_size(
     file: str, units: str, outline: Outline, at: Span, report: Report
 ) -> bool:
     """Return whether a part can have this size; else name the unit that would fit."""
-    extent = _extent_um(outline)
+    extent = extent_um(outline)
     if MIN_UM <= extent <= MAX_UM:
         return True
     raw = extent / UM_PER_UNIT[units]
@@ -107,7 +113,7 @@ def warn_coarse(
     if len(values) < _MANY_VALUES:
         return
     grid = next((10.0**-k for k in _DECIMALS if _on_grid(values, k)), 0.0) * um
-    extent = _extent_um(outline)
+    extent = extent_um(outline)
     if grid * _FINE_STEPS <= extent:
         return
     message = (
@@ -142,11 +148,6 @@ def places_said(ends: Sequence[OpenEnd]) -> str:
     ]
     more = len(places) - len(said)
     return ", ".join(said) + (f" and {more} more" if more else "")
-
-
-def _extent_um(outline: Outline) -> float:
-    x0, y0, x1, y1 = outline.bounds_um
-    return max(x1 - x0, y1 - y0)
 
 
 def _given(pieces: Sequence[Piece]) -> list[float]:

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from microplan.optics.outline.outline import Outline
-from microplan.planner.drawings.drawing_findings import UM_PER_UNIT
+from microplan.planner.drawings.drawing_findings import UM_PER_UNIT, extent_um
 from microplan.planner.drawings.dxf.drawing import Drawing
 from microplan.planner.source.diagnostics import Report, Span
 from microplan.planner.source.schema import Checked
@@ -27,8 +27,7 @@ def check_sizes(parts: Mapping[str, Part], cell: Workcell, report: Report) -> No
     """
     for name in sorted(parts):
         part = parts[name]
-        x0, y0, x1, y1 = part.outline.bounds_um
-        extent = max(x1 - x0, y1 - y0)
+        extent = extent_um(part.outline)
         drawing = part.sheet.drawing
         if not isinstance(drawing, Drawing):
             continue

@@ -96,13 +96,13 @@ def _image(
     report: Report,
 ) -> tuple[FloatArray, str]:
     """Return the picture and what it shows."""
-    found = requests(task, states, index, None)
+    look = next(iter(requests(task, states, index, None)), None)
     if call.trial is not None:
-        if not found:
+        if look is None:
             raise RenderError("MP404", f"step {call.step!r} has no look to try")
-        return _trial(task, found[0], call, report)
-    state = found[0].state if found else states[index].after
-    scope, focus, level = _setting(task, states, index, call, report)
+        return _trial(task, look, call, report)
+    state = states[index].after if look is None else look.state
+    scope, focus, level = _setting(task, states[index], look, state, call, report)
     return _frame(task, state, scope, focus, level, call)
 
 
@@ -152,19 +152,18 @@ def _fidelity(
 
 def _setting(
     task: Task,
-    states: tuple[StepState, ...],
-    index: int,
+    here: StepState,
+    look: Request | None,
+    state: State,
     call: RenderCall,
     report: Report,
 ) -> tuple[Microscope, float, float]:
     """Return microscope, focus and light level, as compiled where not overridden."""
-    found = requests(task, states, index, None)
     low, high = task.workcell.optics.magnification
-    state = found[0].state if found else states[index].after
-    zoom, focus = low, _focus_of(task, states[index])
+    zoom, focus = low, _focus_of(task, here)
     layers = world_scene(task, state).layers
     level = light_level(task.workcell, layers, task.benchmark)
-    settings = first_views(task, found[0], low, report)[1] if found else ()
+    settings = first_views(task, look, low, report)[1] if look else ()
     if settings:
         zoom, focus = settings[0].microscope.magnification, settings[0].focus_um
         level = settings[0].light

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import platform
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from pathlib import Path
 
@@ -199,10 +199,7 @@ def _measured(
         magnification=case.microscope.magnification,
         focus_um=case.focus_um,
         focus_heights_um=seen.focus_um,
-        row=case.window.row,
-        column=case.window.column,
-        rows=case.window.rows,
-        columns=case.window.columns,
+        **asdict(case.window),
         um_per_px=case.microscope.um_per_px,
         layers_in_view=tuple(layer.name for layer in seen.scene.layers),
         limit=limit,

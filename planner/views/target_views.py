@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from microplan.arrays import Box
 from microplan.optics.outline.tolerant_order import least
-from microplan.optics.render.scene import Scene, Window
+from microplan.optics.render.scene import Scene
 from microplan.optics.transfer.microscope import Microscope
 from microplan.planner.assembly.assembly import Place, locate_place
 from microplan.planner.source.diagnostics import Report
@@ -76,11 +76,10 @@ def views(
     if focus is None:
         return ()
     scene = world_scene(task, request.state)
-    found = []
-    for zoom in zooms:
-        scope = microscope_at(cell, zoom)
-        region = region_for(scope, shape.box_um, target_at, search_um(task, target_at))
-        found.append(_lit(task, scene, scope, focus, region))
+    found = [
+        _lit(task, scene, target_at, microscope_at(cell, zoom), focus, shape.box_um)
+        for zoom in zooms
+    ]
     if found:
         _report_tight(task, request, shape, target_at, report)
         widest = least((v.microscope for v in found), lambda scope: -scope.aperture)
@@ -207,9 +206,8 @@ def whole_view(task: Task, request: Request, view: ViewPlan) -> ViewPlan:
     reach = math.hypot(max(-x0, x1), max(-y0, y1))
     target_at = target_pose(task, request, shape)
     box = (-reach, -reach, reach, reach)
-    region = region_for(view.microscope, box, target_at, search_um(task, target_at))
     scene = world_scene(task, request.state)
-    return _lit(task, scene, view.microscope, view.focus_um, region)
+    return _lit(task, scene, target_at, view.microscope, view.focus_um, box)
 
 
 def marks_view(task: Task, request: Request, view: ViewPlan) -> ViewPlan:
@@ -229,9 +227,8 @@ def marks_view(task: Task, request: Request, view: ViewPlan) -> ViewPlan:
         min(b[0] for b in boxes), min(b[1] for b in boxes),
         max(b[2] for b in boxes), max(b[3] for b in boxes),
     )  # fmt: skip
-    region = region_for(view.microscope, box, target_at, search_um(task, target_at))
     scene = world_scene(task, request.state)
-    return _lit(task, scene, view.microscope, view.focus_um, region)
+    return _lit(task, scene, target_at, view.microscope, view.focus_um, box)
 
 
 def _box_about(
@@ -246,9 +243,11 @@ def _box_about(
 
 
 def _lit(
-    task: Task, scene: Scene, scope: Microscope, focus_um: float, region: Window
-) -> ViewPlan:
-    """Return a view lit for the brightest of what its region shows."""
+    task: Task, scene: Scene, target_at: Place, scope: Microscope, focus_um: float,
+    box_um: Box,
+) -> ViewPlan:  # fmt: skip
+    """Return a view of a box about a target, lit for the brightest of what it shows."""
+    region = region_for(scope, box_um, target_at, search_um(task, target_at))
     seen = relevant(scene.layers, scope, focus_um, region)
     level = light_level(task.workcell, seen, task.benchmark)
     return ViewPlan(microscope=scope, focus_um=focus_um, light=level, region=region)

@@ -15,6 +15,7 @@ from microplan.planner.drawings.drawing_findings import (
     MIN_UM,
     body_places,
     counts_said,
+    extent_um,
 )
 from microplan.planner.drawings.gds.cells import expand, held, reached
 from microplan.planner.drawings.gds.library import Library, read_library
@@ -228,8 +229,7 @@ def _nested(
         hint = f"select the cell or layers of one; rings by layer: {says}"
         report.error("MP209", at, message, hint)
         return None
-    x0, y0, x1, y1 = outline.bounds_um
-    extent = max(x1 - x0, y1 - y0)
+    extent = extent_um(outline)
     if not MIN_UM <= extent <= MAX_UM:
         message = f"{name} is {extent:.6g} um large, allowed {MIN_UM:g} to {MAX_UM:g}"
         hint = f"its UNITS make one database unit {drawing.library.unit_um:g} um"

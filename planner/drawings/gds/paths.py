@@ -16,7 +16,7 @@ SHARP = -1e-9  # cosine of a bend: a right angle is still drawn alike by all pro
 
 
 def stroke(shape: AreaElement, points: FloatArray, width: float) -> list[FloatArray]:
-    """Return convex polygons whose union is the path.
+    """Return convex polygons, (M, 2) database units each, whose union is the path.
 
     Parameters
     ----------

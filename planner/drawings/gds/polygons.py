@@ -54,7 +54,7 @@ def too_many_meetings(edges: FloatArray, limit: int) -> bool:
     Parameters
     ----------
     edges : (N, 2, 2) float array
-        Both ends of each.
+        Both ends of each, database units.
     limit : int
         How many pairs may have boxes that meet, each counted both ways, in addition to
         every edge's own and its two neighbours'.
