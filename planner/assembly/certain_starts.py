@@ -20,7 +20,9 @@ def report_faces(task: Task, report: Report) -> None:
             )
 
 
-def report_unused(task: Task, state: State, step: TaskStep, report: Report) -> None:
+def report_unused_input(
+    task: Task, state: State, step: TaskStep, report: Report
+) -> None:
     """Report keys of a step that change nothing in the `state` before it."""
     why = _idle_view(task, state, step)
     if why:
@@ -62,7 +64,7 @@ def _idle_view(task: Task, state: State, step: TaskStep) -> tuple[str, str] | No
     return None
 
 
-def report_certain(task: Task, report: Report) -> None:
+def report_certain_starts(task: Task, report: Report) -> None:
     """Note parts whose start position or angle has no standard deviation."""
     for start in task.part_starts.values():
         known = [

@@ -15,9 +15,9 @@ from microplan.planner.assembly.assembly import (
     turned_tip_um,
 )
 from microplan.planner.assembly.certain_starts import (
-    report_certain,
+    report_certain_starts,
     report_faces,
-    report_unused,
+    report_unused_input,
 )
 from microplan.planner.assembly.holding import grasp, release
 from microplan.planner.assembly.swept_volume import sweep_hits
@@ -81,7 +81,7 @@ def unfold(task: Task, report: Report) -> tuple[StepState, ...]:
     """
     state, found = initial(task), []
     report_faces(task, report)
-    report_certain(task, report)
+    report_certain_starts(task, report)
     for tool in list(task.tool_starts.values())[1:]:
         message = (
             f"{tool.name} is a second tool on the robot; one at a time is modelled"
@@ -90,7 +90,7 @@ def unfold(task: Task, report: Report) -> tuple[StepState, ...]:
     for step in task.steps:
         if not _possible(task, state, step, report):
             break
-        report_unused(task, state, step, report)
+        report_unused_input(task, state, step, report)
         found.append(_unfold_step(task, state, step, report))
         state = found[-1].after
     return tuple(found)

@@ -128,7 +128,7 @@ def forces(face: ContactFace, environment: Environment) -> tuple[Force, ...]:
 
     Parameters
     ----------
-    face : Face
+    face : ContactFace
         Area over which the bodies face each other, and in what.
     environment : Environment
         Humidity, charge, roughness.

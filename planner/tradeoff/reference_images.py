@@ -54,14 +54,14 @@ def exact_reference(seen: ReferenceView, margin: float) -> ReferenceImages:
 
     Parameters
     ----------
-    seen : Sight
+    seen : ReferenceView
         What is rendered.
     margin : float
         The widest that is measured, in wavelengths / A.
 
     Returns
     -------
-    Truth
+    ReferenceImages
         Of one layer, and if that does not take minutes, by the closed form of
         `microplan.optics.oracle`; else by all of the band and twice the margin.
     """

@@ -87,7 +87,7 @@ def measure(
 
     Parameters
     ----------
-    seen : Sight
+    seen : ReferenceView
         What is rendered.
     fidelity : Fidelity
         The compiler's choice, which is measured too.

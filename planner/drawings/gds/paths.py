@@ -16,11 +16,11 @@ SHARP = -1e-9  # cosine of a bend: a right angle is still drawn alike by all pro
 
 
 def stroke(shape: AreaElement, points: FloatArray, width: float) -> list[FloatArray]:
-    """Return convex polygons, (M, 2) database units each, whose union is the path.
+    """Return convex polygons whose union is the path, in database units [1].
 
     Parameters
     ----------
-    shape : Shape
+    shape : AreaElement
         The path; its type and extensions are used.
     points : (N, 2) float array
         Its middle line, database units.

@@ -26,7 +26,7 @@ def polygons(shape: AreaElement, mag: float = 1.0) -> list[shapely.Polygon]:
 
     Parameters
     ----------
-    shape : Shape
+    shape : AreaElement
         A boundary, box or path.
     mag : float
         By how much its cell is magnified; an absolute width is divided by it.
@@ -54,7 +54,7 @@ def too_many_meetings(edges: FloatArray, limit: int) -> bool:
     Parameters
     ----------
     edges : (N, 2, 2) float array
-        Both ends of each, database units.
+        Both ends of each, database units [1].
     limit : int
         How many pairs may have boxes that meet, each counted both ways, in addition to
         every edge's own and its two neighbours'.

@@ -55,7 +55,7 @@ def unite(placed: Sequence[PlacedShape], unit_um: float) -> Regions:
 
     Parameters
     ----------
-    placed : sequence of Placed
+    placed : sequence of PlacedShape
         The shapes of one layer, at least one.
     unit_um : float
         One database unit.
